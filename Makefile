@@ -1,0 +1,57 @@
+# Every target works from a bare clone with Python 3.11 or newer, its venv module and make.
+PYTHON ?= python3
+PORT ?= 8000
+DATA ?= var
+VENV := .venv
+BIN := $(VENV)/bin
+
+export PORT
+export FRONTRUNNER_PORT := $(PORT)
+export FRONTRUNNER_VAR := $(abspath $(DATA))
+
+.PHONY: install run serve test check bench bench-slam bench-pareto bench-crowd lock clean
+
+install: $(VENV)/.installed
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else f"Frontrunner needs Python 3.11 or newer, {sys.executable} is {v[0]}.{v[1]}: run make PYTHON=python3.11")'
+	@$(PYTHON) -m venv $(VENV) || { echo "Could not create $(VENV): Python needs its venv module (on Debian and Ubuntu, the package python3-venv)"; rm -rf $(VENV); exit 1; }
+
+$(VENV)/.installed: requirements.lock | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@touch $@
+
+$(VENV)/.installed-development: requirements-development.lock $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-development.lock
+	@touch $@
+
+run: $(VENV)/.installed
+	@$(BIN)/python manage.py serve --measure
+
+serve: $(VENV)/.installed
+	@$(BIN)/python manage.py serve
+
+test: $(VENV)/.installed-development
+	$(BIN)/python -m pytest
+
+check: $(VENV)/.installed-development
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python manage.py makemigrations --check --dry-run
+	$(BIN)/python manage.py check --deploy --fail-level WARNING
+
+bench: bench-slam bench-pareto bench-crowd
+
+bench-slam bench-pareto bench-crowd: bench-%: $(VENV)/.installed-development
+	$(BIN)/python -m tests.benchmarks.$*
+
+# Addresses of package indexes stay out of the locks; the hashes decide what is installed.
+LOCK := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url --quiet
+lock:
+	$(LOCK) --extra server --output-file requirements.lock
+	$(LOCK) --extra server --extra development --constraints requirements.lock --output-file requirements-development.lock
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
