@@ -1,0 +1,133 @@
+"""The folder that holds what this installation keeps between runs."""
+
+import json
+import os
+import sqlite3
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from client_kit.errors import HomeError
+
+ENVIRONMENT = "FRONTRUNNER_HOME"
+
+
+def user_folder(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> Path:
+    """The folder named by FRONTRUNNER_HOME, else `frontrunner` in the platform's data folder."""
+    chosen = environment.get(ENVIRONMENT)
+    if chosen:
+        return Path(chosen).expanduser()
+    if platform == "win32":
+        base = environment.get("LOCALAPPDATA")
+        return (Path(base) if base else Path.home() / "AppData" / "Local") / "frontrunner"
+    if platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "frontrunner"
+    base = environment.get("XDG_DATA_HOME")
+    return (Path(base) if base else Path.home() / ".local" / "share") / "frontrunner"
+
+
+class Home:
+    """A private folder of small JSON documents, cached sequences and the spool.
+
+    Documents are replaced as a whole: whoever is killed while writing leaves the old one in place.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @classmethod
+    def of_user(cls) -> "Home":
+        """The user's own folder, made where it is missing. Raises HomeError when it cannot be written."""
+        home = cls(user_folder())
+        home.prepare()
+        return home
+
+    def prepare(self) -> None:
+        """Make the folder, for its owner only. Raises HomeError when it cannot be written."""
+        try:
+            self.path.mkdir(parents=True, exist_ok=True, mode=0o700)
+            with tempfile.TemporaryFile(dir=self.path):
+                pass
+        except OSError as error:
+            raise self._unusable(error) from error
+
+    @property
+    def spool(self) -> Path:
+        """The database of measured sessions."""
+        return self.path / "spool.sqlite3"
+
+    def sequence(self, sha256: str) -> Path:
+        """Where the sequence with this digest is, or will be, kept."""
+        return self.path / "sequences" / sha256
+
+    def read(self, name: str) -> dict[str, Any]:
+        """The document of that name, empty when there is none. Raises HomeError when it is damaged."""
+        path = self.path / name
+        try:
+            document = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return {}
+        except OSError as error:
+            raise self._unusable(error) from error
+        except ValueError as error:
+            raise HomeError(f"{path} is damaged ({error}): move it away and start again") from error
+        if not isinstance(document, dict):
+            raise HomeError(f"{path} is damaged (not a JSON object): move it away and start again")
+        return document
+
+    def write(self, name: str, document: Mapping[str, Any]) -> None:
+        """Replace the document of that name, on disk before this returns, readable by its owner only."""
+        data = json.dumps(document, indent=1, sort_keys=True).encode()
+        write_file(self.path / name, data)
+
+    def remove(self, name: str) -> None:
+        """Forget the document of that name; nothing happens when there is none."""
+        with suppress(FileNotFoundError):
+            (self.path / name).unlink()
+
+    @contextmanager
+    def only_one(self, purpose: str) -> Iterator[bool]:
+        """Hold a lock shared by all processes of this folder; yields False when another one holds it.
+
+        SQLite's lock is the one that every platform's Python has and that ends with its process.
+        """
+        connection = sqlite3.connect(self.path / f"{purpose}.lock", timeout=0, isolation_level=None)
+        try:
+            try:
+                connection.execute("BEGIN EXCLUSIVE")
+            except sqlite3.OperationalError:
+                yield False
+            else:
+                yield True
+        finally:
+            connection.close()
+
+    def _unusable(self, error: OSError) -> HomeError:
+        return HomeError(
+            f"the client's folder {self.path} cannot be used ({error.strerror}): "
+            f"set {ENVIRONMENT} to a folder that can be written"
+        )
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Put `data` at `path` so that a reader, or a crash, meets the old file or the new one, never a half.
+
+    Raises HomeError with the system's reason (a full disk, no permission).
+    """
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=".part-")
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary is not None:
+            with suppress(OSError):
+                os.unlink(temporary)
+        raise HomeError(f"{path} cannot be written: {error.strerror}") from error
