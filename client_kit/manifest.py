@@ -1,0 +1,206 @@
+"""What the server asks a client to measure: a published front, a protocol, a sequence."""
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from client_kit import __version__
+from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
+from client_kit.home import Home
+from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
+
+APPLICATION = "kfusion"
+DIGEST = re.compile(r"[0-9a-f]{64}")
+ALL = "all"
+# The paper's limit: a configuration whose largest trajectory error reaches it is not valid.
+MAX_ATE_METRES = 0.05
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How to measure. Frames are counted from 0; times of frames before `first_counted_frame` are sent
+    but do not count."""
+
+    version: int | str
+    warmup_frames: int
+    frames: int
+    first_counted_frame: int
+    order: tuple[str, ...]
+    rest_seconds: float
+    max_ate: float
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A point of the front; `predicted` holds the reference device's runtime (s) and ATE (m)."""
+
+    name: str
+    parameters: Mapping[str, Any]
+    predicted: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A part of the sequence: `bytes` long, with this digest, at this address."""
+
+    sha256: str
+    bytes: int
+    url: str
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """One answer of GET /manifest, checked. `document` is the answer itself."""
+
+    application: str
+    front_version: str | int
+    configurations: Mapping[str, Configuration]
+    protocol: Protocol
+    chunks: tuple[Chunk, ...]
+    sequence: Mapping[str, Any]
+    consent_version: str | int
+    minimum_app_version: str
+    accepting: bool
+    document: Mapping[str, Any]
+
+    @classmethod
+    def parse(cls, document: Mapping[str, Any]) -> "Manifest":
+        """Raises NotFrontrunnerError naming the member that is missing or wrong."""
+        try:
+            return _parse(document)
+        except KeyError as error:
+            raise NotFrontrunnerError(f"the server's manifest lacks {error}") from error
+        except (TypeError, ValueError, AttributeError) as error:
+            raise NotFrontrunnerError(f"the server's manifest is not understood: {error}") from error
+
+    def require_this_version(self) -> None:
+        """Raises OutdatedError when the server wants a newer client."""
+        if version_numbers(__version__) < version_numbers(self.minimum_app_version):
+            raise OutdatedError(
+                f"this client is version {__version__}, the server wants {self.minimum_app_version} "
+                "or newer: update it"
+            )
+
+    def require_accepting(self) -> None:
+        """Raises CannotMeasureError when the server asks clients to pause."""
+        if not self.accepting:
+            raise CannotMeasureError("the server takes no measurements at present: try again another day")
+
+    def plan(self, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+        """The configurations' names in the order of their runs.
+
+        The protocol's own order, unless `wanted` names others: then all of them forwards and back, so that
+        a steady drift weighs on each of them alike, as in default, best, best, default. "all" stands for
+        the whole front. The default always takes part: it is what the others are compared with.
+        Raises UsageError for a name that the front does not have.
+        """
+        names = list(wanted) or list(dict.fromkeys(self.protocol.order))
+        if ALL in names:
+            place = names.index(ALL)
+            names[place : place + 1] = self.configurations
+        names = list(dict.fromkeys(["default", *names]))
+        unknown = [name for name in names if name not in self.configurations]
+        if unknown:
+            present = ", ".join(self.configurations)
+            raise UsageError(f"the front has no configuration {unknown[0]!r}: choose from {present}, {ALL}")
+        if set(names) == set(self.protocol.order):
+            return self.protocol.order
+        return (*names, *reversed(names))
+
+
+def fetch(server: Server, home: Home, application: str = APPLICATION) -> tuple[Manifest, bool]:
+    """The manifest, and whether the server gave it just now.
+
+    Without an answer the copy of the last visit serves: a device may measure offline and send later.
+    Raises the server's errors when there is no such copy, or when waiting would not help.
+    """
+    name = _document_name(server.url, application)
+    kept = home.read(name)
+    try:
+        answer = server.manifest(application, kept.get("etag"))
+    except (UnreachableError, ProblemError) as error:
+        if not kept or (isinstance(error, ProblemError) and not error.temporary):
+            raise
+        return Manifest.parse(kept["manifest"]), False
+    if answer.status == 304 and kept:
+        return Manifest.parse(kept["manifest"]), True
+    document = answer.json()
+    manifest = Manifest.parse(document)
+    home.write(name, {"server": server.url, "manifest": document, "etag": answer.headers.get("ETag")})
+    return manifest, True
+
+
+def kept_manifests(home: Home, application: str = APPLICATION) -> dict[str, Manifest]:
+    """The last manifest of every server visited, by the server's address."""
+    documents = (home.read(path.name) for path in sorted(home.path.glob("manifest-*.json")))
+    manifests = {kept["server"]: Manifest.parse(kept["manifest"]) for kept in documents}
+    return {server: manifest for server, manifest in manifests.items() if manifest.application == application}
+
+
+def version_numbers(version: str) -> tuple[int, ...]:
+    """The numbers of a version such as 1.10.2, for comparing; what is not a number ends it."""
+    leading = re.match(r"\d+(\.\d+)*", version)
+    return tuple(int(part) for part in leading.group().split(".")) if leading else ()
+
+
+def _document_name(server: str, application: str) -> str:
+    return f"manifest-{hashlib.sha256(f'{server} {application}'.encode()).hexdigest()[:16]}.json"
+
+
+def _parse(document: Mapping[str, Any]) -> Manifest:
+    configurations = [
+        Configuration(str(c["name"]), dict(c["parameters"]), dict(c.get("predicted") or {}))
+        for c in document["configurations"]
+    ]
+    by_name = {configuration.name: configuration for configuration in configurations}
+    if "default" not in by_name:
+        raise KeyError("configurations: default")
+    sequence = document["sequence"]
+    if not DIGEST.fullmatch(sequence["sha256"]):
+        raise ValueError(f"sequence.sha256 is {sequence['sha256']!r}, not 64 hexadecimal digits")
+    return Manifest(
+        application=str(document["application"]),
+        front_version=document["front_version"],
+        configurations=by_name,
+        protocol=_protocol(document["protocol"], by_name),
+        chunks=tuple(_chunk(chunk) for chunk in sequence["chunks"]),
+        sequence=sequence,
+        consent_version=document["consent_version"],
+        minimum_app_version=str(document["minimum_app_version"]),
+        accepting=document["accepting"] is True,
+        document=document,
+    )
+
+
+def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configuration]) -> Protocol:
+    # One round of the order holds each repeat already: default, best, best, default is two of each.
+    order = tuple(str(name) for name in protocol["order"])
+    unknown = [name for name in order if name not in configurations]
+    if unknown or not order:
+        raise ValueError(f"protocol.order {list(order)} names what the front does not have")
+    warmup, frames, first = (
+        int(protocol[name]) for name in ("warmup_frames", "frames", "first_counted_frame")
+    )
+    rest = float(protocol["rest_seconds"])
+    if not (warmup >= 0 and 0 <= first < frames and math.isfinite(rest) and rest >= 0):
+        raise ValueError(f"protocol {dict(protocol)} is out of range")
+    return Protocol(
+        version=protocol["version"],
+        warmup_frames=warmup,
+        frames=frames,
+        first_counted_frame=first,
+        order=order,
+        rest_seconds=rest,
+        max_ate=float(protocol.get("max_ate", MAX_ATE_METRES)),
+    )
+
+
+def _chunk(chunk: Mapping[str, Any]) -> Chunk:
+    digest, size = str(chunk["sha256"]), int(chunk["bytes"])
+    # The digest becomes a file's name.
+    if not DIGEST.fullmatch(digest) or size <= 0:
+        raise ValueError(f"sequence chunk {digest!r} of {size} bytes")
+    return Chunk(digest, size, str(chunk["url"]))

@@ -1,0 +1,95 @@
+"""The sequence that every client measures: downloaded once, chunk by chunk, each checked by its digest."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from client_kit.errors import CannotMeasureError
+from client_kit.home import Home, write_file
+from client_kit.manifest import Chunk, Manifest
+from client_kit.server import ProblemError, Server, UnreachableError
+
+ATTEMPTS = 4
+FIRST_PAUSE_SECONDS = 1.0
+
+
+class CorruptChunkError(CannotMeasureError):
+    """A chunk arrived whole and yet is not what the manifest promises."""
+
+
+def fetch(
+    server: Server,
+    manifest: Manifest,
+    home: Home,
+    progress: Callable[[int, int], None] | None = None,
+    pause: Callable[[float], None] = time.sleep,
+) -> Path:
+    """The folder of the manifest's sequence as a pack, complete and checked.
+
+    Chunks that an earlier, interrupted download left are kept. `progress` hears of bytes at hand and bytes
+    in all. Raises CorruptChunkError, HomeError (a full disk), or the server's errors when a chunk does not
+    come after ATTEMPTS attempts.
+    """
+    folder = home.sequence(str(manifest.sequence["sha256"]))
+    total = sum(chunk.bytes for chunk in manifest.chunks)
+    done = 0
+    for chunk in manifest.chunks:
+        path = folder / "chunks" / chunk.sha256
+        if not _is_whole(path, chunk):
+            write_file(path, _download(server, chunk, pause))
+        done += chunk.bytes
+        if progress is not None:
+            progress(done, total)
+    # Written last: a folder with it is a whole pack.
+    write_file(folder / "pack.json", _pack_description(manifest))
+    return folder
+
+
+def at_hand(manifest: Manifest, home: Home) -> Path | None:
+    """The folder of the manifest's sequence if it was downloaded whole before, else None."""
+    folder = home.sequence(str(manifest.sequence["sha256"]))
+    if not (folder / "pack.json").is_file():
+        return None
+    whole = all(_is_whole(folder / "chunks" / chunk.sha256, chunk) for chunk in manifest.chunks)
+    return folder if whole else None
+
+
+def _download(server: Server, chunk: Chunk, pause: Callable[[float], None]) -> bytes:
+    for attempt in range(ATTEMPTS):
+        last = attempt == ATTEMPTS - 1
+        try:
+            data = server.download(chunk.url, chunk.bytes)
+        except UnreachableError:
+            if last:
+                raise
+            wait = None
+        except ProblemError as problem:
+            if last or not problem.temporary:
+                raise
+            wait = problem.retry_after
+        else:
+            if hashlib.sha256(data).hexdigest() == chunk.sha256:
+                return data
+            wait = None
+        if not last:
+            pause(FIRST_PAUSE_SECONDS * 2**attempt if wait is None else wait)
+    raise CorruptChunkError(
+        f"{chunk.url} gives other data than the manifest promises (sha256 {chunk.sha256[:12]}...): "
+        "something between here and the server changes it; try another network"
+    )
+
+
+def _is_whole(path: Path, chunk: Chunk) -> bool:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() == chunk.sha256
+    except FileNotFoundError:
+        return False
+
+
+def _pack_description(manifest: Manifest) -> bytes:
+    chunks = [
+        {key: value for key, value in chunk.items() if key != "url"} for chunk in manifest.sequence["chunks"]
+    ]
+    return json.dumps({**manifest.sequence, "chunks": chunks}, indent=1).encode()

@@ -1,0 +1,222 @@
+"""The server's HTTP interface as a client uses it: typed answers, typed refusals, no surprises.
+
+Redirects are not followed: a token must never travel to an address that the participant did not name.
+Proxies and certificate roots come from the usual environment variables (HTTPS_PROXY, SSL_CERT_FILE).
+"""
+
+import email.utils
+import http.client
+import json
+import math
+import time
+import urllib.error
+import urllib.parse
+import urllib.request
+from collections.abc import Mapping
+from dataclasses import dataclass
+from email.message import Message
+from typing import Any
+
+from client_kit import APP, __version__
+from client_kit.errors import ClientError, OutdatedError, UsageError
+
+TIMEOUT_SECONDS = 30.0
+LARGEST_ANSWER = 4 * 2**20
+LONGEST_WAIT_SECONDS = 24 * 3600.0
+
+
+class ServerError(ClientError):
+    """The server gave no usable answer; what was to be sent is still to be sent."""
+
+
+class UnreachableError(ServerError):
+    """No connection, no answer in time, or an answer that broke off."""
+
+
+class NotFrontrunnerError(ServerError):
+    """Something answered that does not speak this interface, such as a hotel's log-in page."""
+
+
+class ProblemError(ServerError):
+    """The server's own refusal (RFC 9457): `code` is stable, `reason` is for people.
+
+    `retry_after` is what the server asks to wait, in seconds, or None.
+    """
+
+    def __init__(self, status: int, code: str, reason: str, retry_after: float | None = None) -> None:
+        super().__init__(f"{reason} ({code})" if reason else code)
+        self.status = status
+        self.code = code
+        self.reason = reason
+        self.retry_after = retry_after
+
+    @property
+    def temporary(self) -> bool:
+        """Whether the same request may succeed later: too many requests, or trouble on the server's side."""
+        return self.status == 429 or self.status >= 500
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A successful answer; `status` may be 304, with no body."""
+
+    status: int
+    headers: Message
+    body: bytes
+
+    def json(self) -> dict[str, Any]:
+        """The body as a JSON object. Raises NotFrontrunnerError."""
+        try:
+            document = json.loads(self.body)
+        except ValueError as error:
+            raise NotFrontrunnerError(f"the answer is not JSON: {self.body[:60]!r}") from error
+        if not isinstance(document, dict):
+            raise NotFrontrunnerError(f"the answer is not a JSON object: {self.body[:60]!r}")
+        return document
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, *_: Any, **__: Any) -> None:
+        return None
+
+
+class Server:
+    """One Frontrunner server. Every method may raise ServerError or OutdatedError."""
+
+    def __init__(self, url: str, *, timeout: float = TIMEOUT_SECONDS) -> None:
+        """Raises UsageError when `url` is no http or https address."""
+        parts = urllib.parse.urlsplit(url if "://" in url else f"//{url}")
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise UsageError(f"--server {url}: give an address such as https://frontrunner.example")
+        if parts.username or parts.query or parts.fragment:
+            raise UsageError(f"--server {url}: give the address alone, with no user, query or fragment")
+        self.url = f"{parts.scheme}://{parts.netloc}{parts.path.rstrip('/')}"
+        self._timeout = timeout
+        self._open = urllib.request.build_opener(_NoRedirect).open
+
+    def manifest(self, application: str, etag: str | None = None) -> Answer:
+        """The published front with its protocol and sequence; status 304 when `etag` still holds."""
+        query = urllib.parse.urlencode({"application": application})
+        headers = {"If-None-Match": etag} if etag else {}
+        return self._call("GET", f"/manifest?{query}", headers=headers)
+
+    def enrol(self, consent_version: str | int) -> tuple[str, str]:
+        """A new anonymous installation: its id and its token, which the server shows only once."""
+        body = {"app": APP, "app_version": __version__, "consent_version": consent_version}
+        answer = self._call("POST", "/enrol", body=json.dumps(body).encode()).json()
+        try:
+            return str(answer["installation_id"]), str(answer["token"])
+        except KeyError as error:
+            raise NotFrontrunnerError(f"the answer to an enrolment lacks {error}") from error
+
+    def submit(self, token: str, key: str, body: bytes) -> dict[str, Any]:
+        """Send gzipped JSON under an idempotency key; the answer is the same however often it is sent."""
+        headers = {"Content-Encoding": "gzip", "Idempotency-Key": key}
+        return self._call("POST", "/submissions", token=token, body=body, headers=headers).json()
+
+    def submission(self, token: str, submission_id: str) -> dict[str, Any]:
+        """The state of what was submitted."""
+        quoted = urllib.parse.quote(submission_id, safe="")
+        return self._call("GET", f"/submissions/{quoted}", token=token).json()
+
+    def own_data(self, token: str) -> dict[str, Any]:
+        """Everything that the server keeps of this installation."""
+        return self._call("GET", "/me/data", token=token).json()
+
+    def erase(self, token: str) -> None:
+        """Have everything of this installation erased."""
+        self._call("DELETE", "/me", token=token)
+
+    def download(self, address: str, size: int) -> bytes:
+        """A file of exactly `size` bytes at an address that the manifest gave, relative or absolute."""
+        request = urllib.request.Request(urllib.parse.urljoin(f"{self.url}/", address))
+        body = self._exchange(request, size).body
+        if len(body) != size:
+            raise UnreachableError(f"{request.full_url} gave {len(body)} bytes instead of {size}")
+        return body
+
+    def page(self, path: str) -> str:
+        """The address of a page for people."""
+        return f"{self.url}/{path.lstrip('/')}"
+
+    def _call(
+        self,
+        method: str,
+        path: str,
+        *,
+        token: str | None = None,
+        body: bytes | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> Answer:
+        request = urllib.request.Request(f"{self.url}/api/v1{path}", data=body, method=method)
+        request.add_header("Accept", "application/json")
+        if body is not None:
+            request.add_header("Content-Type", "application/json")
+        if token is not None:
+            request.add_header("Authorization", f"Bearer {token}")
+        for name, value in (headers or {}).items():
+            request.add_header(name, value)
+        return self._exchange(request, LARGEST_ANSWER)
+
+    def _exchange(self, request: urllib.request.Request, largest: int) -> Answer:
+        request.add_header("User-Agent", f"frontrunner-{APP}/{__version__}")
+        try:
+            with self._open(request, timeout=self._timeout) as response:
+                body = response.read(largest + 1)
+                if len(body) > largest:
+                    raise NotFrontrunnerError(f"{self.url} answers with more than {largest} bytes")
+                # read(n) returns what came before a lost connection as if it were all.
+                if len(body) < int(response.headers.get("Content-Length") or 0):
+                    raise UnreachableError(f"{self.url} broke off its answer")
+                return Answer(response.status, response.headers, body)
+        except urllib.error.HTTPError as error:
+            with error:
+                if error.code == 304:
+                    return Answer(304, error.headers, b"")
+                raise self._refusal(error) from error
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            reason = getattr(error, "reason", None) or error
+            raise UnreachableError(
+                f"{self.url} cannot be reached: {reason or type(error).__name__}"
+            ) from error
+
+    def _refusal(self, error: urllib.error.HTTPError) -> ClientError:
+        try:
+            body = error.read(LARGEST_ANSWER)
+        except (OSError, http.client.HTTPException) as broken:
+            return UnreachableError(f"{self.url} broke off its answer: {broken}")
+        location = error.headers.get("Location")
+        if 300 <= error.code < 400:
+            return NotFrontrunnerError(f"{self.url} points to {location}: give that server's address instead")
+        retry_after = _seconds(error.headers.get("Retry-After"))
+        try:
+            problem = json.loads(body)
+            code = str(problem["code"])
+        except (ValueError, KeyError, TypeError):
+            if error.code == 429 or error.code >= 500:
+                return ProblemError(
+                    error.code, f"http_{error.code}", f"{self.url} {error.reason}", retry_after
+                )
+            return NotFrontrunnerError(
+                f"{self.url} answers {error.code} {error.reason}, not as a Frontrunner server does"
+            )
+        reason = str(problem.get("detail") or problem.get("title") or "")
+        if error.code == 426:
+            return OutdatedError(
+                f"this client, version {__version__}, is too old for {self.url}: {reason or code}"
+            )
+        return ProblemError(error.code, code, reason, retry_after)
+
+
+def _seconds(value: str | None) -> float | None:
+    """Retry-After, in seconds or as a date, as seconds from now; None when absent or unreadable."""
+    if value is None:
+        return None
+    try:
+        seconds = float(value)
+    except ValueError:
+        try:
+            seconds = email.utils.parsedate_to_datetime(value).timestamp() - time.time()
+        except ValueError:
+            return None
+    return min(max(seconds, 0.0), LONGEST_WAIT_SECONDS) if math.isfinite(seconds) else None

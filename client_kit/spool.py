@@ -1,0 +1,223 @@
+"""Measured sessions on disk: safe before anything is sent, and until the server has answered for them."""
+
+import gzip
+import json
+import random
+import sqlite3
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from client_kit.errors import HomeError
+
+QUEUED, SENDING, ACCEPTED, DUPLICATE = "queued", "sending", "accepted", "duplicate"
+REJECTED, EXPIRED = "rejected", "expired"
+WAITING = (QUEUED, SENDING)
+
+FIRST_PAUSE_SECONDS = 30.0
+LONGEST_PAUSE_SECONDS = 6 * 3600.0
+LARGEST_BYTES = 10 * 2**20
+MOST_ITEMS = 500
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS session (
+    id TEXT PRIMARY KEY,
+    server TEXT NOT NULL,
+    idempotency_key TEXT NOT NULL UNIQUE,
+    body BLOB,
+    bytes INTEGER NOT NULL,
+    state TEXT NOT NULL
+        CHECK (state IN ('queued', 'sending', 'accepted', 'duplicate', 'rejected', 'expired')),
+    attempts INTEGER NOT NULL DEFAULT 0,
+    created REAL NOT NULL,
+    not_before REAL NOT NULL DEFAULT 0,
+    asked_to_wait INTEGER NOT NULL DEFAULT 0,
+    reason TEXT,
+    submission_id TEXT
+)
+"""
+_COLUMNS = (
+    "id, server, idempotency_key, bytes, state, attempts, created, not_before, asked_to_wait, reason, "
+    "submission_id"
+)
+
+
+@dataclass(frozen=True)
+class Item:
+    """One session of the spool. `not_before` and `created` are seconds since the epoch; `asked_to_wait`
+    says that the server, not this client, chose `not_before`."""
+
+    id: str
+    server: str
+    idempotency_key: str
+    bytes: int
+    state: str
+    attempts: int
+    created: float
+    not_before: float
+    asked_to_wait: bool
+    reason: str | None
+    submission_id: str | None
+
+    def due(self, now: float, *, eager: bool = False) -> bool:
+        """Whether it may be sent now; `eager` disregards this client's own pauses, never the server's.
+
+        A time further off than any pause can only come from a clock that was set back: it counts as due.
+        """
+        if self.state not in WAITING:
+            return False
+        if eager and not self.asked_to_wait:
+            return True
+        longest = 24 * 3600.0 if self.asked_to_wait else LONGEST_PAUSE_SECONDS
+        return not now < self.not_before <= now + longest
+
+
+class Spool:
+    """The queue of sessions, one row each, in a SQLite file that is synchronised with every change.
+
+    Several processes may use one file. Methods raise HomeError when the disk is full or the file damaged.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        clock: Callable[[], float] = time.time,
+        jitter: Callable[[], float] = random.random,
+    ) -> None:
+        self._path = path
+        self._clock = clock
+        self._jitter = jitter
+        with self._transaction() as connection:
+            connection.execute(_SCHEMA)
+
+    def put(self, server: str, payload: Mapping[str, Any]) -> Item:
+        """Keep a submission of one session for `server`; it is on disk when this returns.
+
+        The body is packed once, here: whatever happens later, the same bytes travel under the same key.
+        """
+        session_id = payload["sessions"][0]["id"]
+        text = json.dumps(payload, separators=(",", ":"), allow_nan=False)
+        body = gzip.compress(text.encode(), mtime=0)
+        with self._transaction() as connection:
+            connection.execute(
+                "INSERT INTO session (id, server, idempotency_key, body, bytes, state, created) "
+                "VALUES (?, ?, ?, ?, ?, 'queued', ?)",
+                (session_id, server, str(uuid.uuid4()), body, len(body), self._clock()),
+            )
+            _keep_quota(connection, session_id)
+        return self.item(session_id)
+
+    def item(self, session_id: str) -> Item:
+        """The session of that id. Raises KeyError."""
+        with self._transaction() as connection:
+            row = connection.execute(f"SELECT {_COLUMNS} FROM session WHERE id = ?", (session_id,)).fetchone()
+        if row is None:
+            raise KeyError(session_id)
+        return _item(row)
+
+    def items(self) -> list[Item]:
+        """All sessions, oldest first."""
+        with self._transaction() as connection:
+            rows = connection.execute(f"SELECT {_COLUMNS} FROM session ORDER BY created, rowid").fetchall()
+        return [_item(row) for row in rows]
+
+    def body(self, item: Item) -> bytes | None:
+        """What is sent of a session: gzipped JSON; None when the quota took it."""
+        with self._transaction() as connection:
+            row = connection.execute("SELECT body FROM session WHERE id = ?", (item.id,)).fetchone()
+        return row[0] if row else None
+
+    def payload(self, item: Item) -> dict[str, Any] | None:
+        """What was, or will be, sent of a session; None when the quota took it."""
+        body = self.body(item)
+        return None if body is None else json.loads(gzip.decompress(body))
+
+    def recover(self) -> None:
+        """Queue again what a process that has died was sending. Call it only while no other one sends."""
+        with self._transaction() as connection:
+            connection.execute("UPDATE session SET state = 'queued' WHERE state = 'sending'")
+
+    def mark_sending(self, item: Item) -> None:
+        """Note, before the first byte leaves, that a session may be reaching the server."""
+        with self._transaction() as connection:
+            connection.execute(
+                "UPDATE session SET state = 'sending', attempts = attempts + 1 WHERE id = ?", (item.id,)
+            )
+
+    def settle(self, item: Item, state: str, reason: str | None, submission_id: str | None = None) -> None:
+        """Note the server's final word: ACCEPTED, DUPLICATE or REJECTED, with its reason."""
+        with self._transaction() as connection:
+            connection.execute(
+                "UPDATE session SET state = ?, reason = ?, submission_id = ?, not_before = 0 WHERE id = ?",
+                (state, reason, submission_id, item.id),
+            )
+
+    def postpone(self, item: Item, reason: str, retry_after: float | None = None) -> None:
+        """Queue a session again: after `retry_after` seconds if the server named a time, else after a
+        pause that doubles its bound with every attempt and is drawn evenly below it (full jitter)."""
+        if retry_after is None:
+            attempts = self.item(item.id).attempts
+            bound = min(LONGEST_PAUSE_SECONDS, FIRST_PAUSE_SECONDS * 2 ** min(max(attempts - 1, 0), 20))
+            pause = self._jitter() * bound
+        else:
+            pause = retry_after
+        with self._transaction() as connection:
+            connection.execute(
+                "UPDATE session SET state = 'queued', reason = ?, not_before = ?, asked_to_wait = ? "
+                "WHERE id = ?",
+                (reason, self._clock() + pause, retry_after is not None, item.id),
+            )
+
+    def clear(self) -> int:
+        """Forget every session, sent or not; how many there were."""
+        with self._transaction() as connection:
+            return connection.execute("DELETE FROM session").rowcount
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        try:
+            connection = sqlite3.connect(self._path, timeout=20, isolation_level=None)
+            try:
+                connection.execute("PRAGMA synchronous = FULL")
+                connection.execute("BEGIN IMMEDIATE")
+                yield connection
+                connection.execute("COMMIT")
+            finally:
+                connection.close()
+        except sqlite3.Error as error:
+            raise HomeError(f"the spool {self._path} cannot be used: {error}") from error
+
+
+def _item(row: tuple[Any, ...]) -> Item:
+    values = list(row)
+    values[8] = bool(values[8])
+    return Item(*values)
+
+
+def _keep_quota(connection: sqlite3.Connection, newest: str) -> None:
+    """Stay below the quota: what the server has answered goes first, then the oldest unsent sessions
+    expire, and never the newest. A body is dropped, its row stays to tell what became of it."""
+    rows = connection.execute(
+        "SELECT id, bytes, state IN ('queued', 'sending') FROM session WHERE body IS NOT NULL AND id != ? "
+        "ORDER BY state IN ('queued', 'sending'), created, rowid",
+        (newest,),
+    ).fetchall()
+    size = connection.execute("SELECT coalesce(sum(bytes), 0) FROM session WHERE body IS NOT NULL")
+    excess_bytes = size.fetchone()[0] - LARGEST_BYTES
+    excess_items = len(rows) + 1 - MOST_ITEMS
+    for session_id, nbytes, unsent in rows:
+        if excess_bytes <= 0 and excess_items <= 0:
+            return
+        excess_bytes -= nbytes
+        excess_items -= 1
+        if unsent:
+            connection.execute(
+                "UPDATE session SET body = NULL, state = 'expired', reason = ? WHERE id = ?",
+                (f"the spool holds at most {MOST_ITEMS} sessions and {LARGEST_BYTES >> 20} MiB", session_id),
+            )
+        else:
+            connection.execute("UPDATE session SET body = NULL WHERE id = ?", (session_id,))
