@@ -1,0 +1,53 @@
+"""The folder where a server keeps what it writes: database, broker, secret key, static files, logs."""
+
+import os
+import secrets
+from pathlib import Path
+
+
+class DataFolderError(Exception):
+    """The data folder cannot be written; the message names it and the remedy."""
+
+
+def prepared(folder: Path) -> Path:
+    """FOLDER, made if absent and writable by this process.
+
+    Raises DataFolderError otherwise.
+    """
+    remedy = f"choose another with FRONTRUNNER_VAR, or: make run DATA=FOLDER (now {folder})"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataFolderError(f"the data folder cannot be made ({error.strerror}): {remedy}") from error
+    # access() says yes to root on a read-only file system only where a write would work too; a probe asks directly.
+    probe = folder / f".probe-{os.getpid()}"
+    try:
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise DataFolderError(f"the data folder is not writable ({error.strerror}): {remedy}") from error
+    return folder
+
+
+def secret_key(folder: Path) -> str:
+    """The key that signs sessions: FOLDER/secret_key, made on first use and readable by its owner alone.
+
+    Processes that start at the same moment agree: the file appears whole, under its name, exactly once.
+    """
+    path = folder / "secret_key"
+    if not path.exists():
+        prepared(folder)
+        draft = folder / f".secret_key-{os.getpid()}-{secrets.token_hex(4)}"
+        descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w") as file:
+            file.write(secrets.token_urlsafe(64))
+        try:
+            os.link(draft, path)
+        except FileExistsError:
+            pass  # another process was first; its key is the key
+        finally:
+            draft.unlink()
+    try:
+        return path.read_text().strip()
+    except OSError as error:
+        raise DataFolderError(f"{path} cannot be read ({error.strerror}): give it to the user that serves") from error

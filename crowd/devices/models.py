@@ -1,0 +1,57 @@
+"""Who measures: an installation (anonymous), the device as it described itself, and the model derived from that."""
+
+import uuid
+
+from django.db import models
+
+
+class Installation(models.Model):
+    """One installed client. Its token is shown once at enrolment; only the token's digest is kept, and no address."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
+    app = models.CharField(max_length=64)
+    app_version = models.CharField(max_length=32)
+    consent_version = models.PositiveSmallIntegerField()
+    created_at = models.DateTimeField(auto_now_add=True)
+    revoked_at = models.DateTimeField(null=True, blank=True)
+
+    class Meta:
+        ordering = ["-created_at"]
+
+    def __str__(self) -> str:
+        return f"{self.app} {str(self.id)[:8]}"
+
+
+class DeviceModel(models.Model):
+    """What people call the device: the key of every published figure. Derived from raw strings, never the reverse."""
+
+    slug = models.SlugField(max_length=120, unique=True)
+    manufacturer = models.CharField(max_length=100, blank=True)
+    name = models.CharField(max_length=150)
+    cpu = models.CharField(max_length=150, blank=True)
+    soc = models.CharField(max_length=100, blank=True)
+    gpu = models.CharField(max_length=150, blank=True)
+    os = models.CharField(max_length=50, blank=True, help_text="family: Android, Linux, macOS, Windows")
+    created_at = models.DateTimeField(auto_now_add=True)
+
+    class Meta:
+        ordering = ["slug"]
+
+    def __str__(self) -> str:
+        return f"{self.manufacturer} {self.name}".strip()
+
+
+class DeviceDescription(models.Model):
+    """Raw strings exactly as a client sent them, stored once per distinct content. A better rule can be run over them."""
+
+    digest = models.CharField(max_length=64, unique=True, editable=False)
+    raw = models.JSONField()
+    model = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="descriptions")
+    first_seen_at = models.DateTimeField(auto_now_add=True)
+
+    class Meta:
+        ordering = ["-first_seen_at"]
+
+    def __str__(self) -> str:
+        return f"{self.model} {self.digest[:8]}"

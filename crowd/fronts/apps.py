@@ -1,0 +1,5 @@
+from django.apps import AppConfig
+
+
+class FrontsConfig(AppConfig):
+    name = "crowd.fronts"

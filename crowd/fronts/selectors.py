@@ -1,0 +1,97 @@
+"""Reads of fronts: which is current, what a client is told, what a page shows."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from crowd.fronts.models import FrontVersion
+
+DEFAULT = "default"
+BEST = "best"
+
+
+@dataclass(frozen=True)
+class Point:
+    """One configuration of a front with what the reference device predicts of it (seconds, metres)."""
+
+    name: str
+    parameters: dict[str, Any]
+    runtime: float | None
+    ate_max: float | None
+    ate_mean: float | None
+    predicted: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Front:
+    """A published (or retired) front with its points in published order."""
+
+    slug: str
+    application: str
+    version: str
+    state: str
+    digest: str
+    published_at: datetime
+    protocol: dict[str, Any]
+    sequence: dict[str, Any]
+    provenance: dict[str, Any]
+    points: tuple[Point, ...]
+
+    def point(self, name: str) -> Point | None:
+        """The configuration called NAME, None if this front has none."""
+        return next((point for point in self.points if point.name == name), None)
+
+
+def _front(row: FrontVersion) -> Front:
+    assert row.published_at is not None  # the database's constraint on rows that are not drafts
+    return Front(
+        slug=row.slug,
+        application=row.application,
+        version=row.version,
+        state=row.state,
+        digest=row.digest,
+        published_at=row.published_at,
+        protocol=row.protocol,
+        sequence=row.sequence,
+        provenance=row.provenance,
+        points=tuple(
+            Point(
+                name=configuration.name,
+                parameters=configuration.parameters,
+                runtime=configuration.predicted.get("runtime"),
+                ate_max=configuration.predicted.get("ate_max"),
+                ate_mean=configuration.predicted.get("ate_mean"),
+                predicted=configuration.predicted,
+            )
+            for configuration in row.configurations.all()
+        ),
+    )
+
+
+def fronts(application: str | None = None) -> tuple[Front, ...]:
+    """Every front that was ever published, newest first. Two queries."""
+    rows = FrontVersion.objects.exclude(state=FrontVersion.State.DRAFT).prefetch_related("configurations")
+    if application is not None:
+        rows = rows.filter(application=application)
+    return tuple(_front(row) for row in rows)
+
+
+def front(slug: str) -> Front | None:
+    """The published or retired front called SLUG, None if there is none. Two queries."""
+    row = (
+        FrontVersion.objects.exclude(state=FrontVersion.State.DRAFT)
+        .prefetch_related("configurations")
+        .filter(slug=slug)
+        .first()
+    )
+    return None if row is None else _front(row)
+
+
+def current(application: str) -> Front | None:
+    """The front that clients of APPLICATION measure now: the last one published and not retired. Two queries."""
+    row = (
+        FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
+        .prefetch_related("configurations")
+        .first()
+    )
+    return None if row is None else _front(row)

@@ -1,0 +1,176 @@
+"""What the crowd measured, as it arrived, and the summaries that tasks derive from it.
+
+Submission, MeasurementSession and Run are raw and never edited. SessionSummary and DeviceSpeedup are derived: both can
+be deleted and computed again from the raw rows.
+"""
+
+import uuid
+
+from django.db import models
+
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.fronts.models import Configuration, FrontVersion
+
+
+class State(models.TextChoices):
+    """Whether a measurement counts. Suspect ones are kept apart from the figures, not thrown away."""
+
+    VALID = "valid"
+    SUSPECT = "suspect"
+    INVALID = "invalid"
+
+
+class Submission(models.Model):
+    """One accepted request. Its key and its body's digest make a repeated request change nothing."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="submissions")
+    idempotency_key = models.CharField(max_length=128)
+    body_sha256 = models.CharField(max_length=64)
+    answer = models.JSONField(help_text="what the client was told, told again on a replay")
+    schema_version = models.PositiveSmallIntegerField()
+    app_version = models.CharField(max_length=32)
+    consent_version = models.PositiveSmallIntegerField()
+    received_at = models.DateTimeField(auto_now_add=True, db_index=True)
+
+    class Meta:
+        ordering = ["-received_at"]
+        constraints = [
+            models.UniqueConstraint(fields=["installation", "idempotency_key"], name="submission_idempotency_key"),
+        ]
+
+    def __str__(self) -> str:
+        return str(self.id)
+
+
+class MeasurementSession(models.Model):
+    """Runs of several configurations measured one after another on one device: the unit of every comparison."""
+
+    uuid = models.UUIDField(unique=True, help_text="given by the client")
+    installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="sessions")
+    submission = models.ForeignKey(Submission, on_delete=models.CASCADE, related_name="sessions")
+    description = models.ForeignKey(DeviceDescription, on_delete=models.PROTECT, related_name="sessions")
+    device = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="sessions")
+    front = models.ForeignKey(FrontVersion, on_delete=models.PROTECT, related_name="sessions")
+    protocol_version = models.PositiveSmallIntegerField()
+    backend = models.CharField(max_length=32)
+    processor = models.CharField(max_length=200, blank=True, help_text="the OpenCL device that computed")
+    platform = models.CharField(max_length=200, blank=True)
+    driver = models.CharField(max_length=200, blank=True)
+    started_at = models.DateTimeField()
+    received_at = models.DateTimeField(auto_now_add=True)
+    samples = models.JSONField(default=list, help_text="temperature, clock and battery, at most once a second")
+    summary_algorithm = models.PositiveSmallIntegerField(
+        null=True, editable=False, help_text="version of the statistics that has seen all runs; empty: waiting for its task"
+    )
+
+    class Meta:
+        ordering = ["-id"]
+        indexes = [
+            models.Index(fields=["summary_algorithm", "id"], name="session_waiting"),
+            models.Index(fields=["device", "front"], name="session_device_front"),
+        ]
+
+    def __str__(self) -> str:
+        return str(self.uuid)
+
+
+class Run(models.Model):
+    """One configuration over the whole sequence. Times are packed, one field a run: uint32 little-endian microseconds."""
+
+    class Status(models.TextChoices):
+        OK = "ok"
+        FAILED = "failed"
+
+    uuid = models.UUIDField(unique=True, help_text="given by the client")
+    session = models.ForeignKey(MeasurementSession, on_delete=models.CASCADE, related_name="runs")
+    configuration = models.ForeignKey(Configuration, on_delete=models.PROTECT, related_name="runs")
+    repeat = models.PositiveSmallIntegerField(help_text="which run of this configuration in the session")
+    order = models.PositiveSmallIntegerField(help_text="place among all runs of the session")
+    status = models.CharField(max_length=8, choices=Status.choices)
+    failure = models.CharField(max_length=500, blank=True)
+    frame_us = models.BinaryField(help_text="computation wall time of each frame")
+    stages = models.JSONField(default=list, help_text="names of the stages, in the order of stages_us")
+    stages_us = models.BinaryField(default=bytes, help_text="one series per stage, one after another")
+    tracked = models.BinaryField(default=bytes, help_text="one byte a frame: 1 tracked, 0 lost, 2 neither; empty: not told")
+    tracked_frames = models.PositiveSmallIntegerField(null=True, blank=True)
+    mean_us = models.FloatField(null=True, blank=True, help_text="mean over the counted frames; the run's value")
+    ate_max = models.FloatField(null=True, blank=True, help_text="m")
+    ate_mean = models.FloatField(null=True, blank=True, help_text="m")
+    ate_rmse = models.FloatField(null=True, blank=True, help_text="m")
+    trajectory_sha256 = models.CharField(max_length=64, blank=True)
+    state = models.CharField(max_length=8, choices=State.choices)
+    reason = models.CharField(max_length=64, blank=True, help_text="code of the rule that set the state")
+
+    class Meta:
+        ordering = ["session_id", "order"]
+
+    def __str__(self) -> str:
+        return str(self.uuid)
+
+
+class SessionSummary(models.Model):
+    """One session's answer for one configuration: the mean of its paired log ratios over the baseline."""
+
+    session = models.ForeignKey(MeasurementSession, on_delete=models.CASCADE, related_name="summaries")
+    configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
+    baseline = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
+    algorithm = models.PositiveSmallIntegerField()
+    log_ratio = models.FloatField(null=True, help_text="natural logarithm of the speedup; empty where no pair is valid")
+    pairs = models.PositiveSmallIntegerField()
+    drift = models.FloatField(null=True, help_text="largest ratio of a second repeat over the first, frame by frame")
+    ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration's runs, m")
+    state = models.CharField(max_length=8, choices=State.choices)
+    reason = models.CharField(max_length=64, blank=True)
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["session", "configuration"], name="session_summary_key"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.session_id} {self.configuration_id}"
+
+
+class DeviceSpeedup(models.Model):
+    """The published figure: how much faster one configuration runs than the baseline on one device model."""
+
+    device = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="speedups")
+    front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="speedups")
+    configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="speedups")
+    baseline = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
+    backend = models.CharField(max_length=32)
+    processor = models.CharField(max_length=200, blank=True)
+    algorithm = models.PositiveSmallIntegerField()
+    speedup = models.FloatField()
+    low = models.FloatField(null=True, help_text="95 % interval over installations, from 3 of them on")
+    high = models.FloatField(null=True)
+    repeat_low = models.FloatField(null=True, help_text="repeatability on the one installation there is, from 3 sessions on")
+    repeat_high = models.FloatField(null=True)
+    sessions = models.PositiveIntegerField()
+    installations = models.PositiveIntegerField()
+    ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration among those sessions, m")
+    state = models.CharField(max_length=8, choices=State.choices, help_text="suspect: no valid session, only suspect ones")
+    last_session_at = models.DateTimeField()
+    computed_at = models.DateTimeField(auto_now=True)
+
+    class Meta:
+        ordering = ["-speedup"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["front", "configuration", "device", "backend", "processor"], name="device_speedup_key"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.device_id} {self.configuration_id} {self.speedup:.2f}"
+
+
+class WorkerPulse(models.Model):
+    """When each periodic task last ran, for /readyz."""
+
+    task = models.CharField(max_length=100, unique=True)
+    at = models.DateTimeField()
+
+    def __str__(self) -> str:
+        return f"{self.task} {self.at:%Y-%m-%d %H:%M:%S}"

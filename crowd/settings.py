@@ -1,0 +1,229 @@
+"""Settings: the embedded default on one machine, anything larger by environment variables.
+
+| variable | default | meaning |
+|---|---|---|
+| FRONTRUNNER_VAR | var | data folder: SQLite file, broker, secret key, static files, logs |
+| FRONTRUNNER_PORT | 8000 | where `manage.py serve` listens |
+| FRONTRUNNER_BIND | 127.0.0.1 | the address it listens on |
+| FRONTRUNNER_HOSTS | (none) | comma-separated public host names; naming one switches HTTPS settings on |
+| FRONTRUNNER_HTTPS | 1 with a public host, else 0 | 0 serves public hosts over plain HTTP (a lab's own network) |
+| FRONTRUNNER_SECRET_KEY | a file in the data folder | the key that signs sessions |
+| DATABASE_URL | SQLite in the data folder | any database of dj-database-url; PostgreSQL is tested |
+| CELERY_BROKER_URL | filesystem:// in the data folder | any Celery broker; Redis is tested |
+| DEBUG | 0 | Django's debug pages |
+| FRONTRUNNER_ACCEPTING | 1 | 0 closes the intake of measurements: clients keep theirs and try later |
+| FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are told to update |
+| FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | accepted submissions of one installation |
+"""
+
+import os
+from pathlib import Path
+
+import dj_database_url
+from csp.constants import NONE, SELF, UNSAFE_INLINE
+
+from crowd import data_folder
+
+BASE_DIR = Path(__file__).resolve().parent.parent
+
+
+def switch(name: str, default: bool = False) -> bool:
+    """The environment variable NAME as a switch: 1, true, yes and on are on."""
+    return os.environ.get(name, "1" if default else "0").strip().lower() in {"1", "true", "yes", "on"}
+
+
+FRONTRUNNER_VAR = Path(os.environ.get("FRONTRUNNER_VAR") or BASE_DIR / "var").absolute()
+FRONTRUNNER_PORT = int(os.environ.get("FRONTRUNNER_PORT", "8000"))
+FRONTRUNNER_BIND = os.environ.get("FRONTRUNNER_BIND", "127.0.0.1")
+FRONTRUNNER_FRONTS = BASE_DIR / "fixtures" / "fronts"
+FRONTRUNNER_SEQUENCES = [BASE_DIR / "fixtures" / "sequences", FRONTRUNNER_VAR / "sequences"]
+FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
+FRONTRUNNER_MINIMUM_APP_VERSION = os.environ.get("FRONTRUNNER_MINIMUM_APP_VERSION", "0.1.0")
+FRONTRUNNER_SUBMISSIONS_PER_MINUTE = int(os.environ.get("FRONTRUNNER_SUBMISSIONS_PER_MINUTE", "60"))
+FRONTRUNNER_CONSENT_VERSION = 1
+# What one request may cost: the body as sent, and the body after gzip.
+FRONTRUNNER_MAX_BODY_BYTES = 1 << 20
+FRONTRUNNER_MAX_INFLATED_BYTES = 8 << 20
+
+DEBUG = switch("DEBUG")
+SECRET_KEY = os.environ.get("FRONTRUNNER_SECRET_KEY") or data_folder.secret_key(FRONTRUNNER_VAR)
+
+PUBLIC_HOSTS = [host.strip() for host in os.environ.get("FRONTRUNNER_HOSTS", "").split(",") if host.strip()]
+ALLOWED_HOSTS = ["localhost", "127.0.0.1", "[::1]", *PUBLIC_HOSTS]
+HTTPS = switch("FRONTRUNNER_HTTPS", default=bool(PUBLIC_HOSTS))
+
+INSTALLED_APPS = [
+    "crowd.dashboard",
+    "crowd.fronts",
+    "crowd.devices",
+    "crowd.results",
+    "crowd.explorations",
+    "django.contrib.admin",
+    "django.contrib.auth",
+    "django.contrib.contenttypes",
+    "django.contrib.sessions",
+    "django.contrib.messages",
+    "whitenoise.runserver_nostatic",
+    "django.contrib.staticfiles",
+    "rest_framework",
+    "drf_spectacular",
+    "csp",
+]
+
+MIDDLEWARE = [
+    "django.middleware.security.SecurityMiddleware",
+    "csp.middleware.CSPMiddleware",
+    "whitenoise.middleware.WhiteNoiseMiddleware",
+    "django.contrib.sessions.middleware.SessionMiddleware",
+    "django.middleware.common.CommonMiddleware",
+    "django.middleware.csrf.CsrfViewMiddleware",
+    "django.contrib.auth.middleware.AuthenticationMiddleware",
+    "django.contrib.messages.middleware.MessageMiddleware",
+    "django.middleware.clickjacking.XFrameOptionsMiddleware",
+]
+
+ROOT_URLCONF = "crowd.urls"
+WSGI_APPLICATION = "crowd.wsgi.application"
+APPEND_SLASH = True
+
+TEMPLATES = [
+    {
+        "BACKEND": "django.template.backends.django.DjangoTemplates",
+        "APP_DIRS": True,
+        "OPTIONS": {
+            "context_processors": [
+                "django.template.context_processors.request",
+                "django.contrib.auth.context_processors.auth",
+                "django.contrib.messages.context_processors.messages",
+            ],
+        },
+    },
+]
+
+DATABASES = {
+    "default": dj_database_url.config(
+        default=f"sqlite:///{FRONTRUNNER_VAR / 'frontrunner.sqlite3'}",
+        conn_max_age=60,
+        conn_health_checks=True,
+    )
+}
+if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
+    # Readers never wait for the writer (WAL), a writer takes its lock at once instead of failing halfway (IMMEDIATE),
+    # and waits for another writer up to 20 s.
+    DATABASES["default"]["OPTIONS"] = {
+        "timeout": 20,
+        "transaction_mode": "IMMEDIATE",
+        "init_command": "PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; PRAGMA foreign_keys=ON;",
+    }
+DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
+
+CELERY_BROKER_URL = os.environ.get("CELERY_BROKER_URL", "filesystem://")
+if CELERY_BROKER_URL.startswith("filesystem://"):
+    _queue = str(data_folder.prepared(FRONTRUNNER_VAR / "broker" / "queue"))
+    CELERY_BROKER_TRANSPORT_OPTIONS = {
+        "data_folder_in": _queue,
+        "data_folder_out": _queue,
+        "control_folder": str(data_folder.prepared(FRONTRUNNER_VAR / "broker" / "control")),
+        "store_processed": False,
+        "polling_interval": 0.02,
+    }
+CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
+CELERY_TASK_IGNORE_RESULT = True
+CELERY_TASK_ACKS_LATE = True
+CELERY_TASK_DEFAULT_QUEUE = "crowd"
+CELERY_WORKER_PREFETCH_MULTIPLIER = 1
+CELERY_WORKER_HIJACK_ROOT_LOGGER = False
+CELERY_TIMEZONE = "UTC"
+CELERY_BEAT_SCHEDULE = {
+    "summarise what no message reached": {"task": "crowd.results.tasks.sweep", "schedule": 30.0},
+}
+
+AUTH_PASSWORD_VALIDATORS = [
+    {"NAME": "django.contrib.auth.password_validation.UserAttributeSimilarityValidator"},
+    {
+        "NAME": "django.contrib.auth.password_validation.MinimumLengthValidator",
+        "OPTIONS": {"min_length": 12},
+    },
+    {"NAME": "django.contrib.auth.password_validation.CommonPasswordValidator"},
+    {"NAME": "django.contrib.auth.password_validation.NumericPasswordValidator"},
+]
+PASSWORD_HASHERS = [
+    "django.contrib.auth.hashers.Argon2PasswordHasher",
+    "django.contrib.auth.hashers.PBKDF2PasswordHasher",
+]
+
+LANGUAGE_CODE = "en-gb"
+TIME_ZONE = "UTC"
+USE_I18N = False
+USE_TZ = True
+
+STATIC_URL = "/static/"
+STATIC_ROOT = FRONTRUNNER_VAR / "static"
+STATICFILES_FINDERS = [
+    "django.contrib.staticfiles.finders.AppDirectoriesFinder",
+    "crowd.dashboard.finders.PlotlyFinder",
+]
+STORAGES = {
+    "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
+    "staticfiles": {"BACKEND": "whitenoise.storage.CompressedManifestStaticFilesStorage"},
+}
+WHITENOISE_KEEP_ONLY_HASHED_FILES = True
+
+REST_FRAMEWORK = {
+    "DEFAULT_AUTHENTICATION_CLASSES": [],
+    "DEFAULT_PERMISSION_CLASSES": [],
+    "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
+    "DEFAULT_PARSER_CLASSES": [],
+    "DEFAULT_SCHEMA_CLASS": "drf_spectacular.openapi.AutoSchema",
+    "EXCEPTION_HANDLER": "crowd.problems.handler",
+    "UNAUTHENTICATED_USER": None,
+}
+SPECTACULAR_SETTINGS = {
+    "TITLE": "Frontrunner",
+    "DESCRIPTION": "Pareto-optimal configurations of dense SLAM, and how much faster they run on the crowd's devices.",
+    "VERSION": "1",
+    "OAS_VERSION": "3.1.1",
+    "SERVE_INCLUDE_SCHEMA": False,
+}
+
+CONTENT_SECURITY_POLICY = {
+    "DIRECTIVES": {
+        "default-src": [SELF],
+        "base-uri": [NONE],
+        "form-action": [SELF],
+        "frame-ancestors": [NONE],
+        "img-src": [SELF, "data:"],
+        "object-src": [NONE],
+        "script-src": [SELF],
+        # Plotly sets style attributes on the elements it draws; style sheets come from here alone.
+        "style-src": [SELF],
+        "style-src-attr": [UNSAFE_INLINE],
+    }
+}
+SECURE_CONTENT_TYPE_NOSNIFF = True
+SECURE_REFERRER_POLICY = "same-origin"
+X_FRAME_OPTIONS = "DENY"
+SESSION_COOKIE_HTTPONLY = True
+SESSION_COOKIE_SECURE = HTTPS
+CSRF_COOKIE_SECURE = HTTPS
+CSRF_TRUSTED_ORIGINS = [f"{'https' if HTTPS else 'http'}://{host}" for host in PUBLIC_HOSTS]
+if HTTPS:
+    SECURE_SSL_REDIRECT = True
+    SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")
+    SECURE_HSTS_SECONDS = 365 * 24 * 3600
+    SECURE_HSTS_INCLUDE_SUBDOMAINS = True
+    SECURE_HSTS_PRELOAD = True
+    # The supervisor and a proxy's health check ask over plain HTTP, from this machine.
+    SECURE_REDIRECT_EXEMPT = [r"^healthz$", r"^readyz$", r"^metrics$"]
+elif not PUBLIC_HOSTS:
+    # Nobody but this machine reaches the server, and it is reached over plain HTTP: HSTS, the redirect to HTTPS and
+    # Secure cookies would only lock its user out. With a public host each of these checks counts.
+    SILENCED_SYSTEM_CHECKS = ["security.W004", "security.W008", "security.W012", "security.W016"]
+
+LOGGING = {
+    "version": 1,
+    "disable_existing_loggers": False,
+    "formatters": {"line": {"format": "{asctime} {levelname} {name} {message}", "style": "{"}},
+    "handlers": {"console": {"class": "logging.StreamHandler", "formatter": "line"}},
+    "root": {"handlers": ["console"], "level": "INFO"},
+}

@@ -1,0 +1,16 @@
+#!/usr/bin/env python3
+"""Django's command line for this project: serve, migrate, publish_front, first_admin and the rest."""
+
+import os
+import sys
+
+
+def main() -> None:
+    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
+    from django.core.management import execute_from_command_line
+
+    execute_from_command_line(sys.argv)
+
+
+if __name__ == "__main__":
+    main()
