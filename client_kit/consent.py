@@ -1,0 +1,56 @@
+"""What a participant agrees to before anything is measured or sent."""
+
+import json
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from client_kit.home import Home
+
+_DOCUMENT = "consent.json"
+
+TEXT = """\
+Frontrunner measures how fast dense SLAM runs on devices such as this one.
+
+What happens
+  - This device downloads a public test sequence ({megabytes:.0f} MB, once) and works on it alone.
+    No camera, no microphone and no file of yours is used.
+  - It computes for some minutes and gets warm; on battery that costs charge.
+  - The times, and what the device says of its make, are sent to {server}.
+
+What is sent, with the values of this device
+{sample}
+
+What is never sent: your name, the device's name, serial numbers, network addresses, places.
+The server knows this installation by a random number. What you sent can be read at any time with
+`python -m client_kit export` and is erased, here and there, by `python -m client_kit erase`.
+Consent {version}.
+"""
+
+
+def text(server: str, version: str | int, sequence_bytes: int, sample: Mapping[str, Any]) -> str:
+    """The whole text, with `sample` as the payload that this device would send."""
+    lines = json.dumps(sample, indent=2, ensure_ascii=False).splitlines()
+    return TEXT.format(
+        megabytes=sequence_bytes / 1e6,
+        server=server,
+        sample="\n".join(f"    {line}" for line in lines),
+        version=version,
+    )
+
+
+def given(home: Home, server: str, version: str | int) -> bool:
+    """Whether this version was agreed to for this server."""
+    agreed = home.read(_DOCUMENT).get(server)
+    return agreed is not None and agreed["version"] == version
+
+
+def remember(home: Home, server: str, version: str | int) -> None:
+    """Note that the participant agrees."""
+    agreed = {"version": version, "at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())}
+    home.write(_DOCUMENT, {**home.read(_DOCUMENT), server: agreed})
+
+
+def withdraw(home: Home) -> None:
+    """Forget every agreement: the next measurement asks again."""
+    home.remove(_DOCUMENT)
