@@ -1,0 +1,33 @@
+"""What can go wrong in an exploration; every error names the bad value and what would be right."""
+
+
+class ParetoError(ValueError):
+    """The root of every error this package raises on purpose."""
+
+
+class SpaceError(ParetoError):
+    """A space, or the file that describes it, is not well formed."""
+
+
+class ConfigurationError(ParetoError):
+    """A configuration does not lie in its space."""
+
+
+class ObjectiveError(ParetoError):
+    """Objectives, their limits or their measured values are not what the exploration expects."""
+
+
+class MethodError(ParetoError):
+    """There is no such search method, or it does not take the option given to it."""
+
+
+class StateError(ParetoError):
+    """A saved state belongs to another space or was written by an incompatible version."""
+
+
+class ScenarioError(ParetoError):
+    """A scenario file lacks something, or asks for something that is not supported."""
+
+
+class EvaluationError(ParetoError):
+    """One configuration could not be measured; the message is the reason kept beside it."""

@@ -1,0 +1,224 @@
+"""Pareto fronts: which points nothing else beats, and which of them to run.
+
+Needs NumPy only, so that a device can carry a front and choose from it. All objectives are minimised
+unless `maximise` says otherwise. A point dominates another when it is no worse in every objective and
+better in at least one; equal points do not dominate each other, so duplicates are kept or dropped together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pareto.errors import ObjectiveError
+
+Point = TypeVar("Point")
+BLOCK = 1024  # rows compared with each other at once; 3 boolean BLOCK x BLOCK arrays stay in the cache
+
+
+class NothingWithinLimitsError(ObjectiveError):
+    """No point of a front keeps the limits asked for."""
+
+
+def nondominated(points: ArrayLike, maximise: Sequence[bool] | None = None) -> NDArray[np.bool_]:
+    """Return a mask of the rows of `points` (n, objectives) that no other row dominates.
+
+    Rows with NaN are failed measurements: never on the front, and never dominating. Infinities are compared
+    like numbers. Exact: no tolerance, and rows equal to a front row are on the front too. O(n log n) for one
+    and two objectives, and close to it for three; beyond that, quadratic only in the size of the front.
+
+    Raises ObjectiveError unless `points` is a table with at least one column.
+    """
+    table = _minimised(points, maximise)
+    mask = np.zeros(len(table), dtype=bool)
+    columns = np.ascontiguousarray(table.T)
+    missing = np.isnan(columns).any(axis=0)
+    rows = np.flatnonzero(~missing)
+    if len(rows) == 0:
+        return mask
+    if len(rows) < len(table):
+        columns = columns[:, rows]
+    keep = _survivors_of_a_sample(columns)
+    rows, columns = rows[keep], columns[:, keep]
+    order = np.lexsort(columns[::-1])
+    columns = columns[:, order]
+    # Equal rows are neighbours now: decide for the first of each run and copy its answer to the others.
+    first = np.concatenate([[True], (columns[:, 1:] != columns[:, :-1]).any(axis=0)])
+    answer = _nondominated_sorted(columns[:, first])
+    mask[rows[order]] = answer[np.cumsum(first) - 1]
+    return mask
+
+
+def dominates(a: ArrayLike, b: ArrayLike) -> bool:
+    """Return whether point `a` is no worse than `b` everywhere and better somewhere (both minimised)."""
+    left, right = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    return bool((left <= right).all() and (left < right).any())
+
+
+def knee(points: ArrayLike, maximise: Sequence[bool] | None = None) -> int:
+    """Return the row with the best compromise: farthest below the plane through the objectives' extremes.
+
+    Every objective is scaled to the extent of the non-dominated rows first, so units do not matter. The
+    first of equally good rows wins. Raises ObjectiveError when no row is free of NaN.
+    """
+    table = _minimised(points, maximise)
+    rows = np.flatnonzero(nondominated(table))
+    if len(rows) == 0:
+        raise ObjectiveError("no knee: every point is missing a value")
+    front = table[rows]
+    extent = np.ptp(front, axis=0)
+    scaled = (front - front.min(axis=0)) / np.where(extent > 0, extent, 1.0)
+    return int(rows[np.argmin(scaled.sum(axis=1))])
+
+
+def choose(
+    front: Sequence[tuple[Point, Mapping[str, float]]],
+    limits: Mapping[str, float],
+    prefer: str,
+    maximise: Collection[str] = (),
+) -> tuple[Point, Mapping[str, float]]:
+    """Return the entry of `front` that is best in objective `prefer` among those within `limits`.
+
+    `front` holds (anything, values by objective). A limit is an inclusive upper bound, or a lower one for
+    the objectives in `maximise`. Ties go to the entry that is better in the limited objectives, in order.
+
+    Raises NothingWithinLimitsError naming the nearest value, ObjectiveError for an objective that the front
+    does not have.
+    """
+    if not front:
+        raise NothingWithinLimitsError("nothing to choose from: the front is empty")
+    for name in (prefer, *limits):
+        if any(name not in values for _, values in front):
+            raise ObjectiveError(
+                f"objective {name!r} is not in this front, which has {', '.join(front[0][1])}"
+            )
+
+    def cost(values: Mapping[str, float], name: str) -> float:
+        return -values[name] if name in maximise else values[name]
+
+    def bound(name: str) -> float:
+        return -limits[name] if name in maximise else limits[name]
+
+    within = [entry for entry in front if all(cost(entry[1], name) <= bound(name) for name in limits)]
+    if not within:
+        for name, limit in limits.items():
+            best = min((values for _, values in front), key=lambda values: cost(values, name))[name]
+            if cost({name: best}, name) > bound(name):
+                raise NothingWithinLimitsError(f"no point with {name} within {limit:g}: the best is {best:g}")
+        raise NothingWithinLimitsError(f"no point keeps all of {dict(limits)}: loosen one of them")
+    return min(within, key=lambda entry: [cost(entry[1], name) for name in (prefer, *limits)])
+
+
+def _minimised(points: ArrayLike, maximise: Sequence[bool] | None) -> NDArray[np.float64]:
+    table = np.asarray(points, dtype=np.float64)
+    if table.ndim != 2 or table.shape[1] < 1:
+        if table.size == 0:
+            return np.empty((0, 1))
+        raise ObjectiveError(f"points must be a table of rows and objectives, not of shape {table.shape}")
+    if maximise is None:
+        return table
+    if len(maximise) != table.shape[1]:
+        raise ObjectiveError(f"maximise has {len(maximise)} entries for {table.shape[1]} objectives")
+    return np.where(np.asarray(maximise, dtype=bool), -table, table)
+
+
+def _survivors_of_a_sample(columns: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return ascending positions of the columns' rows that a few good rows do not already rule out.
+
+    Sorting is the dear part of the filter; a few comparisons first leave little to sort.
+    """
+    rows = np.arange(columns.shape[1])
+    if len(rows) < 4 * BLOCK:
+        return rows
+    probe = columns[:, :: len(rows) // BLOCK]
+    pivots = probe[:, nondominated(probe.T)]
+    for _ in range(8):
+        # The pivot that rules out most of the sample rules out most of the table.
+        ruled_out = np.array([_dominated_by(pivot, probe).sum() for pivot in pivots.T])
+        best = int(np.argmax(ruled_out))
+        if ruled_out[best] < probe.shape[1] // 16 + 1:
+            break
+        keep = ~_dominated_by(pivots[:, best], columns)
+        rows, columns = rows[keep], columns[:, keep]
+        probe = probe[:, ~_dominated_by(pivots[:, best], probe)]
+    return rows
+
+
+def _dominated_by(pivot: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.bool_]:
+    worse = columns[0] >= pivot[0]
+    for column, value in zip(columns[1:], pivot[1:], strict=True):
+        worse &= column >= value
+    ties = np.flatnonzero(worse & (columns[0] == pivot[0]))
+    worse[ties] = (columns[:, ties] != pivot[:, None]).any(axis=0)
+    return worse
+
+
+def _nondominated_sorted(columns: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """The filter for distinct rows in lexicographic order: only earlier rows can dominate later ones."""
+    objectives, count = columns.shape
+    if objectives == 1:
+        return np.arange(count) == 0
+    if objectives == 2:
+        best_before = np.concatenate([[math.inf], np.minimum.accumulate(columns[1])[:-1]])
+        mask = columns[1] < best_before
+        mask[0] = True
+        return mask
+    mask = np.zeros(count, dtype=bool)
+    earlier = _Staircase() if objectives == 3 else _List(objectives - 1)
+    for start in range(0, count, BLOCK):
+        block = columns[1:, start : start + BLOCK]
+        alive = np.flatnonzero(~earlier.weakly_dominates(block))
+        block = block[:, alive]
+        beaten = np.triu(np.ones((len(alive), len(alive)), dtype=bool), 1)  # [i, j]: i comes before j
+        for column in block:
+            beaten &= column[:, None] <= column
+        winners = ~beaten.any(axis=0)
+        mask[start + alive[winners]] = True
+        earlier.add(block[:, winners])
+    return mask
+
+
+class _Staircase:
+    """The lower-left boundary of the (second, third) objectives seen so far."""
+
+    def __init__(self) -> None:
+        self.x = np.empty(0)
+        self.lowest = np.empty(0)  # the least y among points with at most this x
+
+    def weakly_dominates(self, block: NDArray[np.float64]) -> NDArray[np.bool_]:
+        if len(self.x) == 0:
+            return np.zeros(block.shape[1], dtype=bool)
+        step = np.searchsorted(self.x, block[0], side="right") - 1
+        return (step >= 0) & (self.lowest[np.maximum(step, 0)] <= block[1])
+
+    def add(self, block: NDArray[np.float64]) -> None:
+        x = np.concatenate([self.x, block[0]])
+        y = np.concatenate([self.lowest, block[1]])
+        order = np.lexsort((y, x))
+        x, lowest = x[order], np.minimum.accumulate(y[order])
+        corner = np.concatenate([[True], lowest[1:] < lowest[:-1]])[: len(x)]
+        self.x, self.lowest = x[corner], lowest[corner]
+
+
+class _List:
+    """All front rows so far, compared one block at a time: for four objectives and more."""
+
+    def __init__(self, objectives: int) -> None:
+        self.rows = np.empty((objectives, 0))
+
+    def weakly_dominates(self, block: NDArray[np.float64]) -> NDArray[np.bool_]:
+        beaten = np.zeros(block.shape[1], dtype=bool)
+        for start in range(0, self.rows.shape[1], BLOCK):
+            open_ = np.flatnonzero(~beaten)
+            worse = np.ones((min(BLOCK, self.rows.shape[1] - start), len(open_)), dtype=bool)
+            for row, column in zip(self.rows[:, start : start + BLOCK], block[:, open_], strict=True):
+                worse &= row[:, None] <= column
+            beaten[open_] = worse.any(axis=0)
+        return beaten
+
+    def add(self, block: NDArray[np.float64]) -> None:
+        self.rows = np.concatenate([self.rows, block], axis=1)

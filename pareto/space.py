@@ -1,0 +1,182 @@
+"""A discrete design space: the product of finitely many parameters, addressed by one integer."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.errors import ConfigurationError, SpaceError
+from pareto.parameter import Parameter, Value
+
+Configuration = dict[str, Value]
+Indices = NDArray[np.int64]
+
+LARGEST = 2**62  # indices are int64, and sums of two of them must not overflow
+
+
+class Space:
+    """The full product of `parameters`.
+
+    Every configuration has one index in 0 .. len(space) - 1. The first parameter varies slowest, as in a
+    C-ordered NumPy array of shape `space.shape`, so an array over the whole space reshapes to that grid.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter], name: str = "space") -> None:
+        self.name = name
+        self.parameters = tuple(parameters)
+        if not self.parameters:
+            raise SpaceError("a space needs at least one parameter")
+        names = [parameter.name for parameter in self.parameters]
+        if len(set(names)) != len(names):
+            raise SpaceError(f"parameter names must differ: {names}")
+        self.shape = tuple(len(parameter.values) for parameter in self.parameters)
+        if math.prod(self.shape) > LARGEST:
+            raise SpaceError(
+                f"{math.prod(self.shape):.1e} points are too many: at most 2**62, use coarser values"
+            )
+
+    def __len__(self) -> int:
+        return math.prod(self.shape)
+
+    def __repr__(self) -> str:
+        return f"<Space {self.name!r}: {len(self.parameters)} parameters, {len(self):,} points>"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Space) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The parameters' names, in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @cached_property
+    def default(self) -> Configuration:
+        """The configuration in which every parameter has its default value."""
+        return {parameter.name: parameter.default for parameter in self.parameters}
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the parameters, names and values: two spaces with one digest number alike."""
+        text = json.dumps(self.to_dict()["parameters"], sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def encode(self, configuration: Mapping[str, object]) -> int:
+        """Return the index of `configuration`.
+
+        Raises ConfigurationError naming a missing or unknown parameter, or a value that it cannot take.
+        """
+        for name in configuration:
+            if name not in self.names:
+                raise ConfigurationError(
+                    f"unknown parameter {name!r}: this space has {', '.join(self.names)}"
+                )
+        index = 0
+        for parameter, size in zip(self.parameters, self.shape, strict=True):
+            if parameter.name not in configuration:
+                raise ConfigurationError(
+                    f"parameter {parameter.name!r} is missing from {dict(configuration)}"
+                )
+            index = index * size + parameter.encode(configuration[parameter.name])
+        return index
+
+    def decode(self, index: int) -> Configuration:
+        """Return the configuration of `index`. Raises ConfigurationError outside 0 .. len - 1."""
+        if not 0 <= index < len(self):
+            raise ConfigurationError(f"index {index} is outside 0 .. {len(self) - 1}")
+        values: list[Value] = []
+        for parameter, size in zip(reversed(self.parameters), reversed(self.shape), strict=True):
+            index, code = divmod(int(index), size)
+            values.append(parameter.values[code])
+        return dict(zip(self.names, reversed(values), strict=True))
+
+    def codes(self, indices: Iterable[int] | Indices) -> NDArray[np.int64]:
+        """Return (n, parameters) value positions of `indices`."""
+        flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)
+        return np.stack(np.unravel_index(flat, self.shape), axis=-1).astype(np.int64, copy=False)
+
+    def indices(self, codes: NDArray[np.integer]) -> Indices:
+        """Return the indices of (n, parameters) value positions; the inverse of `codes`."""
+        return np.ravel_multi_index(tuple(np.asarray(codes).T), self.shape).astype(np.int64, copy=False)
+
+    def neighbours(self, index: int, reach: int | None = None) -> Indices:
+        """Return every configuration that differs from `index` in exactly one parameter, ascending.
+
+        `reach` bounds the step along ordered parameters (1: the next value up and down); None means any
+        other value. Unordered parameters always take every other value.
+        """
+        [codes] = self.codes([index])
+        found = []
+        for axis, (parameter, size) in enumerate(zip(self.parameters, self.shape, strict=True)):
+            steps = np.arange(size) - codes[axis]
+            if reach is not None and parameter.ordered:
+                steps = steps[np.abs(steps) <= reach]
+            stride = math.prod(self.shape[axis + 1 :])
+            found.append(index + steps[steps != 0] * stride)
+        return np.sort(np.concatenate(found)).astype(np.int64)
+
+    def features(self, indices: Iterable[int] | Indices) -> NDArray[np.float64]:
+        """Return (n, columns) coordinates in the unit cube, for models that measure distances.
+
+        An ordered parameter is one column, its values evenly spaced. A categorical one has a column a value,
+        1/sqrt(2) in its own, so that any two of its values are at distance 1. `feature_owner` tells whose
+        column is which.
+        """
+        codes = self.codes(indices)
+        columns = []
+        for axis, (parameter, size) in enumerate(zip(self.parameters, self.shape, strict=True)):
+            if parameter.ordered:
+                columns.append(codes[:, axis : axis + 1] / max(size - 1, 1))
+            else:
+                columns.append((codes[:, axis : axis + 1] == np.arange(size)) / math.sqrt(2))
+        return np.concatenate(columns, axis=1).astype(np.float64, copy=False)
+
+    @cached_property
+    def feature_owner(self) -> NDArray[np.int64]:
+        """For each column of `features`, the position of the parameter it belongs to."""
+        widths = [1 if parameter.ordered else len(parameter.values) for parameter in self.parameters]
+        return np.repeat(np.arange(len(widths)), widths)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plain-JSON description that `from_dict` reads."""
+        return {"name": self.name, "parameters": [parameter.to_dict() for parameter in self.parameters]}
+
+    @classmethod
+    def from_dict(cls, description: Mapping[str, Any]) -> Space:
+        """Read `{"name": .., "parameters": [{"name", "type", "values", "default"}, ..]}`.
+
+        Raises SpaceError for anything else; `Parameter.from_dict` lists the parameters' fields.
+        """
+        parameters = description.get("parameters") if isinstance(description, Mapping) else None
+        if not isinstance(parameters, list) or not all(isinstance(item, Mapping) for item in parameters):
+            raise SpaceError(
+                'a space is {"name": .., "parameters": [{"name": .., "type": .., "values": [..]}, ..]}'
+            )
+        return cls(
+            [Parameter.from_dict(item) for item in parameters], name=str(description.get("name", "space"))
+        )
+
+    @classmethod
+    def load(cls, path: str | Path) -> Space:
+        """Read a space from a JSON file. Raises SpaceError when the file is not one."""
+        try:
+            description = json.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise SpaceError(f"cannot read the space {path}: {error.strerror}") from error
+        except ValueError as error:
+            raise SpaceError(f"{path} is not JSON: {error}") from error
+        return cls.from_dict(description)
+
+    def save(self, path: str | Path) -> None:
+        """Write the space as JSON that `load` reads."""
+        Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
