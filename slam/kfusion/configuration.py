@@ -1,0 +1,132 @@
+"""The nine algorithmic parameters of KinectFusion and the constants that are not parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+# Constants of SLAMBench's KinectFusion; lengths in metres.
+BILATERAL_RADIUS = 2
+BILATERAL_SPATIAL_SIGMA = 4.0  # pixels
+BILATERAL_RANGE_SIGMA = 0.1
+HALF_SAMPLE_RANGE = 0.3
+ASSOCIATION_DISTANCE = 0.1
+ASSOCIATION_NORMAL = 0.8  # dot product of unit normals
+MAX_RESIDUAL = 0.02  # root mean square of the point-to-plane error
+MIN_INLIERS = 0.15  # of the pixels of the level solved last
+MAX_WEIGHT = 100
+NEAR_PLANE = 0.4
+FAR_PLANE = 4.0
+FRAMES_WITHOUT_TRACKING = 4  # frames 0 to 3 are integrated where the camera starts
+LEVELS = 3
+
+
+class ConfigurationError(ValueError):
+    """A parameter that KinectFusion does not have, or a value that it cannot run."""
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One point of the design space; the defaults are SLAMBench's.
+
+    compute_size_ratio: depth is sampled at every n-th pixel, unaveraged. integration_rate: frame n is
+    fused when n % rate == 0. tracking_rate: likewise for ICP. icp_threshold: a level's iterations end
+    when the norm of the update (metres and radians) falls below it; 0 never ends them early.
+    mu: truncation distance, m. volume_resolution: voxels per side. pyramid_iterations_*: ICP
+    iterations at full, half and quarter size; they run from coarse to fine.
+    """
+
+    compute_size_ratio: int = 1
+    integration_rate: int = 2
+    tracking_rate: int = 1
+    icp_threshold: float = 1e-5
+    mu: float = 0.1
+    volume_resolution: int = 256
+    pyramid_iterations_fine: int = 10
+    pyramid_iterations_middle: int = 5
+    pyramid_iterations_coarse: int = 4
+
+    def __post_init__(self) -> None:
+        for name, least in _WHOLE.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or value != math.floor(value):
+                raise ConfigurationError(f"{name}={value!r}: must be a whole number")
+            if value < least:
+                raise ConfigurationError(f"{name}={value!r}: must be at least {least}")
+            object.__setattr__(self, name, int(value))
+        for name in ("mu", "icp_threshold"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise ConfigurationError(f"{name}={value!r}: must be a finite number")
+            object.__setattr__(self, name, float(value))
+        if self.mu <= 0:
+            raise ConfigurationError(f"mu={self.mu!r}: must be above 0 (metres)")
+        if self.icp_threshold < 0:
+            raise ConfigurationError(f"icp_threshold={self.icp_threshold!r}: must be 0 or more")
+        if sum(self.iterations) == 0:
+            raise ConfigurationError(
+                "all three pyramid_iterations are 0: give at least one level an iteration"
+            )
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Configuration:
+        """A configuration from names and values; absent names take their default.
+
+        Raises ConfigurationError for an unknown name or an impossible value.
+        """
+        known = [field.name for field in fields(cls)]
+        unknown = sorted(set(values) - set(known))
+        if unknown:
+            raise ConfigurationError(
+                f"unknown parameter {', '.join(unknown)}: KinectFusion has {', '.join(known)}"
+            )
+        return cls(**values)
+
+    @property
+    def iterations(self) -> tuple[int, int, int]:
+        """ICP iterations, finest level first, as SLAMBench writes them."""
+        return (self.pyramid_iterations_fine, self.pyramid_iterations_middle, self.pyramid_iterations_coarse)
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+_WHOLE = {
+    "compute_size_ratio": 1,
+    "integration_rate": 1,
+    "tracking_rate": 1,
+    "volume_resolution": 8,
+    "pyramid_iterations_fine": 0,
+    "pyramid_iterations_middle": 0,
+    "pyramid_iterations_coarse": 0,
+}
+
+DEFAULT = Configuration()
+
+
+def _android(ratio: int, threshold: float, rate: int, mu: float, pyramid: str, volume: int) -> Configuration:
+    fine, middle, coarse = (int(count) for count in pyramid.split(","))
+    return Configuration(
+        compute_size_ratio=ratio,
+        icp_threshold=threshold,
+        integration_rate=rate,
+        mu=mu,
+        pyramid_iterations_fine=fine,
+        pyramid_iterations_middle=middle,
+        pyramid_iterations_coarse=coarse,
+        volume_resolution=volume,
+    )
+
+
+# What the published Android app ran on 83 devices (read from the app's own list). STANDARD is the
+# default of the crowd; DEFAULT above is the default of the design space.
+STANDARD = _android(2, 1e-5, 2, 0.1, "10,5,4", 256)
+ANDROID_APP = {
+    "STANDARD": STANDARD,
+    "FAST1": _android(4, 32.8116, 24, 0.419017, "4,2,0", 128),
+    "FAST2": _android(4, 55.7286, 21, 0.407327, "9,6,3", 256),
+    "FAST3": _android(2, 24.9643, 22, 0.430125, "6,4,5", 128),
+    "FAST4": _android(4, 32.3618, 9, 0.147881, "11,11,6", 512),
+}

@@ -1,0 +1,44 @@
+"""The model as the camera last saw it: surface points and normals found by marching rays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from slam.camera import Camera
+from slam.kfusion import configuration as constants
+from slam.kfusion.preprocessing import Planes, intrinsics
+from slam.kfusion.volume import NEAR_SURFACE, Volume
+from slam.opencl import Session
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+SOURCE = Path(__file__).parent / "kernels" / "raycasting.cl"
+
+
+class Model:
+    """Vertex and normal maps in the volume's frame; both are zero where a ray found no surface."""
+
+    def __init__(self, session: Session, volume: Volume, camera: Camera, mu: float, state: cl.Buffer) -> None:
+        self.camera = camera
+        pixels = camera.width * camera.height
+        self.vertices = Planes.allocate(session, pixels)
+        self.normals = Planes.allocate(session, pixels)
+        self._kernels = [
+            session.kernel(SOURCE, "view_from", (1,), intrinsics(camera), state),
+            session.kernel(
+                SOURCE, "raycast", (camera.height,), volume.voxels, np.int32(volume.resolution),
+                np.float32(volume.voxel_size), volume.searched, np.int32(volume.blocks), np.int32(camera.width),
+                intrinsics(camera), np.float32(constants.NEAR_PLANE), np.float32(constants.FAR_PLANE),
+                np.float32(volume.voxel_size), np.float32(0.75 * mu), np.float32(NEAR_SURFACE), state,
+                *self.vertices, *self.normals,
+            ),
+        ]  # fmt: skip
+
+    def raycast(self) -> None:
+        """Look at the volume from the present pose."""
+        for kernel in self._kernels:
+            kernel()

@@ -1,0 +1,69 @@
+"""Frame-to-model tracking: ICP over the pyramid, without leaving the device."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from slam.kfusion import configuration as constants
+from slam.kfusion.configuration import Configuration
+from slam.kfusion.preprocessing import Level, intrinsics
+from slam.kfusion.raycasting import Model
+from slam.opencl import BoundKernel, Session
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+SOURCE = Path(__file__).parent / "kernels" / "tracking.cl"
+SUMS = 32  # floats that one image row leaves behind; `tracking.cl` has the same
+
+
+class Tracking:
+    """Moves the pose in `state` so that the pyramid fits the model, and checks the result there.
+
+    All iterations are enqueued at once; a level that has converged makes its remaining kernels return
+    at once, so the host waits for nothing between them.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        configuration: Configuration,
+        levels: list[Level],
+        model: Model,
+        state: cl.Buffer,
+    ) -> None:
+        sums = session.buffer(4 * SUMS * levels[0].camera.height, "the row sums")
+        kernel = session.kernel
+        self._kernels: list[BoundKernel] = [kernel(SOURCE, "begin_tracking", (1,), state)]
+        last_level = levels[0]
+        for level, iterations in reversed(list(zip(levels, configuration.iterations, strict=False))):
+            camera = level.camera
+            for iteration in range(iterations):
+                last_level = level
+                self._kernels += [
+                    kernel(
+                        SOURCE, "track", (camera.height,), level.depth, *level.normals, np.int32(camera.width),
+                        intrinsics(camera), *model.vertices, *model.normals, np.int32(model.camera.width),
+                        np.int32(model.camera.height), np.float32(constants.ASSOCIATION_DISTANCE),
+                        np.float32(constants.ASSOCIATION_NORMAL), np.int32(iteration), state, sums,
+                    ),
+                    kernel(
+                        SOURCE, "solve", (1,), sums, np.int32(camera.height),
+                        np.float32(configuration.icp_threshold), np.int32(iteration), state,
+                    ),
+                ]  # fmt: skip
+        pixels = last_level.camera.width * last_level.camera.height
+        self._kernels.append(
+            kernel(
+                SOURCE, "check_pose", (1,), np.int32(pixels), np.float32(constants.MAX_RESIDUAL),
+                np.float32(constants.MIN_INLIERS), state,
+            )
+        )  # fmt: skip
+
+    def track(self) -> None:
+        """Enqueue the whole of it; `state` then holds the pose after the check and whether it passed."""
+        for kernel in self._kernels:
+            kernel()

@@ -1,0 +1,70 @@
+"""The truncated signed distance function: fusing depth images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from slam.camera import Camera
+from slam.kfusion import configuration as constants
+from slam.kfusion.preprocessing import intrinsics
+from slam.opencl import DeviceMemoryError, Session
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+SOURCE = Path(__file__).parent / "kernels" / "volume.cl"
+SCALE = 32766  # of the stored 16-bit distance; `volume.cl` has the same
+BLOCK = 8  # voxels along each side of a block; `volume.cl` has the same
+NEAR_SURFACE = 0.8 * SCALE  # below it a ray takes small steps
+
+
+class Volume:
+    """A cube of resolution^3 voxels of `voxel_size` metres, and which of its blocks lie near a surface.
+
+    Raises DeviceMemoryError when the device cannot hold it.
+    """
+
+    def __init__(self, session: Session, resolution: int, size: float) -> None:
+        self.resolution = resolution
+        self.voxel_size = size / resolution
+        self.blocks = -(-resolution // BLOCK)
+        self._session = session
+        try:
+            self.voxels = session.buffer(4 * resolution**3, f"volume_resolution={resolution}")
+        except DeviceMemoryError as error:
+            fitting = [
+                r for r in (512, 256, 128, 64) if r < resolution and 4 * r**3 <= session.device.max_allocation
+            ]
+            raise DeviceMemoryError(f"{error}: choose {fitting[0] if fitting else 32} or less") from error
+        self._surface = session.buffer(4 * self.blocks**3, "the block marks")
+        self.searched = session.buffer(4 * self.blocks**3, "the block marks")
+        self._dilate = session.kernel(
+            SOURCE, "dilate_blocks", (self.blocks, self.blocks), self._surface, self.searched,
+            np.int32(self.blocks),
+        )  # fmt: skip
+        self.clear()
+
+    def clear(self) -> None:
+        """Empty space everywhere, with nothing observed."""
+        self._session.kernel(
+            SOURCE, "clear_volume", (self.resolution,), self.voxels, np.int32(self.resolution), self._surface,
+            np.int32(self.blocks),
+        )()  # fmt: skip
+        self._dilate()
+
+    def fuse_from(self, depth: cl.Buffer, camera: Camera, mu: float, state: cl.Buffer) -> None:
+        """Say where depth images (metres) and the pose will be found."""
+        self._integrate = self._session.kernel(
+            SOURCE, "integrate", (self.blocks, self.blocks), self.voxels, np.int32(self.resolution),
+            np.float32(self.voxel_size), self._surface, np.int32(self.blocks), depth, np.int32(camera.width),
+            np.int32(camera.height), intrinsics(camera), np.float32(mu), np.float32(constants.MAX_WEIGHT),
+            np.float32(NEAR_SURFACE), state,
+        )  # fmt: skip
+
+    def integrate(self) -> None:
+        """Fuse the present depth image at the present pose."""
+        self._integrate()
+        self._dilate()

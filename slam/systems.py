@@ -1,0 +1,68 @@
+"""What every SLAM system offers to the benchmark, and the systems that exist."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.camera import Camera
+from slam.opencl import Session
+
+STAGES = ("preprocessing", "tracking", "integration", "raycasting")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a system says of one frame.
+
+    pose: float64 (4, 4), camera to world, after the frame. tracked: True, False (lost), or None where
+    tracking was not attempted. seconds: wall time of each of STAGES.
+    """
+
+    pose: NDArray[np.float64]
+    tracked: bool | None
+    integrated: bool
+    seconds: dict[str, float]
+
+
+class System(Protocol):
+    """A SLAM system that is fed depth images one by one."""
+
+    def process(self, depth: NDArray[np.uint16]) -> Frame:
+        """Take the next depth image, (height, width) in millimetres, 0 where nothing was measured."""
+
+    def configuration(self) -> dict[str, Any]:
+        """The parameters that this system runs with, by their names in the design space."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Where a system works: the camera and the cube that is reconstructed.
+
+    volume_size: side in metres. initial_position: the first camera centre as a fraction of the cube.
+    """
+
+    camera: Camera
+    volume_size: float
+    initial_position: tuple[float, float, float]
+
+
+def _kfusion(configuration: Mapping[str, Any], scene: Scene, session: Session) -> System:
+    from slam.kfusion.configuration import Configuration
+    from slam.kfusion.pipeline import KFusion
+
+    return KFusion(Configuration.from_mapping(configuration), scene, session)
+
+
+SYSTEMS: dict[str, Callable[[Mapping[str, Any], Scene, Session], System]] = {"kfusion": _kfusion}
+
+
+def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: Session) -> System:
+    """The system `name`, ready for its first frame. Raises ValueError for an unknown name."""
+    if name not in SYSTEMS:
+        raise ValueError(f"unknown system {name!r}: choose one of {', '.join(sorted(SYSTEMS))}")
+    return SYSTEMS[name](configuration, scene, session)
