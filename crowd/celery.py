@@ -1,4 +1,4 @@
-"""The Celery application. A message only says "look at row N": the rows are the truth, so that a lost message costs time."""
+"""The Celery application. A message only says "look at row N": a lost one costs time, never data."""
 
 import os
 

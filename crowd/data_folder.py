@@ -19,7 +19,8 @@ def prepared(folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DataFolderError(f"the data folder cannot be made ({error.strerror}): {remedy}") from error
-    # access() says yes to root on a read-only file system only where a write would work too; a probe asks directly.
+    # access() says yes to root on a read-only file system only where a write would work too; a probe asks
+    # directly.
     probe = folder / f".probe-{os.getpid()}"
     try:
         probe.touch()
@@ -50,4 +51,6 @@ def secret_key(folder: Path) -> str:
     try:
         return path.read_text().strip()
     except OSError as error:
-        raise DataFolderError(f"{path} cannot be read ({error.strerror}): give it to the user that serves") from error
+        raise DataFolderError(
+            f"{path} cannot be read ({error.strerror}): give it to the user that serves"
+        ) from error

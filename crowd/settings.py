@@ -6,7 +6,7 @@
 | FRONTRUNNER_PORT | 8000 | where `manage.py serve` listens |
 | FRONTRUNNER_BIND | 127.0.0.1 | the address it listens on |
 | FRONTRUNNER_HOSTS | (none) | comma-separated public host names; naming one switches HTTPS settings on |
-| FRONTRUNNER_HTTPS | 1 with a public host, else 0 | 0 serves public hosts over plain HTTP (a lab's own network) |
+| FRONTRUNNER_HTTPS | 1 with a public host, else 0 | 0 serves public hosts over plain HTTP (a lab's network) |
 | FRONTRUNNER_SECRET_KEY | a file in the data folder | the key that signs sessions |
 | DATABASE_URL | SQLite in the data folder | any database of dj-database-url; PostgreSQL is tested |
 | CELERY_BROKER_URL | filesystem:// in the data folder | any Celery broker; Redis is tested |
@@ -108,8 +108,8 @@ DATABASES = {
     )
 }
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
-    # Readers never wait for the writer (WAL), a writer takes its lock at once instead of failing halfway (IMMEDIATE),
-    # and waits for another writer up to 20 s.
+    # Readers never wait for the writer (WAL), a writer takes its lock at once instead of failing halfway
+    # (IMMEDIATE), and waits for another writer up to 20 s.
     DATABASES["default"]["OPTIONS"] = {
         "timeout": 20,
         "transaction_mode": "IMMEDIATE",
@@ -180,7 +180,7 @@ REST_FRAMEWORK = {
 }
 SPECTACULAR_SETTINGS = {
     "TITLE": "Frontrunner",
-    "DESCRIPTION": "Pareto-optimal configurations of dense SLAM, and how much faster they run on the crowd's devices.",
+    "DESCRIPTION": "Pareto-optimal configurations of dense SLAM, and their speedups on the crowd's devices.",
     "VERSION": "1",
     "OAS_VERSION": "3.1.1",
     "SERVE_INCLUDE_SCHEMA": False,
@@ -216,8 +216,8 @@ if HTTPS:
     # The supervisor and a proxy's health check ask over plain HTTP, from this machine.
     SECURE_REDIRECT_EXEMPT = [r"^healthz$", r"^readyz$", r"^metrics$"]
 elif not PUBLIC_HOSTS:
-    # Nobody but this machine reaches the server, and it is reached over plain HTTP: HSTS, the redirect to HTTPS and
-    # Secure cookies would only lock its user out. With a public host each of these checks counts.
+    # Nobody but this machine reaches the server, and it is reached over plain HTTP: HSTS, the redirect to
+    # HTTPS and Secure cookies would only lock its user out. With a public host each of these checks counts.
     SILENCED_SYSTEM_CHECKS = ["security.W004", "security.W008", "security.W012", "security.W016"]
 
 LOGGING = {

@@ -1,4 +1,4 @@
-"""Who measures: an installation (anonymous), the device as it described itself, and the model derived from that."""
+"""Who measures: an anonymous installation, its device as it described itself, the model derived from that."""
 
 import uuid
 
@@ -6,7 +6,7 @@ from django.db import models
 
 
 class Installation(models.Model):
-    """One installed client. Its token is shown once at enrolment; only the token's digest is kept, and no address."""
+    """One installed client. Of its token only the digest is kept; of its address nothing."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
@@ -24,7 +24,7 @@ class Installation(models.Model):
 
 
 class DeviceModel(models.Model):
-    """What people call the device: the key of every published figure. Derived from raw strings, never the reverse."""
+    """What people call the device, derived from its raw strings: the key of every published figure."""
 
     slug = models.SlugField(max_length=120, unique=True)
     manufacturer = models.CharField(max_length=100, blank=True)
@@ -43,7 +43,7 @@ class DeviceModel(models.Model):
 
 
 class DeviceDescription(models.Model):
-    """Raw strings exactly as a client sent them, stored once per distinct content. A better rule can be run over them."""
+    """Raw strings exactly as sent, once per distinct content, so that a better rule can be run over them."""
 
     digest = models.CharField(max_length=64, unique=True, editable=False)
     raw = models.JSONField()

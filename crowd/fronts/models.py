@@ -1,12 +1,15 @@
 """A front as it was learned on one reference device, and the configurations on it that the crowd measures."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.core.validators import RegexValidator
 from django.db import models
 
-NAME = RegexValidator(r"\A[a-z0-9][a-z0-9_-]*\Z", "lower-case letters, digits, - and _, starting with a letter or digit")
+NAME = RegexValidator(
+    r"\A[a-z0-9][a-z0-9_-]*\Z", "lower-case letters, digits, - and _, starting with a letter or digit"
+)
 VERSION = RegexValidator(r"\A[a-z0-9][a-z0-9._-]*\Z", "lower-case letters, digits, dots, - and _")
 # What may still change once a version is out: whether clients are told to measure it.
 MUTABLE = frozenset({"state", "retired_at"})
@@ -16,7 +19,9 @@ class FrozenFrontError(ValidationError):
     """An attempt to change or delete what is published; the remedy is a new version."""
 
     def __init__(self, front: str) -> None:
-        super().__init__(f"{front} is published and cannot change: publish a new version instead", code="frozen")
+        super().__init__(
+            f"{front} is published and cannot change: publish a new version instead", code="frozen"
+        )
 
 
 class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
@@ -38,21 +43,25 @@ class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
 
 
 class FrontVersion(models.Model):
-    """One version of an application's front: immutable, with its configurations, from the moment it is published."""
+    """One version of an application's front: fixed, with its configurations, once it is published."""
 
     class State(models.TextChoices):
         DRAFT = "draft"
         PUBLISHED = "published"
         RETIRED = "retired"
 
-    slug = models.CharField(max_length=97, unique=True, help_text="application-version, the name in every address")
+    slug = models.CharField(
+        max_length=97, unique=True, help_text="application-version, the name in every address"
+    )
     application = models.CharField(max_length=64, validators=[NAME])
     version = models.CharField(max_length=32, validators=[VERSION])
     state = models.CharField(max_length=16, choices=State.choices, default=State.DRAFT)
     digest = models.CharField(max_length=64, help_text="sha256 over the content's canonical JSON")
     protocol = models.JSONField(help_text="how clients measure: warm-up, frames, order, rest")
     sequence = models.JSONField(help_text="the pack that clients download, without addresses")
-    provenance = models.JSONField(default=dict, help_text="device, driver, date, software, command behind the figures")
+    provenance = models.JSONField(
+        default=dict, help_text="device, driver, date, software, command behind the figures"
+    )
     created_at = models.DateTimeField(auto_now_add=True)
     published_at = models.DateTimeField(null=True, blank=True)
     retired_at = models.DateTimeField(null=True, blank=True)
@@ -72,14 +81,8 @@ class FrontVersion(models.Model):
     def __str__(self) -> str:
         return self.slug
 
-    @property
-    def frozen(self) -> bool:
-        """Whether the row in the database is published or retired."""
-        stored = FrontVersion.objects.filter(pk=self.pk).values_list("state", flat=True).first()
-        return stored is not None and stored != self.State.DRAFT
-
     def save(self, *args: Any, **kwargs: Any) -> None:
-        """Store; raises FrozenFrontError where a published row's content would change or become a draft again."""
+        """Store; raises FrozenFrontError where a published row would change or become a draft again."""
         if self.pk and self.frozen:
             stored = FrontVersion.objects.get(pk=self.pk)
             changed = {
@@ -97,12 +100,20 @@ class FrontVersion(models.Model):
             raise FrozenFrontError(self.slug)
         return super().delete(*args, **kwargs)
 
+    @property
+    def frozen(self) -> bool:
+        """Whether the row in the database is published or retired."""
+        stored = FrontVersion.objects.filter(pk=self.pk).values_list("state", flat=True).first()
+        return stored is not None and stored != self.State.DRAFT
+
 
 class ConfigurationQuerySet(models.QuerySet["Configuration"]):
     """Holds the configurations of published fronts fixed against bulk statements too."""
 
     def _refuse_frozen(self) -> None:
-        frozen = self.exclude(front__state=FrontVersion.State.DRAFT).values_list("front__slug", flat=True).first()
+        frozen = (
+            self.exclude(front__state=FrontVersion.State.DRAFT).values_list("front__slug", flat=True).first()
+        )
         if frozen is not None:
             raise FrozenFrontError(frozen)
 
@@ -114,15 +125,15 @@ class ConfigurationQuerySet(models.QuerySet["Configuration"]):
         self._refuse_frozen()
         return super().delete()
 
-    def bulk_create(self, objs: Any, *args: Any, **kwargs: Any) -> list["Configuration"]:
-        objs = list(objs)
-        for configuration in objs:
+    def bulk_create(self, objs: Iterable[Any], *args: Any, **kwargs: Any) -> list[Any]:
+        configurations = list(objs)
+        for configuration in configurations:
             configuration.refuse_frozen()
-        return super().bulk_create(objs, *args, **kwargs)
+        return super().bulk_create(configurations, *args, **kwargs)
 
 
 class Configuration(models.Model):
-    """One point of a front: its name for people, its parameters, and what the reference device predicts of it."""
+    """One point of a front: its name, its parameters, and what the reference device predicts of it."""
 
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="configurations")
     name = models.CharField(max_length=64, validators=[NAME])
@@ -142,12 +153,6 @@ class Configuration(models.Model):
     def __str__(self) -> str:
         return f"{self.front.slug} {self.name}"
 
-    def refuse_frozen(self) -> None:
-        """Raise FrozenFrontError where this row's front is published."""
-        front = FrontVersion.objects.filter(pk=self.front_id).exclude(state=FrontVersion.State.DRAFT).first()
-        if front is not None:
-            raise FrozenFrontError(front.slug)
-
     def save(self, *args: Any, **kwargs: Any) -> None:
         """Store; raises FrozenFrontError once the front is published."""
         self.refuse_frozen()
@@ -157,3 +162,9 @@ class Configuration(models.Model):
         """Delete from a draft; raises FrozenFrontError once the front is published."""
         self.refuse_frozen()
         return super().delete(*args, **kwargs)
+
+    def refuse_frozen(self) -> None:
+        """Raise FrozenFrontError where this row's front is published."""
+        front = FrontVersion.objects.filter(pk=self.front_id).exclude(state=FrontVersion.State.DRAFT).first()
+        if front is not None:
+            raise FrozenFrontError(front.slug)

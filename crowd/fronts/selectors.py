@@ -88,7 +88,7 @@ def front(slug: str) -> Front | None:
 
 
 def current(application: str) -> Front | None:
-    """The front that clients of APPLICATION measure now: the last one published and not retired. Two queries."""
+    """What clients of APPLICATION measure now: the last front published and not retired. Two queries."""
     row = (
         FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
         .prefetch_related("configurations")

@@ -1,7 +1,7 @@
 """What the crowd measured, as it arrived, and the summaries that tasks derive from it.
 
-Submission, MeasurementSession and Run are raw and never edited. SessionSummary and DeviceSpeedup are derived: both can
-be deleted and computed again from the raw rows.
+Submission, MeasurementSession and Run are raw and never edited. SessionSummary and DeviceSpeedup are
+derived: both can be deleted and computed again from the raw rows.
 """
 
 import uuid
@@ -36,7 +36,9 @@ class Submission(models.Model):
     class Meta:
         ordering = ["-received_at"]
         constraints = [
-            models.UniqueConstraint(fields=["installation", "idempotency_key"], name="submission_idempotency_key"),
+            models.UniqueConstraint(
+                fields=["installation", "idempotency_key"], name="submission_idempotency_key"
+            ),
         ]
 
     def __str__(self) -> str:
@@ -44,7 +46,7 @@ class Submission(models.Model):
 
 
 class MeasurementSession(models.Model):
-    """Runs of several configurations measured one after another on one device: the unit of every comparison."""
+    """Runs of several configurations, one after another on one device: the unit of every comparison."""
 
     uuid = models.UUIDField(unique=True, help_text="given by the client")
     installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="sessions")
@@ -59,9 +61,13 @@ class MeasurementSession(models.Model):
     driver = models.CharField(max_length=200, blank=True)
     started_at = models.DateTimeField()
     received_at = models.DateTimeField(auto_now_add=True)
-    samples = models.JSONField(default=list, help_text="temperature, clock and battery, at most once a second")
+    samples = models.JSONField(
+        default=list, help_text="temperature, clock and battery, at most once a second"
+    )
     summary_algorithm = models.PositiveSmallIntegerField(
-        null=True, editable=False, help_text="version of the statistics that has seen all runs; empty: waiting for its task"
+        null=True,
+        editable=False,
+        help_text="version of the statistics that has seen all runs; empty: waiting for its task",
     )
 
     class Meta:
@@ -76,7 +82,7 @@ class MeasurementSession(models.Model):
 
 
 class Run(models.Model):
-    """One configuration over the whole sequence. Times are packed, one field a run: uint32 little-endian microseconds."""
+    """One configuration over the whole sequence; its times are packed as `crowd.results.packing` says."""
 
     class Status(models.TextChoices):
         OK = "ok"
@@ -92,9 +98,13 @@ class Run(models.Model):
     frame_us = models.BinaryField(help_text="computation wall time of each frame")
     stages = models.JSONField(default=list, help_text="names of the stages, in the order of stages_us")
     stages_us = models.BinaryField(default=bytes, help_text="one series per stage, one after another")
-    tracked = models.BinaryField(default=bytes, help_text="one byte a frame: 1 tracked, 0 lost, 2 neither; empty: not told")
+    tracked = models.BinaryField(
+        default=bytes, help_text="one byte a frame: 1 tracked, 0 lost, 2 neither; empty: not told"
+    )
     tracked_frames = models.PositiveSmallIntegerField(null=True, blank=True)
-    mean_us = models.FloatField(null=True, blank=True, help_text="mean over the counted frames; the run's value")
+    mean_us = models.FloatField(
+        null=True, blank=True, help_text="mean over the counted frames; the run's value"
+    )
     ate_max = models.FloatField(null=True, blank=True, help_text="m")
     ate_mean = models.FloatField(null=True, blank=True, help_text="m")
     ate_rmse = models.FloatField(null=True, blank=True, help_text="m")
@@ -116,9 +126,13 @@ class SessionSummary(models.Model):
     configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
     baseline = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
     algorithm = models.PositiveSmallIntegerField()
-    log_ratio = models.FloatField(null=True, help_text="natural logarithm of the speedup; empty where no pair is valid")
+    log_ratio = models.FloatField(
+        null=True, help_text="natural logarithm of the speedup; empty where no pair is valid"
+    )
     pairs = models.PositiveSmallIntegerField()
-    drift = models.FloatField(null=True, help_text="largest ratio of a second repeat over the first, frame by frame")
+    drift = models.FloatField(
+        null=True, help_text="largest ratio of a second repeat over the first, frame by frame"
+    )
     ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration's runs, m")
     state = models.CharField(max_length=8, choices=State.choices)
     reason = models.CharField(max_length=64, blank=True)
@@ -145,12 +159,18 @@ class DeviceSpeedup(models.Model):
     speedup = models.FloatField()
     low = models.FloatField(null=True, help_text="95 % interval over installations, from 3 of them on")
     high = models.FloatField(null=True)
-    repeat_low = models.FloatField(null=True, help_text="repeatability on the one installation there is, from 3 sessions on")
+    repeat_low = models.FloatField(
+        null=True, help_text="repeatability on the one installation there is, from 3 sessions on"
+    )
     repeat_high = models.FloatField(null=True)
     sessions = models.PositiveIntegerField()
     installations = models.PositiveIntegerField()
-    ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration among those sessions, m")
-    state = models.CharField(max_length=8, choices=State.choices, help_text="suspect: no valid session, only suspect ones")
+    ate_max = models.FloatField(
+        null=True, help_text="largest ATE of the configuration among those sessions, m"
+    )
+    state = models.CharField(
+        max_length=8, choices=State.choices, help_text="suspect: no valid session, only suspect ones"
+    )
     last_session_at = models.DateTimeField()
     computed_at = models.DateTimeField(auto_now=True)
 

@@ -15,13 +15,20 @@ def pack(microseconds: Sequence[int]) -> bytes:
     if not microseconds:
         return b""
     if min(microseconds) < 0 or max(microseconds) > LARGEST:
-        raise OverflowError(f"microseconds must lie in 0..{LARGEST}, got {min(microseconds)}..{max(microseconds)}")
+        raise OverflowError(
+            f"microseconds must lie in 0..{LARGEST}, got {min(microseconds)}..{max(microseconds)}"
+        )
     return np.asarray(microseconds, dtype=TYPE).tobytes()
 
 
 def unpack(packed: bytes | memoryview) -> NDArray[np.uint32]:
     """The series (n,) of microseconds, read-only."""
     return np.frombuffer(packed, dtype=TYPE)
+
+
+def seconds(microseconds: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """The same series in seconds."""
+    return microseconds.astype(np.float64) * 1e-6
 
 
 def pack_stages(stages: Mapping[str, Sequence[int]]) -> tuple[list[str], bytes]:

@@ -1,0 +1,64 @@
+"""The packs that clients download: folders of content-addressed chunks, shipped or added by this server's owner."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+
+DIGEST = re.compile(r"[0-9a-f]{64}")
+
+
+class SequenceError(ValueError):
+    """A sequence that is absent or damaged; the message names it, where it was looked for and the remedy."""
+
+
+def packs() -> Iterator[Path]:
+    """Every folder with a pack.json below the configured folders."""
+    for folder in settings.FRONTRUNNER_SEQUENCES:
+        for description in sorted(Path(folder).glob("*/pack.json")):
+            yield description.parent
+
+
+def describe(name: str, sha256: str) -> dict[str, Any]:
+    """What pack.json says of the sequence NAME with digest SHA256, every chunk present and whole.
+
+    Raises SequenceError where there is no such pack, or a chunk is missing or damaged.
+    """
+    found = []
+    for pack in packs():
+        description: dict[str, Any] = json.loads((pack / "pack.json").read_text())
+        if description["name"] == name and description["sha256"] == sha256:
+            _verify(pack, description)
+            return description
+        found.append(f"{description['name']} {description['sha256'][:12]}")
+    looked = ", ".join(str(folder) for folder in settings.FRONTRUNNER_SEQUENCES)
+    raise SequenceError(
+        f"no pack {name} with digest {sha256[:12]}... in {looked} (there: {', '.join(found) or 'none'}): "
+        "put the pack there, or publish a front that was measured on one of these"
+    )
+
+
+def _verify(pack: Path, description: dict[str, Any]) -> None:
+    for chunk in description["chunks"]:
+        path = pack / "chunks" / chunk["sha256"]
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise SequenceError(f"{path} cannot be read ({error.strerror}): copy the pack again") from error
+        if len(content) != chunk["bytes"] or hashlib.sha256(content).hexdigest() != chunk["sha256"]:
+            raise SequenceError(f"{path} is not what its name says: copy the pack again")
+
+
+def chunk(sha256: str) -> Path | None:
+    """Where the chunk with this digest lies; None where no pack has it or SHA256 is no digest."""
+    if not DIGEST.fullmatch(sha256):
+        return None
+    for pack in packs():
+        path = pack / "chunks" / sha256
+        if path.is_file():
+            return path
+    return None

@@ -1,0 +1,92 @@
+"""Errors of the API as application/problem+json (RFC 9457): a stable code, what was wrong and where."""
+
+import logging
+from http import HTTPStatus
+from typing import Any
+
+import msgspec
+from django.core.exceptions import PermissionDenied
+from django.db import OperationalError
+from django.http import Http404, HttpRequest, HttpResponse
+from rest_framework import exceptions
+
+CONTENT_TYPE = "application/problem+json"
+RETRY_SECONDS = 5
+
+log = logging.getLogger(__name__)
+
+
+class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
+    """A refusal that the client is told in full: `code` is stable, `detail` is for people, `field` says where."""
+
+    def __init__(
+        self,
+        status: int,
+        code: str,
+        detail: str,
+        *,
+        field: str | None = None,
+        retry_after: int | None = None,
+        **members: Any,
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.code = code
+        self.detail = detail
+        self.field = field
+        self.retry_after = retry_after
+        self.members = members
+
+    def response(self) -> HttpResponse:
+        """The refusal as an HTTP answer."""
+        document = {
+            "type": "about:blank",
+            "title": HTTPStatus(self.status).phrase,
+            "status": self.status,
+            "code": self.code,
+            "detail": self.detail,
+        }
+        if self.field is not None:
+            document["field"] = self.field
+        response = HttpResponse(
+            msgspec.json.encode(document | self.members), status=self.status, content_type=CONTENT_TYPE
+        )
+        if self.retry_after is not None:
+            response["Retry-After"] = str(self.retry_after)
+        if self.status == HTTPStatus.UNAUTHORIZED:
+            response["WWW-Authenticate"] = "Bearer"
+        return response
+
+
+def not_found(what: str) -> Problem:
+    """404 for something that does not exist, or never did."""
+    return Problem(404, "not_found", what)
+
+
+def handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  # noqa: ARG001 - DRF's signature
+    """Django REST framework's exception handler: what a view raises becomes a problem; the unforeseen stays 500."""
+    match error:
+        case Problem():
+            return error.response()
+        case exceptions.MethodNotAllowed():
+            return Problem(405, "method_not_allowed", str(error.detail)).response()
+        case exceptions.APIException():
+            code = error.get_codes()
+            name = code if isinstance(code, str) else "invalid"
+            return Problem(error.status_code, name, str(error.detail)).response()
+        case Http404():
+            return not_found(str(error) or "there is nothing here").response()
+        case PermissionDenied():
+            return Problem(403, "forbidden", str(error) or "not allowed").response()
+        case OperationalError():
+            # A locked or absent database: the client keeps what it has and comes again.
+            log.exception("the database does not answer")
+            return Problem(
+                503, "database_unavailable", "the database does not answer now", retry_after=RETRY_SECONDS
+            ).response()
+    return None
+
+
+def unknown_address(request: HttpRequest) -> HttpResponse:
+    """Any address under the API that no view answers."""
+    return not_found(f"{request.path} is no address of this API: see /api/v1/docs").response()

@@ -1,0 +1,193 @@
+"""What reads of results answer: frozen rows, in seconds and metres, with nothing in them of who measured.
+
+Times of day are rounded down to the hour, so that a row cannot be matched with a person's day.
+"""
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from uuid import UUID
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowd.fronts.selectors import BEST
+from crowd.results.filters import SpeedupFilters
+
+
+@dataclass(frozen=True)
+class Device:
+    """A device model as people call it, with what is known of its parts ("" where nothing is)."""
+
+    slug: str
+    manufacturer: str
+    name: str
+    cpu: str
+    soc: str
+    gpu: str
+    os: str
+
+    @property
+    def title(self) -> str:
+        return f"{self.manufacturer} {self.name}".strip()
+
+
+@dataclass(frozen=True)
+class Speedup:
+    """One bar: a configuration against the baseline on one device model, backend and OpenCL device.
+
+    low and high are the 95 % interval over installations, None below three of them; repeat_low and
+    repeat_high the repeatability on the only installation there is, None below three sessions. suspect:
+    there is no valid session, the figure comes from suspect ones.
+    """
+
+    device: Device
+    front: str
+    configuration: str
+    baseline: str
+    backend: str
+    processor: str
+    speedup: float
+    low: float | None
+    high: float | None
+    repeat_low: float | None
+    repeat_high: float | None
+    sessions: int
+    installations: int
+    ate_max: float | None  # m
+    last_session_at: datetime
+    suspect: bool
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The crowd in one line, over device models: None where there is no device.
+
+    Suspect figures are left out as long as one valid figure exists; `suspect` says that there is none. Where
+    ALL configurations are shown, the line is about the best one.
+    """
+
+    devices: int
+    sessions: int
+    geometric_mean: float | None
+    min: float | None
+    max: float | None
+    suspect: bool
+
+
+@dataclass(frozen=True)
+class Speedups:
+    """What the filters leave, fastest first, and the front they mean (None: no front is published)."""
+
+    filters: SpeedupFilters
+    front: str | None
+    rows: tuple[Speedup, ...]
+    headline: Headline
+
+
+@dataclass(frozen=True)
+class DeviceRow:
+    """A device in the list; speedup is that of `best` on the newest measured front, None before any."""
+
+    device: Device
+    sessions: int
+    installations: int
+    last_session_at: datetime | None
+    speedup: Speedup | None
+
+
+@dataclass(frozen=True)
+class SessionSpeedup:
+    """One session's answer for one configuration; speedup is None where no pair of runs was valid."""
+
+    configuration: str
+    baseline: str
+    speedup: float | None
+    pairs: int
+    drift: float | None
+    ate_max: float | None
+    state: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """A run without its series. Times in seconds, errors in metres."""
+
+    uuid: UUID
+    configuration: str
+    repeat: int
+    order: int
+    status: str
+    failure: str
+    mean_seconds: float | None
+    tracked_frames: int | None
+    ate_max: float | None
+    ate_mean: float | None
+    ate_rmse: float | None
+    state: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class RunSeries:
+    """A run with its frames: seconds (n,), stage -> seconds (n,), tracked per frame (empty if not told)."""
+
+    run: RunRow
+    frame_seconds: NDArray[np.float64]
+    stage_seconds: dict[str, NDArray[np.float64]]
+    tracked: tuple[bool | None, ...]
+
+
+@dataclass(frozen=True)
+class SessionRow:
+    """A session in a list; `speedups` is empty until its task has run (`summarised`)."""
+
+    uuid: UUID
+    device: Device
+    front: str
+    backend: str
+    processor: str
+    started_at: datetime
+    summarised: bool
+    speedups: tuple[SessionSpeedup, ...]
+
+    def speedup(self, configuration: str = BEST) -> SessionSpeedup | None:
+        """The answer for CONFIGURATION, None if the session has none."""
+        return next((row for row in self.speedups if row.configuration == configuration), None)
+
+
+@dataclass(frozen=True)
+class SessionDetail:
+    """A session with everything that was measured in it. Public: says nothing of who measured."""
+
+    session: SessionRow
+    protocol: dict[str, object]
+    platform: str
+    driver: str
+    samples: list[dict[str, object]]
+    runs: tuple[RunSeries, ...]
+
+
+@dataclass(frozen=True)
+class DeviceDetail:
+    """One device's page: its speedups of every configuration, raw strings as sent, its newest sessions."""
+
+    device: Device
+    speedups: tuple[Speedup, ...]
+    sessions: tuple[SessionRow, ...]
+    session_count: int
+    installations: int
+    descriptions: tuple[dict[str, object], ...]
+    latest: SessionDetail | None = field(repr=False)
+
+
+@dataclass(frozen=True)
+class RunDetail:
+    """One run's page: its frames, its session, and what happened around it."""
+
+    run: RunSeries
+    session: SessionRow
+    protocol: dict[str, object]
+    platform: str
+    driver: str
+    parameters: dict[str, object]

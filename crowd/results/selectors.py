@@ -1,0 +1,311 @@
+"""Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
+
+from collections import defaultdict
+from collections.abc import Iterable
+from datetime import UTC, datetime, time
+from typing import Any
+from uuid import UUID
+
+from django.db.models import Count, Max, Prefetch, QuerySet
+
+from crowd.devices.models import DeviceModel
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.selectors import BEST
+from crowd.results import packing, statistics, summaries
+from crowd.results.filters import ALL, SpeedupFilters
+from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
+from crowd.results.rows import (
+    Device,
+    DeviceDetail,
+    DeviceRow,
+    Headline,
+    RunDetail,
+    RunRow,
+    RunSeries,
+    SessionDetail,
+    SessionRow,
+    SessionSpeedup,
+    Speedup,
+    Speedups,
+)
+
+LISTED_SESSIONS = 20
+
+
+def measured_front(application: str) -> str | None:
+    """Slug of the newest published front that is measured; the newest of all before anyone measured."""
+    published = FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
+    measured = published.filter(pk__in=DeviceSpeedup.objects.values("front_id"))
+    return measured.values_list("slug", flat=True).first() or published.values_list("slug", flat=True).first()
+
+
+def speedups(filters: SpeedupFilters) -> Speedups:
+    """Bars and headline for FILTERS, fastest first. Four queries at most, whatever the number of devices."""
+    front = filters.front or measured_front(filters.application)
+    rows = _speedups_since(filters, front) if filters.since else _stored_speedups(filters, front)
+    ordered = tuple(sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.configuration)))
+    return Speedups(filters, front, ordered, headline(ordered, filters.configuration))
+
+
+def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
+    """The crowd's figure over device models; a model measured on several processors counts once."""
+    name = BEST if configuration == ALL else configuration
+    shown = [row for row in rows if row.configuration == name]
+    counted = [row for row in shown if not row.suspect] or shown
+    by_model: dict[str, list[float]] = defaultdict(list)
+    for row in counted:
+        by_model[row.device.slug].append(row.speedup)
+    models = [value for values in by_model.values() if (value := statistics.crowd_speedup(values))]
+    return Headline(
+        devices=len(models),
+        sessions=sum(row.sessions for row in counted),
+        geometric_mean=statistics.crowd_speedup(models),
+        min=min(models, default=None),
+        max=max(models, default=None),
+        suspect=bool(counted) and counted[0].suspect,
+    )
+
+
+def devices() -> tuple[DeviceRow, ...]:
+    """Every device that somebody measured, fastest first, those without a figure last. Four queries."""
+    best = {row.device.slug: row for row in reversed(speedups(SpeedupFilters()).rows)}
+    models = DeviceModel.objects.annotate(
+        session_count=Count("sessions"),
+        installation_count=Count("sessions__installation", distinct=True),
+        last=Max("sessions__started_at"),
+    ).filter(session_count__gt=0)
+    rows = (
+        DeviceRow(
+            _device(model),
+            model.session_count,
+            model.installation_count,
+            _hour(model.last),
+            best.get(model.slug),
+        )
+        for model in models
+    )
+    return tuple(
+        sorted(rows, key=lambda row: (-(row.speedup.speedup if row.speedup else 0.0), row.device.slug))
+    )
+
+
+def device(slug: str) -> DeviceDetail | None:
+    """One device: every configuration of every front, the newest sessions. None for an unknown SLUG."""
+    model = DeviceModel.objects.filter(slug=slug).first()
+    if model is None:
+        return None
+    sessions = _sessions().filter(device=model)
+    counts = model.sessions.aggregate(
+        sessions=Count("id"), installations=Count("installation", distinct=True)
+    )
+    listed = tuple(sessions[:LISTED_SESSIONS])
+    return DeviceDetail(
+        device=_device(model),
+        speedups=tuple(_speedup(row) for row in _speedup_rows().filter(device=model)),
+        sessions=tuple(_session(row) for row in listed),
+        session_count=counts["sessions"],
+        installations=counts["installations"],
+        descriptions=tuple(model.descriptions.order_by("first_seen_at").values_list("raw", flat=True)),
+        latest=_detail(listed[0]) if listed else None,
+    )
+
+
+def latest_sessions(limit: int = LISTED_SESSIONS) -> tuple[SessionRow, ...]:
+    """The sessions that arrived last, newest first. Two queries."""
+    return tuple(_session(row) for row in _sessions()[:limit])
+
+
+def session(uuid: UUID) -> SessionDetail | None:
+    """A session with the series of all its runs; None if unknown. Three queries."""
+    row = _sessions().filter(uuid=uuid).first()
+    return None if row is None else _detail(row)
+
+
+def run(uuid: UUID) -> RunDetail | None:
+    """One run's page; None if unknown. Three queries."""
+    row = Run.objects.select_related("configuration").filter(uuid=uuid).first()
+    if row is None:
+        return None
+    around = _sessions().get(pk=row.session_id)
+    return RunDetail(
+        run=_series(row),
+        session=_session(around),
+        protocol=around.front.protocol,
+        platform=around.platform,
+        driver=around.driver,
+        parameters=row.configuration.parameters,
+    )
+
+
+def _hour(moment: datetime) -> datetime:
+    return moment.replace(minute=0, second=0, microsecond=0)
+
+
+def _device(model: DeviceModel) -> Device:
+    return Device(
+        slug=model.slug,
+        manufacturer=model.manufacturer,
+        name=model.name,
+        cpu=model.cpu,
+        soc=model.soc,
+        gpu=model.gpu,
+        os=model.os,
+    )
+
+
+def _device_restrictions(filters: SpeedupFilters, prefix: str) -> dict[str, str]:
+    texts = {"soc": filters.soc, "gpu": filters.gpu, "os": filters.os}
+    return {f"{prefix}{name}__icontains": text for name, text in texts.items() if text}
+
+
+def _speedup_rows() -> QuerySet[DeviceSpeedup]:
+    return DeviceSpeedup.objects.select_related("device", "front", "configuration", "baseline")
+
+
+def _stored_speedups(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
+    rows = _speedup_rows().filter(
+        front__slug=front, sessions__gte=filters.min_sessions, **_device_restrictions(filters, "device__")
+    )
+    if filters.configuration != ALL:
+        rows = rows.filter(configuration__name=filters.configuration)
+    if filters.backend:
+        rows = rows.filter(backend=filters.backend)
+    return [_speedup(row) for row in rows]
+
+
+def _speedups_since(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
+    """The same figures from the sessions of a period alone, which no stored row holds."""
+    assert filters.since is not None
+    rows = SessionSummary.objects.filter(
+        session__front__slug=front,
+        session__started_at__gte=datetime.combine(filters.since, time.min, UTC),
+        **_device_restrictions(filters, "session__device__"),
+    )
+    if filters.configuration != ALL:
+        rows = rows.filter(configuration__name=filters.configuration)
+    if filters.backend:
+        rows = rows.filter(session__backend=filters.backend)
+    figures = summaries.figures(rows)
+    models = DeviceModel.objects.in_bulk({key.device for key in figures})
+    version = FrontVersion.objects.filter(slug=front).prefetch_related("configurations").first()
+    names = {c.pk: c.name for c in version.configurations.all()} if version else {}
+    return [
+        Speedup(
+            device=_device(models[key.device]),
+            front=front or "",
+            configuration=names[key.configuration],
+            baseline=names[key.baseline],
+            backend=key.backend,
+            processor=key.processor,
+            speedup=figure.model.speedup.value,
+            low=figure.model.speedup.low,
+            high=figure.model.speedup.high,
+            repeat_low=figure.model.repeat.low if figure.model.repeat else None,
+            repeat_high=figure.model.repeat.high if figure.model.repeat else None,
+            sessions=figure.model.sessions,
+            installations=figure.model.installations,
+            ate_max=figure.ate_max,
+            last_session_at=_hour(figure.last_session_at),
+            suspect=figure.state == State.SUSPECT,
+        )
+        for key, figure in figures.items()
+        if figure.model.sessions >= filters.min_sessions
+    ]
+
+
+def _speedup(row: DeviceSpeedup) -> Speedup:
+    return Speedup(
+        device=_device(row.device),
+        front=row.front.slug,
+        configuration=row.configuration.name,
+        baseline=row.baseline.name,
+        backend=row.backend,
+        processor=row.processor,
+        speedup=row.speedup,
+        low=row.low,
+        high=row.high,
+        repeat_low=row.repeat_low,
+        repeat_high=row.repeat_high,
+        sessions=row.sessions,
+        installations=row.installations,
+        ate_max=row.ate_max,
+        last_session_at=_hour(row.last_session_at),
+        suspect=row.state == State.SUSPECT,
+    )
+
+
+def _sessions() -> QuerySet[MeasurementSession]:
+    answers = SessionSummary.objects.select_related("configuration", "baseline").order_by(
+        "configuration__position"
+    )
+    return MeasurementSession.objects.select_related("device", "front").prefetch_related(
+        Prefetch("summaries", queryset=answers)
+    )
+
+
+def _session(row: MeasurementSession) -> SessionRow:
+    return SessionRow(
+        uuid=row.uuid,
+        device=_device(row.device),
+        front=row.front.slug,
+        backend=row.backend,
+        processor=row.processor,
+        started_at=_hour(row.started_at),
+        summarised=row.summary_algorithm is not None,
+        speedups=tuple(_session_speedup(answer) for answer in row.summaries.all()),
+    )
+
+
+def _session_speedup(row: SessionSummary) -> SessionSpeedup:
+    return SessionSpeedup(
+        configuration=row.configuration.name,
+        baseline=row.baseline.name,
+        speedup=None if row.log_ratio is None else statistics.ratio(row.log_ratio),
+        pairs=row.pairs,
+        drift=row.drift,
+        ate_max=row.ate_max,
+        state=row.state,
+        reason=row.reason,
+    )
+
+
+def _detail(row: MeasurementSession) -> SessionDetail:
+    runs: Iterable[Any] = row.runs.select_related("configuration").order_by("order")
+    return SessionDetail(
+        session=_session(row),
+        protocol=row.front.protocol,
+        platform=row.platform,
+        driver=row.driver,
+        samples=row.samples,
+        runs=tuple(_series(each) for each in runs),
+    )
+
+
+def _series(row: Run) -> RunSeries:
+    return RunSeries(
+        run=_run(row),
+        frame_seconds=packing.seconds(packing.unpack(row.frame_us)),
+        stage_seconds={
+            name: packing.seconds(series)
+            for name, series in packing.unpack_stages(row.stages, row.stages_us).items()
+        },
+        tracked=tuple(packing.unpack_tracked(row.tracked)),
+    )
+
+
+def _run(row: Run) -> RunRow:
+    return RunRow(
+        uuid=row.uuid,
+        configuration=row.configuration.name,
+        repeat=row.repeat,
+        order=row.order,
+        status=row.status,
+        failure=row.failure,
+        mean_seconds=None if row.mean_us is None else row.mean_us * 1e-6,
+        tracked_frames=row.tracked_frames,
+        ate_max=row.ate_max,
+        ate_mean=row.ate_mean,
+        ate_rmse=row.ate_rmse,
+        state=row.state,
+        reason=row.reason,
+    )
