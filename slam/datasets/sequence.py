@@ -1,0 +1,98 @@
+"""What every sequence offers, whatever file it comes from."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from slam.camera import Camera
+from slam.trajectory import Trajectory, associate
+
+FRAME_RATE = 30.0  # frames a second, where a format has no stamps: the rate of the Kinect and of ICL-NUIM
+
+
+Progress = Callable[[int, int], None]  # called with the number of frames done and the number of all frames
+
+
+class SequenceError(ValueError):
+    """A sequence that cannot be read; the message names the file and what would be right."""
+
+
+class DigestError(SequenceError):
+    """Content that is not what its digest promises."""
+
+
+class Sequence(ABC):
+    """An RGB-D sequence.
+
+    `timestamps` are float64 (n,), seconds. `truth` is None or float64 (n, 4, 4), camera to world, OpenCV
+    axes, metres, with NaN for frames of which the true pose is not known. `volume_size` (m) and
+    `initial_position` (fraction of the volume) say where the reconstruction cube of this scene lies,
+    where someone has chosen it.
+    """
+
+    name: str
+    camera: Camera
+    timestamps: npt.NDArray[np.float64]
+    truth: npt.NDArray[np.float64] | None = None
+    volume_size: float | None = None
+    initial_position: tuple[float, float, float] | None = None
+
+    def __len__(self) -> int:
+        return len(self.timestamps)
+
+    @abstractmethod
+    def depth(self, index: int) -> npt.NDArray[np.uint16]:
+        """Depth of a frame, (height, width), millimetres along the optical axis, 0 where not measured.
+
+        Raises IndexError outside 0..n-1 and SequenceError when the frame is damaged.
+        """
+
+    def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
+        """Colour of a frame, (height, width, 3) in the order red, green, blue, or None without colour."""
+        self.check_index(index)
+        return None
+
+    @property
+    @abstractmethod
+    def sha256(self) -> str:
+        """A digest of the content: equal for equal files, whatever they are called."""
+
+    def check_index(self, index: int) -> None:
+        if not 0 <= index < len(self):
+            raise IndexError(f"frame {index} of {self.name!r}: it has the frames 0 to {len(self) - 1}")
+
+
+def regular_timestamps(count: int) -> npt.NDArray[np.float64]:
+    """Stamps of `count` frames at FRAME_RATE, from zero."""
+    return np.arange(count) / FRAME_RATE
+
+
+def match_truth(
+    trajectory: Trajectory,
+    timestamps: npt.NDArray[np.float64],
+    numbers: npt.NDArray[np.int64] | None,
+    source: Path,
+) -> npt.NDArray[np.float64]:
+    """The true pose of every frame, (n, 4, 4), NaN where `trajectory` has none.
+
+    Stamps decide. Where the frames are only numbered (`numbers`) and the trajectory's stamps are whole,
+    as in ICL-NUIM's files, those are frame numbers. Raises SequenceError when nothing matches.
+    """
+    stamps = trajectory.timestamps
+    if numbers is not None and len(stamps) > 1 and np.all(stamps == np.rint(stamps)):
+        frames, rows = associate(numbers.astype(np.float64), stamps, 0.5)
+    else:
+        frames, rows = associate(timestamps, stamps)
+    if not len(frames):
+        raise SequenceError(
+            f"{source}: no pose belongs to a frame: its stamps run from {stamps.min():.3f} to "
+            f"{stamps.max():.3f}, the frames' from {timestamps.min():.3f} to {timestamps.max():.3f} s"
+        )
+    truth = np.full((len(timestamps), 4, 4), np.nan)
+    truth[frames] = trajectory.poses[rows]
+    return truth

@@ -1,0 +1,13 @@
+"""Real recordings that are no part of this project, where someone has put them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+DATA = Path(os.environ.get("FRONTRUNNER_DATA", ""))
+needs_real_data = pytest.mark.skipif(
+    "FRONTRUNNER_DATA" not in os.environ, reason="FRONTRUNNER_DATA names no folder with real recordings"
+)
