@@ -26,6 +26,20 @@ class Delivery:
     busy: bool = False
     outdated: OutdatedError | None = None
 
+    def lines(self) -> list[str]:
+        """What became of the sessions, for the participant."""
+        lines = []
+        for item in self.settled:
+            line = f"Session {item.id[:8]}: {item.state} by {item.server}"
+            lines.append(f"{line} ({item.reason})" if item.reason else line)
+        lines += [f"Erased at {address}." for address in self.erased]
+        for address, reason in self.trouble.items():
+            lines.append(f"Not sent to {address}: {reason}")
+            lines.append("What is to be sent is kept on this device and goes with the next `run` or `send`.")
+        if self.busy:
+            lines.append("Another client is sending from the same folder: `send` again when it is done.")
+        return lines
+
 
 def deliver(
     spool: Spool,

@@ -1,0 +1,88 @@
+"""Which configuration of the published front to run on this device: the paper's run-time adaptation."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from statistics import fmean
+from typing import Any
+
+from client_kit.errors import CannotMeasureError
+from client_kit.manifest import Manifest
+from pareto import front
+
+MEASURED, SCALED = "measured here", "scaled from the reference device"
+
+
+@dataclass(frozen=True)
+class Point:
+    """A configuration with its time (s a frame) and largest trajectory error (m) on this device.
+
+    `source` tells whether it was measured here, or is the reference device's time multiplied by the ratio
+    of this device's default to the reference's.
+    """
+
+    name: str
+    parameters: Mapping[str, Any]
+    runtime: float
+    ate_max: float
+    source: str
+
+
+def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Point]:
+    """Every configuration of the front with what is known of it here.
+
+    `payloads` are the sessions that this device has measured; those of other fronts are disregarded. A
+    configuration that was measured here has the mean of its runs and its worst error; the others have the
+    reference's error and scaled time, and are left out while nothing was measured here to scale by.
+    """
+    times: dict[str, list[float]] = {}
+    errors: dict[str, list[float]] = {}
+    failed: set[str] = set()
+    for run in _runs(manifest, payloads):
+        name = run["configuration"]
+        if run["status"] != "ok" or run["ate_max"] is None:
+            failed.add(name)
+            continue
+        counted = run["frame_us"][manifest.protocol.first_counted_frame :]
+        times.setdefault(name, []).append(fmean(counted) / 1e6)
+        errors.setdefault(name, []).append(run["ate_max"])
+    reference = manifest.configurations["default"].predicted.get("runtime")
+    scale = fmean(times["default"]) / reference if "default" in times and reference else None
+    found = []
+    for name, configuration in manifest.configurations.items():
+        predicted = configuration.predicted
+        if name in times:
+            here = Point(name, configuration.parameters, fmean(times[name]), max(errors[name]), MEASURED)
+            found.append(here)
+        elif scale and name not in failed and predicted.get("runtime") and "ate_max" in predicted:
+            runtime = predicted["runtime"] * scale
+            found.append(Point(name, configuration.parameters, runtime, predicted["ate_max"], SCALED))
+    return found
+
+
+def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = None) -> Point:
+    """The point to run: the fastest with an error of at most `max_ate` metres; where a time of
+    `max_seconds` a frame is enough, the most accurate that keeps both limits.
+
+    Raises CannotMeasureError, naming the nearest value, when no point keeps the limits.
+    """
+    if not candidates:
+        raise CannotMeasureError("nothing was measured here yet: run the client once, then choose")
+    entries = [(point, {"ate_max": point.ate_max, "runtime": point.runtime}) for point in candidates]
+    limits = {"ate_max": max_ate}
+    if max_seconds is not None:
+        limits["runtime"] = max_seconds
+    try:
+        point, _ = front.choose(entries, limits, prefer="runtime" if max_seconds is None else "ate_max")
+    except front.NothingWithinLimitsError as error:
+        raise CannotMeasureError(str(error)) from error
+    return point
+
+
+def _runs(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> Iterable[Mapping[str, Any]]:
+    for payload in payloads:
+        for session in payload["sessions"]:
+            if (session["application"], session["front_version"]) == (
+                manifest.application,
+                manifest.front_version,
+            ):
+                yield from session["runs"]

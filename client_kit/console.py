@@ -1,0 +1,54 @@
+"""What a participant sees: lines on standard output, a progress bar where the terminal can show one."""
+
+import sys
+import time
+from collections.abc import Iterable
+from typing import TextIO
+
+WIDTH = 30
+REDRAW_SECONDS = 0.1
+
+
+class Console:
+    """Lines for people. The bar is redrawn in place on a terminal and left out elsewhere, as in a log."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream if stream is not None else sys.stdout
+        self._bars = self._stream.isatty()
+        self._drawn = 0
+        self._drawn_at = 0.0
+
+    def say(self, line: str = "") -> None:
+        """Write one line, in place of a bar if one is shown."""
+        self._wipe()
+        self._stream.write(f"{line}\n")
+        self._stream.flush()
+
+    def lines(self, lines: Iterable[str]) -> None:
+        """Write several lines."""
+        for line in lines:
+            self.say(line)
+
+    def bar(self, label: str, done: int, total: int, unit: str = "") -> None:
+        """Show how far something is."""
+        now = time.monotonic()
+        if not self._bars or (done < total and now - self._drawn_at < REDRAW_SECONDS):
+            return
+        filled = WIDTH * done // total if total else WIDTH
+        line = f"{label} [{'#' * filled}{'.' * (WIDTH - filled)}] {done}/{total}{unit}"
+        self._wipe()
+        self._stream.write(line)
+        self._stream.flush()
+        self._drawn, self._drawn_at = len(line), now
+
+    def ask(self, question: str) -> bool:
+        """Whether the participant types yes."""
+        self._wipe()
+        self._stream.write(f"{question} [yes/no] ")
+        self._stream.flush()
+        return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+    def _wipe(self) -> None:
+        if self._drawn:
+            self._stream.write(f"\r{' ' * self._drawn}\r")
+            self._drawn = 0

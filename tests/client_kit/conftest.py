@@ -1,0 +1,43 @@
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from client_kit.home import Home
+from client_kit.spool import Spool
+from tests.client_kit.scripted import Reply, Request, ScriptedServer
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Home:
+    home = Home(tmp_path / "home")
+    home.prepare()
+    return home
+
+
+@pytest.fixture
+def spool(home: Home) -> Spool:
+    return Spool(home.spool)
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[Callable[[Request], Reply]], ScriptedServer]]:
+    """Start a server that answers by a function; all are stopped at the end."""
+    servers: list[ScriptedServer] = []
+
+    def start(answer: Callable[[Request], Reply], port: int = 0) -> ScriptedServer:
+        servers.append(ScriptedServer(answer, port))
+        return servers[-1]
+
+    yield start
+    for server in servers:
+        server.close()
+
+
+@pytest.fixture
+def closed_port() -> int:
+    """A port of this machine on which nothing listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
