@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     import pyopencl as cl
 
@@ -100,6 +102,14 @@ def choose_device(text: str | None = None) -> Device:
     raise NoDeviceError(f"no OpenCL device matches {text!r}; present: " + "; ".join(d.label for d in devices))
 
 
+def _argument(value: Any) -> Any:
+    if isinstance(value, int):
+        return np.int32(value)
+    if isinstance(value, float):
+        return np.float32(value)
+    return value
+
+
 def _numbers(version: str) -> list[int]:
     """Release numbers in a version string, padded: 3.1 sorts above 3.0-rc2."""
     found = [int(digits) for digits in re.findall(r"\d+", version.split("-")[0])]
@@ -151,11 +161,14 @@ class Session:
         return self._programs[source]
 
     def kernel(self, source: Path, name: str, size: tuple[int, ...], *arguments: Any) -> BoundKernel:
-        """The kernel `name` of a file, over `size` work-items in groups of one, with its arguments set."""
+        """The kernel `name` of a file, over `size` work-items in groups of one, with its arguments set.
+
+        Python's int and float become OpenCL's 32-bit ones.
+        """
         import pyopencl as cl
 
         kernel = cl.Kernel(self.program(source), name)
-        kernel.set_args(*arguments)
+        kernel.set_args(*(_argument(value) for value in arguments))
         return BoundKernel(self.queue, kernel, size, arguments)
 
     def buffer(self, nbytes: int, what: str = "a buffer") -> cl.Buffer:

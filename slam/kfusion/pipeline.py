@@ -32,7 +32,7 @@ STATE = np.dtype(
 
 
 class KFusion:
-    """A `slam.systems.System`. The pose lives in the volume's frame: axes along its sides, origin in a corner.
+    """A `slam.systems.System`. The pose lives in the volume's frame, whose origin is a corner.
 
     Frames 0 to 3 are integrated where the camera starts; the first raycast follows frame 3, so frame 4
     is the first that can be tracked. A lost frame keeps the last pose and is not integrated.
@@ -48,7 +48,8 @@ class KFusion:
             raise ConfigurationError(f"compute_size_ratio={ratio}: {error}") from error
         if min(camera.width, camera.height) < 2 ** (LEVELS - 1):
             raise ConfigurationError(
-                f"compute_size_ratio={ratio}: leaves {camera.width}x{camera.height} pixels, too few for {LEVELS} levels"
+                f"compute_size_ratio={ratio}: leaves {camera.width}x{camera.height} pixels, "
+                f"too few for {LEVELS} levels"
             )
         if scene.volume_size <= 0:
             raise ConfigurationError(f"volume_size={scene.volume_size}: must be above 0 (metres)")

@@ -65,7 +65,7 @@ class Preprocessing:
     def __init__(self, session: Session, sensor: Camera, ratio: int, levels: int, state: cl.Buffer) -> None:
         self._session = session
         camera = sensor.scaled(ratio)
-        width, height = np.int32(camera.width), np.int32(camera.height)
+        width, height = camera.width, camera.height
         pixels = camera.width * camera.height
         self._millimetres = session.buffer(2 * sensor.width * sensor.height, "a depth image")
         self.depth = session.buffer(4 * pixels, "an image")
@@ -81,29 +81,29 @@ class Preprocessing:
         finest = self.levels[0]
         self._sample: list[BoundKernel] = [
             session.kernel(
-                SOURCE, "millimetres_to_metres", (int(height),), self._millimetres, np.int32(sensor.width),
-                np.int32(ratio), self.depth, width, farthest,
+                SOURCE, "millimetres_to_metres", (height,), self._millimetres, sensor.width,
+                ratio, self.depth, width, farthest,
             ),
             session.kernel(SOURCE, "farthest_depth", (1,), farthest, height, state),
             session.kernel(
-                SOURCE, "bilateral_filter", (int(height),), self.depth, finest.depth, width, height,
-                np.float32(0.5 / constants.BILATERAL_SPATIAL_SIGMA**2),
-                np.float32(0.5 / constants.BILATERAL_RANGE_SIGMA**2),
+                SOURCE, "bilateral_filter", (height,), self.depth, finest.depth, width, height,
+                0.5 / constants.BILATERAL_SPATIAL_SIGMA**2,
+                0.5 / constants.BILATERAL_RANGE_SIGMA**2,
             ),
         ]  # fmt: skip
         self._build: list[BoundKernel] = []
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
             self._build.append(
                 session.kernel(
-                    SOURCE, "half_sample", (coarse.camera.height,), fine.depth, np.int32(fine.camera.width),
-                    coarse.depth, np.int32(coarse.camera.width), np.float32(constants.HALF_SAMPLE_RANGE),
+                    SOURCE, "half_sample", (coarse.camera.height,), fine.depth, fine.camera.width,
+                    coarse.depth, coarse.camera.width, constants.HALF_SAMPLE_RANGE,
                 )
             )  # fmt: skip
         for level in self.levels:
             self._build.append(
                 session.kernel(
                     SOURCE, "normal_map", (level.camera.height,), level.depth, *level.normals,
-                    np.int32(level.camera.width), np.int32(level.camera.height), intrinsics(level.camera),
+                    level.camera.width, level.camera.height, intrinsics(level.camera),
                 )
             )  # fmt: skip
 

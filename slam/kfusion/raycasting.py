@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from slam.camera import Camera
 from slam.kfusion import configuration as constants
 from slam.kfusion.preprocessing import Planes, intrinsics
@@ -30,10 +28,10 @@ class Model:
         self._kernels = [
             session.kernel(SOURCE, "view_from", (1,), intrinsics(camera), state),
             session.kernel(
-                SOURCE, "raycast", (camera.height,), volume.voxels, np.int32(volume.resolution),
-                np.float32(volume.voxel_size), volume.searched, np.int32(volume.blocks), np.int32(camera.width),
-                intrinsics(camera), np.float32(constants.NEAR_PLANE), np.float32(constants.FAR_PLANE),
-                np.float32(volume.voxel_size), np.float32(0.75 * mu), np.float32(NEAR_SURFACE), state,
+                SOURCE, "raycast", (camera.height,), volume.voxels, volume.resolution,
+                volume.voxel_size, volume.searched, volume.blocks, camera.width,
+                intrinsics(camera), constants.NEAR_PLANE, constants.FAR_PLANE,
+                volume.voxel_size, 0.75 * mu, NEAR_SURFACE, state,
                 *self.vertices, *self.normals,
             ),
         ]  # fmt: skip

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from slam.kfusion import configuration as constants
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.preprocessing import Level, intrinsics
@@ -45,21 +43,21 @@ class Tracking:
                 last_level = level
                 self._kernels += [
                     kernel(
-                        SOURCE, "track", (camera.height,), level.depth, *level.normals, np.int32(camera.width),
-                        intrinsics(camera), *model.vertices, *model.normals, np.int32(model.camera.width),
-                        np.int32(model.camera.height), np.float32(constants.ASSOCIATION_DISTANCE),
-                        np.float32(constants.ASSOCIATION_NORMAL), np.int32(iteration), state, sums,
+                        SOURCE, "track", (camera.height,), level.depth, *level.normals, camera.width,
+                        intrinsics(camera), *model.vertices, *model.normals, model.camera.width,
+                        model.camera.height, constants.ASSOCIATION_DISTANCE,
+                        constants.ASSOCIATION_NORMAL, iteration, state, sums,
                     ),
                     kernel(
-                        SOURCE, "solve", (1,), sums, np.int32(camera.height),
-                        np.float32(configuration.icp_threshold), np.int32(iteration), state,
+                        SOURCE, "solve", (1,), sums, camera.height,
+                        configuration.icp_threshold, iteration, state,
                     ),
                 ]  # fmt: skip
         pixels = last_level.camera.width * last_level.camera.height
         self._kernels.append(
             kernel(
-                SOURCE, "check_pose", (1,), np.int32(pixels), np.float32(constants.MAX_RESIDUAL),
-                np.float32(constants.MIN_INLIERS), state,
+                SOURCE, "check_pose", (1,), pixels, constants.MAX_RESIDUAL,
+                constants.MIN_INLIERS, state,
             )
         )  # fmt: skip
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from slam.camera import Camera
 from slam.kfusion import configuration as constants
 from slam.kfusion.preprocessing import intrinsics
@@ -43,25 +41,25 @@ class Volume:
         self.searched = session.buffer(4 * self.blocks**3, "the block marks")
         self._dilate = session.kernel(
             SOURCE, "dilate_blocks", (self.blocks, self.blocks), self._surface, self.searched,
-            np.int32(self.blocks),
+            self.blocks,
         )  # fmt: skip
         self.clear()
 
     def clear(self) -> None:
         """Empty space everywhere, with nothing observed."""
         self._session.kernel(
-            SOURCE, "clear_volume", (self.resolution,), self.voxels, np.int32(self.resolution), self._surface,
-            np.int32(self.blocks),
+            SOURCE, "clear_volume", (self.resolution,), self.voxels, self.resolution, self._surface,
+            self.blocks,
         )()  # fmt: skip
         self._dilate()
 
     def fuse_from(self, depth: cl.Buffer, camera: Camera, mu: float, state: cl.Buffer) -> None:
         """Say where depth images (metres) and the pose will be found."""
         self._integrate = self._session.kernel(
-            SOURCE, "integrate", (self.blocks, self.blocks), self.voxels, np.int32(self.resolution),
-            np.float32(self.voxel_size), self._surface, np.int32(self.blocks), depth, np.int32(camera.width),
-            np.int32(camera.height), intrinsics(camera), np.float32(mu), np.float32(constants.MAX_WEIGHT),
-            np.float32(NEAR_SURFACE), state,
+            SOURCE, "integrate", (self.blocks, self.blocks), self.voxels, self.resolution,
+            self.voxel_size, self._surface, self.blocks, depth, camera.width,
+            camera.height, intrinsics(camera), mu, constants.MAX_WEIGHT,
+            NEAR_SURFACE, state,
         )  # fmt: skip
 
     def integrate(self) -> None:

@@ -1,0 +1,279 @@
+"""Every kernel of this package in NumPy, under its own name: slow, and obviously right.
+
+Images are (height, width), vector images (height, width, 3), poses (4, 4) camera to volume, all float64;
+the volume is float64 (z, y, x) distances in units of one truncation distance, with weights beside it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.camera import Camera
+
+Array = NDArray[np.float64]
+
+
+def millimetres_to_metres(millimetres: NDArray[np.uint16], ratio: int) -> Array:
+    """Every ratio-th pixel of a depth image, in metres."""
+    return millimetres[::ratio, ::ratio] / 1000.0
+
+
+def farthest_depth(metres: Array) -> float:
+    return float(metres.max())
+
+
+def bilateral_filter(depth: Array, spatial_sigma: float, range_sigma: float) -> Array:
+    """Over 5x5 pixels (Tomasi and Manduchi 1998); pixels without depth stay so and count nowhere."""
+    height, width = depth.shape
+    filtered = np.zeros_like(depth)
+    for y in range(height):
+        for x in range(width):
+            if depth[y, x] == 0:
+                continue
+            total = weights = 0.0
+            for dy in range(-2, 3):
+                for dx in range(-2, 3):
+                    neighbour = depth[min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)]
+                    if neighbour == 0:
+                        continue
+                    difference = neighbour - depth[y, x]
+                    weight = np.exp(
+                        -(difference**2) / (2 * range_sigma**2) - (dx**2 + dy**2) / (2 * spatial_sigma**2)
+                    )
+                    total += weight * neighbour
+                    weights += weight
+            filtered[y, x] = total / weights
+    return filtered
+
+
+def half_sample(fine: Array, range_threshold: float) -> Array:
+    """The mean of those of each 2x2 block that lie within the threshold of its first pixel."""
+    height, width = fine.shape[0] // 2, fine.shape[1] // 2
+    coarse = np.zeros((height, width))
+    for y in range(height):
+        for x in range(width):
+            block = fine[2 * y : 2 * y + 2, 2 * x : 2 * x + 2]
+            coarse[y, x] = block[np.abs(block - block[0, 0]) < range_threshold].mean()
+    return coarse
+
+
+def vertex_map(depth: Array, camera: Camera) -> Array:
+    """The point in the camera's frame that each pixel sees."""
+    y, x = np.mgrid[: depth.shape[0], : depth.shape[1]]
+    return np.dstack([(x - camera.cx) / camera.fx * depth, (y - camera.cy) / camera.fy * depth, depth])
+
+
+def normal_map(depth: Array, camera: Camera) -> Array:
+    """Unit normals towards the camera; zero where one of the five pixels has no depth."""
+    height, width = depth.shape
+    vertices = vertex_map(depth, camera)
+    side = np.sign(camera.fx * camera.fy)
+    normals = np.zeros_like(vertices)
+    for y in range(height):
+        for x in range(width):
+            above, below = vertices[max(y - 1, 0), x], vertices[min(y + 1, height - 1), x]
+            left, right = vertices[y, max(x - 1, 0)], vertices[y, min(x + 1, width - 1)]
+            if min(depth[y, x], above[2], below[2], left[2], right[2]) == 0:
+                continue
+            normal = side * np.cross(below - above, right - left)
+            normals[y, x] = normal / np.linalg.norm(normal)
+    return normals
+
+
+def view_from(pose: Array, camera: Camera) -> Array:
+    """(3, 4): from the volume's frame to pixels of a camera at `pose`, times their depth."""
+    matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+    return matrix @ np.linalg.inv(pose)[:3]
+
+
+def track(
+    depth: Array,
+    normals: Array,
+    camera: Camera,
+    model_vertices: Array,
+    model_normals: Array,
+    pose: Array,
+    view: Array,
+    max_distance: float,
+    min_dot: float,
+) -> tuple[Array, Array, float, int]:
+    """The normal equations of point-to-plane ICP (Newcombe et al. 2011, eq. 16 to 19).
+
+    Returns J^T J (6, 6), J^T e (6), the sum of e^2 and the number of inliers; the unknowns are a
+    translation and a rotation vector about the volume's origin.
+    """
+    normal_matrix, right_side, squared_error, inliers = np.zeros((6, 6)), np.zeros(6), 0.0, 0
+    vertices = vertex_map(depth, camera)
+    height, width = model_vertices.shape[:2]
+    for y, x in np.ndindex(depth.shape):
+        if not normals[y, x].any():
+            continue
+        point = pose[:3, :3] @ vertices[y, x] + pose[:3, 3]
+        projected = view @ np.append(point, 1.0)
+        if projected[2] <= 0:
+            continue
+        u, v = projected[:2] / projected[2] + 0.5
+        if not (0 <= u <= width - 1 and 0 <= v <= height - 1):
+            continue
+        target, target_normal = model_vertices[int(v), int(u)], model_normals[int(v), int(u)]
+        if not target_normal.any() or np.linalg.norm(target - point) > max_distance:
+            continue
+        if pose[:3, :3] @ normals[y, x] @ target_normal < min_dot:
+            continue
+        error = target_normal @ (target - point)
+        jacobian = np.concatenate([target_normal, np.cross(point, target_normal)])
+        normal_matrix += np.outer(jacobian, jacobian)
+        right_side += jacobian * error
+        squared_error += error**2
+        inliers += 1
+    return normal_matrix, right_side, squared_error, inliers
+
+
+def exponential(twist: Array) -> Array:
+    """The motion (4, 4) of a twist (translation, rotation vector), as a power series of its matrix."""
+    x, y, z = twist[3:]
+    generator = np.zeros((4, 4))
+    generator[:3, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+    generator[:3, 3] = twist[:3]
+    motion, term = np.eye(4), np.eye(4)
+    for order in range(1, 30):
+        term = term @ generator / order
+        motion += term
+    return motion
+
+
+def solve(normal_matrix: Array, right_side: Array, pose: Array, threshold: float) -> tuple[Array, bool]:
+    """The moved pose, and whether the update was smaller than the threshold.
+
+    Singular values of a millionth of the largest or less are dropped.
+    """
+    left, singular, right = np.linalg.svd(normal_matrix)
+    kept = singular * 1e6 > singular[0]
+    update = right.T[:, kept] @ ((left.T @ right_side)[kept] / singular[kept])
+    return exponential(update) @ pose, bool(np.linalg.norm(update) < threshold)
+
+
+def check_pose(
+    squared_error: float, inliers: int, pixels: int, max_residual: float, min_inliers: float
+) -> bool:
+    """Whether the residual is small and enough pixels took part."""
+    if inliers == 0:
+        return False
+    return bool(np.sqrt(squared_error / inliers) <= max_residual and inliers / pixels >= min_inliers)
+
+
+def begin_tracking(pose: Array) -> Array:
+    """What a lost frame goes back to."""
+    return pose.copy()
+
+
+def clear_volume(resolution: int) -> tuple[Array, Array]:
+    """Distances and weights of a volume that has observed nothing: empty space everywhere."""
+    return np.ones((resolution,) * 3), np.zeros((resolution,) * 3)
+
+
+def integrate(
+    distances: Array,
+    weights: Array,
+    voxel_size: float,
+    depth: Array,
+    camera: Camera,
+    pose: Array,
+    mu: float,
+    max_weight: float,
+) -> tuple[Array, Array]:
+    """Fuse a depth image (Newcombe et al. 2011, eq. 6 to 13); new distances and weights."""
+    resolution = len(distances)
+    z, y, x = np.mgrid[:resolution, :resolution, :resolution]
+    centres = (np.stack([x, y, z], axis=-1) + 0.5) * voxel_size
+    seen = (centres - pose[:3, 3]) @ pose[:3, :3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rays = seen / seen[..., 2:]
+    u = camera.fx * rays[..., 0] + camera.cx + 0.5
+    v = camera.fy * rays[..., 1] + camera.cy + 0.5
+    visible = (seen[..., 2] > 1e-4) & (u >= 0) & (u <= camera.width - 1) & (v >= 0) & (v <= camera.height - 1)
+    measured = np.zeros_like(distances)
+    measured[visible] = depth[v[visible].astype(int), u[visible].astype(int)]
+    along_ray = (measured - seen[..., 2]) * np.linalg.norm(rays, axis=-1)
+    update = visible & (measured > 0) & (along_ray > -mu)
+    mean = (distances * weights + np.minimum(along_ray / mu, 1)) / (weights + 1)
+    return (
+        np.where(update, np.maximum(mean, -1), distances),
+        np.where(update, np.minimum(weights + 1, max_weight), weights),
+    )
+
+
+def dilate_blocks(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Blocks (z, y, x) that are marked or have a marked neighbour towards larger indices."""
+    padded = np.pad(marked, ((0, 1),) * 3)
+    z, y, x = marked.shape
+    searched = np.zeros_like(marked)
+    for dz, dy, dx in np.ndindex(2, 2, 2):
+        searched |= padded[dz : dz + z, dy : dy + y, dx : dx + x]
+    return searched
+
+
+def interpolate(distances: Array, point: Array, voxel_size: float) -> float:
+    """Trilinear interpolation at a point in metres, clamped at the volume's sides."""
+    place = point / voxel_size - 0.5
+    base = np.floor(place).astype(int)
+    fraction = place - base
+    value = 0.0
+    for corner in np.ndindex(2, 2, 2):
+        index = np.clip(base + corner, 0, len(distances) - 1)
+        value += np.prod(np.where(corner, fraction, 1 - fraction)) * distances[tuple(index[::-1])]
+    return float(value)
+
+
+def raycast(
+    distances: Array,
+    voxel_size: float,
+    pose: Array,
+    camera: Camera,
+    near_plane: float,
+    far_plane: float,
+    small_step: float,
+    large_step: float,
+    near_surface: float = 0.8,
+) -> tuple[Array, Array]:
+    """Vertices and normals in the volume's frame; zero where a ray finds no surface.
+
+    A ray's parameter is its depth along the optical axis. It takes large steps until the distance falls
+    below `near_surface` and small ones from then on; the first crossing from outside is interpolated.
+    """
+    vertices = np.zeros((camera.height, camera.width, 3))
+    normals = np.zeros_like(vertices)
+    size = len(distances) * voxel_size
+    for y, x in np.ndindex(camera.height, camera.width):
+        direction = pose[:3, :3] @ [(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0]
+        origin = pose[:3, 3]
+        with np.errstate(divide="ignore"):
+            sides = np.sort([-origin / direction, (size - origin) / direction], axis=0)
+        t, end = max(sides[0].max(), near_plane), min(sides[1].min(), far_plane)
+        step, before = large_step, None
+        while t < end:
+            value = interpolate(distances, origin + t * direction, voxel_size)
+            if value < 0 or (before is None and value == 0):
+                break
+            if value < near_surface:
+                step = small_step
+            before = value
+            t += step
+        else:
+            continue
+        if before is None:  # the camera stands inside or behind a surface
+            continue
+        point = origin + (t + step * value / (before - value)) * direction
+        offsets = np.eye(3) * voxel_size
+        gradient = np.array(
+            [
+                interpolate(distances, point + offset, voxel_size)
+                - interpolate(distances, point - offset, voxel_size)
+                for offset in offsets
+            ]
+        )
+        length = np.linalg.norm(gradient)
+        if length > 0:
+            vertices[y, x], normals[y, x] = point, gradient / length
+    return vertices, normals

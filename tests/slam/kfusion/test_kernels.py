@@ -1,0 +1,349 @@
+"""Every kernel gives what its NumPy reference gives, on every device present."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slam.camera import Camera
+from slam.kfusion import preprocessing, raycasting, reference, tracking, volume
+from slam.kfusion.pipeline import STATE
+from slam.kfusion.preprocessing import halved, intrinsics
+
+CAMERA = Camera(30.0, 31.0, 19.3, 14.6, 40, 30)
+MIRRORED = Camera(30.0, -31.0, 19.3, 14.6, 40, 30)
+SIZE, RESOLUTION, MU = 2.4, 36, 0.25
+VOXEL = SIZE / RESOLUTION
+BLOCKS = 5
+
+
+def planes(image: np.ndarray) -> list[np.ndarray]:
+    return [np.ascontiguousarray(image[..., axis], np.float32) for axis in range(3)]
+
+
+def room_depth(camera: Camera, seed: int = 0) -> np.ndarray:
+    """A wavy wall with a box in front of it and holes, in metres."""
+    random = np.random.default_rng(seed)
+    y, x = np.mgrid[: camera.height, : camera.width]
+    depth = 1.5 + 0.1 * np.sin(x / 4.0) + 0.05 * np.cos(y / 3.0)
+    depth[8:20, 10:24] = 1.05 + 0.01 * x[8:20, 10:24]
+    depth += random.normal(0, 0.002, depth.shape)
+    depth[random.random(depth.shape) < 0.05] = 0
+    return depth.astype(np.float32)
+
+
+def pose_at(
+    position: tuple[float, float, float], twist: tuple[float, float, float] = (0, 0, 0)
+) -> np.ndarray:
+    pose = reference.exponential(np.array([0, 0, 0, *twist], float))
+    pose[:3, 3] = position
+    return pose
+
+
+def state_of(pose: np.ndarray, **values: object) -> np.ndarray:
+    state = np.zeros(1, STATE)
+    state["pose"] = pose[:3].ravel()
+    for name, value in values.items():
+        state[name] = value
+    return state
+
+
+def packed(distances: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    whole = np.rint(distances * volume.SCALE).astype(np.int16).view(np.uint16).astype(np.uint32)
+    return whole | (weights.astype(np.uint32) << 16)
+
+
+def unpacked(voxels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return (voxels & 0xFFFF).astype(np.uint16).view(np.int16) / volume.SCALE, voxels >> 16
+
+
+def marks_of(distances: np.ndarray) -> np.ndarray:
+    blocks = -(-len(distances) // volume.BLOCK)
+    marks = np.zeros((blocks,) * 3, np.int32)
+    z, y, x = np.nonzero(distances < 0.8)
+    marks[z // volume.BLOCK, y // volume.BLOCK, x // volume.BLOCK] = 1
+    return marks
+
+
+@pytest.mark.parametrize("ratio", [1, 2, 5])
+def test_millimetres_to_metres(launch, ratio):
+    depth = np.random.default_rng(1).integers(0, 9000, (30, 40), dtype=np.uint16)
+    expected = reference.millimetres_to_metres(depth, ratio)
+    metres, rows = np.zeros(expected.shape, np.float32), np.zeros(len(expected), np.float32)
+    launch(
+        preprocessing.SOURCE, "millimetres_to_metres", (len(metres),), depth, 40, ratio, metres,
+        metres.shape[1], rows,
+    )  # fmt: skip
+    np.testing.assert_allclose(metres, expected, rtol=1e-6)
+    state = state_of(np.eye(4))
+    launch(preprocessing.SOURCE, "farthest_depth", (1,), rows, len(rows), state)
+    assert state["farthest"][0] == pytest.approx(reference.farthest_depth(expected), rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", [(30, 40), (7, 5), (3, 3), (2, 1)])
+def test_bilateral_filter(launch, shape):
+    depth = np.random.default_rng(2).uniform(0.4, 0.9, shape).astype(np.float32)
+    depth[np.random.default_rng(3).random(shape) < 0.2] = 0
+    filtered = np.zeros_like(depth)
+    launch(
+        preprocessing.SOURCE, "bilateral_filter", (shape[0],), depth, filtered, shape[1], shape[0],
+        0.5 / 4.0**2, 0.5 / 0.1**2,
+    )  # fmt: skip
+    np.testing.assert_allclose(filtered, reference.bilateral_filter(depth.astype(float), 4.0, 0.1), rtol=3e-5)
+
+
+def test_half_sample_of_an_odd_size(launch):
+    fine = np.random.default_rng(4).choice([0, 0.8, 1.0, 1.05, 1.4], (31, 41)).astype(np.float32)
+    coarse = np.zeros((15, 20), np.float32)
+    launch(preprocessing.SOURCE, "half_sample", (15,), fine, 41, coarse, 20, 0.3)
+    np.testing.assert_allclose(coarse, reference.half_sample(fine.astype(float), 0.3), rtol=1e-6)
+
+
+@pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
+def test_normal_map(launch, camera):
+    depth = room_depth(camera)
+    maps = [np.full(depth.shape, 7, np.float32) for _ in range(3)]
+    launch(
+        preprocessing.SOURCE, "normal_map", (camera.height,), depth, *maps, camera.width, camera.height,
+        intrinsics(camera),
+    )  # fmt: skip
+    expected = reference.normal_map(depth.astype(float), camera)
+    np.testing.assert_allclose(np.dstack(maps), expected, atol=2e-4)
+    facing = np.sum(expected * reference.vertex_map(depth.astype(float), camera), axis=-1)
+    assert (facing <= 0).all()
+    assert (facing < 0).sum() > 500
+
+
+def tracking_problem() -> dict[str, np.ndarray]:
+    """Depth seen from a pose slightly off the one that the model was raycast from."""
+    fine, model_camera = room_depth(CAMERA).astype(float), CAMERA
+    model_pose = pose_at((1.2, 1.1, 0.1), (0.02, -0.01, 0.03))
+    rotation, translation = model_pose[:3, :3], model_pose[:3, 3]
+    camera = halved(CAMERA)
+    depth = reference.half_sample(fine, 0.3)
+    return {
+        "depth": depth,
+        "normals": reference.normal_map(depth, camera),
+        "model_vertices": reference.vertex_map(fine, model_camera) @ rotation.T + translation,
+        "model_normals": reference.normal_map(fine, model_camera) @ rotation.T,
+        "view": reference.view_from(model_pose, model_camera),
+        "pose": reference.exponential(np.array([0.01, -0.006, 0.012, 0.004, 0.006, -0.005])) @ model_pose,
+    }
+
+
+def test_track_sums_the_normal_equations(launch):
+    problem, camera = tracking_problem(), halved(CAMERA)
+    state = state_of(problem["pose"], view=problem["view"].ravel())
+    sums = np.zeros((camera.height, tracking.SUMS), np.float32)
+    launch(
+        tracking.SOURCE, "track", (camera.height,), problem["depth"].astype(np.float32),
+        *planes(problem["normals"]), camera.width, intrinsics(camera), *planes(problem["model_vertices"]),
+        *planes(problem["model_normals"]), CAMERA.width, CAMERA.height, 0.1, 0.8, 0, state, sums,
+    )  # fmt: skip
+    matrix, right_side, squared_error, inliers = reference.track(
+        problem["depth"], problem["normals"], camera, problem["model_vertices"], problem["model_normals"],
+        problem["pose"], problem["view"], 0.1, 0.8,
+    )  # fmt: skip
+    total = sums.sum(axis=0, dtype=float)
+    assert inliers > 100
+    assert abs(total[28] - inliers) <= 1  # one pixel may fall on the other side of a threshold
+    np.testing.assert_allclose(total[:21], matrix[np.triu_indices(6)], rtol=0.02, atol=0.02 * inliers)
+    np.testing.assert_allclose(total[21:27], right_side, rtol=0.02, atol=0.02 * abs(right_side).max())
+    assert total[27] == pytest.approx(squared_error, rel=0.02)
+
+
+def test_track_of_a_converged_level_does_nothing(launch):
+    problem, camera = tracking_problem(), halved(CAMERA)
+    state = state_of(problem["pose"], view=problem["view"].ravel(), converged=1)
+    sums = np.full((camera.height, tracking.SUMS), 5, np.float32)
+    launch(
+        tracking.SOURCE, "track", (camera.height,), problem["depth"].astype(np.float32),
+        *planes(problem["normals"]), camera.width, intrinsics(camera), *planes(problem["model_vertices"]),
+        *planes(problem["model_normals"]), CAMERA.width, CAMERA.height, 0.1, 0.8, 1, state, sums,
+    )  # fmt: skip
+    launch(tracking.SOURCE, "solve", (1,), sums, camera.height, 1e-5, 1, state)
+    assert (sums == 5).all()
+    np.testing.assert_array_equal(state["pose"][0], problem["pose"][:3].ravel().astype(np.float32))
+
+
+def test_track_trusts_no_index_made_of_nan(launch):
+    """A pose or a view full of NaN associates nothing, instead of reading somewhere."""
+    problem, camera = tracking_problem(), halved(CAMERA)
+    for poisoned in ("pose", "view"):
+        state = state_of(problem["pose"], view=problem["view"].ravel())
+        state[poisoned] = np.nan
+        sums = np.zeros((camera.height, tracking.SUMS), np.float32)
+        launch(
+            tracking.SOURCE, "track", (camera.height,), problem["depth"].astype(np.float32),
+            *planes(problem["normals"]), camera.width, intrinsics(camera), *planes(problem["model_vertices"]),
+            *planes(problem["model_normals"]), CAMERA.width, CAMERA.height, 0.1, 0.8, 0, state, sums,
+        )  # fmt: skip
+        assert sums[:, 28].sum() == 0
+
+
+def row_sums(matrix: np.ndarray, right_side: np.ndarray, error: float = 0.5, inliers: int = 64) -> np.ndarray:
+    sums = np.zeros((3, tracking.SUMS), np.float32)
+    record = np.concatenate([matrix[np.triu_indices(6)], right_side, [error, inliers]])
+    sums[:, :29] = record * np.array([[0.25], [0.5], [0.25]])
+    return sums
+
+
+@pytest.mark.parametrize("scale", [1e-4, 0.02, 0.8], ids=["tiny", "usual", "large"])
+def test_solve_moves_the_pose(launch, scale):
+    random = np.random.default_rng(5)
+    jacobians = random.normal(size=(200, 6))
+    matrix, right_side = jacobians.T @ jacobians, jacobians.T @ (jacobians @ random.normal(size=6)) * scale
+    pose = pose_at((1.0, 2.0, 0.5), (0.3, -0.2, 0.1))
+    state = state_of(pose)
+    launch(tracking.SOURCE, "solve", (1,), row_sums(matrix, right_side), 3, 0.01, 0, state)
+    expected, converged = reference.solve(matrix, right_side, pose, 0.01)
+    np.testing.assert_allclose(state["pose"][0].reshape(3, 4), expected[:3], atol=2e-5)
+    assert bool(state["converged"][0]) == converged == (scale < 1e-3)
+    assert (state["squared_error"][0], state["inliers"][0]) == (0.5, 64)
+
+
+def test_solve_leaves_unobserved_directions_alone(launch):
+    """A plane says nothing about sliding along it: the truncated solution does not slide."""
+    jacobian = np.array([[0, 0, 1, 0.5, -0.25, 0], [0, 0, 1, -0.5, 0.5, 0], [0, 0, 1, 0.1, 0.9, 0]], float)
+    matrix, right_side = jacobian.T @ jacobian, jacobian.T @ np.array([0.01, 0.02, -0.01])
+    pose = pose_at((1.0, 1.0, 1.0))
+    state = state_of(pose)
+    launch(tracking.SOURCE, "solve", (1,), row_sums(matrix, right_side), 3, 0.0, 0, state)
+    expected, _ = reference.solve(matrix, right_side, pose, 0.0)
+    np.testing.assert_allclose(state["pose"][0].reshape(3, 4), expected[:3], atol=1e-5)
+
+
+def test_solve_of_nothing_keeps_the_pose(launch):
+    pose = pose_at((1.0, 2.0, 0.5), (0.3, -0.2, 0.1))
+    state = state_of(pose)
+    launch(tracking.SOURCE, "solve", (1,), np.zeros((3, tracking.SUMS), np.float32), 3, 1e-5, 0, state)
+    np.testing.assert_allclose(state["pose"][0].reshape(3, 4), pose[:3], atol=1e-6)
+    assert state["converged"][0] == 1
+
+
+@pytest.mark.parametrize(
+    ("squared_error", "inliers", "good"),
+    [(0.02, 200, True), (0.2, 200, False), (0.001, 100, False), (0.0, 0, False), (np.nan, 200, False)],
+)
+def test_check_pose_goes_back_when_lost(launch, squared_error, inliers, good):
+    before, after = pose_at((1, 1, 1)), pose_at((1.1, 1, 1))
+    state = state_of(before)
+    launch(tracking.SOURCE, "begin_tracking", (1,), state)
+    np.testing.assert_array_equal(state["previous"][0].reshape(3, 4), reference.begin_tracking(before)[:3])
+    state["pose"], state["squared_error"], state["inliers"] = after[:3].ravel(), squared_error, inliers
+    launch(tracking.SOURCE, "check_pose", (1,), 1000, 0.02, 0.15, state)
+    assert bool(state["tracked"][0]) == good
+    if not np.isnan(squared_error):
+        assert reference.check_pose(squared_error, inliers, 1000, 0.02, 0.15) == good
+    np.testing.assert_allclose(state["pose"][0].reshape(3, 4), (after if good else before)[:3], atol=1e-7)
+
+
+def test_clear_volume(launch):
+    voxels = np.ones((RESOLUTION,) * 3, np.uint32)
+    marks = np.ones((BLOCKS,) * 3, np.int32)
+    launch(volume.SOURCE, "clear_volume", (RESOLUTION,), voxels, RESOLUTION, marks, BLOCKS)
+    distances, weights = unpacked(voxels)
+    expected_distances, expected_weights = reference.clear_volume(RESOLUTION)
+    np.testing.assert_array_equal(distances, expected_distances)
+    np.testing.assert_array_equal(weights, expected_weights)
+    assert not marks.any()
+
+
+@pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
+@pytest.mark.parametrize(
+    "twist", [(0, 0, 0), (0.3, -0.4, 0.2), (0, 1.5707963, 0)], ids=["straight", "askew", "side"]
+)
+def test_integrate_twice(launch, camera, twist):
+    pose = pose_at((1.2, 1.1, 0.15) if not twist[1] > 1 else (0.1, 1.1, 1.2), twist)
+    distances, weights = reference.clear_volume(RESOLUTION)
+    voxels, marks = packed(distances, weights), np.zeros((BLOCKS,) * 3, np.int32)
+    for seed in (0, 1):
+        depth = room_depth(camera, seed)
+        distances, weights = reference.integrate(
+            distances, weights, VOXEL, depth.astype(float), camera, pose, MU, 100
+        )
+        launch(
+            volume.SOURCE, "integrate", (BLOCKS, BLOCKS), voxels, RESOLUTION, VOXEL, marks, BLOCKS, depth,
+            camera.width, camera.height, intrinsics(camera), MU, 100.0, volume.NEAR_SURFACE,
+            state_of(pose, farthest=depth.max()),
+        )  # fmt: skip
+    got_distances, got_weights = unpacked(voxels)
+    differing = (abs(got_distances - distances) > 2e-4) | (got_weights != weights)
+    assert (weights == 2).sum() > 500
+    assert differing.mean() < 1e-3  # a voxel's centre may fall on the other side of a pixel's border
+    expected_marks = marks_of(np.where(weights > 0, distances, 1.0))
+    assert abs(marks - expected_marks).mean() < 0.02
+
+
+def test_integrate_stops_at_the_largest_weight(launch):
+    depth, pose = room_depth(CAMERA), pose_at((1.2, 1.1, 0.15))
+    distances, weights = reference.clear_volume(RESOLUTION)
+    weights += 3
+    voxels, marks = packed(distances, weights), np.zeros((BLOCKS,) * 3, np.int32)
+    launch(
+        volume.SOURCE, "integrate", (BLOCKS, BLOCKS), voxels, RESOLUTION, VOXEL, marks, BLOCKS, depth,
+        CAMERA.width, CAMERA.height, intrinsics(CAMERA), MU, 3.0, volume.NEAR_SURFACE,
+        state_of(pose, farthest=depth.max()),
+    )  # fmt: skip
+    assert unpacked(voxels)[1].max() == 3
+
+
+def test_dilate_blocks(launch):
+    marks = (np.random.default_rng(6).random((BLOCKS,) * 3) < 0.1).astype(np.int32)
+    searched = np.zeros_like(marks)
+    launch(volume.SOURCE, "dilate_blocks", (BLOCKS, BLOCKS), marks, searched, BLOCKS)
+    np.testing.assert_array_equal(searched > 0, reference.dilate_blocks(marks > 0))
+
+
+def test_view_from(launch):
+    pose = pose_at((1.2, 0.4, 0.9), (0.5, -0.7, 0.2))
+    state = state_of(pose)
+    launch(raycasting.SOURCE, "view_from", (1,), intrinsics(MIRRORED), state)
+    np.testing.assert_allclose(
+        state["view"][0].reshape(3, 4), reference.view_from(pose, MIRRORED), rtol=1e-5, atol=1e-5
+    )
+
+
+@pytest.mark.parametrize("mu", [0.08, 0.25, 0.6], ids=["thin", "usual", "thick"])
+@pytest.mark.parametrize("twist", [(0, 0, 0), (0.25, -0.3, 0.1)], ids=["straight", "askew"])
+def test_raycast(launch, mu, twist):
+    """Also with truncation bands thinner than a voxel and wider than the scene."""
+    camera = Camera(30.0, 31.0, 19.3, 14.6, 37, 30)
+    distances, weights = reference.clear_volume(RESOLUTION)
+    distances, weights = reference.integrate(
+        distances, weights, VOXEL, room_depth(CAMERA).astype(float), CAMERA, pose_at((1.2, 1.1, 0.1)), mu, 100
+    )
+    voxels = packed(distances, weights)
+    distances = unpacked(voxels)[0]
+    searched = reference.dilate_blocks(marks_of(distances) > 0).astype(np.int32)
+    pose = pose_at((1.15, 1.12, 0.12), twist)
+    maps = [np.full((camera.height, camera.width), 7, np.float32) for _ in range(6)]
+    launch(
+        raycasting.SOURCE, "raycast", (camera.height,), voxels, RESOLUTION, VOXEL, searched, BLOCKS,
+        camera.width, intrinsics(camera), 0.4, 4.0, VOXEL, 0.75 * mu, volume.NEAR_SURFACE, state_of(pose),
+        *maps,
+    )  # fmt: skip
+    vertices, normals = reference.raycast(distances, VOXEL, pose, camera, 0.4, 4.0, VOXEL, 0.75 * mu)
+    found, expected = maps[3] ** 2 + maps[4] ** 2 + maps[5] ** 2 > 0, normals.any(axis=-1)
+    assert expected.sum() > 200
+    assert (found != expected).mean() < 0.01
+    both = found & expected
+    distance = np.linalg.norm(np.dstack(maps[:3]) - vertices, axis=-1)[both]
+    agreement = np.sum(np.dstack(maps[3:]) * normals, axis=-1)[both]
+    assert np.median(distance) < 1e-5
+    assert (distance > 1e-3).mean() < 0.01
+    assert (agreement < 0.999).mean() < 0.01
+    assert not np.dstack(maps)[~found].any()
+
+
+def test_raycast_sees_nothing_in_an_empty_volume_or_from_outside_it(launch):
+    distances, weights = reference.clear_volume(RESOLUTION)
+    searched = np.zeros((BLOCKS,) * 3, np.int32)
+    for pose in (pose_at((1.2, 1.1, 0.1)), pose_at((9.0, 9.0, 9.0))):
+        maps = [np.full((CAMERA.height, CAMERA.width), 7, np.float32) for _ in range(6)]
+        launch(
+            raycasting.SOURCE, "raycast", (CAMERA.height,), packed(distances, weights), RESOLUTION, VOXEL,
+            searched, BLOCKS, CAMERA.width, intrinsics(CAMERA), 0.4, 4.0, VOXEL, 0.75 * MU,
+            volume.NEAR_SURFACE, state_of(pose), *maps,
+        )  # fmt: skip
+        assert not np.dstack(maps).any()
