@@ -53,9 +53,10 @@ def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Po
         if name in times:
             here = Point(name, configuration.parameters, fmean(times[name]), max(errors[name]), MEASURED)
             found.append(here)
-        elif scale and name not in failed and predicted.get("runtime") and "ate_max" in predicted:
-            runtime = predicted["runtime"] * scale
-            found.append(Point(name, configuration.parameters, runtime, predicted["ate_max"], SCALED))
+            continue
+        runtime, ate_max = predicted.get("runtime"), predicted.get("ate_max")
+        if scale and name not in failed and runtime is not None and ate_max is not None:
+            found.append(Point(name, configuration.parameters, runtime * scale, ate_max, SCALED))
     return found
 
 

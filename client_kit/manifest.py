@@ -22,13 +22,14 @@ MAX_ATE_METRES = 0.05
 @dataclass(frozen=True)
 class Protocol:
     """How to measure. Frames are counted from 0; times of frames before `first_counted_frame` are sent
-    but do not count."""
+    but do not count. `order` names the runs of a session; every configuration gets `repeats` of them."""
 
-    version: int | str
+    version: int
     warmup_frames: int
     frames: int
     first_counted_frame: int
     order: tuple[str, ...]
+    repeats: int
     rest_seconds: float
     max_ate: float
 
@@ -39,7 +40,7 @@ class Configuration:
 
     name: str
     parameters: Mapping[str, Any]
-    predicted: Mapping[str, float]
+    predicted: Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
@@ -92,23 +93,28 @@ class Manifest:
     def plan(self, wanted: Sequence[str] = ()) -> tuple[str, ...]:
         """The configurations' names in the order of their runs.
 
-        The protocol's own order, unless `wanted` names others: then all of them forwards and back, so that
-        a steady drift weighs on each of them alike, as in default, best, best, default. "all" stands for
-        the whole front. The default always takes part: it is what the others are compared with.
-        Raises UsageError for a name that the front does not have.
+        They run forwards, then back, until each has had the protocol's repeats: a steady drift then weighs
+        on all of them alike, as in default, best, best, default. `wanted` names other configurations than
+        the protocol does; "all" stands for the whole front, and the default always takes part, as it is
+        what the others are compared with. Raises UsageError for a name that the front does not have.
         """
-        names = list(wanted) or list(dict.fromkeys(self.protocol.order))
+        names = list(wanted) or list(self.protocol.order)
         if ALL in names:
             place = names.index(ALL)
             names[place : place + 1] = self.configurations
-        names = list(dict.fromkeys(["default", *names]))
         unknown = [name for name in names if name not in self.configurations]
         if unknown:
             present = ", ".join(self.configurations)
             raise UsageError(f"the front has no configuration {unknown[0]!r}: choose from {present}, {ALL}")
-        if set(names) == set(self.protocol.order):
-            return self.protocol.order
-        return (*names, *reversed(names))
+        if set(names) | {"default"} == set(self.protocol.order):
+            round_ = self.protocol.order
+        else:
+            round_ = tuple(dict.fromkeys(["default", *names]))
+        plan = round_
+        while min(plan.count(name) for name in round_) < self.protocol.repeats:
+            round_ = tuple(reversed(round_))
+            plan += round_
+        return plan
 
 
 def fetch(server: Server, home: Home, application: str = APPLICATION) -> tuple[Manifest, bool]:
@@ -176,11 +182,10 @@ def _parse(document: Mapping[str, Any]) -> Manifest:
 
 
 def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configuration]) -> Protocol:
-    # One round of the order holds each repeat already: default, best, best, default is two of each.
     order = tuple(str(name) for name in protocol["order"])
     unknown = [name for name in order if name not in configurations]
-    if unknown or not order:
-        raise ValueError(f"protocol.order {list(order)} names what the front does not have")
+    if unknown or "default" not in order:
+        raise ValueError(f"protocol.order {list(order)} lacks default or names what the front does not have")
     warmup, frames, first = (
         int(protocol[name]) for name in ("warmup_frames", "frames", "first_counted_frame")
     )
@@ -188,11 +193,13 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     if not (warmup >= 0 and 0 <= first < frames and math.isfinite(rest) and rest >= 0):
         raise ValueError(f"protocol {dict(protocol)} is out of range")
     return Protocol(
-        version=protocol["version"],
+        version=int(protocol["version"]),
         warmup_frames=warmup,
         frames=frames,
         first_counted_frame=first,
         order=order,
+        # An order such as default, best, best, default spells its repeats out.
+        repeats=max(int(protocol["repeats"]), order.count("default")),
         rest_seconds=rest,
         max_ate=float(protocol.get("max_ate", MAX_ATE_METRES)),
     )

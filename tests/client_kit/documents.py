@@ -1,0 +1,68 @@
+"""Documents of the interface, as small as they can be."""
+
+import hashlib
+import uuid
+from typing import Any
+
+SERVER = "https://frontrunner.example"
+
+
+def manifest(chunks: tuple[bytes, ...] = (b"header", b"frames"), **changes: Any) -> dict[str, Any]:
+    """A manifest whose sequence consists of these chunks."""
+    described = [
+        {"sha256": digest(chunk), "bytes": len(chunk), "url": f"/sequences/{digest(chunk)}"}
+        for chunk in chunks
+    ]
+    document = {
+        "application": "kfusion",
+        "front_version": "1",
+        "configurations": [
+            {"name": "default", "parameters": {"mu": 0.1}, "predicted": point(0.100, 0.010)},
+            {"name": "best", "parameters": {"mu": 0.4}, "predicted": point(0.010, 0.040)},
+            {"name": "fine", "parameters": {"mu": 0.2}, "predicted": point(0.050, 0.008)},
+        ],
+        "protocol": {
+            "version": 1,
+            "warmup_frames": 2,
+            "frames": 12,
+            "first_counted_frame": 4,
+            "order": ["default", "best", "best", "default"],
+            "repeats": 2,
+            "rest_seconds": 0,
+        },
+        "sequence": {
+            "name": "two chunks",
+            "sha256": hashlib.sha256("".join(c["sha256"] + "\n" for c in described).encode()).hexdigest(),
+            "width": 64,
+            "height": 48,
+            "frames": 12,
+            "volume_size": 4.8,
+            "initial_position": [0.5, 0.5, 0.5],
+            "chunks": described,
+        },
+        "consent_version": 1,
+        "minimum_app_version": "0.1.0",
+        "accepting": True,
+    }
+    return {**document, **changes}
+
+
+def digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def point(runtime: float, ate_max: float) -> dict[str, float]:
+    return {"runtime": runtime, "ate_max": ate_max, "ate_mean": ate_max / 2}
+
+
+def payload(**changes: Any) -> dict[str, Any]:
+    """A submission of one session with one run."""
+    run = {"id": str(uuid.uuid4()), "configuration": "default", "status": "ok", "frame_us": [1000] * 12}
+    session = {
+        "id": str(uuid.uuid4()),
+        "application": "kfusion",
+        "front_version": "1",
+        "runs": [run],
+        **changes,
+    }
+    return {"schema_version": 1, "consent_version": 1, "device": {}, "sessions": [session]}

@@ -1,0 +1,79 @@
+"""Choosing a configuration for this device from the published front and its own measurements."""
+
+from typing import Any
+
+import pytest
+
+from client_kit.choice import MEASURED, SCALED, choose, points
+from client_kit.errors import CannotMeasureError
+from client_kit.manifest import Manifest
+from tests.client_kit import documents
+
+FRONT = Manifest.parse(documents.manifest())
+
+
+def run(configuration: str, milliseconds: float, ate_max: float | None, **changes: Any) -> dict[str, Any]:
+    # The frames before the first counted one are slow, and must not count.
+    times = [10**6] * 4 + [round(1000 * milliseconds)] * 8
+    return {
+        "configuration": configuration,
+        "status": "ok",
+        "frame_us": times,
+        "ate_max": ate_max,
+        **changes,
+    }
+
+
+def session(*runs: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    return documents.payload(runs=list(runs), **changes)
+
+
+def test_what_was_measured_here_counts_and_the_rest_is_scaled() -> None:
+    known = points(
+        FRONT, [session(run("default", 190, 0.011), run("default", 210, 0.012), run("best", 40, 0.03))]
+    )
+
+    assert {point.name: (round(point.runtime, 9), point.ate_max, point.source) for point in known} == {
+        "default": (0.2, 0.012, MEASURED),
+        "best": (0.04, 0.03, MEASURED),
+        # Twice the reference's 50 ms, as this device's default takes twice the reference's 100 ms.
+        "fine": (0.1, 0.008, SCALED),
+    }
+
+
+def test_what_failed_here_is_never_chosen() -> None:
+    failed = run("fine", 1, None, status="failed", frame_us=[])
+
+    known = points(FRONT, [session(run("default", 200, 0.011), failed, run("best", 40, None))])
+
+    assert [point.name for point in known] == ["default"]
+
+
+def test_measurements_of_another_front_are_disregarded() -> None:
+    assert points(FRONT, [session(run("default", 200, 0.011), front_version="0")]) == []
+
+
+def test_the_fastest_within_the_error_is_chosen() -> None:
+    known = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
+
+    assert choose(known, 0.05).name == "best"
+    assert choose(known, 0.02).name == "fine"
+
+
+def test_with_a_time_limit_the_most_accurate_that_is_fast_enough_is_chosen() -> None:
+    known = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
+
+    assert choose(known, 0.05, 0.060).name == "fine"
+    assert choose(known, 0.05, 0.033).name == "best"
+
+
+def test_limits_that_nothing_keeps_name_the_nearest() -> None:
+    known = points(FRONT, [session(run("default", 100, 0.010), run("best", 10, 0.040))])
+
+    with pytest.raises(CannotMeasureError, match=r"ate_max within 0\.001: the best is 0\.008"):
+        choose(known, 0.001)
+
+
+def test_before_any_measurement_there_is_nothing_to_choose_by() -> None:
+    with pytest.raises(CannotMeasureError, match="run the client once"):
+        choose(points(FRONT, []), 0.05)

@@ -1,0 +1,245 @@
+"""Sending the spool: each session once, a bad one never in the way of the next, nothing lost on the way."""
+
+from collections.abc import Callable
+from typing import Any
+
+from client_kit import __version__, delivery, enrolment
+from client_kit.home import Home
+from client_kit.spool import Spool
+from tests.client_kit import documents
+from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
+
+Serve = Callable[..., ScriptedServer]
+
+
+def accepting(request: Request) -> Reply:
+    """Enrols everybody and accepts everything."""
+    if request.path.endswith("/enrol"):
+        return Reply(201, {"installation_id": "me", "token": "secret"})
+    if request.method == "DELETE":
+        return Reply(204, raw=b"")
+    return accepted("accepted")
+
+
+def accepted(*states: str) -> Reply:
+    items = [{"id": "a run", "status": state, "code": f"why_{state}" if state == "rejected" else None}
+             for state in states]  # fmt: skip
+    return Reply(202, {"submission_id": "submission 1", "items": items})
+
+
+def submissions(scripted: ScriptedServer) -> list[Request]:
+    return [request for request in scripted.requests if request.path.endswith("/submissions")]
+
+
+def test_a_session_is_sent_once_and_settled(serve: Serve, home: Home, spool: Spool) -> None:
+    scripted = serve(accepting)
+    item = spool.put(scripted.url, documents.payload())
+
+    delivered = delivery.deliver(spool, home)
+    delivery.deliver(spool, home)
+
+    assert scripted.paths() == ["POST /api/v1/enrol", "POST /api/v1/submissions"]
+    enrolled, sent = scripted.requests
+    assert enrolled.body == (
+        f'{{"app": "client_kit", "app_version": "{__version__}", "consent_version": 1}}'.encode()
+    )
+    assert sent.body == spool.body(item)
+    assert sent.headers["idempotency-key"] == item.idempotency_key
+    after = spool.item(item.id)
+    assert delivered.settled == [after]
+    assert (after.state, after.submission_id) == ("accepted", "submission 1")
+
+
+def test_a_rejected_session_keeps_its_reason_and_the_next_one_goes(
+    serve: Serve, home: Home, spool: Spool
+) -> None:
+    def answer(request: Request) -> Reply:
+        if len(submissions(scripted)) == 1 and request.path.endswith("/submissions"):
+            return problem(422, "wrong_frame_count", "12 frames, 100 were asked for")
+        return accepting(request)
+
+    scripted = serve(answer)
+    bad, good = (spool.put(scripted.url, documents.payload()) for _ in range(2))
+
+    delivered = delivery.deliver(spool, home)
+
+    assert [item.state for item in spool.items()] == ["rejected", "accepted"]
+    assert spool.item(bad.id).reason == "12 frames, 100 were asked for (wrong_frame_count)"
+    assert [item.id for item in delivered.settled] == [bad.id, good.id]
+    delivery.deliver(spool, home)
+    assert len(submissions(scripted)) == 2
+
+
+def test_the_answers_to_the_runs_decide_the_sessions_state(serve: Serve, home: Home, spool: Spool) -> None:
+    answers = [("accepted", "rejected"), ("duplicate", "duplicate"), ("rejected", "rejected")]
+    scripted = serve(
+        lambda request: (
+            accepting(request)
+            if request.path.endswith("/enrol")
+            else accepted(*answers[len(submissions(scripted)) - 1])
+        )
+    )
+    for _ in answers:
+        spool.put(scripted.url, documents.payload())
+
+    delivery.deliver(spool, home)
+
+    states = [(item.state, item.reason) for item in spool.items()]
+    rejected = "rejected: why_rejected"
+    assert states == [("accepted", rejected), ("duplicate", None), ("rejected", rejected)]
+
+
+def test_a_server_that_is_down_loses_nothing_and_gets_the_same_bytes_later(
+    serve: Serve, home: Home, spool: Spool, closed_port: int
+) -> None:
+    url = f"http://127.0.0.1:{closed_port}"
+    items = [spool.put(url, documents.payload()) for _ in range(2)]
+
+    delivered = delivery.deliver(spool, home)
+    assert delivered.settled == []
+    assert "cannot be reached" in delivered.trouble[url]
+    assert [item.state for item in spool.items()] == ["queued", "queued"]
+    assert spool.items()[1].attempts == 0  # one attempt told enough
+
+    scripted = serve(accepting, closed_port)
+    delivery.deliver(spool, home)
+
+    assert [request.headers["idempotency-key"] for request in submissions(scripted)] == [
+        item.idempotency_key for item in items
+    ]
+    assert {item.state for item in spool.items()} == {"accepted"}
+
+
+def test_one_server_in_trouble_does_not_hold_up_another(
+    serve: Serve, home: Home, spool: Spool, closed_port: int
+) -> None:
+    scripted = serve(accepting)
+    spool.put(f"http://127.0.0.1:{closed_port}", documents.payload())
+    spool.put(scripted.url, documents.payload())
+
+    delivery.deliver(spool, home)
+
+    assert [item.state for item in spool.items()] == ["queued", "accepted"]
+
+
+def test_an_answer_that_is_lost_leads_to_the_same_request_again(
+    serve: Serve, home: Home, spool: Spool
+) -> None:
+    def answer(request: Request) -> Reply:
+        if request.path.endswith("/submissions") and len(submissions(scripted)) == 1:
+            return Reply(202, {"submission_id": "1", "items": []}, cut=5)
+        return accepting(request)
+
+    scripted = serve(answer)
+    item = spool.put(scripted.url, documents.payload())
+
+    delivery.deliver(spool, home)
+    assert spool.item(item.id).state == "queued"
+    delivery.deliver(spool, home)
+
+    first, second = submissions(scripted)
+    assert first.body == second.body
+    assert first.headers["idempotency-key"] == second.headers["idempotency-key"]
+    assert spool.item(item.id).state == "accepted"
+
+
+def test_a_server_that_asks_to_wait_is_left_alone_until_then(serve: Serve, home: Home, spool: Spool) -> None:
+    def answer(request: Request) -> Reply:
+        if request.path.endswith("/submissions") and len(submissions(scripted)) == 1:
+            return problem(429, "too_many_requests", Retry_After="600")
+        return accepting(request)
+
+    scripted = serve(answer)
+    item = spool.put(scripted.url, documents.payload())
+    delivery.deliver(spool, home)
+
+    delivery.deliver(spool, home)
+    assert len(submissions(scripted)) == 1
+    later = spool.item(item.id).not_before + 1
+    delivery.deliver(spool, home, clock=lambda: later)
+
+    assert spool.item(item.id).state == "accepted"
+
+
+def test_a_hotels_log_in_page_rejects_nothing(serve: Serve, home: Home, spool: Spool) -> None:
+    scripted = serve(lambda _: Reply(403, raw=b"<html>Please log in"))
+    item = spool.put(scripted.url, documents.payload())
+
+    delivery.deliver(spool, home)
+
+    assert spool.item(item.id).state == "queued"
+
+
+def test_a_client_that_is_too_old_keeps_its_sessions(serve: Serve, home: Home, spool: Spool) -> None:
+    scripted = serve(lambda _: problem(426, "client_too_old", "update"))
+    item = spool.put(scripted.url, documents.payload())
+
+    delivered = delivery.deliver(spool, home)
+
+    assert delivered.outdated is not None
+    assert spool.item(item.id).state == "queued"
+
+
+def test_a_server_that_forgot_this_installation_gets_a_new_one(
+    serve: Serve, home: Home, spool: Spool
+) -> None:
+    tokens = iter(["old", "new"])
+
+    def answer(request: Request) -> Reply:
+        if request.path.endswith("/enrol"):
+            return Reply(201, {"installation_id": "me", "token": next(tokens)})
+        if request.headers["authorization"] == "Bearer old":
+            return problem(401, "invalid_token", "unknown token")
+        return accepting(request)
+
+    scripted = serve(answer)
+    item = spool.put(scripted.url, documents.payload())
+
+    delivery.deliver(spool, home)
+
+    assert spool.item(item.id).state == "accepted"
+    assert [known.token for known in enrolment.known(home)] == ["new"]
+
+
+def test_a_request_to_erase_is_kept_until_the_server_has_it(
+    serve: Serve, home: Home, spool: Spool, closed_port: int
+) -> None:
+    scripted = serve(accepting, closed_port)
+    spool.put(scripted.url, documents.payload())
+    delivery.deliver(spool, home)
+    scripted.close()
+
+    enrolment.request_erasure(home)
+    spool.clear()
+    assert delivery.deliver(spool, home).erased == []
+    back = serve(accepting, closed_port)
+    delivered = delivery.deliver(spool, home)
+
+    assert delivered.erased == [back.url]
+    assert back.paths() == ["DELETE /api/v1/me"]
+    assert back.requests[0].headers["authorization"] == "Bearer secret"
+    assert enrolment.known(home) == []
+
+
+def test_while_another_process_sends_nothing_is_sent_twice(serve: Serve, home: Home, spool: Spool) -> None:
+    scripted = serve(accepting)
+    spool.put(scripted.url, documents.payload())
+
+    with home.only_one("delivery") as alone:
+        delivered = delivery.deliver(spool, home)
+
+    assert alone
+    assert delivered.busy
+    assert scripted.requests == []
+
+
+def test_what_became_of_the_sessions_is_told_in_plain_lines(
+    home: Home, spool: Spool, closed_port: int
+) -> None:
+    url = f"http://127.0.0.1:{closed_port}"
+    spool.put(url, documents.payload())
+
+    lines: list[Any] = delivery.deliver(spool, home).lines()
+
+    assert lines[0].startswith(f"Not sent to {url}: {url} cannot be reached")
+    assert "kept on this device" in lines[1]

@@ -1,0 +1,122 @@
+"""What the server asks for: read strictly, kept for days without a network, turned into an order of runs."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from client_kit import manifest
+from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
+from client_kit.home import Home
+from client_kit.manifest import Manifest
+from client_kit.server import NotFrontrunnerError, Server, UnreachableError
+from tests.client_kit import documents
+from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
+
+Serve = Callable[..., ScriptedServer]
+
+
+def protocol(**changes: Any) -> dict[str, Any]:
+    return {**documents.manifest()["protocol"], **changes}
+
+
+def test_an_unchanged_manifest_is_not_sent_again(serve: Serve, home: Home) -> None:
+    def answer(request: Request) -> Reply:
+        if request.headers.get("if-none-match") == '"one"':
+            return Reply(304, raw=b"")
+        return Reply(200, documents.manifest(), (("ETag", '"one"'),))
+
+    server = Server(serve(answer).url)
+
+    first, again = manifest.fetch(server, home), manifest.fetch(server, home)
+
+    assert first == again
+    assert first[1] is True
+    assert first[0].configurations["best"].parameters == {"mu": 0.4}
+
+
+def test_without_a_network_the_last_manifest_serves(serve: Serve, home: Home) -> None:
+    scripted = serve(lambda _: Reply(200, documents.manifest()))
+    server = Server(scripted.url)
+    kept, _ = manifest.fetch(server, home)
+    scripted.close()
+
+    again, fresh = manifest.fetch(server, home)
+
+    assert (again, fresh) == (kept, False)
+    assert manifest.kept_manifests(home) == {server.url: kept}
+
+
+def test_a_server_in_trouble_counts_as_away_and_a_refusal_does_not(serve: Serve, home: Home) -> None:
+    replies = [Reply(200, documents.manifest()), Reply(502, raw=b"bad gateway"), problem(404, "not_found")]
+    scripted = serve(lambda _: replies[len(scripted.requests) - 1])
+    server = Server(scripted.url)
+    manifest.fetch(server, home)
+
+    assert manifest.fetch(server, home)[1] is False
+    with pytest.raises(Exception, match="not_found"):
+        manifest.fetch(server, home)
+
+
+def test_a_first_visit_needs_the_server(home: Home, closed_port: int) -> None:
+    with pytest.raises(UnreachableError, match="cannot be reached"):
+        manifest.fetch(Server(f"http://127.0.0.1:{closed_port}"), home)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"configurations": []}, "configurations: default"),
+        ({"protocol": protocol(order=["default", "nobody"])}, "nobody"),
+        ({"protocol": protocol(first_counted_frame=12)}, "out of range"),
+        ({"protocol": protocol(frames="many")}, "many"),
+        ({"sequence": {**documents.manifest()["sequence"], "sha256": "../../etc"}}, "hexadecimal"),
+        ({"sequence": None}, "not understood"),
+    ],
+)
+def test_a_manifest_that_is_wrong_is_refused_by_name(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(NotFrontrunnerError, match=message):
+        Manifest.parse(documents.manifest(**changes))
+
+
+def test_a_chunk_whose_name_leaves_the_folder_is_refused() -> None:
+    document = documents.manifest()
+    document["sequence"]["chunks"][0]["sha256"] = "../" * 21 + "a"
+
+    with pytest.raises(NotFrontrunnerError, match="chunk"):
+        Manifest.parse(document)
+
+
+def test_the_protocols_order_is_default_best_best_default() -> None:
+    asked = Manifest.parse(documents.manifest())
+
+    expected = ("default", "best", "best", "default")
+    assert asked.plan() == expected
+    assert asked.plan(("best",)) == expected
+    assert asked.plan(("best", "default")) == expected
+
+
+def test_an_order_without_repeats_is_run_back_and_forth() -> None:
+    asked = Manifest.parse(documents.manifest(protocol=protocol(order=["default", "best"], repeats=3)))
+
+    assert asked.plan() == ("default", "best", "best", "default", "default", "best")
+
+
+def test_the_whole_front_runs_forwards_and_back() -> None:
+    asked = Manifest.parse(documents.manifest())
+
+    assert asked.plan(("all",)) == ("default", "best", "fine", "fine", "best", "default")
+    assert asked.plan(("fine",)) == ("default", "fine", "fine", "default")
+
+
+def test_a_name_that_the_front_lacks_is_a_usage_error() -> None:
+    with pytest.raises(UsageError, match=r"'fast': choose from default, best, fine, all"):
+        Manifest.parse(documents.manifest()).plan(("fast",))
+
+
+def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
+    Manifest.parse(documents.manifest(minimum_app_version="0.1")).require_this_version()
+    with pytest.raises(OutdatedError, match=r"0\.10\.0"):
+        Manifest.parse(documents.manifest(minimum_app_version="0.10.0")).require_this_version()
+    with pytest.raises(CannotMeasureError, match="no measurements at present"):
+        Manifest.parse(documents.manifest(accepting=False)).require_accepting()
