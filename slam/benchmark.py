@@ -1,0 +1,227 @@
+"""Run one configuration of a SLAM system over a sequence and report its time and its trajectory error."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from slam.datasets.sequence import Progress, Sequence
+from slam.opencl import Session, choose_device
+from slam.power import EnergyMeter
+from slam.systems import STAGES, Scene, create
+from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
+
+FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
+VALID_BELOW = 0.05  # metres of maximal trajectory error
+# Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
+# the camera inside its near face, looking in.
+DEFAULT_VOLUME_SIZE = 5.0
+DEFAULT_INITIAL_POSITION = (0.5, 0.5, 0.1)
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """Wall seconds of one frame. `computation` is the sum of the stages; `total` adds the acquisition.
+
+    `tracked` is True, False (lost) or None (tracking not attempted).
+    """
+
+    acquisition: float
+    stages: Mapping[str, float]
+    computation: float
+    total: float
+    tracked: bool | None
+    integrated: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        stages = {stage: self.stages.get(stage, 0.0) for stage in STAGES}
+        return {
+            "acquisition": self.acquisition,
+            **stages,
+            "computation": self.computation,
+            "total": self.total,
+            "tracked": self.tracked,
+            "integrated": self.integrated,
+        }
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a run measured.
+
+    `poses` (n, 4, 4) are those after each frame, in the system's own world. `ate` is None where no frame
+    has a true pose. `cpu_seconds` counts all threads during the computation of the frames only.
+    `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what the
+    processor took during the computation; both are None where the system does not tell.
+    """
+
+    system: str
+    configuration: Mapping[str, Any]
+    sequence: Mapping[str, Any]
+    device: Mapping[str, Any]
+    frames: tuple[FrameTimes, ...]
+    timestamps: npt.NDArray[np.float64] = field(repr=False)
+    poses: npt.NDArray[np.float64] = field(repr=False)
+    ate: AbsoluteTrajectoryError | None
+    cpu_seconds: float
+    peak_memory_bytes: int | None
+    energy_joules: float | None
+
+    @property
+    def runtime(self) -> float:
+        """Mean computation seconds from frame 10 on, or over all frames when there are no more than 10."""
+        counted = self.frames[FIRST_COUNTED_FRAME:] or self.frames
+        return sum(frame.computation for frame in counted) / len(counted)
+
+    @property
+    def valid(self) -> bool | None:
+        """Whether the trajectory error stays below 5 cm in every frame; None where it is not known."""
+        return None if self.ate is None else self.ate.max < VALID_BELOW
+
+    def trajectory(self) -> Trajectory:
+        return Trajectory(self.timestamps, self.poses)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        ate = self.ate
+        return {
+            "system": self.system,
+            "configuration": dict(self.configuration),
+            "sequence": dict(self.sequence),
+            "device": dict(self.device),
+            "frames": [frame.to_dict() for frame in self.frames],
+            "runtime": self.runtime,
+            "ate": ate and {name: getattr(ate, name) for name in ("mean", "max", "rmse", "rmse_aligned")},
+            "valid": self.valid,
+            "cpu_seconds": self.cpu_seconds,
+            "peak_memory_bytes": self.peak_memory_bytes,
+            "energy_joules": self.energy_joules,
+        }
+
+
+def run(
+    configuration: Mapping[str, Any],
+    sequence: Sequence,
+    *,
+    system: str = "kfusion",
+    frames: int | None = None,
+    device: str | None = None,
+    volume_size: float | None = None,
+    initial_position: tuple[float, float, float] | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Feed the first `frames` frames (default all) to a system and measure it.
+
+    `device` is a part of an OpenCL device's description, `volume_size` is in metres and `initial_position`
+    a fraction of it; both default to the sequence's own, then to DEFAULT_*. OpenCL does not survive a fork:
+    call this in a process that never forks afterwards.
+    Raises ValueError for a bad number of frames or parameter (ConfigurationError), SequenceError for a
+    damaged frame, OpenCLError where the device is missing or too small.
+    """
+    count = len(sequence) if frames is None else frames
+    if not 1 <= count <= len(sequence):
+        raise ValueError(f"frames={count}: {sequence.name!r} has 1 to {len(sequence)}")
+    scene = Scene(
+        sequence.camera,
+        volume_size or sequence.volume_size or DEFAULT_VOLUME_SIZE,
+        initial_position or sequence.initial_position or DEFAULT_INITIAL_POSITION,
+    )
+    session = Session(choose_device(device))
+    _warm_up(system, configuration, scene, session)
+    running = create(system, configuration, scene, session)
+
+    meter = EnergyMeter()
+    _reset_peak_memory()
+    cpu_seconds = joules = 0.0
+    times, poses = [], []
+    for index in range(count):
+        began = time.perf_counter()
+        depth = sequence.depth(index)
+        acquired = time.perf_counter()
+        energy, cpu = meter.read(), time.process_time()
+        computing = time.perf_counter()
+        result = running.process(depth)
+        done = time.perf_counter()
+        cpu_seconds += time.process_time() - cpu
+        joules += meter.joules(energy, meter.read())
+        poses.append(result.pose)
+        times.append(
+            FrameTimes(
+                acquisition=acquired - began,
+                stages=result.seconds,
+                computation=sum(result.seconds.values()),
+                total=acquired - began + done - computing,
+                tracked=result.tracked,
+                integrated=result.integrated,
+            )
+        )
+        if progress:
+            progress(index + 1, count)
+    estimate = np.array(poses)
+    return Report(
+        system=system,
+        configuration=running.configuration(),
+        sequence={
+            "name": sequence.name,
+            "frames": len(sequence),
+            "width": sequence.camera.width,
+            "height": sequence.camera.height,
+            "sha256": sequence.sha256,
+        },
+        device=session.device.describe(),
+        frames=tuple(times),
+        timestamps=sequence.timestamps[:count],
+        poses=estimate,
+        ate=_error(estimate, sequence, count),
+        cpu_seconds=cpu_seconds,
+        peak_memory_bytes=_peak_memory(),
+        energy_joules=joules if meter.available else None,
+    )
+
+
+def _error(
+    estimate: npt.NDArray[np.float64], sequence: Sequence, count: int
+) -> AbsoluteTrajectoryError | None:
+    if sequence.truth is None or not np.isfinite(sequence.truth[:count]).any():
+        return None
+    return absolute_trajectory_error(estimate, sequence.truth[:count])
+
+
+def _warm_up(system: str, configuration: Mapping[str, Any], scene: Scene, session: Session) -> None:
+    """Make the OpenCL driver compile every kernel, which some put off until a kernel first runs.
+
+    A few tiny frames of a wall are enough; they cost milliseconds once the driver's cache is warm.
+    """
+    side = 64
+    camera = type(scene.camera)(side, side, side / 2, side / 2, side, side)
+    running = create(system, configuration, Scene(camera, scene.volume_size, scene.initial_position), session)
+    wall = np.full((side, side), 1500, np.uint16)
+    for _ in range(6):
+        running.process(wall)
+
+
+def _reset_peak_memory() -> None:
+    """Let Linux forget the largest size so far, so that runs in one process are told apart."""
+    if sys.platform == "linux":
+        try:
+            Path("/proc/self/clear_refs").write_text("5")
+        except OSError:  # not permitted in some sandboxes: the peak then covers the whole process
+            return
+
+
+def _peak_memory() -> int | None:
+    if sys.platform == "linux":
+        status = Path("/proc/self/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) * 1024
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) * (1 if sys.platform == "darwin" else 1024)
