@@ -51,7 +51,7 @@ class Configuration:
     def __post_init__(self) -> None:
         for name, least in _WHOLE.items():
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or value != math.floor(value):
+            if isinstance(value, bool) or not isinstance(value, int | float) or value % 1 != 0:
                 raise ConfigurationError(f"{name}={value!r}: must be a whole number")
             if value < least:
                 raise ConfigurationError(f"{name}={value!r}: must be at least {least}")

@@ -45,9 +45,18 @@ class Level:
 
 
 def halved(camera: Camera) -> Camera:
-    """The camera of a half-sampled image; an odd row or column is left out."""
+    """The camera of a half-sampled image; an odd row or column is left out.
+
+    A coarse pixel stands for a 2x2 block, whose middle lies half a fine pixel beyond its first pixel.
+    SLAMBench halves the principal point without that shift, which moves the coarse levels' answer.
+    """
     return Camera(
-        camera.fx / 2, camera.fy / 2, camera.cx / 2, camera.cy / 2, camera.width // 2, camera.height // 2
+        camera.fx / 2,
+        camera.fy / 2,
+        (camera.cx - 0.5) / 2,
+        (camera.cy - 0.5) / 2,
+        camera.width // 2,
+        camera.height // 2,
     )
 
 
