@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 
 class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
-    """A refusal that the client is told in full: `code` is stable, `detail` is for people, `field` says where."""
+    """A refusal that the client is told in full: a stable `code`, `detail` for people, `field` says where."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ def not_found(what: str) -> Problem:
 
 
 def handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  # noqa: ARG001 - DRF's signature
-    """Django REST framework's exception handler: what a view raises becomes a problem; the unforeseen stays 500."""
+    """Django REST framework's exception handler: what a view raises becomes a problem."""
     match error:
         case Problem():
             return error.response()

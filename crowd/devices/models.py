@@ -26,6 +26,9 @@ class Installation(models.Model):
 class DeviceModel(models.Model):
     """What people call the device, derived from its raw strings: the key of every published figure."""
 
+    key = models.CharField(
+        max_length=200, unique=True, editable=False, help_text="maker and name, as compared"
+    )
     slug = models.SlugField(max_length=120, unique=True)
     manufacturer = models.CharField(max_length=100, blank=True)
     name = models.CharField(max_length=150)

@@ -81,7 +81,7 @@ def check(document: dict[str, Any]) -> Content:
         (DEFAULT not in protocol.order, f"protocol.order: {DEFAULT} is missing"),
         (
             protocol.first_counted_frame >= protocol.frames,
-            f"protocol.first_counted_frame: {protocol.first_counted_frame} leaves none of {protocol.frames} frames",
+            f"protocol.first_counted_frame: {protocol.first_counted_frame} of {protocol.frames} leaves no frame",
         ),
     ):
         if wrong:

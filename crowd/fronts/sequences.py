@@ -1,4 +1,4 @@
-"""The packs that clients download: folders of content-addressed chunks, shipped or added by this server's owner."""
+"""The packs that clients download: folders of content-addressed chunks, shipped or added by the owner."""
 
 import hashlib
 import json

@@ -17,7 +17,7 @@ class FrontConflictError(ValueError):
 
 @transaction.atomic
 def create_draft(document: dict[str, Any]) -> FrontVersion:
-    """A draft with DOCUMENT's content (the shape of a front file); an earlier draft of that version is replaced.
+    """A draft with DOCUMENT's content (a front file's shape); an earlier draft of that version is replaced.
 
     Raises InvalidFrontError, SequenceError, or FrontConflictError where the version is already published.
     """

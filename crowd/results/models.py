@@ -114,6 +114,9 @@ class Run(models.Model):
 
     class Meta:
         ordering = ["session_id", "order"]
+        constraints = [
+            models.UniqueConstraint(fields=["session", "configuration", "repeat"], name="run_repeat"),
+        ]
 
     def __str__(self) -> str:
         return str(self.uuid)

@@ -1,0 +1,166 @@
+"""What a well-typed submission may still have wrong, and which state a run deserves. No database in here."""
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from crowd.problems import Problem
+from crowd.results import packing, statistics
+from crowd.results.models import Run as StoredRun
+from crowd.results.models import State
+from crowd.results.schema import Run
+
+MAX_RUNS = 50
+MAX_STAGES = 16
+MAX_DEVICE_BYTES = 16 << 10
+# Words of a member's name that tell who somebody is, or where.
+PERSONAL = frozenset(
+    {
+        "address", "adid", "advertising", "androidid", "bssid", "email", "gaid", "host", "hostname", "iccid",
+        "idfa", "imei", "imsi", "ip", "ipv4", "ipv6", "latitude", "location", "login", "longitude", "mac",
+        "meid", "owner", "phone", "serial", "ssid", "user", "username",
+    }
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Rejection:
+    """Why a run is not taken: a stable code, the member, and what would be right."""
+
+    code: str
+    detail: str
+    field: str | None = None
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What of a front's protocol concerns the server."""
+
+    version: int
+    frames: int
+    first_counted_frame: int
+    max_ate: float
+
+    @classmethod
+    def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
+        """From the protocol as published."""
+        return cls(
+            version=protocol["version"],
+            frames=protocol["frames"],
+            first_counted_frame=protocol["first_counted_frame"],
+            max_ate=protocol.get("max_ate", statistics.MAX_ATE),
+        )
+
+
+def check_device(raw: Mapping[str, Any]) -> None:
+    """Raises Problem where the description is too large, or holds a member that could identify a person."""
+    size = len(msgspec.json.encode(raw))
+    if size > MAX_DEVICE_BYTES:
+        raise Problem(
+            400, "device_too_large", f"device takes {size} bytes, at most {MAX_DEVICE_BYTES}", field="device"
+        )
+    name = _personal(raw)
+    if name is not None:
+        raise Problem(
+            400,
+            "personal_data",
+            f"device.{name} could identify a person and is not accepted: leave it out",
+            field=f"device.{name}",
+        )
+
+
+def _personal(value: Any) -> str | None:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            words = set(re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()))
+            if words & PERSONAL or name.lower().replace("_", "") in PERSONAL:
+                return name
+            found = _personal(inner)
+            if found is not None:
+                return f"{name}.{found}"
+    if isinstance(value, list):
+        return next((found for inner in value if (found := _personal(inner)) is not None), None)
+    return None
+
+
+def check_run(run: Run, configurations: Collection[str], protocol: Protocol) -> Rejection | None:
+    """The first thing wrong with the values of RUN, None for a run to be stored."""
+    if run.configuration not in configurations:
+        return Rejection(
+            "unknown_configuration",
+            f"{run.configuration!r} is not in this front: {', '.join(sorted(configurations))} are",
+            "configuration",
+        )
+    frames = len(run.frame_us)
+    if run.status == "ok" and frames != protocol.frames:
+        return Rejection(
+            "frame_count", f"frame_us has {frames} values, the protocol {protocol.frames}", "frame_us"
+        )
+    if run.status == "failed" and frames > protocol.frames:
+        return Rejection(
+            "frame_count", f"frame_us has {frames} values, at most {protocol.frames}", "frame_us"
+        )
+    return _check_times(run, protocol) or _check_tracked(run) or _check_errors(run)
+
+
+def _check_times(run: Run, protocol: Protocol) -> Rejection | None:
+    stages = run.stages_us or {}
+    if len(stages) > MAX_STAGES:
+        return Rejection("too_many_stages", f"{len(stages)} stages, at most {MAX_STAGES}", "stages_us")
+    for field, series in (
+        ("frame_us", run.frame_us),
+        *((f"stages_us.{name}", s) for name, s in stages.items()),
+    ):
+        if len(series) != len(run.frame_us):
+            return Rejection(
+                "frame_count", f"{field} has {len(series)} values, frame_us {len(run.frame_us)}", field
+            )
+        if series and min(series) < 0:
+            return Rejection("negative_time", f"{field} holds {min(series)}: times are 0 or more", field)
+        if series and max(series) > packing.LARGEST:
+            return Rejection(
+                "time_too_large",
+                f"{field} holds {max(series)}: at most {packing.LARGEST} microseconds",
+                field,
+            )
+    if run.status == "ok" and not any(run.frame_us[protocol.first_counted_frame :]):
+        return Rejection(
+            "zero_time", "every counted frame took 0 microseconds: the clock did not run", "frame_us"
+        )
+    return None
+
+
+def _check_tracked(run: Run) -> Rejection | None:
+    frames = len(run.frame_us)
+    told = len(run.tracked) if isinstance(run.tracked, list) else run.tracked
+    wrong = told not in (0, frames) if isinstance(run.tracked, list) else told is not None and told > frames
+    if wrong:
+        return Rejection("frame_count", f"tracked tells of {told} frames, frame_us has {frames}", "tracked")
+    return None
+
+
+def _check_errors(run: Run) -> Rejection | None:
+    for field in ("ate_max", "ate_mean", "ate_rmse"):
+        value = getattr(run, field)
+        if value is not None and (value < 0 or not math.isfinite(value)):
+            return Rejection(
+                "negative_error", f"{field} is {value}: a distance in metres is 0 or more", field
+            )
+    return None
+
+
+def judge(run: Run, protocol: Protocol) -> tuple[State, str]:
+    """Whether a stored run counts, and the code of the rule that says otherwise ("" for a valid one)."""
+    if run.status == StoredRun.Status.FAILED:
+        return State.INVALID, "failed"
+    if run.ate_max is None:
+        return State.INVALID, "ate_missing"
+    if run.ate_max >= protocol.max_ate:
+        return State.INVALID, "ate_above_limit"
+    if statistics.stages_exceed_frames(run.frame_us, run.stages_us or {}):
+        return State.SUSPECT, "stages_exceed_frames"
+    return State.VALID, ""

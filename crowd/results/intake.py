@@ -1,0 +1,170 @@
+"""A submission checked run by run against what is published and stored, before anything is written."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+from uuid import UUID
+
+from crowd.devices.models import Installation
+from crowd.fronts.models import Configuration, FrontVersion
+from crowd.problems import Problem
+from crowd.results import checks, schema
+from crowd.results.checks import Rejection
+from crowd.results.models import MeasurementSession, Run
+
+ACCEPTED, DUPLICATE, REJECTED = "accepted", "duplicate", "rejected"
+
+
+@dataclass(frozen=True)
+class Front:
+    """A published front as runs are checked against it."""
+
+    row: FrontVersion
+    protocol: checks.Protocol
+    configurations: dict[str, Configuration]
+
+
+@dataclass
+class Item:
+    """One run of the request: rejected, a duplicate, or to be stored."""
+
+    id: str | None
+    session: schema.Session
+    run: schema.Run | None = None
+    rejection: Rejection | None = None
+    duplicate: bool = False
+
+    def answer(self) -> dict[str, Any]:
+        """What the client is told of this run."""
+        if self.rejection is not None:
+            return {
+                "id": self.id,
+                "status": REJECTED,
+                "code": self.rejection.code,
+                "field": self.rejection.field,
+                "detail": self.rejection.detail,
+            }
+        return {"id": self.id, "status": DUPLICATE if self.duplicate else ACCEPTED, "code": None}
+
+
+@dataclass(frozen=True)
+class Intake:
+    """A checked request: its items in the request's order, the fronts and stored sessions that they name."""
+
+    submission: schema.Submission
+    fronts: dict[str, Front]
+    sessions: dict[UUID, MeasurementSession]
+    items: list[Item]
+
+    def refuse_if_all_bad(self) -> None:
+        """Raises Problem 422 when no run can be taken; a code that all share is the problem's code."""
+        rejections = [item.rejection for item in self.items if item.rejection is not None]
+        if len(rejections) < len(self.items):
+            return
+        first, answers = rejections[0], [item.answer() for item in self.items]
+        if len({rejection.code for rejection in rejections}) == 1:
+            raise Problem(422, first.code, first.detail, field=first.field, items=answers)
+        raise Problem(422, "all_runs_rejected", "no run can be taken: items tell why", items=answers)
+
+
+def check(submission: schema.Submission, installation: Installation) -> Intake:
+    """SUBMISSION with a verdict on each of its runs. Four queries.
+
+    Raises Problem for what concerns the whole request: the device's description, the number of runs.
+    """
+    checks.check_device(submission.device)
+    count = sum(len(session.runs) for session in submission.sessions)
+    if not 1 <= count <= checks.MAX_RUNS:
+        raise Problem(400, "run_count", f"{count} runs: send 1 to {checks.MAX_RUNS}", field="sessions")
+    fronts = _fronts({session.front_version for session in submission.sessions})
+    stored = MeasurementSession.objects.filter(uuid__in=[session.id for session in submission.sessions])
+    sessions = {row.uuid: row for row in stored.select_related("front")}
+    items = [
+        item
+        for place, session in enumerate(submission.sessions)
+        for item in _session_items(place, session, fronts.get(session.front_version), sessions, installation)
+    ]
+    _mark_duplicates(items)
+    _refuse_taken_repeats(items)
+    return Intake(submission, fronts, sessions, items)
+
+
+def _fronts(slugs: set[str]) -> dict[str, Front]:
+    rows = FrontVersion.objects.filter(slug__in=slugs).exclude(state=FrontVersion.State.DRAFT)
+    return {
+        row.slug: Front(row, checks.Protocol.of(row.protocol), {c.name: c for c in row.configurations.all()})
+        for row in rows.prefetch_related("configurations")
+    }
+
+
+def _session_items(
+    place: int,
+    session: schema.Session,
+    front: Front | None,
+    stored: dict[UUID, MeasurementSession],
+    installation: Installation,
+) -> Iterator[Item]:
+    refusal = _check_session(session, front, stored.get(session.id), installation)
+    for number, raw in enumerate(session.runs):
+        item = Item(schema.id_of(raw), session, rejection=refusal)
+        where = f"sessions[{place}]"
+        if refusal is None and front is not None:
+            where = f"{where}.runs[{number}]"
+            try:
+                item.run = schema.run(raw)
+                item.rejection = checks.check_run(item.run, front.configurations, front.protocol)
+            except Problem as problem:
+                item.rejection = Rejection(problem.code, problem.detail, problem.field)
+        if item.rejection is not None:
+            member = item.rejection.field
+            item.rejection = replace(item.rejection, field=f"{where}.{member}" if member else where)
+        yield item
+
+
+def _check_session(
+    session: schema.Session,
+    front: Front | None,
+    stored: MeasurementSession | None,
+    installation: Installation,
+) -> Rejection | None:
+    if front is None or front.row.application != session.application:
+        return Rejection(
+            "unknown_front_version",
+            f"no front {session.front_version!r} of {session.application!r} is published here",
+            "front_version",
+        )
+    if session.protocol_version != front.protocol.version:
+        return Rejection(
+            "unknown_protocol_version",
+            f"{session.front_version} is measured by protocol {front.protocol.version}",
+            "protocol_version",
+        )
+    if stored is not None and (stored.installation_id != installation.pk or stored.front_id != front.row.pk):
+        return Rejection("session_taken", "another session has this id: use a new one", "id")
+    return None
+
+
+def _mark_duplicates(items: list[Item]) -> None:
+    """A run whose id is stored, or came earlier in this request, is a duplicate, whatever its content."""
+    ids = [item.run.id for item in items if item.run is not None]
+    seen = set(Run.objects.filter(uuid__in=ids).values_list("uuid", flat=True))
+    for item in items:
+        if item.run is not None and item.rejection is None:
+            item.duplicate = item.run.id in seen
+            seen.add(item.run.id)
+
+
+def _refuse_taken_repeats(items: list[Item]) -> None:
+    """One run a repeat: the first repeat of a configuration in a session cannot come twice under two ids."""
+    stored = Run.objects.filter(session__uuid__in={item.session.id for item in items})
+    taken = set(stored.values_list("session__uuid", "configuration__name", "repeat"))
+    for item in items:
+        if item.run is None or item.rejection is not None or item.duplicate:
+            continue
+        key = (item.session.id, item.run.configuration, item.run.repeat)
+        if key in taken:
+            detail = (
+                f"repeat {item.run.repeat} of {item.run.configuration} is there already, under another id"
+            )
+            item.rejection = Rejection("repeat_taken", detail)
+        taken.add(key)

@@ -1,0 +1,202 @@
+"""Taking in what clients send. A request is one transaction: it is stored once, item by item, or not at all."""
+
+import hashlib
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
+from uuid import UUID
+
+from django.conf import settings
+from django.db import transaction
+from django.utils import timezone
+
+from crowd.devices.models import DeviceDescription, Installation
+from crowd.devices.services import recognise
+from crowd.problems import Problem
+from crowd.results import checks, intake, packing, schema, statistics
+from crowd.results.models import MeasurementSession, Run, Submission
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """What the client is told; `replayed` when it was told so before; `sessions` now wait for their summary."""
+
+    answer: dict[str, Any]
+    replayed: bool
+    sessions: tuple[int, ...] = ()
+
+
+def accept_submission(installation: Installation, key: str, body: bytes) -> Acceptance:
+    """Store what BODY (JSON) holds, under the idempotency KEY of INSTALLATION.
+
+    The same key with the same body answers as before and changes nothing. Raises Problem: 400 for what
+    cannot be read, 409 for a key used with another body, 422 where no run can be taken, 426, 429, 503.
+    """
+    digest = hashlib.sha256(body).hexdigest()
+    with transaction.atomic():
+        # One request of an installation at a time, so that a key or a run sent twice at once is stored once.
+        if not Installation.objects.select_for_update().filter(pk=installation.pk, revoked_at=None).exists():
+            raise Problem(401, "token_invalid", "this installation was erased: enrol again")
+        earlier = Submission.objects.filter(installation=installation, idempotency_key=key).first()
+        if earlier is not None:
+            if earlier.body_sha256 != digest:
+                raise Problem(
+                    409, "idempotency_key_reused", "this key came with another body before: use a new key"
+                )
+            return Acceptance(earlier.answer, replayed=True)
+        _refuse_unless_open(installation)
+        checked = _checked(installation, body)
+        submission = Submission.objects.create(
+            installation=installation,
+            idempotency_key=key,
+            body_sha256=digest,
+            answer={},
+            schema_version=checked.submission.schema_version,
+            app_version=checked.submission.app_version,
+            consent_version=checked.submission.consent_version,
+        )
+        submission.answer = {
+            "submission_id": str(submission.pk),
+            "items": [item.answer() for item in checked.items],
+        }
+        submission.save(update_fields=["answer"])
+        return Acceptance(submission.answer, replayed=False, sessions=_store(submission, checked))
+
+
+def validate_submission(installation: Installation, body: bytes) -> list[dict[str, Any]]:
+    """What accept_submission would answer for each run of BODY, nothing stored. Raises the same problems."""
+    return [item.answer() for item in _checked(installation, body).items]
+
+
+def refuse_outdated(app_version: str) -> None:
+    """Raises Problem 426 for a program older than this server's minimum, 400 for a version that is none."""
+    try:
+        numbers = tuple(int(part) for part in app_version.split("+")[0].split("-")[0].split("."))
+    except ValueError:
+        raise Problem(
+            400, "invalid_field", f"app_version {app_version!r}: write numbers, as 1.2.0", field="app_version"
+        ) from None
+    minimum = settings.FRONTRUNNER_MINIMUM_APP_VERSION
+    if numbers < tuple(int(part) for part in minimum.split(".")):
+        raise Problem(426, "app_outdated", f"version {app_version} is too old: {minimum} or newer is needed")
+
+
+def refuse_other_consent(version: int) -> None:
+    """Raises Problem 400 for a consent to another text than the present one."""
+    present = settings.FRONTRUNNER_CONSENT_VERSION
+    if version != present:
+        raise Problem(
+            400,
+            "consent_outdated",
+            f"consent_version {version} is not the present one, {present}: ask the participant again",
+            field="consent_version",
+        )
+
+
+def _refuse_unless_open(installation: Installation) -> None:
+    if not settings.FRONTRUNNER_ACCEPTING:
+        raise Problem(
+            503, "not_accepting", "no measurements are taken at present: keep them", retry_after=3600
+        )
+    limit = settings.FRONTRUNNER_SUBMISSIONS_PER_MINUTE
+    recent = Submission.objects.filter(
+        installation=installation, received_at__gt=timezone.now() - timedelta(minutes=1)
+    )
+    if recent.count() >= limit:
+        raise Problem(429, "too_many_requests", f"at most {limit} submissions a minute", retry_after=60)
+
+
+def _checked(installation: Installation, body: bytes) -> intake.Intake:
+    submission = schema.submission(body)
+    refuse_outdated(submission.app_version)
+    refuse_other_consent(submission.consent_version)
+    checked = intake.check(submission, installation)
+    checked.refuse_if_all_bad()
+    return checked
+
+
+def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
+    """Write the new runs and their sessions; the primary keys of the sessions that got runs."""
+    new = [item for item in checked.items if item.rejection is None and not item.duplicate]
+    if not new:
+        return ()
+    description = recognise(checked.submission.device)
+    sessions: dict[UUID, MeasurementSession] = {}
+    rows = []
+    for item in new:
+        assert item.run is not None  # an item without a run is rejected
+        front = checked.fronts[item.session.front_version]
+        if item.session.id not in sessions:
+            sessions[item.session.id] = _session(submission, checked, item.session, description)
+        rows.append(_row(item.run, sessions[item.session.id], front))
+    Run.objects.bulk_create(rows)
+    keys = tuple(session.pk for session in sessions.values())
+    # A session that was summarised before has more runs now.
+    MeasurementSession.objects.filter(pk__in=keys).update(summary_algorithm=None)
+    return keys
+
+
+def _session(
+    submission: Submission, checked: intake.Intake, session: schema.Session, description: DeviceDescription
+) -> MeasurementSession:
+    """The stored session with this id, or a new one."""
+    stored = checked.sessions.get(session.id)
+    if stored is not None:
+        return stored
+    raw = description.raw
+    return MeasurementSession.objects.create(
+        uuid=session.id,
+        installation=submission.installation,
+        submission=submission,
+        description=description,
+        device=description.model,
+        front=checked.fronts[session.front_version].row,
+        protocol_version=session.protocol_version,
+        backend=session.backend,
+        processor=_text(raw, "opencl_device"),
+        platform=_text(raw, "opencl_platform"),
+        driver=_text(raw, "opencl_driver"),
+        # A phone whose clock runs ahead must not be the latest for ever.
+        started_at=min(session.started_at, timezone.now()),
+        samples=[
+            {"t": s.t, "temperature_c": s.temperature_c, "cpu_mhz": s.cpu_mhz, "battery": s.battery}
+            for s in session.samples
+        ],
+    )
+
+
+def _text(raw: dict[str, Any], name: str) -> str:
+    value = raw.get(name)
+    return value[:200] if isinstance(value, str) else ""
+
+
+def _row(run: schema.Run, session: MeasurementSession, front: intake.Front) -> Run:
+    state, reason = checks.judge(run, front.protocol)
+    names, stages_us = packing.pack_stages(run.stages_us or {})
+    tracked = run.tracked if isinstance(run.tracked, list) else []
+    first = front.protocol.first_counted_frame
+    return Run(
+        uuid=run.id,
+        session=session,
+        configuration=front.configurations[run.configuration],
+        repeat=run.repeat,
+        order=run.order,
+        status=run.status,
+        failure=run.failure or "",
+        frame_us=packing.pack(run.frame_us),
+        stages=names,
+        stages_us=stages_us,
+        tracked=packing.pack_tracked(tracked),
+        tracked_frames=tracked.count(True)
+        if tracked
+        else run.tracked
+        if isinstance(run.tracked, int)
+        else None,
+        mean_us=statistics.run_value(run.frame_us, first) if len(run.frame_us) > first else None,
+        ate_max=run.ate_max,
+        ate_mean=run.ate_mean,
+        ate_rmse=run.ate_rmse,
+        trajectory_sha256=run.trajectory_sha256 or "",
+        state=state,
+        reason=reason,
+    )
