@@ -1,0 +1,57 @@
+"""A server that keeps the interface's promises in memory: every run counts once, whatever is repeated."""
+
+import gzip
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from tests.client_kit.scripted import Reply, Request, problem
+
+
+class Counting:
+    """Answers as the interface says, from a manifest and the folder of its sequence's chunks."""
+
+    def __init__(self, manifest: dict[str, Any], chunks: Path) -> None:
+        self.manifest = manifest
+        self._chunks = chunks
+        self._answers: dict[str, tuple[str, dict[str, Any]]] = {}
+        self.sessions: dict[str, dict[str, Any]] = {}
+        self.runs: list[str] = []
+
+    def __call__(self, request: Request) -> Reply:
+        path = request.path.removeprefix("/api/v1")
+        if path.startswith("/manifest"):
+            return Reply(200, self.manifest, (("ETag", '"1"'),))
+        if path.startswith("/sequences/"):
+            return Reply(200, raw=(self._chunks / Path(path).name).read_bytes())
+        if path == "/enrol":
+            return Reply(201, {"installation_id": "me", "token": "secret"})
+        if request.headers.get("authorization") != "Bearer secret":
+            return problem(401, "invalid_token", "unknown token")
+        if path == "/submissions":
+            return self._submission(request)
+        if path.startswith("/submissions/"):
+            return Reply(200, {"device": "a-phone", "summarised": True})
+        if path == "/me/data":
+            return Reply(200, {"sessions": list(self.sessions)})
+        self.sessions.clear()
+        return Reply(204, raw=b"")
+
+    def _submission(self, request: Request) -> Reply:
+        key, digest = request.headers["idempotency-key"], hashlib.sha256(request.body).hexdigest()
+        if key in self._answers:
+            seen, answer = self._answers[key]
+            if seen != digest:
+                return problem(409, "idempotency_key_reused", "another body under this key")
+            return Reply(200, answer)
+        items = []
+        for session in json.loads(gzip.decompress(request.body))["sessions"]:
+            self.sessions[session["id"]] = session
+            for run in session["runs"]:
+                state = "duplicate" if run["id"] in self.runs else "accepted"
+                items.append({"id": run["id"], "status": state, "code": None})
+                self.runs.append(run["id"])
+        answer = {"submission_id": f"submission {len(self._answers)}", "items": items}
+        self._answers[key] = digest, answer
+        return Reply(202, answer)
