@@ -11,8 +11,8 @@ from client_kit.home import Home
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, ServerError
 from client_kit.spool import ACCEPTED, DUPLICATE, REJECTED, WAITING, Item, Spool
 
-# Another request with the same key is being answered: the answer comes to whoever asks again.
-IN_PROGRESS = "idempotency_key_in_progress"
+# What a server says of a request's content: the same request will never be taken.
+FINAL = (400, 409, 413, 415, 422)
 
 
 @dataclass
@@ -118,7 +118,7 @@ def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
             token = enrolment.token(home, server, consent_version)
             answer = server.submit(token, item.idempotency_key, body)
     except ProblemError as problem:
-        if problem.temporary or problem.code == IN_PROGRESS or problem.status == 401:
+        if problem.status not in FINAL:
             raise
         spool.settle(item, REJECTED, str(problem))
     else:
