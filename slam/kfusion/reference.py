@@ -215,14 +215,13 @@ def dilate_blocks(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def interpolate(distances: Array, point: Array, voxel_size: float) -> float:
-    """Trilinear interpolation at a point in metres, clamped at the volume's sides."""
+    """Trilinear interpolation at a point in metres; beyond the outermost voxel centres, extrapolation."""
     place = point / voxel_size - 0.5
-    base = np.floor(place).astype(int)
+    base = np.clip(place.astype(int), 0, len(distances) - 2)
     fraction = place - base
     value = 0.0
     for corner in np.ndindex(2, 2, 2):
-        index = np.clip(base + corner, 0, len(distances) - 1)
-        value += np.prod(np.where(corner, fraction, 1 - fraction)) * distances[tuple(index[::-1])]
+        value += np.prod(np.where(corner, fraction, 1 - fraction)) * distances[tuple((base + corner)[::-1])]
     return float(value)
 
 
@@ -239,17 +238,19 @@ def raycast(
 ) -> tuple[Array, Array]:
     """Vertices and normals in the volume's frame; zero where a ray finds no surface.
 
-    A ray's parameter is its depth along the optical axis. It takes large steps until the distance falls
-    below `near_surface` and small ones from then on; the first crossing from outside is interpolated.
+    A ray's parameter is its depth along the optical axis; it keeps between the outermost voxel centres.
+    It takes large steps until the distance falls below `near_surface` and small ones from then on; the
+    first crossing from outside is interpolated.
     """
     vertices = np.zeros((camera.height, camera.width, 3))
     normals = np.zeros_like(vertices)
+    margin = voxel_size / 2
     size = len(distances) * voxel_size
     for y, x in np.ndindex(camera.height, camera.width):
         direction = pose[:3, :3] @ [(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0]
         origin = pose[:3, 3]
         with np.errstate(divide="ignore"):
-            sides = np.sort([-origin / direction, (size - origin) / direction], axis=0)
+            sides = np.sort([(margin - origin) / direction, (size - margin - origin) / direction], axis=0)
         t, end = max(sides[0].max(), near_plane), min(sides[1].min(), far_plane)
         step, before = large_step, None
         while t < end:

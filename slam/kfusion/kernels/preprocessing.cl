@@ -43,8 +43,11 @@ INLINE float bilateral(global const float *restrict depth, int width, int height
 {
     const float centre = depth[y * width + x];
     float sum = 0.0f, weights = 0.0f;
+    // Unrolled, so that it is the loop over the row that becomes vector code.
+#pragma unroll
     for (int dy = -2; dy <= 2; ++dy) {
         const int row = bounded(y + dy, 0, height - 1) * width;
+#pragma unroll
         for (int dx = -2; dx <= 2; ++dx) {
             const int column = inside ? x + dx : bounded(x + dx, 0, width - 1);
             const float neighbour = depth[row + column];

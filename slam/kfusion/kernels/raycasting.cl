@@ -6,42 +6,45 @@
 #define SCALE 32766.0f
 #define BLOCK 8
 #define LANES 16
+#define SAMPLES 4 // taken between two looks for empty blocks
 
 INLINE float distance_at(global const uint *restrict volume, int index)
 {
     return (short)(volume[index] & 0xffff);
 }
 
-// Trilinear interpolation at (x, y, z) in voxels, 0 at the centre of the first; clamped at the sides.
+// Trilinear interpolation at (x, y, z) in voxels, 0 at the centre of the first and resolution - 1 at that of
+// the last; slightly beyond them the outermost cell is extrapolated.
 INLINE float interpolate(global const uint *restrict volume, int resolution, float x, float y, float z)
 {
-    // Rays stay above -1, where truncation after adding 1 rounds down.
-    const int base_x = (int)(x + 1.0f) - 1, base_y = (int)(y + 1.0f) - 1, base_z = (int)(z + 1.0f) - 1;
-    const float fx = x - base_x, fy = y - base_y, fz = z - base_z;
-    const int top = resolution - 1;
-    const int x0 = bounded(base_x, 0, top), x1 = bounded(base_x + 1, 0, top);
-    const int y0 = bounded(base_y, 0, top) * resolution, y1 = bounded(base_y + 1, 0, top) * resolution;
-    const int z0 = bounded(base_z, 0, top) * resolution * resolution;
-    const int z1 = bounded(base_z + 1, 0, top) * resolution * resolution;
-    const float near_upper = distance_at(volume, z0 + y0 + x0) * (1.0f - fx) + distance_at(volume, z0 + y0 + x1) * fx;
-    const float near_lower = distance_at(volume, z0 + y1 + x0) * (1.0f - fx) + distance_at(volume, z0 + y1 + x1) * fx;
-    const float far_upper = distance_at(volume, z1 + y0 + x0) * (1.0f - fx) + distance_at(volume, z1 + y0 + x1) * fx;
-    const float far_lower = distance_at(volume, z1 + y1 + x0) * (1.0f - fx) + distance_at(volume, z1 + y1 + x1) * fx;
-    return (near_upper * (1.0f - fy) + near_lower * fy) * (1.0f - fz) +
-           (far_upper * (1.0f - fy) + far_lower * fy) * fz;
+    const int column = bounded((int)x, 0, resolution - 2);
+    const int line = bounded((int)y, 0, resolution - 2);
+    const int slice = bounded((int)z, 0, resolution - 2);
+    const float fx = x - column, fy = y - line, fz = z - slice;
+    const int near_upper = (slice * resolution + line) * resolution + column;
+    const int near_lower = near_upper + resolution;
+    const int far_upper = near_upper + resolution * resolution;
+    const int far_lower = far_upper + resolution;
+    const float a = distance_at(volume, near_upper), b = distance_at(volume, near_upper + 1);
+    const float c = distance_at(volume, near_lower), d = distance_at(volume, near_lower + 1);
+    const float e = distance_at(volume, far_upper), f = distance_at(volume, far_upper + 1);
+    const float g = distance_at(volume, far_lower), h = distance_at(volume, far_lower + 1);
+    const float near_edge_upper = a + (b - a) * fx, near_edge_lower = c + (d - c) * fx;
+    const float far_edge_upper = e + (f - e) * fx, far_edge_lower = g + (h - g) * fx;
+    const float near_side = near_edge_upper + (near_edge_lower - near_edge_upper) * fy;
+    const float far_side = far_edge_upper + (far_edge_lower - far_edge_upper) * fy;
+    return near_side + (far_side - near_side) * fz;
 }
 
-// The ray parameter at which one axis leaves the box [0, size].
-INLINE float entry(float origin, float direction, float size)
+// Where a ray enters and leaves the slab [first, last] of one axis; `inverse` is 1 / direction.
+INLINE float entry(float origin, float inverse, float last)
 {
-    const float a = -origin / direction, b = (size - origin) / direction;
-    return smaller(a, b);
+    return smaller(-origin * inverse, (last - origin) * inverse);
 }
 
-INLINE float leaving(float origin, float direction, float size)
+INLINE float leaving(float origin, float inverse, float last)
 {
-    const float a = -origin / direction, b = (size - origin) / direction;
-    return larger(a, b);
+    return larger(-origin * inverse, (last - origin) * inverse);
 }
 
 // Remembers which pixels the model belongs to: intrinsics times the inverse of the pose.
@@ -73,43 +76,38 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
 {
     const int row = get_global_id(0);
     global const float *pose = state->pose;
-    const float size = resolution * voxel_size, per_voxel = 1.0f / voxel_size;
+    const float per_voxel = 1.0f / voxel_size, last = resolution - 1;
     const float tiny = 1e-9f;
-    // From here on lengths are voxels, with 0 at the centre of the first.
+    // From here on lengths are voxels, with 0 at the centre of the first; rays keep between the outermost centres.
     const float origin_x = pose[3] * per_voxel - 0.5f;
     const float origin_y = pose[7] * per_voxel - 0.5f;
     const float origin_z = pose[11] * per_voxel - 0.5f;
     const float ray_y = (row - camera.w) / camera.y;
 
     for (int start = 0; start < width; start += LANES) {
-        float dx[LANES], dy[LANES], dz[LANES], t[LANES], end[LANES], step[LANES];
+        float dx[LANES], dy[LANES], dz[LANES], inverse_dx[LANES], inverse_dy[LANES], inverse_dz[LANES];
+        float t[LANES], end[LANES], step[LANES], value[LANES];
         int active[LANES], hit[LANES], first[LANES];
 
         for (int l = 0; l < LANES; ++l) {
             const float ray_x = (start + l - camera.z) / camera.x;
-            float x = pose[0] * ray_x + pose[1] * ray_y + pose[2];
-            float y = pose[4] * ray_x + pose[5] * ray_y + pose[6];
-            float z = pose[8] * ray_x + pose[9] * ray_y + pose[10];
-            x = magnitude(x) > tiny ? x : tiny;
-            y = magnitude(y) > tiny ? y : tiny;
-            z = magnitude(z) > tiny ? z : tiny;
-            float from = near_plane, to = far_plane;
-            const float in_x = entry(pose[3], x, size), in_y = entry(pose[7], y, size), in_z = entry(pose[11], z, size);
-            const float out_x = leaving(pose[3], x, size), out_y = leaving(pose[7], y, size),
-                        out_z = leaving(pose[11], z, size);
-            from = larger(from, in_x);
-            from = larger(from, in_y);
-            from = larger(from, in_z);
-            to = smaller(to, out_x);
-            to = smaller(to, out_y);
-            to = smaller(to, out_z);
-            dx[l] = x * per_voxel;
-            dy[l] = y * per_voxel;
-            dz[l] = z * per_voxel;
-            t[l] = from;
-            end[l] = to;
+            const float x = (pose[0] * ray_x + pose[1] * ray_y + pose[2]) * per_voxel;
+            const float y = (pose[4] * ray_x + pose[5] * ray_y + pose[6]) * per_voxel;
+            const float z = (pose[8] * ray_x + pose[9] * ray_y + pose[10]) * per_voxel;
+            dx[l] = magnitude(x) > tiny ? x : tiny;
+            dy[l] = magnitude(y) > tiny ? y : tiny;
+            dz[l] = magnitude(z) > tiny ? z : tiny;
+            inverse_dx[l] = 1.0f / dx[l];
+            inverse_dy[l] = 1.0f / dy[l];
+            inverse_dz[l] = 1.0f / dz[l];
+            const float in_x = entry(origin_x, inverse_dx[l], last), out_x = leaving(origin_x, inverse_dx[l], last);
+            const float in_y = entry(origin_y, inverse_dy[l], last), out_y = leaving(origin_y, inverse_dy[l], last);
+            const float in_z = entry(origin_z, inverse_dz[l], last), out_z = leaving(origin_z, inverse_dz[l], last);
+            t[l] = larger(larger(larger(near_plane, in_x), in_y), in_z);
+            end[l] = smaller(smaller(smaller(far_plane, out_x), out_y), out_z);
             step[l] = large_step;
-            active[l] = (from < to) & (start + l < width);
+            value[l] = 0.0f;
+            active[l] = (t[l] < end[l]) & (start + l < width);
             hit[l] = 0;
             first[l] = 1;
         }
@@ -123,14 +121,13 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
                     const float place = active[l] ? t[l] : near_plane;
                     const float x = origin_x + place * dx[l], y = origin_y + place * dy[l],
                                 z = origin_z + place * dz[l];
-                    const float bx = (int)(x * 0.125f + 1.0f) - 1, by = (int)(y * 0.125f + 1.0f) - 1,
-                                bz = (int)(z * 0.125f + 1.0f) - 1;
-                    const int ix = bounded((int)bx, 0, blocks - 1), iy = bounded((int)by, 0, blocks - 1),
-                              iz = bounded((int)bz, 0, blocks - 1);
-                    const int empty = active[l] & (searched[(iz * blocks + iy) * blocks + ix] == 0);
-                    const float out_x = ((dx[l] > 0.0f ? bx + 1.0f : bx) * BLOCK - x) / dx[l];
-                    const float out_y = ((dy[l] > 0.0f ? by + 1.0f : by) * BLOCK - y) / dy[l];
-                    const float out_z = ((dz[l] > 0.0f ? bz + 1.0f : bz) * BLOCK - z) / dz[l];
+                    const int bx = bounded((int)(x * (1.0f / BLOCK)), 0, blocks - 1);
+                    const int by = bounded((int)(y * (1.0f / BLOCK)), 0, blocks - 1);
+                    const int bz = bounded((int)(z * (1.0f / BLOCK)), 0, blocks - 1);
+                    const int empty = active[l] & (searched[(bz * blocks + by) * blocks + bx] == 0);
+                    const float out_x = ((dx[l] > 0.0f ? bx + 1 : bx) * BLOCK - x) * inverse_dx[l];
+                    const float out_y = ((dy[l] > 0.0f ? by + 1 : by) * BLOCK - y) * inverse_dy[l];
+                    const float out_z = ((dz[l] > 0.0f ? bz + 1 : bz) * BLOCK - z) * inverse_dz[l];
                     const float out = smaller(larger(smaller(smaller(out_x, out_y), out_z), 0.0f), far_plane);
                     const int steps = (int)(out / step[l]) + 1;
                     t[l] += empty ? steps * step[l] : 0.0f;
@@ -139,37 +136,36 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
                     jumping |= empty & active[l];
                 }
             }
-            searching = 0;
-            for (int l = 0; l < LANES; ++l) {
-                const float place = active[l] ? t[l] : near_plane;
-                const float value = interpolate(volume, resolution, origin_x + place * dx[l],
-                                                origin_y + place * dy[l], origin_z + place * dz[l]);
-                const int inside = active[l] & first[l] & (value <= 0.0f);
-                const int crossed = active[l] & (value < 0.0f);
-                hit[l] |= crossed & !inside;
-                active[l] &= !(crossed | inside);
-                step[l] = (active[l] & (value < near_surface)) ? small_step : step[l];
-                t[l] += active[l] ? step[l] : 0.0f;
-                active[l] &= t[l] < end[l];
-                first[l] = 0;
-                searching |= active[l];
+            for (int sample = 0; sample < SAMPLES; ++sample) {
+                searching = 0;
+                for (int l = 0; l < LANES; ++l) {
+                    const float place = active[l] ? t[l] : near_plane;
+                    const float here = interpolate(volume, resolution, origin_x + place * dx[l],
+                                                   origin_y + place * dy[l], origin_z + place * dz[l]);
+                    const int inside = active[l] & first[l] & (here <= 0.0f);
+                    const int crossed = active[l] & (here < 0.0f) & !inside;
+                    hit[l] |= crossed;
+                    value[l] = crossed ? here : value[l];
+                    active[l] &= !(crossed | inside);
+                    step[l] = (active[l] & (here < near_surface)) ? small_step : step[l];
+                    t[l] += active[l] ? step[l] : 0.0f;
+                    active[l] &= t[l] < end[l];
+                    first[l] = 0;
+                    searching |= active[l];
+                }
             }
         }
 
         float vx[LANES], vy[LANES], vz[LANES], nx[LANES], ny[LANES], nz[LANES];
         for (int l = 0; l < LANES; ++l) {
-            const float at = hit[l] ? t[l] : near_plane, before = hit[l] ? t[l] - step[l] : near_plane;
-            const float value = interpolate(volume, resolution, origin_x + at * dx[l], origin_y + at * dy[l],
-                                            origin_z + at * dz[l]);
+            const float before = hit[l] ? t[l] - step[l] : near_plane;
             const float earlier = interpolate(volume, resolution, origin_x + before * dx[l],
                                               origin_y + before * dy[l], origin_z + before * dz[l]);
-            const float difference = earlier - value;
-            const int crossing = hit[l] & (difference > 0.0f);
-            const float place = at + (crossing ? step[l] * value / difference : 0.0f);
+            hit[l] &= earlier > value[l];
+            const float place = hit[l] ? t[l] + step[l] * value[l] / (earlier - value[l]) : near_plane;
             vx[l] = origin_x + place * dx[l];
             vy[l] = origin_y + place * dy[l];
             vz[l] = origin_z + place * dz[l];
-            hit[l] = crossing;
         }
         // Away from the volume's sides this equals interpolating the central differences of the voxels.
         for (int l = 0; l < LANES; ++l) {
