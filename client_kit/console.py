@@ -1,5 +1,6 @@
 """What a participant sees: lines on standard output, a progress bar where the terminal can show one."""
 
+import io
 import sys
 import time
 from collections.abc import Iterable
@@ -14,6 +15,9 @@ class Console:
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = stream if stream is not None else sys.stdout
+        if isinstance(self._stream, io.TextIOWrapper):
+            # A device's name may hold what an old terminal cannot show; that is no reason to stop.
+            self._stream.reconfigure(errors="replace")
         self._bars = self._stream.isatty()
         self._drawn = 0
         self._drawn_at = 0.0

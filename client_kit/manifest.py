@@ -17,6 +17,8 @@ DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
 # The paper's limit: a configuration whose largest trajectory error reaches it is not valid.
 MAX_ATE_METRES = 0.05
+# What a server takes in one submission.
+MOST_RUNS = 50
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,10 @@ class Manifest:
         while min(plan.count(name) for name in round_) < self.protocol.repeats:
             round_ = tuple(reversed(round_))
             plan += round_
+        if len(plan) > MOST_RUNS:
+            raise UsageError(
+                f"{len(plan)} runs are more than the {MOST_RUNS} of a session: name fewer --configurations"
+            )
         return plan
 
 

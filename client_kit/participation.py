@@ -202,7 +202,7 @@ def _tell_page(
     console: Console,
     pause: Callable[[float], None],
 ) -> None:
-    """Point to the device's page, once the server knows which device this is."""
+    """Point to the device's page, and say what of the session counts there, once the server knows."""
     token = enrolment.token(home, server, asked.consent_version)
     waited = 0.0
     while True:
@@ -211,12 +211,17 @@ def _tell_page(
         except ServerError as error:
             console.say(f"The session is accepted; its page could not be asked for: {error}")
             return
-        slug = state.get("device")
-        if slug is not None and (state.get("summarised") or waited >= SUMMARY_PATIENCE_SECONDS):
+        if state.get("summarised") or waited >= SUMMARY_PATIENCE_SECONDS:
             break
-        if waited >= SUMMARY_PATIENCE_SECONDS:
-            console.say(f"The server has not worked through this session yet: {server.page('devices/')}")
-            return
         pause(SUMMARY_PAUSE_SECONDS)
         waited += SUMMARY_PAUSE_SECONDS
-    console.say(f"See this device among the others: {server.page(f'devices/{slug}/')}")
+    for session in state.get("sessions") or ():
+        for told in session.get("speedups") or ():
+            if told.get("state") != "valid":
+                name, reason = told.get("configuration"), told.get("reason")
+                console.say(f"The server sets {name} aside: {told.get('state')}, {reason}")
+    if state.get("device"):
+        page = server.page(f"devices/{state['device']}/")
+        console.say(f"See this device among the others: {page}")
+    else:
+        console.say(f"The server has not worked through this session yet: {server.page('devices/')}")

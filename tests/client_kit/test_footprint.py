@@ -29,8 +29,14 @@ SERVERS_SIDE = (
     "sklearn",
 )
 BASE = {
-    "numpy", "platformdirs", "pocl-binary-distribution", "pyopencl", "pytools", "siphash24", "typing-extensions",
-}  # fmt: skip
+    "numpy",
+    "platformdirs",
+    "pocl-binary-distribution",
+    "pyopencl",
+    "pytools",
+    "siphash24",
+    "typing-extensions",
+}
 LARGEST_MB = 250  # 165 of them are PoCL's wheel, which a device with its own driver does without
 
 SCRIPT = """\

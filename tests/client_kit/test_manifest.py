@@ -114,6 +114,16 @@ def test_a_name_that_the_front_lacks_is_a_usage_error() -> None:
         Manifest.parse(documents.manifest()).plan(("fast",))
 
 
+def test_more_runs_than_a_session_holds_are_a_usage_error() -> None:
+    document = documents.manifest()
+    document["configurations"] += [
+        {"name": f"point-{number}", "parameters": {}, "predicted": {}} for number in range(23)
+    ]
+
+    with pytest.raises(UsageError, match="52 runs are more than the 50"):
+        Manifest.parse(document).plan(("all",))
+
+
 def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
     Manifest.parse(documents.manifest(minimum_app_version="0.1")).require_this_version()
     with pytest.raises(OutdatedError, match=r"0\.10\.0"):

@@ -243,3 +243,22 @@ def test_status_export_choose_and_erase_tell_of_what_was_measured(
     assert counting.sessions == {}
     assert client(home, "status").stdout == "Nothing was measured here yet.\n"
     assert client(home, "choose").returncode == 3
+
+
+def test_send_waits_as_long_as_it_takes_when_asked_to(serve: Serve, home: Home, counting: Counting) -> None:
+    refusals = iter([problem(503, "busy", Retry_After="0")] * 2)
+
+    def busy(request: Request) -> Reply:
+        if request.path.endswith("/submissions"):
+            return next(refusals, None) or counting(request)
+        return counting(request)
+
+    scripted = serve(busy)
+    client(home, "run", "--server", scripted.url, "--yes")
+    assert states(home) == ["queued"]
+
+    done = client(home, "send", "--wait")
+
+    assert done.returncode == 0, done.stderr
+    assert "1 to send; next attempt in 1 s" in done.stdout
+    assert states(home) == ["accepted"]

@@ -1,0 +1,39 @@
+"""What a participant sees on a terminal and in a log."""
+
+import io
+
+from client_kit.console import Console
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_bar_is_drawn_in_place_and_makes_way_for_a_line() -> None:
+    terminal = Terminal()
+    console = Console(terminal)
+
+    console.bar("room", 50, 100, " kB")
+    console.say("done")
+
+    bar = "room [###############...............] 50/100 kB"
+    assert terminal.getvalue() == f"{bar}\r{' ' * len(bar)}\rdone\n"
+
+
+def test_a_log_has_lines_and_no_bars() -> None:
+    log = io.StringIO()
+    console = Console(log)
+
+    console.bar("room", 50, 100)
+    console.lines(["one", "two"])
+
+    assert log.getvalue() == "one\ntwo\n"
+
+
+def test_a_terminal_without_the_letters_shows_something_all_the_same() -> None:
+    raw = io.BytesIO()
+
+    Console(io.TextIOWrapper(raw, encoding="ascii")).say("Redmi Note 9 Pro \u7ea2\u7c73")
+
+    assert raw.getvalue().startswith(b"Redmi Note 9 Pro ??")
