@@ -44,6 +44,7 @@ FRONTRUNNER_CONSENT_VERSION = 1
 # What one request may cost: the body as sent, and the body after gzip.
 FRONTRUNNER_MAX_BODY_BYTES = 1 << 20
 FRONTRUNNER_MAX_INFLATED_BYTES = 8 << 20
+DATA_UPLOAD_MAX_MEMORY_SIZE = FRONTRUNNER_MAX_BODY_BYTES
 
 DEBUG = switch("DEBUG")
 SECRET_KEY = os.environ.get("FRONTRUNNER_SECRET_KEY") or data_folder.secret_key(FRONTRUNNER_VAR)
@@ -89,6 +90,7 @@ APPEND_SLASH = True
 TEMPLATES = [
     {
         "BACKEND": "django.template.backends.django.DjangoTemplates",
+        "DIRS": [BASE_DIR / "crowd" / "templates"],
         "APP_DIRS": True,
         "OPTIONS": {
             "context_processors": [
@@ -184,6 +186,7 @@ SPECTACULAR_SETTINGS = {
     "VERSION": "1",
     "OAS_VERSION": "3.1.1",
     "SERVE_INCLUDE_SCHEMA": False,
+    "POSTPROCESSING_HOOKS": ["crowd.openapi.complete"],
 }
 
 CONTENT_SECURITY_POLICY = {

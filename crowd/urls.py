@@ -1,10 +1,22 @@
 """Every address of the site: the API under /api/v1, the pages at the root."""
 
 from django.contrib import admin
-from django.urls import include, path
+from django.urls import include, path, re_path
+
+from crowd import health, openapi, problems
+from crowd.fronts.views import chunk
 
 urlpatterns = [
     path("admin/", admin.site.urls),
+    path("healthz", health.healthz),
+    path("readyz", health.readyz),
+    path("metrics", health.metrics),
+    path("sequences/<str:sha256>", chunk, name="chunk"),
+    path("api/v1/", include("crowd.fronts.urls")),
+    path("api/v1/", include("crowd.results.urls")),
     path("api/v1/", include("crowd.explorations.urls")),
+    path("api/v1/openapi.json", openapi.OpenApiView.as_view(), name="openapi"),
+    path("api/v1/docs", openapi.docs, name="docs"),
+    re_path(r"^api/", problems.unknown_address),
     path("", include("crowd.dashboard.urls")),
 ]

@@ -29,9 +29,9 @@ COMPANY = re.compile(
 )
 # Makers write their own name in several ways; the way people know it.
 MAKERS = {
-    "asus": "ASUS", "asustek": "ASUS", "dell": "Dell", "google": "Google", "hewlett-packard": "HP", "hp": "HP",
-    "htc": "HTC", "huawei": "Huawei", "innotek": "VirtualBox", "lenovo": "Lenovo", "lg": "LG", "lge": "LG",
-    "micro-star international": "MSI", "motorola": "Motorola", "msi": "MSI", "nokia": "Nokia",
+    "asus": "ASUS", "asustek": "ASUS", "dell": "Dell", "google": "Google", "hewlett-packard": "HP",
+    "hp": "HP", "htc": "HTC", "huawei": "Huawei", "innotek": "VirtualBox", "lenovo": "Lenovo", "lg": "LG",
+    "lge": "LG", "micro-star international": "MSI", "motorola": "Motorola", "msi": "MSI", "nokia": "Nokia",
     "nvidia": "NVIDIA", "oneplus": "OnePlus", "oppo": "OPPO", "qemu": "QEMU", "realme": "realme",
     "samsung": "Samsung", "sony": "Sony", "tcl": "TCL", "vivo": "vivo", "vmware": "VMware",
     "xiaomi": "Xiaomi", "zte": "ZTE",
@@ -48,7 +48,7 @@ CPU_DEVICE = re.compile(r"^(cpu|pthread|basic)\b|^pocl|\bcpu\b", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Identity:
-    """What raw strings come to. `key` tells models apart and starts with the maker: none merge across makers."""
+    """What raw strings come to. `key` starts with the maker: no model merges across makers."""
 
     key: str
     slug: str

@@ -81,7 +81,7 @@ def check(document: dict[str, Any]) -> Content:
         (DEFAULT not in protocol.order, f"protocol.order: {DEFAULT} is missing"),
         (
             protocol.first_counted_frame >= protocol.frames,
-            f"protocol.first_counted_frame: {protocol.first_counted_frame} of {protocol.frames} leaves no frame",
+            f"protocol.first_counted_frame: {protocol.first_counted_frame} is not below {protocol.frames}",
         ),
     ):
         if wrong:

@@ -34,7 +34,7 @@ def own_data(installation: Installation) -> dict[str, Any]:
             }
             for submission in installation.submissions.all()
         ],
-        "sessions": [_session(session) for session in sessions],
+        "sessions": [_session(session) for session in sessions.prefetch_related("runs__configuration")],
     }
 
 
@@ -87,8 +87,9 @@ def erase_installation(installation: Installation) -> None:
 
 @transaction.atomic
 def erase_run(installation: Installation, uuid: UUID) -> bool:
-    """Delete one run of INSTALLATION, with its session if that was the last one; False where there is none."""
-    run = Run.objects.select_related("session").filter(uuid=uuid, session__installation=installation).first()
+    """Delete one run of INSTALLATION, and its session with the last one; False where there is none."""
+    own = Run.objects.filter(session__installation=installation).select_related("session")
+    run = own.filter(uuid=uuid).first()
     if run is None:
         return False
     session = run.session
@@ -106,7 +107,7 @@ def _after(sessions: list[MeasurementSession]) -> None:
     """Figures without the deleted SESSIONS; descriptions and models that nobody's session names go too."""
     for group in {(s.device_id, s.front_id, s.backend, s.processor) for s in sessions}:
         summarising.refresh_figures(*group)
-    DeviceDescription.objects.filter(pk__in={s.description_id for s in sessions}, sessions=None).delete()
-    DeviceModel.objects.filter(
-        pk__in={s.device_id for s in sessions}, sessions=None, descriptions=None
-    ).delete()
+    descriptions = {session.description_id for session in sessions}
+    DeviceDescription.objects.filter(pk__in=descriptions, sessions=None).delete()
+    models = {session.device_id for session in sessions}
+    DeviceModel.objects.filter(pk__in=models, sessions=None, descriptions=None).delete()

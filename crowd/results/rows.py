@@ -57,6 +57,11 @@ class Speedup:
     last_session_at: datetime
     suspect: bool
 
+    @property
+    def key(self) -> str:
+        """What tells this bar from every other."""
+        return "|".join((self.front, self.configuration, self.device.slug, self.backend, self.processor))
+
 
 @dataclass(frozen=True)
 class Headline:
@@ -191,3 +196,23 @@ class RunDetail:
     platform: str
     driver: str
     parameters: dict[str, object]
+
+
+@dataclass(frozen=True)
+class SubmissionRow:
+    """What became of a submission, for the installation that sent it."""
+
+    id: UUID
+    received_at: datetime
+    items: list[dict[str, object]]
+    sessions: tuple[SessionRow, ...]
+
+    @property
+    def device(self) -> str | None:
+        """Slug of the device it was measured on; None where no session was stored."""
+        return self.sessions[0].device.slug if self.sessions else None
+
+    @property
+    def summarised(self) -> bool:
+        """Whether every session of it has been worked through."""
+        return all(session.summarised for session in self.sessions)

@@ -1,4 +1,4 @@
-"""The shape of a submission. Types are checked strictly while the JSON is read; values are checked run by run.
+"""The shape of a submission. Types are checked strictly while JSON is read, values run by run.
 
 Runs stay undecoded at first, so that one with a wrong type costs nothing but itself. Unknown members are
 ignored: a newer client may send more.

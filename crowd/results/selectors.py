@@ -6,14 +6,15 @@ from datetime import UTC, datetime, time
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Count, Max, Prefetch, QuerySet
+from django.db.models import Count, Max, Prefetch, Q, QuerySet
 
-from crowd.devices.models import DeviceModel
+from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST
 from crowd.results import packing, statistics, summaries
 from crowd.results.filters import ALL, SpeedupFilters
-from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
+from crowd.results.intake import REJECTED
+from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State, Submission
 from crowd.results.rows import (
     Device,
     DeviceDetail,
@@ -27,6 +28,7 @@ from crowd.results.rows import (
     SessionSpeedup,
     Speedup,
     Speedups,
+    SubmissionRow,
 )
 
 LISTED_SESSIONS = 20
@@ -134,6 +136,24 @@ def run(uuid: UUID) -> RunDetail | None:
         platform=around.platform,
         driver=around.driver,
         parameters=row.configuration.parameters,
+    )
+
+
+def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
+    """What became of the submission KEY that INSTALLATION sent; None if it sent none such. Three queries."""
+    row = Submission.objects.filter(installation=installation, pk=key).first()
+    if row is None:
+        return None
+    # A session that came in parts belongs to the submission of its first run: the runs' ids find it too.
+    uuids = [item["id"] for item in row.answer["items"] if item["status"] != REJECTED]
+    sessions = (
+        _sessions().filter(Q(submission=row) | Q(runs__uuid__in=uuids, installation=installation)).distinct()
+    )
+    return SubmissionRow(
+        id=row.pk,
+        received_at=row.received_at,
+        items=row.answer["items"],
+        sessions=tuple(_session(each) for each in sessions),
     )
 
 

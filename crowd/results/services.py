@@ -1,4 +1,4 @@
-"""Taking in what clients send. A request is one transaction: it is stored once, item by item, or not at all."""
+"""Taking in what clients send: a request is one transaction, stored once, item by item, or not at all."""
 
 import hashlib
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from crowd.results.models import MeasurementSession, Run, Submission
 
 @dataclass(frozen=True)
 class Acceptance:
-    """What the client is told; `replayed` when it was told so before; `sessions` now wait for their summary."""
+    """What the client is told; `replayed` if it was told before; `sessions` now wait for their summary."""
 
     answer: dict[str, Any]
     replayed: bool

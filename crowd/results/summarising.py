@@ -4,6 +4,7 @@ any time.
 
 from collections import defaultdict
 from itertools import pairwise
+from typing import Any
 
 from django.db import transaction
 from django.db.models import Q, QuerySet
@@ -24,7 +25,7 @@ from crowd.results.models import (
 
 
 def waiting() -> QuerySet[MeasurementSession]:
-    """Sessions that the present statistics have not seen: new ones, and all of them after a change of algorithm."""
+    """Sessions that the present statistics have not seen: new ones, and all after a change of algorithm."""
     return MeasurementSession.objects.filter(
         Q(summary_algorithm=None) | ~Q(summary_algorithm=statistics.ALGORITHM)
     ).order_by("id")
@@ -58,8 +59,13 @@ def summarise_session(key: int) -> None:
 
 
 def refresh_figures(device: int, front: int, backend: str, processor: str) -> None:
-    """Compute the figures of one device model, front, backend and processor anew; those without sessions go."""
-    group = {"device_id": device, "front_id": front, "backend": backend, "processor": processor}
+    """Compute the figures of one model, front, backend and processor anew; those without sessions go."""
+    group: dict[str, Any] = {
+        "device_id": device,
+        "front_id": front,
+        "backend": backend,
+        "processor": processor,
+    }
     found = summaries.figures(SessionSummary.objects.filter(**{f"session__{k}": v for k, v in group.items()}))
     stale = DeviceSpeedup.objects.filter(**group)
     stale.exclude(configuration_id__in=[key.configuration for key in found]).delete()

@@ -1,0 +1,117 @@
+"""What every endpoint of the API shares: JSON in and out, bodies with a limit, lists by cursor."""
+
+import base64
+import binascii
+import zlib
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+from urllib.parse import urlencode
+
+import msgspec
+from django.conf import settings
+from django.http import HttpRequest, HttpResponse
+from rest_framework.negotiation import BaseContentNegotiation
+from rest_framework.request import Request
+from rest_framework.views import APIView
+
+from crowd.problems import Problem
+
+T = TypeVar("T")
+PAGE = 100
+LONGEST_PAGE = 1000
+
+
+class AnyAccept(BaseContentNegotiation):
+    """Answers are JSON whatever the client says it accepts: a refusal of the refusal would help nobody."""
+
+    def select_parser(self, request: Request, parsers: Any) -> Any:  # noqa: ARG002
+        return None
+
+    def select_renderer(self, request: Request, renderers: Any, format_suffix: Any = None) -> Any:  # noqa: ARG002
+        return renderers[0], renderers[0].media_type
+
+
+class Endpoint(APIView):
+    """A public address of the API."""
+
+    content_negotiation_class = AnyAccept
+
+
+def answer(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> HttpResponse:
+    """CONTENT (structs, dicts, dates, UUIDs) as JSON."""
+    return HttpResponse(
+        msgspec.json.encode(content), status=status, content_type="application/json", headers=headers or {}
+    )
+
+
+def body(request: Request) -> bytes:
+    """The request's JSON, inflated where it is gzipped.
+
+    Raises Problem 415 for another type or encoding, 413 for more bytes than the server takes, before or after
+    inflating, 400 for damaged gzip.
+    """
+    kind = request.headers.get("Content-Type", "").partition(";")[0].strip().lower()
+    if kind != "application/json":
+        raise Problem(415, "unsupported_media_type", f"send application/json, not {kind or 'nothing'}")
+    encoding = request.headers.get("Content-Encoding", "identity").strip().lower()
+    if encoding not in {"identity", "gzip"}:
+        raise Problem(415, "unsupported_encoding", f"send gzip or no Content-Encoding, not {encoding}")
+    http: HttpRequest = request._request
+    limit = settings.FRONTRUNNER_MAX_BODY_BYTES
+    if int(http.META.get("CONTENT_LENGTH") or 0) > limit:
+        raise Problem(413, "body_too_large", f"at most {limit} bytes a request: send fewer runs at once")
+    content = http.body
+    return _inflated(content) if encoding == "gzip" else content
+
+
+def _inflated(content: bytes) -> bytes:
+    limit = settings.FRONTRUNNER_MAX_INFLATED_BYTES
+    inflater = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
+    try:
+        inflated = inflater.decompress(content, limit + 1)
+    except zlib.error as error:
+        raise Problem(400, "damaged_gzip", f"Content-Encoding is gzip, the body is not: {error}") from error
+    if len(inflated) > limit:
+        raise Problem(
+            413, "inflated_too_large", f"the body inflates to more than {limit} bytes: send fewer runs"
+        )
+    if not inflater.eof or inflater.unused_data:
+        raise Problem(400, "damaged_gzip", "the gzip body is cut off, or goes on after its end")
+    return inflated
+
+
+def page(
+    request: Request, rows: Sequence[T], key: Callable[[T], str], encode: Callable[[T], Any]
+) -> dict[str, Any]:
+    """One page of ROWS (in their order): `results`, and `next`, the address of the following page or null.
+
+    The cursor names the last row's KEY and not its number, so that rows which come or go meanwhile are
+    neither skipped nor repeated. Raises Problem 400 for a limit or cursor that is none.
+    """
+    text = request.query_params.get("limit", str(PAGE))
+    if not text.isdecimal() or not 1 <= int(text) <= LONGEST_PAGE:
+        raise Problem(400, "invalid_limit", f"limit={text}: give 1 to {LONGEST_PAGE}", field="limit")
+    limit, start = int(text), 0
+    cursor = request.query_params.get("cursor")
+    if cursor is not None:
+        last = _uncover(cursor)
+        start = next((place + 1 for place, row in enumerate(rows) if key(row) == last), -1)
+        if start < 0:
+            raise Problem(400, "invalid_cursor", "start again without a cursor", field="cursor")
+    shown = rows[start : start + limit]
+    following = None
+    if start + limit < len(rows):
+        query = request.query_params.dict() | {"cursor": _cover(key(shown[-1]))}
+        following = f"{request.path}?{urlencode(query)}"
+    return {"results": [encode(row) for row in shown], "next": following}
+
+
+def _cover(key: str) -> str:
+    return base64.urlsafe_b64encode(key.encode()).decode().rstrip("=")
+
+
+def _uncover(cursor: str) -> str:
+    try:
+        return base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)).decode()
+    except (binascii.Error, UnicodeDecodeError):
+        raise Problem(400, "invalid_cursor", "start again without a cursor", field="cursor") from None

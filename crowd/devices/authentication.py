@@ -1,0 +1,48 @@
+"""Who asks: an installation is known by the token that enrolment gave it."""
+
+from drf_spectacular.extensions import OpenApiAuthenticationExtension
+from rest_framework.authentication import BaseAuthentication
+from rest_framework.request import Request
+
+from crowd.api import Endpoint
+from crowd.devices.models import Installation
+from crowd.devices.services import installation_of
+from crowd.problems import Problem
+
+
+class TokenAuthentication(BaseAuthentication):
+    """`Authorization: Bearer TOKEN`; `request.auth` becomes the Installation."""
+
+    def authenticate(self, request: Request) -> tuple[None, Installation]:
+        """Raises Problem 401 without a token, or with one that is unknown or revoked."""
+        scheme, _, token = request.headers.get("Authorization", "").partition(" ")
+        if not scheme:
+            raise Problem(
+                401, "token_missing", "send Authorization: Bearer TOKEN; POST /api/v1/enrol gives one"
+            )
+        installation = installation_of(token.strip()) if scheme.lower() == "bearer" else None
+        if installation is None:
+            raise Problem(401, "token_invalid", "this token is unknown or was revoked: enrol again")
+        return None, installation
+
+
+class TokenScheme(OpenApiAuthenticationExtension):
+    """The token in the OpenAPI document."""
+
+    target_class = TokenAuthentication
+    name = "installation"
+
+    def get_security_definition(self, auto_schema: object) -> dict[str, str]:  # noqa: ARG002
+        return {"type": "http", "scheme": "bearer"}
+
+
+class OwnEndpoint(Endpoint):
+    """An address that an installation asks with its token."""
+
+    authentication_classes = [TokenAuthentication]
+
+
+def installation_asking(request: Request) -> Installation:
+    """Whose request it is, at an OwnEndpoint."""
+    assert isinstance(request.auth, Installation)
+    return request.auth

@@ -1,0 +1,136 @@
+"""Shapes of the answers about fronts."""
+
+from datetime import datetime
+from typing import Any
+
+import msgspec
+
+from crowd.fronts.selectors import Front
+
+
+class Configuration(msgspec.Struct):
+    """One point: its name, its parameters, what the reference device predicts (seconds a frame, metres)."""
+
+    name: str
+    parameters: dict[str, Any]
+    predicted: dict[str, Any]
+
+
+class Chunk(msgspec.Struct):
+    """A part of the sequence; `url` is relative to the server and never changes its content."""
+
+    sha256: str
+    bytes: int
+    url: str
+
+
+class Sequence(msgspec.Struct):
+    """The pack to download: depth frames, camera, truth."""
+
+    name: str
+    sha256: str
+    width: int
+    height: int
+    frames: int
+    volume_size: float | None
+    initial_position: list[float] | None
+    chunks: list[Chunk]
+
+
+class Manifest(msgspec.Struct):
+    """What a client is asked to measure now."""
+
+    application: str
+    front_version: str
+    configurations: list[Configuration]
+    protocol: dict[str, Any]
+    sequence: Sequence
+    consent_version: int
+    minimum_app_version: str
+    accepting: bool
+
+
+class FrontSummary(msgspec.Struct):
+    """One line in the list of fronts."""
+
+    version: str
+    application: str
+    state: str
+    digest: str
+    published_at: datetime
+    configurations: int
+
+
+class FrontDetail(msgspec.Struct):
+    """A whole front with where it comes from."""
+
+    version: str
+    application: str
+    state: str
+    digest: str
+    published_at: datetime
+    configurations: list[Configuration]
+    protocol: dict[str, Any]
+    sequence: dict[str, Any]
+    provenance: dict[str, Any]
+
+
+class FrontPage(msgspec.Struct):
+    """Fronts, newest first."""
+
+    results: list[FrontSummary]
+    next: str | None
+
+
+def manifest(front: Front, *, consent_version: int, minimum_app_version: str, accepting: bool) -> Manifest:
+    """FRONT as clients are told of it."""
+    sequence = front.sequence
+    return Manifest(
+        application=front.application,
+        front_version=front.slug,
+        configurations=configurations(front),
+        protocol=front.protocol,
+        sequence=Sequence(
+            name=sequence["name"],
+            sha256=sequence["sha256"],
+            width=sequence["width"],
+            height=sequence["height"],
+            frames=sequence["frames"],
+            volume_size=sequence.get("volume_size"),
+            initial_position=sequence.get("initial_position"),
+            chunks=[
+                Chunk(chunk["sha256"], chunk["bytes"], f"/sequences/{chunk['sha256']}")
+                for chunk in sequence["chunks"]
+            ],
+        ),
+        consent_version=consent_version,
+        minimum_app_version=minimum_app_version,
+        accepting=accepting,
+    )
+
+
+def configurations(front: Front) -> list[Configuration]:
+    """The points of FRONT in published order."""
+    return [Configuration(point.name, point.parameters, point.predicted) for point in front.points]
+
+
+def summary(front: Front) -> FrontSummary:
+    """FRONT in a list."""
+    return FrontSummary(
+        front.slug, front.application, front.state, front.digest, front.published_at, len(front.points)
+    )
+
+
+def detail(front: Front) -> FrontDetail:
+    """FRONT in full."""
+    return FrontDetail(
+        version=front.slug,
+        application=front.application,
+        state=front.state,
+        digest=front.digest,
+        published_at=front.published_at,
+        configurations=configurations(front),
+        protocol=front.protocol,
+        sequence=front.sequence,
+        provenance=front.provenance,
+    )

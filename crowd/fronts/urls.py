@@ -1,0 +1,11 @@
+"""Addresses of fronts under /api/v1/."""
+
+from django.urls import path
+
+from crowd.fronts import views
+
+urlpatterns = [
+    path("manifest", views.ManifestView.as_view()),
+    path("fronts", views.FrontsView.as_view()),
+    path("fronts/<str:version>", views.FrontView.as_view()),
+]

@@ -1,0 +1,101 @@
+"""The manifest that clients read, the fronts behind it, and the sequence's chunks."""
+
+import hashlib
+
+import msgspec
+from django.conf import settings
+from django.http import (
+    FileResponse,
+    Http404,
+    HttpRequest,
+    HttpResponse,
+    HttpResponseBase,
+    HttpResponseNotModified,
+)
+from django.utils.cache import get_conditional_response
+from django.views.decorators.http import require_safe
+from drf_spectacular.utils import OpenApiParameter, extend_schema
+from rest_framework.request import Request
+
+from crowd.api import Endpoint, answer, page
+from crowd.fronts import answers, selectors, sequences
+from crowd.problems import Problem, not_found
+
+DEFAULT_APPLICATION = "kfusion"
+A_YEAR = 365 * 24 * 3600
+
+
+class ManifestView(Endpoint):
+    """What a client is asked to measure now."""
+
+    @extend_schema(
+        operation_id="manifest",
+        summary="What to measure now: front, protocol, sequence",
+        description="Ask again with If-None-Match: an unchanged manifest answers 304 with no body.",
+        parameters=[OpenApiParameter("application", str, description="kfusion where absent")],
+        responses={200: answers.Manifest, 304: None},
+    )
+    def get(self, request: Request) -> HttpResponseBase:
+        application = request.query_params.get("application", DEFAULT_APPLICATION)
+        front = selectors.current(application)
+        if front is None:
+            raise Problem(
+                404, "no_front", f"no front of {application!r} is published here", field="application"
+            )
+        content = msgspec.json.encode(
+            answers.manifest(
+                front,
+                consent_version=settings.FRONTRUNNER_CONSENT_VERSION,
+                minimum_app_version=settings.FRONTRUNNER_MINIMUM_APP_VERSION,
+                accepting=settings.FRONTRUNNER_ACCEPTING,
+            )
+        )
+        etag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
+        full = HttpResponse(content, content_type="application/json")
+        response = get_conditional_response(request._request, etag=etag, response=full) or full
+        response["ETag"] = etag
+        response["Cache-Control"] = "public, no-cache"
+        return response
+
+
+class FrontsView(Endpoint):
+    """Every front that was ever published."""
+
+    @extend_schema(
+        operation_id="fronts",
+        summary="Published fronts, newest first",
+        parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
+        responses={200: answers.FrontPage},
+    )
+    def get(self, request: Request) -> HttpResponse:
+        return answer(page(request, selectors.fronts(), lambda front: front.slug, answers.summary))
+
+
+class FrontView(Endpoint):
+    """One front in full."""
+
+    @extend_schema(
+        operation_id="front",
+        summary="One front: its points, protocol, sequence, provenance",
+        responses={200: answers.FrontDetail},
+    )
+    def get(self, request: Request, version: str) -> HttpResponse:  # noqa: ARG002
+        front = selectors.front(version)
+        if front is None:
+            raise not_found(f"no front {version!r}: GET /api/v1/fronts lists them")
+        return answer(answers.detail(front))
+
+
+@require_safe
+def chunk(request: HttpRequest, sha256: str) -> HttpResponseBase:
+    """A chunk of a sequence by its digest: what is there never changes."""
+    if request.headers.get("If-None-Match") == f'"{sha256}"':
+        return HttpResponseNotModified()
+    path = sequences.chunk(sha256)
+    if path is None:
+        raise Http404(f"no chunk {sha256}")
+    return FileResponse(
+        path.open("rb"),
+        content_type="application/octet-stream",
+        headers={"Cache-Control": f"public, max-age={A_YEAR}, immutable", "ETag": f'"{sha256}"'},
+    )

@@ -1,0 +1,102 @@
+"""The OpenAPI document: shapes come from the same structs that read and write the JSON."""
+
+from typing import Any
+
+import msgspec
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.views.decorators.http import require_safe
+from drf_spectacular.extensions import OpenApiSerializerExtension
+from drf_spectacular.generators import SchemaGenerator
+from drf_spectacular.utils import extend_schema
+from rest_framework.request import Request
+
+from crowd.api import Endpoint, answer
+from crowd.fronts import answers as front_answers
+from crowd.results import answers as result_answers
+from crowd.results import schema
+
+TEMPLATE = "#/components/schemas/{name}"
+PROBLEM = {
+    "type": "object",
+    "description": "RFC 9457: a stable code, what was wrong and where.",
+    "required": ["type", "title", "status", "code", "detail"],
+    "properties": {
+        "type": {"type": "string"},
+        "title": {"type": "string"},
+        "status": {"type": "integer"},
+        "code": {"type": "string"},
+        "detail": {"type": "string"},
+        "field": {"type": "string"},
+        "items": {"type": "array", "items": {"$ref": "#/components/schemas/Item"}},
+    },
+}
+
+
+class StructExtension(OpenApiSerializerExtension):
+    """Lets drf-spectacular describe msgspec structs."""
+
+    target_class = "msgspec.Struct"
+    match_subclasses = True
+
+    def get_name(self, auto_schema: Any, direction: Any) -> str:  # noqa: ARG002
+        return str(self.target.__name__)
+
+    def map_serializer(self, auto_schema: Any, direction: Any) -> Any:  # noqa: ARG002
+        return components()[self.target.__name__]
+
+
+def components() -> dict[str, Any]:
+    """The JSON schema of every struct that the API reads or writes, by the struct's name."""
+    structs = [
+        member
+        for module in (front_answers, result_answers, schema)
+        for member in vars(module).values()
+        if isinstance(member, type) and issubclass(member, msgspec.Struct) and member is not msgspec.Struct
+    ]
+    _, schemas = msgspec.json.schema_components(structs, ref_template=TEMPLATE)
+    # Runs are read one by one, so that the session's struct holds them undecoded.
+    schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
+    return schemas
+
+
+def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
+    """Add what the views do not say one by one: inner shapes, and that every refusal is a problem."""
+    schemas = result["components"]["schemas"]
+    schemas.update(components())
+    schemas["Problem"] = PROBLEM
+    refusal = {
+        "description": "Refused",
+        "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    }
+    for operations in result["paths"].values():
+        for operation in operations.values():
+            operation["responses"].setdefault("default", refusal)
+    return result
+
+
+def document() -> dict[str, Any]:
+    """The OpenAPI 3.1 document of the whole API."""
+    generator = SchemaGenerator()
+    described: dict[str, Any] = generator.get_schema(request=None, public=True)
+    return described
+
+
+class OpenApiView(Endpoint):
+    """The document for programs."""
+
+    @extend_schema(exclude=True)
+    def get(self, request: Request) -> HttpResponse:  # noqa: ARG002
+        return answer(document())
+
+
+@require_safe
+def docs(request: HttpRequest) -> HttpResponse:
+    """The document for people: a page that needs no script and no other host."""
+    described = document()
+    operations = [
+        {"path": path, "method": method.upper(), **operation}
+        for path, methods in described["paths"].items()
+        for method, operation in methods.items()
+    ]
+    return render(request, "api/docs.html", {"info": described["info"], "operations": operations})

@@ -1,0 +1,266 @@
+"""Shapes of the answers about results."""
+
+from datetime import datetime
+from uuid import UUID
+
+import msgspec
+
+from crowd.results.rows import Device, DeviceRow, Headline, SessionRow, SessionSpeedup, Speedup, SubmissionRow
+
+
+class Enrolled(msgspec.Struct):
+    """A new installation; the token is shown this once."""
+
+    installation_id: UUID
+    token: str
+
+
+class Item(msgspec.Struct):
+    """What became of one run: accepted, duplicate or rejected with its code, member and remedy."""
+
+    id: str | None
+    status: str
+    code: str | None
+    field: str | None = None
+    detail: str | None = None
+
+
+class Accepted(msgspec.Struct):
+    """What became of a submission, one item a run in the order they came."""
+
+    submission_id: UUID
+    items: list[Item]
+
+
+class Checked(msgspec.Struct):
+    """What would become of a submission; nothing was stored."""
+
+    items: list[Item]
+
+
+class SpeedupOfSession(msgspec.Struct):
+    """One session's speedup of one configuration; null where no pair of runs was valid."""
+
+    configuration: str
+    baseline: str
+    speedup: float | None
+    pairs: int
+    drift: float | None
+    ate_max: float | None
+    state: str
+    reason: str
+
+
+class SessionAnswer(msgspec.Struct):
+    """A session; times of day are rounded down to the hour."""
+
+    id: UUID
+    device: str
+    front: str
+    backend: str
+    processor: str
+    started_at: datetime
+    summarised: bool
+    speedups: list[SpeedupOfSession]
+
+
+class SubmissionState(msgspec.Struct):
+    """What became of a submission: `summarised` once all its sessions count, `device` a slug."""
+
+    submission_id: UUID
+    received_at: datetime
+    items: list[Item]
+    device: str | None
+    summarised: bool
+    sessions: list[SessionAnswer]
+
+
+class SpeedupAnswer(msgspec.Struct):
+    """How much faster a configuration runs than the baseline on one device."""
+
+    device: str
+    manufacturer: str
+    name: str
+    soc: str
+    gpu: str
+    os: str
+    front: str
+    configuration: str
+    baseline: str
+    backend: str
+    processor: str
+    speedup: float
+    low: float | None
+    high: float | None
+    sessions: int
+    installations: int
+    ate_max: float | None
+    last_session_at: datetime
+    suspect: bool
+
+
+class Crowd(msgspec.Struct):
+    """The crowd in one line, over device models."""
+
+    devices: int
+    sessions: int
+    geometric_mean: float | None
+    min: float | None
+    max: float | None
+    suspect: bool
+
+
+class SpeedupPage(msgspec.Struct):
+    """Speedups, fastest first; the summary is over all pages."""
+
+    front: str | None
+    results: list[SpeedupAnswer]
+    next: str | None
+    summary: Crowd
+
+
+class DeviceAnswer(msgspec.Struct):
+    """A device model in the list of devices."""
+
+    slug: str
+    manufacturer: str
+    name: str
+    cpu: str
+    soc: str
+    gpu: str
+    os: str
+    sessions: int
+    installations: int
+    last_session_at: datetime | None
+    speedup: float | None
+
+
+class DevicePage(msgspec.Struct):
+    """Devices, fastest first."""
+
+    results: list[DeviceAnswer]
+    next: str | None
+
+
+class DeviceDetailAnswer(msgspec.Struct):
+    """A device model with every configuration's speedup and its newest sessions."""
+
+    slug: str
+    manufacturer: str
+    name: str
+    cpu: str
+    soc: str
+    gpu: str
+    os: str
+    session_count: int
+    installations: int
+    speedups: list[SpeedupAnswer]
+    sessions: list[SessionAnswer]
+
+
+class Comparison(msgspec.Struct):
+    """Devices side by side, in the order asked for."""
+
+    results: list[DeviceDetailAnswer]
+
+
+def speedup(row: Speedup) -> SpeedupAnswer:
+    """A bar as JSON."""
+    return SpeedupAnswer(
+        device=row.device.slug,
+        manufacturer=row.device.manufacturer,
+        name=row.device.name,
+        soc=row.device.soc,
+        gpu=row.device.gpu,
+        os=row.device.os,
+        front=row.front,
+        configuration=row.configuration,
+        baseline=row.baseline,
+        backend=row.backend,
+        processor=row.processor,
+        speedup=row.speedup,
+        low=row.low,
+        high=row.high,
+        sessions=row.sessions,
+        installations=row.installations,
+        ate_max=row.ate_max,
+        last_session_at=row.last_session_at,
+        suspect=row.suspect,
+    )
+
+
+def crowd(row: Headline) -> Crowd:
+    """The headline as JSON."""
+    return Crowd(row.devices, row.sessions, row.geometric_mean, row.min, row.max, row.suspect)
+
+
+def device(row: DeviceRow) -> DeviceAnswer:
+    """A device in a list as JSON."""
+    return DeviceAnswer(
+        **_device(row.device),
+        sessions=row.sessions,
+        installations=row.installations,
+        last_session_at=row.last_session_at,
+        speedup=row.speedup.speedup if row.speedup else None,
+    )
+
+
+def device_detail(
+    device: Device,
+    session_count: int,
+    installations: int,
+    speedups: tuple[Speedup, ...],
+    sessions: tuple[SessionRow, ...],
+) -> DeviceDetailAnswer:
+    """A device's page as JSON."""
+    return DeviceDetailAnswer(
+        **_device(device),
+        session_count=session_count,
+        installations=installations,
+        speedups=[speedup(row) for row in speedups],
+        sessions=[session(row) for row in sessions],
+    )
+
+
+def session(row: SessionRow) -> SessionAnswer:
+    """A session as JSON."""
+    return SessionAnswer(
+        id=row.uuid,
+        device=row.device.slug,
+        front=row.front,
+        backend=row.backend,
+        processor=row.processor,
+        started_at=row.started_at,
+        summarised=row.summarised,
+        speedups=[_session_speedup(answer) for answer in row.speedups],
+    )
+
+
+def submission(row: SubmissionRow) -> SubmissionState:
+    """A submission's state as JSON."""
+    return SubmissionState(
+        submission_id=row.id,
+        received_at=row.received_at,
+        items=msgspec.convert(row.items, list[Item]),
+        device=row.device,
+        summarised=row.summarised,
+        sessions=[session(each) for each in row.sessions],
+    )
+
+
+def _session_speedup(row: SessionSpeedup) -> SpeedupOfSession:
+    return SpeedupOfSession(
+        row.configuration, row.baseline, row.speedup, row.pairs, row.drift, row.ate_max, row.state, row.reason
+    )
+
+
+def _device(row: Device) -> dict[str, str]:
+    return {
+        "slug": row.slug,
+        "manufacturer": row.manufacturer,
+        "name": row.name,
+        "cpu": row.cpu,
+        "soc": row.soc,
+        "gpu": row.gpu,
+        "os": row.os,
+    }

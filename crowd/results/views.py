@@ -1,0 +1,126 @@
+"""The API's addresses that clients use: enrol, submit, ask what became of it, export, erase."""
+
+import re
+from uuid import UUID
+
+from django.http import HttpResponse
+from drf_spectacular.types import OpenApiTypes
+from drf_spectacular.utils import OpenApiParameter, extend_schema
+from rest_framework.request import Request
+
+from crowd.api import Endpoint, answer, body
+from crowd.devices.authentication import OwnEndpoint, installation_asking
+from crowd.devices.services import enrol
+from crowd.problems import Problem, not_found
+from crowd.results import answers, erasure, schema, selectors, services, tasks
+
+KEY = re.compile(r"[\x21-\x7e]{1,128}")
+
+
+class EnrolView(Endpoint):
+    """A new, anonymous installation."""
+
+    @extend_schema(
+        operation_id="enrol",
+        summary="A token for a new, anonymous installation",
+        request=schema.Enrolment,
+        responses={201: answers.Enrolled},
+    )
+    def post(self, request: Request) -> HttpResponse:
+        wish = schema.enrolment(body(request))
+        services.refuse_outdated(wish.app_version)
+        services.refuse_other_consent(wish.consent_version)
+        installation, token = enrol(wish.app, wish.app_version, wish.consent_version)
+        return answer(answers.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
+
+
+class SubmissionsView(OwnEndpoint):
+    """Measured sessions come in."""
+
+    @extend_schema(
+        operation_id="submit",
+        summary="Send measured sessions, at most 50 runs",
+        description=(
+            "Each run is judged by itself; 422 says that none could be taken. The same key and body are "
+            "answered as before, with 200, and change nothing. The body may be gzipped."
+        ),
+        parameters=[
+            OpenApiParameter("Idempotency-Key", str, OpenApiParameter.HEADER, required=True),
+            OpenApiParameter("Content-Encoding", str, OpenApiParameter.HEADER, enum=["gzip"]),
+        ],
+        request=schema.Submission,
+        responses={200: answers.Accepted, 202: answers.Accepted},
+    )
+    def post(self, request: Request) -> HttpResponse:
+        key = request.headers.get("Idempotency-Key", "")
+        if not KEY.fullmatch(key):
+            raise Problem(
+                400,
+                "idempotency_key_missing",
+                "send Idempotency-Key: 1 to 128 printable characters, new for each body",
+                field="Idempotency-Key",
+            )
+        acceptance = services.accept_submission(installation_asking(request), key, body(request))
+        tasks.announce(acceptance.sessions)
+        return answer(acceptance.answer, 200 if acceptance.replayed else 202)
+
+
+class ValidationView(OwnEndpoint):
+    """A dry run."""
+
+    @extend_schema(
+        operation_id="validate",
+        summary="What would become of a submission; nothing is stored",
+        request=schema.Submission,
+        responses={200: answers.Checked},
+    )
+    def post(self, request: Request) -> HttpResponse:
+        return answer({"items": services.validate_submission(installation_asking(request), body(request))})
+
+
+class SubmissionView(OwnEndpoint):
+    """What became of a submission."""
+
+    @extend_schema(
+        operation_id="submission",
+        summary="What became of a submission",
+        responses={200: answers.SubmissionState},
+    )
+    def get(self, request: Request, key: UUID) -> HttpResponse:
+        state = selectors.submission(installation_asking(request), key)
+        if state is None:
+            raise not_found(f"this installation sent no submission {key}")
+        return answer(answers.submission(state))
+
+
+class OwnDataView(OwnEndpoint):
+    """Export."""
+
+    @extend_schema(
+        operation_id="own_data",
+        summary="Everything that is kept of this installation",
+        responses={200: OpenApiTypes.OBJECT},
+    )
+    def get(self, request: Request) -> HttpResponse:
+        return answer(erasure.own_data(installation_asking(request)), headers={"Cache-Control": "no-store"})
+
+
+class OwnView(OwnEndpoint):
+    """Erasure of everything."""
+
+    @extend_schema(
+        operation_id="erase", summary="Erase this installation and all it sent", responses={204: None}
+    )
+    def delete(self, request: Request) -> HttpResponse:
+        erasure.erase_installation(installation_asking(request))
+        return HttpResponse(status=204)
+
+
+class OwnRunView(OwnEndpoint):
+    """Erasure of one run."""
+
+    @extend_schema(operation_id="erase_run", summary="Erase one run", responses={204: None})
+    def delete(self, request: Request, key: UUID) -> HttpResponse:
+        if not erasure.erase_run(installation_asking(request), key):
+            raise not_found(f"this installation sent no run {key}")
+        return HttpResponse(status=204)
