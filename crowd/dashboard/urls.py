@@ -1,5 +1,24 @@
-"""The pages, at the root of the site."""
+"""The pages, at the root of the site, and the figures that they draw."""
 
-from django.urls import URLPattern
+from django.urls import path
 
-urlpatterns: list[URLPattern] = []
+from crowd.dashboard import charts, views
+
+app_name = "dashboard"
+
+urlpatterns = [
+    path("", views.home, name="home"),
+    path("devices/", views.devices, name="devices"),
+    path("devices/<slug:slug>/", views.device, name="device"),
+    path("sessions/<uuid:uuid>/", views.session, name="session"),
+    path("runs/<uuid:uuid>/", views.run, name="run"),
+    path("fronts/", views.fronts, name="fronts"),
+    path("fronts/<str:slug>/", views.front, name="front"),
+    path("data/", views.data, name="data"),
+    path("about/", views.about, name="about"),
+    path("figures/speedups.json", charts.speedups, name="speedups-figure"),
+    path("figures/sessions/<uuid:uuid>/frames.json", charts.session_frames, name="session-frames-figure"),
+    path("figures/sessions/<uuid:uuid>/stages.json", charts.session_stages, name="session-stages-figure"),
+    path("figures/runs/<uuid:uuid>/stages.json", charts.run_stages, name="run-stages-figure"),
+    path("figures/fronts/<str:slug>.json", charts.front, name="front-figure"),
+]

@@ -1,0 +1,95 @@
+"""Figures as JSON with an ETag, for the script that draws them. Each view reads one selector and draws
+one figure.
+"""
+
+import hashlib
+from collections.abc import Callable
+from typing import TypeVar
+from uuid import UUID
+
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
+from django.views.decorators.gzip import gzip_page
+from django.views.decorators.http import require_safe
+from plotly import graph_objects as go
+
+from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
+from crowd.dashboard.figures.fronts import front_plane
+from crowd.dashboard.figures.speedups import speedup_bars
+from crowd.dashboard.palette import LIGHT, THEMES, Theme
+from crowd.dashboard.protocols import first_counted_frame, max_ate
+from crowd.dashboard.stages import stage_times
+from crowd.fronts import selectors as published
+from crowd.results import selectors as results
+from crowd.results.filters import InvalidFilterError, SpeedupFilters
+
+Row = TypeVar("Row")
+
+
+@gzip_page
+@require_safe
+def speedups(request: HttpRequest) -> HttpResponseBase:
+    """One bar a device, under the filters of the query string."""
+    try:
+        filters = SpeedupFilters.parse(request.GET)
+    except InvalidFilterError as error:
+        return HttpResponse(str(error), status=400, content_type="text/plain")
+    return _answer(request, lambda theme: speedup_bars(results.speedups(filters).rows, theme))
+
+
+@gzip_page
+@require_safe
+def session_frames(request: HttpRequest, uuid: UUID) -> HttpResponseBase:
+    """Every run of a session, frame by frame."""
+    session = _found(results.session(uuid))
+    return _answer(
+        request, lambda theme: frame_lines(session.runs, first_counted_frame(session.protocol), theme)
+    )
+
+
+@gzip_page
+@require_safe
+def session_stages(request: HttpRequest, uuid: UUID) -> HttpResponseBase:
+    """Each configuration of a session, by stage."""
+    session = _found(results.session(uuid))
+    return _answer(
+        request,
+        lambda theme: stage_bars(stage_times(session.runs, first_counted_frame(session.protocol)), theme),
+    )
+
+
+@gzip_page
+@require_safe
+def run_stages(request: HttpRequest, uuid: UUID) -> HttpResponseBase:
+    """One run, by stage and frame."""
+    detail = _found(results.run(uuid))
+    return _answer(
+        request, lambda theme: stage_areas(detail.run, first_counted_frame(detail.protocol), theme)
+    )
+
+
+@gzip_page
+@require_safe
+def front(request: HttpRequest, slug: str) -> HttpResponseBase:
+    """A front's points in the plane of error and runtime."""
+    shown = _found(published.front(slug))
+    return _answer(request, lambda theme: front_plane(shown.points, max_ate(shown.protocol), theme))
+
+
+def _found(row: Row | None) -> Row:
+    if row is None:
+        raise Http404
+    return row
+
+
+def _answer(request: HttpRequest, draw: Callable[[Theme], go.Figure]) -> HttpResponseBase:
+    """The figure in the theme that ?theme= names, or 304 where the caller holds the same one."""
+    figure = draw(THEMES.get(request.GET.get("theme", ""), LIGHT))
+    body = figure.to_json(validate=False).encode()
+    etag = quote_etag(hashlib.sha256(body).hexdigest()[:32])
+    response = HttpResponse(body, content_type="application/json")
+    response["ETag"] = etag
+    # Kept by browsers, asked about each time: a new session shows at once.
+    response["Cache-Control"] = "no-cache"
+    return get_conditional_response(request, etag=etag, response=response) or response

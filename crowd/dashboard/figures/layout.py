@@ -1,0 +1,162 @@
+"""What all charts share: axes, fonts, colours of a theme, and text that a client may have sent."""
+
+import html
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from plotly import graph_objects as go
+
+from crowd.dashboard.palette import Theme
+from crowd.fronts.selectors import BEST, DEFAULT
+
+FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberation Sans', sans-serif"
+
+# Thickness of a flat bar, in rows.
+BAR = 0.4
+
+
+def blank(theme: Theme, height: int) -> go.Figure:
+    """A figure without traces in THEME's colours, HEIGHT pixels high, as wide as its place."""
+    axis = {
+        "gridcolor": theme.line,
+        "linecolor": theme.line,
+        "zerolinecolor": theme.line,
+        "tickfont": {"color": theme.muted},
+        "title": {"font": {"color": theme.muted, "size": 13}, "standoff": 10},
+        "automargin": True,
+        "fixedrange": True,
+    }
+    return go.Figure(
+        layout={
+            # In place of plotly's own default template, which adds 6 kB to each answer and other colours.
+            "template": {"layout": {"xaxis": axis, "yaxis": axis}},
+            "height": height,
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "font": {"family": FONT, "size": 13, "color": theme.ink},
+            "margin": {"l": 8, "r": 12, "t": 32, "b": 8},
+            "hoverlabel": {
+                "bgcolor": theme.surface,
+                "bordercolor": theme.muted,
+                "font": {"color": theme.ink, "family": FONT, "size": 13},
+                "align": "left",
+            },
+            "legend": {
+                "orientation": "h",
+                "x": 0,
+                "y": 1.0,
+                "yanchor": "bottom",
+                "font": {"color": theme.ink},
+            },
+            "dragmode": False,
+        }
+    )
+
+
+def name_above(figure: go.Figure, rank: int, name: str, value: str, theme: Theme) -> None:
+    """Write VALUE and NAME above the flat bar number RANK, where a phone has room for them."""
+    figure.add_annotation(
+        x=0,
+        # The axis points down: this is the bar's upper edge.
+        y=rank - BAR / 2,
+        text=f"<b>{value}</b>  {text(clipped(name))}",
+        font={"color": theme.ink, "size": 13},
+        xanchor="left",
+        yanchor="bottom",
+        xshift=-4,
+        yshift=1,
+        showarrow=False,
+        bgcolor=theme.surface,
+        borderpad=2,
+    )
+
+
+def flat_rows(rows: int) -> dict[str, Any]:
+    """The y axis of ROWS flat bars, the first on top, with room for a name above each."""
+    return {"range": [max(rows, 1) - 0.6, -0.72], "visible": False}
+
+
+def log_axis(title: str) -> dict[str, Any]:
+    """A logarithmic axis with every tick written out (plotly writes 2 where 20 is meant)."""
+    ticks = [digit * 10.0**power for power in range(-3, 6) for digit in (1, 2, 5)]
+    return {
+        "title": {"text": title},
+        "type": "log",
+        "tickmode": "array",
+        "tickvals": ticks,
+        "ticktext": [f"{tick:,g}" for tick in ticks],
+        "zeroline": False,
+    }
+
+
+def configuration_colours(names: Iterable[str], theme: Theme) -> dict[str, str]:
+    """A colour for each configuration: default and best keep theirs everywhere, others follow in order of
+    appearance.
+    """
+    fixed = {DEFAULT: theme.default, BEST: theme.best}
+    others = [name for name in dict.fromkeys(names) if name not in fixed]
+    return fixed | {name: theme.series[number % len(theme.series)] for number, name in enumerate(others)}
+
+
+def shade_uncounted(figure: go.Figure, first_counted: int, theme: Theme) -> None:
+    """Shade the frames before FIRST_COUNTED, which no statistic uses."""
+    figure.add_shape(
+        type="rect",
+        x0=-0.5,
+        x1=first_counted - 0.5,
+        yref="paper",
+        y0=0,
+        y1=1,
+        fillcolor=theme.line,
+        opacity=0.55,
+        layer="below",
+        line={"width": 0},
+    )
+
+
+def limit_line(figure: go.Figure, centimetres: float, theme: Theme, log: bool = False) -> None:
+    """The upright line between valid and invalid trajectories, with its label."""
+    figure.add_shape(
+        type="line",
+        x0=centimetres,
+        x1=centimetres,
+        yref="paper",
+        y0=0,
+        y1=1,
+        line={"color": theme.limit, "width": 1.5, "dash": "dash"},
+    )
+    figure.add_annotation(
+        # On a logarithmic axis plotly places shapes by value and annotations by exponent.
+        x=float(np.log10(centimetres)) if log else centimetres,
+        yref="paper",
+        y=1,
+        yanchor="bottom",
+        text=f"valid below {centimetres:g} cm",
+        font={"color": theme.limit, "size": 13},
+        showarrow=False,
+    )
+
+
+def text(raw: str) -> str:
+    """RAW as plotly shows it literally: it reads a small HTML in every text."""
+    return html.escape(raw, quote=False)
+
+
+def lines(parts: Sequence[str]) -> str:
+    """PARTS, one below the other, in a hover label."""
+    return "<br>".join(parts)
+
+
+def clipped(name: str, length: int = 42) -> str:
+    """NAME cut to LENGTH characters with an ellipsis."""
+    return name if len(name) <= length else name[: length - 1].rstrip() + "\N{HORIZONTAL ELLIPSIS}"
+
+
+def rounded(values: ArrayLike) -> list[float | None]:
+    """Four significant digits: a quarter of the bytes, finer than any measurement here. NaN becomes a gap."""
+    return [
+        float(f"{value:.4g}") if np.isfinite(value) else None
+        for value in np.asarray(values, dtype=np.float64)
+    ]

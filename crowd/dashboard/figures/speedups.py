@@ -1,0 +1,151 @@
+"""The crowd's chart: one bar a device, as in the paper."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from django.urls import reverse
+from plotly import graph_objects as go
+
+from crowd.dashboard import formats
+from crowd.dashboard.figures import layout
+from crowd.dashboard.palette import Theme
+from crowd.dashboard.processors import family
+from crowd.results.rows import Speedup
+
+# Above this many devices a name for each bar no longer fits: the bars stand upright, names on hover and
+# in the table.
+NAMED_BARS = 30
+# Pixels: two families side by side on a phone.
+LEGEND_ENTRY = 118
+
+
+def bars_height(rows: int) -> int:
+    """Pixels that speedup_bars needs for ROWS bars, so that a page can keep the place free."""
+    return 96 + 54 * max(rows, 1) if rows <= NAMED_BARS else 460
+
+
+def speedup_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
+    """One bar a device, largest gain first, coloured by processor family, with a line at 1 (no gain).
+
+    Whiskers are the 95 % intervals over installations, where one is due; suspect figures are hatched. Up
+    to NAMED_BARS devices lie flat with the name above each bar.
+    """
+    ranked = sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.processor))
+    figure = layout.blank(theme, bars_height(len(ranked)))
+    flat = len(ranked) <= NAMED_BARS
+    names = bar_names(ranked)
+    families = [family(row.processor, row.device.gpu) for row in ranked]
+    colours = _family_colours(families, theme)
+    for name, colour in colours.items():
+        ranks = [rank for rank, other in enumerate(families) if other == name]
+        members = [ranked[rank] for rank in ranks]
+        values = [round(row.speedup, 4) for row in members]
+        figure.add_bar(
+            x=values if flat else ranks,
+            y=ranks if flat else values,
+            orientation="h" if flat else "v",
+            name=name,
+            width=layout.BAR if flat else 0.8,
+            marker={
+                "color": colour,
+                "line": {"width": 0},
+                "pattern": {
+                    "shape": ["/" if row.suspect else "" for row in members],
+                    "fillmode": "overlay",
+                    "fgcolor": theme.surface,
+                    "fgopacity": 0.75,
+                },
+            },
+            customdata=[
+                [_detail(names[rank], families[rank], ranked[rank]), _address(ranked[rank])] for rank in ranks
+            ],
+            hovertemplate="%{customdata[0]}<extra></extra>",
+            showlegend=len(colours) > 1,
+        )
+    _add_intervals(figure, ranked, flat, theme)
+    reach = max([row.high or row.speedup for row in ranked], default=1.0)
+    values_axis = {
+        "title": {"text": "speedup over the default, on the same device"},
+        "range": [0, max(reach * 1.06, 1.5)],
+        "ticksuffix": formats.TIMES,
+    }
+    no_gain = {"type": "line", "line": {"color": theme.ink, "width": 1.5, "dash": "dot"}}
+    if flat:
+        for rank, row in enumerate(ranked):
+            layout.name_above(figure, rank, names[rank], formats.speedup(row.speedup), theme)
+        figure.add_shape(x0=1, x1=1, yref="paper", y0=0, y1=1, **no_gain)
+        return figure.update_layout(
+            xaxis=values_axis, yaxis=layout.flat_rows(len(ranked)), legend={"entrywidth": LEGEND_ENTRY}
+        )
+    figure.add_shape(y0=1, y1=1, xref="paper", x0=0, x1=1, **no_gain)
+    devices_axis = {
+        "showticklabels": False,
+        "showgrid": False,
+        "title": {"text": "devices, largest gain first"},
+    }
+    return figure.update_layout(xaxis=devices_axis, yaxis=values_axis, legend={"entrywidth": LEGEND_ENTRY})
+
+
+def bar_names(rows: Sequence[Speedup]) -> list[str]:
+    """What each row is called: its device, and its processor as well where a device has several rows."""
+    times = Counter(row.device.slug for row in rows)
+    return [
+        row.device.title
+        if times[row.device.slug] == 1
+        else f"{row.device.title} ({row.processor or row.backend})"
+        for row in rows
+    ]
+
+
+def _address(row: Speedup) -> str:
+    return reverse("dashboard:device", args=[row.device.slug])
+
+
+def _family_colours(families: Sequence[str], theme: Theme) -> dict[str, str]:
+    """A colour for each family, by name; one family alone has the colour of `best`, which the bars show."""
+    distinct = sorted(set(families))
+    if len(distinct) <= 1:
+        return dict.fromkeys(distinct, theme.best)
+    return {name: theme.series[number % len(theme.series)] for number, name in enumerate(distinct)}
+
+
+def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, theme: Theme) -> None:
+    """Whiskers as a trace of their own: plotly draws end caps on a bar even where its interval is absent."""
+    due = [
+        (rank, row.speedup, row.low, row.high)
+        for rank, row in enumerate(ranked)
+        if row.low is not None and row.high is not None
+    ]
+    ranks = [rank for rank, *_ in due]
+    values = [round(value, 4) for _, value, _, _ in due]
+    whiskers = {
+        "type": "data",
+        "symmetric": False,
+        "array": [round(high - value, 4) for _, value, _, high in due],
+        "arrayminus": [round(value - low, 4) for _, value, low, _ in due],
+        "color": theme.ink,
+        "thickness": 1.5,
+        "width": 4 if flat else 0,
+    }
+    figure.add_scatter(
+        x=values if flat else ranks,
+        y=ranks if flat else values,
+        mode="markers",
+        marker={"size": 3, "color": theme.ink},
+        **{"error_x" if flat else "error_y": whiskers},
+        hoverinfo="skip",
+        showlegend=False,
+    )
+
+
+def _detail(name: str, family_name: str, row: Speedup) -> str:
+    parts = [f"<b>{layout.text(name)}</b>", f"{formats.speedup(row.speedup)} over its own default"]
+    if row.low is not None:
+        parts.append(f"95 % interval {formats.interval(row.low, row.high)}")
+    parts.append(
+        f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
+    )
+    parts.append(f"{family_name}, {layout.text(row.backend)}")
+    if row.suspect:
+        parts.append("suspect: no session of it is valid")
+    return layout.lines(parts)

@@ -1,0 +1,121 @@
+"""How numbers and units read, the same on every page, chart and card.
+
+Each function takes SI units (seconds, metres, bytes) and answers text; None becomes ABSENT, never a zero.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+
+ABSENT = "\N{EM DASH}"
+TIMES = "\N{MULTIPLICATION SIGN}"
+RANGE = "\N{EN DASH}"
+# A number and its unit stay on one line.
+GAP = "\N{NARROW NO-BREAK SPACE}"
+_MINUS = "\N{MINUS SIGN}"
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """VALUE with DIGITS significant digits, whole thousands separated, never in exponent form above 1e-4."""
+    if value == 0 or not math.isfinite(value):
+        return "0" if value == 0 else ABSENT
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    rounded = round(value, decimals)
+    if rounded != 0:
+        # 9.999 rounds up to a number with one digit more before the point.
+        decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
+    return f"{rounded:,.{decimals}f}".replace("-", _MINUS)
+
+
+def speedup(value: float | None) -> str:
+    """A ratio of times: 9.714 reads 9.71 and the multiplication sign."""
+    return ABSENT if value is None else significant(value) + TIMES
+
+
+def interval(low: float | None, high: float | None) -> str:
+    """Both ends of a confidence interval of speedups, or ABSENT where none is due."""
+    if low is None or high is None:
+        return ABSENT
+    return f"{significant(low)}{RANGE}{significant(high)}{TIMES}"
+
+
+def milliseconds(seconds: float | None) -> str:
+    """Seconds as milliseconds, three significant digits."""
+    return ABSENT if seconds is None else f"{significant(seconds * 1e3)}{GAP}ms"
+
+
+def frames_per_second(seconds: float | None) -> str:
+    """Seconds a frame as frames per second."""
+    return ABSENT if not seconds else f"{significant(1 / seconds)}{GAP}fps"
+
+
+def centimetres(metres: float | None) -> str:
+    """Metres as centimetres with two decimals: a trajectory error's usual unit and precision."""
+    return ABSENT if metres is None else f"{metres * 100:,.2f}{GAP}cm"
+
+
+def data_size(size: int | None) -> str:
+    """Bytes in decimal units: kB, MB, GB."""
+    if size is None:
+        return ABSENT
+    for unit, scale in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size >= scale:
+            return f"{significant(size / scale)}{GAP}{unit}"
+    return f"{size}{GAP}bytes"
+
+
+def count(value: int | None) -> str:
+    """A whole number with its thousands separated."""
+    return ABSENT if value is None else f"{value:,}"
+
+
+def percent(fraction: float | None) -> str:
+    """A fraction of one as per cent."""
+    return ABSENT if fraction is None else f"{significant(fraction * 100, 2)}{GAP}%"
+
+
+def change(ratio: float | None) -> str:
+    """A ratio of two times as the change it means: 1.03 reads +3.0 %."""
+    if ratio is None:
+        return ABSENT
+    return f"{(ratio - 1) * 100:+.1f}{GAP}%".replace("-", _MINUS)
+
+
+def frames(number: float) -> str:
+    """A count of frames, the last of which may be unfinished: 4 frames, 44.2 frames."""
+    if number == round(number):
+        return plural(round(number), "frame")
+    return f"{significant(number)}\N{NO-BREAK SPACE}frames"
+
+
+def plural(number: int, noun: str) -> str:
+    """'1 device', '83 devices'; nouns of this site form their plural with an s."""
+    return f"{number:,}\N{NO-BREAK SPACE}{noun}{'' if number == 1 else 's'}"
+
+
+def parameter(value: object) -> str:
+    """A configuration's value as its authors write it: 1e-05, 0.1, 256, yes."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{words(str(name))} {parameter(item)}" for name, item in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(parameter(item) for item in value)
+    return ABSENT if value is None else str(value)
+
+
+def words(name: str) -> str:
+    """A field's name as people read it."""
+    return name.replace("_", " ")
+
+
+def hour(moment: datetime | None) -> str:
+    """A public time: rounded down to the hour, so that it tells nothing about one person's day."""
+    return ABSENT if moment is None else moment.strftime("%Y-%m-%d %H:00 UTC")
+
+
+def day(moment: datetime | None) -> str:
+    """A date alone."""
+    return ABSENT if moment is None else moment.strftime("%Y-%m-%d")

@@ -1,0 +1,64 @@
+"""Two themes, one meaning a colour: the figures' copy of the custom properties in style.css.
+
+Default is slate, best is orange: a pair that every kind of colour vision tells apart, and that differs in
+lightness as well. Stages and GPU vendors use hues of different lightness in a fixed order.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours of one theme as #rrggbb."""
+
+    name: str
+    ink: str
+    muted: str
+    line: str
+    surface: str
+    best: str
+    default: str
+    limit: str
+    stages: dict[str, str]
+    series: tuple[str, ...]
+
+
+LIGHT = Theme(
+    name="light",
+    ink="#131b20",
+    muted="#55626a",
+    line="#d8dedb",
+    surface="#ffffff",
+    best="#c04a0c",
+    default="#6a7f92",
+    limit="#a3195b",
+    stages={
+        "acquisition": "#b4bcc0",
+        "preprocessing": "#7db4d3",
+        "tracking": "#1f6f9f",
+        "integration": "#d99a00",
+        "raycasting": "#6b4592",
+    },
+    series=("#1f6f9f", "#d99a00", "#6b4592", "#2c8a5b", "#a3195b", "#4fa3c7", "#6a7f92"),
+)
+
+DARK = Theme(
+    name="dark",
+    ink="#e9eeec",
+    muted="#9dabb1",
+    line="#2b363c",
+    surface="#151c20",
+    best="#ff8f4d",
+    default="#8ba0b3",
+    limit="#f46ba8",
+    stages={
+        "acquisition": "#5f6b72",
+        "preprocessing": "#a6d3ea",
+        "tracking": "#4a9fd1",
+        "integration": "#f0bd3f",
+        "raycasting": "#b08fd6",
+    },
+    series=("#4a9fd1", "#f0bd3f", "#b08fd6", "#4fbd88", "#f46ba8", "#a6d3ea", "#8ba0b3"),
+)
+
+THEMES = {theme.name: theme for theme in (LIGHT, DARK)}

@@ -1,0 +1,161 @@
+"""Where a configuration's time goes: means over runs of the same configuration, stage by stage."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.results.rows import RunSeries
+from crowd.results.statistics import OUTSIDE_COMPUTATION
+
+# The pipeline's order; a stage of another system comes after these, by name.
+ORDER = ("acquisition", "preprocessing", "tracking", "integration", "raycasting")
+
+
+@dataclass(frozen=True)
+class StageTimes:
+    """Mean seconds a counted frame of each stage of one configuration, over RUNS runs."""
+
+    configuration: str
+    runs: int
+    seconds: dict[str, float]
+    computation: float
+
+
+def ordered(names: Sequence[str] | set[str]) -> list[str]:
+    """Stage names in the order of the pipeline."""
+    known = [stage for stage in ORDER if stage in names]
+    return known + sorted(set(names) - set(ORDER))
+
+
+def inside_computation(series: RunSeries) -> dict[str, NDArray[np.float64]]:
+    """The run's stages that the computation consists of, in the pipeline's order: name -> seconds (n,)."""
+    inside = {name for name in series.stage_seconds if name not in OUTSIDE_COMPUTATION}
+    return {name: series.stage_seconds[name] for name in ordered(inside)}
+
+
+def stage_times(runs: Sequence[RunSeries], first_counted: int) -> tuple[StageTimes, ...]:
+    """One row a configuration, in order of first appearance; runs without stages are left out.
+
+    Only stages of the computation count, over the frames from FIRST_COUNTED on.
+    """
+    by_configuration: dict[str, list[RunSeries]] = {}
+    for series in runs:
+        if series.stage_seconds and len(series.frame_seconds) > first_counted:
+            by_configuration.setdefault(series.run.configuration, []).append(series)
+    return tuple(_mean_stages(name, members, first_counted) for name, members in by_configuration.items())
+
+
+@dataclass(frozen=True)
+class StageRow:
+    """One stage across configurations: mean seconds a frame of each (None: it has no such stage).
+
+    speedup is default over best; None where one of them is missing or takes no time.
+    """
+
+    stage: str
+    seconds: tuple[float | None, ...]
+    speedup: float | None
+
+
+@dataclass(frozen=True)
+class StageTable:
+    """Stages as rows, configurations as columns; `compared` where default and best are among them."""
+
+    configurations: tuple[str, ...]
+    rows: tuple[StageRow, ...]
+    total: StageRow
+    compared: bool
+
+
+def stage_table(times: Sequence[StageTimes]) -> StageTable:
+    """TIMES turned round, for reading stage by stage."""
+    names = tuple(row.configuration for row in times)
+    compared = DEFAULT in names and BEST in names
+
+    def row(stage: str, seconds: Sequence[float | None]) -> StageRow:
+        default, best = (
+            (seconds[names.index(DEFAULT)], seconds[names.index(BEST)]) if compared else (None, None)
+        )
+        return StageRow(stage, tuple(seconds), default / best if default and best else None)
+
+    stages = ordered({stage for each in times for stage in each.seconds})
+    return StageTable(
+        configurations=names,
+        rows=tuple(row(stage, [each.seconds.get(stage) for each in times]) for stage in stages),
+        total=row("computation", [each.computation for each in times]),
+        compared=compared,
+    )
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One stage of one run over the counted frames: mean and extremes in seconds, share of the whole."""
+
+    stage: str
+    mean: float
+    least: float
+    most: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of a run: seconds of its computation and of each stage; tracked None where the client did
+    not tell.
+    """
+
+    number: int
+    counted: bool
+    seconds: float
+    stages: tuple[float, ...]
+    tracked: bool | None
+
+
+def spread(series: RunSeries, first_counted: int) -> tuple[Spread, ...]:
+    """The run's stages in the order of the pipeline; none where it failed early or told no stages."""
+    counted = slice(first_counted, None)
+    computation = float(series.frame_seconds[counted].sum())
+    if not computation:
+        return ()
+    return tuple(
+        Spread(
+            stage=name,
+            mean=float(seconds[counted].mean()),
+            least=float(seconds[counted].min()),
+            most=float(seconds[counted].max()),
+            share=float(seconds[counted].sum()) / computation,
+        )
+        for name, seconds in inside_computation(series).items()
+    )
+
+
+def frames(series: RunSeries, first_counted: int) -> tuple[Frame, ...]:
+    """Every frame of the run with its stages in the order of inside_computation."""
+    stages = list(inside_computation(series).values())
+    return tuple(
+        Frame(
+            number=number,
+            counted=number >= first_counted,
+            seconds=float(seconds),
+            stages=tuple(float(times[number]) for times in stages),
+            tracked=series.tracked[number] if number < len(series.tracked) else None,
+        )
+        for number, seconds in enumerate(series.frame_seconds)
+    )
+
+
+def _mean_stages(configuration: str, runs: Sequence[RunSeries], first_counted: int) -> StageTimes:
+    counted = slice(first_counted, None)
+    means: dict[str, list[float]] = {}
+    for series in runs:
+        for name, seconds in inside_computation(series).items():
+            means.setdefault(name, []).append(float(seconds[counted].mean()))
+    return StageTimes(
+        configuration=configuration,
+        runs=len(runs),
+        seconds={name: float(np.mean(means[name])) for name in ordered(set(means))},
+        computation=float(np.mean([series.frame_seconds[counted].mean() for series in runs])),
+    )

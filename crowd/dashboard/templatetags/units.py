@@ -1,0 +1,97 @@
+"""Template filters over crowd.dashboard.formats: every number on a page passes through one of them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from django import template
+
+from crowd.dashboard import formats
+from crowd.dashboard.protocols import first_counted_frame, max_ate
+from crowd.dashboard.rules import RULES
+from crowd.results.rows import Device, Speedup
+
+register = template.Library()
+
+
+FORMATS: dict[str, Callable[..., str]] = {
+    "speedup": formats.speedup,
+    "milliseconds": formats.milliseconds,
+    "fps": formats.frames_per_second,
+    "frames": formats.frames,
+    "centimetres": formats.centimetres,
+    "data_size": formats.data_size,
+    "count": formats.count,
+    "percent": formats.percent,
+    "change": formats.change,
+    "plural": formats.plural,
+    "parameter": formats.parameter,
+    "words": formats.words,
+    "hour": formats.hour,
+    "day": formats.day,
+}
+
+
+def _defined(function: Callable[..., str]) -> Callable[..., str]:
+    """FUNCTION with None for a variable that a template does not have, which Django hands on as ""."""
+    return lambda value, *arguments: function(None if value == "" else value, *arguments)
+
+
+for name, function in FORMATS.items():
+    register.filter(name, _defined(function))
+
+
+@register.simple_tag
+def interval(low: float | None, high: float | None) -> str:
+    """Both ends of a confidence interval of speedups."""
+    return formats.interval(low, high)
+
+
+@register.filter
+def or_absent(text: str | None) -> str:
+    """A string that a device reported, or the sign for 'not reported'."""
+    return text or formats.ABSENT
+
+
+@register.filter
+def value(mapping: Mapping[str, Any], key: str) -> Any:
+    """MAPPING's item KEY, None where it has none: templates cannot look up by a variable."""
+    return mapping.get(key)
+
+
+@register.filter
+def rule(code: str) -> str:
+    """The rule behind a state's reason, in a sentence; the code itself where no sentence is known."""
+    return RULES.get(code, code)
+
+
+@register.filter
+def device_text(device: Any) -> str:
+    """A provenance's device in one line: its name, where it is described by several fields."""
+    if isinstance(device, Mapping):
+        return str(device.get("name") or formats.parameter(device))
+    return str(device or "")
+
+
+@register.filter
+def parts(device: Device) -> str:
+    """What a device consists of, as far as it told."""
+    known = dict.fromkeys(part for part in (device.gpu, device.soc, device.cpu, device.os) if part)
+    return ", ".join(known) or "It told nothing of its parts."
+
+
+@register.filter
+def suspects(rows: Sequence[Speedup]) -> int:
+    """How many of ROWS rest on suspect sessions alone."""
+    return sum(row.suspect for row in rows)
+
+
+@register.filter
+def first_counted(protocol: Mapping[str, Any]) -> int:
+    """The first frame that the statistics count, from 0."""
+    return first_counted_frame(protocol)
+
+
+@register.filter
+def ate_limit(protocol: Mapping[str, Any]) -> str:
+    """The trajectory error from which on a run is invalid."""
+    return f"{max_ate(protocol) * 100:g}{formats.GAP}cm"

@@ -1,0 +1,174 @@
+"""Pages: each parses, asks a selector, and renders."""
+
+from typing import TypeVar
+from uuid import UUID
+
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.views.decorators.http import require_safe
+
+from crowd.dashboard.figures.frames import stages_height
+from crowd.dashboard.figures.speedups import bars_height
+from crowd.dashboard.points import measured_points, parameters_of
+from crowd.dashboard.protocols import first_counted_frame
+from crowd.dashboard.race import race
+from crowd.dashboard.stages import StageTimes, frames, spread, stage_table, stage_times
+from crowd.fronts import selectors as published
+from crowd.fronts.selectors import BEST
+from crowd.results import selectors as results
+from crowd.results.filters import ALL, InvalidFilterError, SpeedupFilters
+from crowd.results.rows import SessionDetail
+
+APPLICATION = "kfusion"
+NEWEST = 6
+
+Row = TypeVar("Row")
+
+
+@require_safe
+def home(request: HttpRequest) -> HttpResponse:
+    """The crowd's answer: how many devices, how much faster, and how to add one's own."""
+    crowd = results.speedups(SpeedupFilters())
+    front = published.front(crowd.front) if crowd.front else None
+    return render(
+        request,
+        "dashboard/home.html",
+        {
+            "crowd": crowd,
+            "front": front,
+            "protocol": front.protocol if front else {},
+            "lanes": race(crowd.headline.geometric_mean),
+            "sessions": results.latest_sessions(NEWEST),
+            "height": bars_height(len(crowd.rows)),
+        },
+    )
+
+
+@require_safe
+def devices(request: HttpRequest) -> HttpResponse:
+    """Every measured device, under the filters of the query string."""
+    problem = ""
+    try:
+        filters = SpeedupFilters.parse(request.GET)
+    except InvalidFilterError as error:
+        filters, problem = SpeedupFilters(), str(error)
+    crowd = results.speedups(filters)
+    filtered = filters != SpeedupFilters()
+    return render(
+        request,
+        "dashboard/devices.html",
+        {
+            "crowd": crowd,
+            "filters": filters,
+            "filtered": filtered,
+            "problem": problem,
+            "fronts": published.fronts(filters.application),
+            "height": bars_height(len(crowd.rows)),
+            "query": "" if problem else request.GET.urlencode(),
+            "pending": () if filtered else [row for row in results.devices() if row.speedup is None],
+        },
+        status=400 if problem else 200,
+    )
+
+
+@require_safe
+def device(request: HttpRequest, slug: str) -> HttpResponse:
+    """One device: its speedup, its newest session frame by frame, its sessions, what it says of itself."""
+    detail = _found(results.device(slug))
+    figure = next((row for row in detail.speedups if row.configuration == BEST), None)
+    stages = _stage_times(detail.latest)
+    return render(
+        request,
+        "dashboard/device.html",
+        {
+            "detail": detail,
+            "device": detail.device,
+            "protocol": detail.latest.protocol if detail.latest else {},
+            "figure": figure,
+            "lanes": race(figure.speedup if figure else None),
+            "stages": stages,
+            "stage_table": stage_table(stages),
+            "stages_height": stages_height(len(stages)),
+        },
+    )
+
+
+@require_safe
+def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
+    """One session: its answer, and the runs that it rests on."""
+    detail = _found(results.session(uuid))
+    stages = _stage_times(detail)
+    return render(
+        request,
+        "dashboard/session.html",
+        {
+            "detail": detail,
+            "session": detail.session,
+            "protocol": detail.protocol,
+            "lanes": race(best.speedup if (best := detail.session.speedup(BEST)) else None),
+            "stages": stages,
+            "stage_table": stage_table(stages),
+            "stages_height": stages_height(len(stages)),
+        },
+    )
+
+
+@require_safe
+def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
+    """One run: its frames, where the time went, and whether it counts."""
+    detail = _found(results.run(uuid))
+    first_counted = first_counted_frame(detail.protocol)
+    return render(
+        request,
+        "dashboard/run.html",
+        {
+            "detail": detail,
+            "run": detail.run.run,
+            "protocol": detail.protocol,
+            "spread": spread(detail.run, first_counted),
+            "frames": frames(detail.run, first_counted),
+        },
+    )
+
+
+@require_safe
+def fronts(request: HttpRequest) -> HttpResponse:
+    """Every published front, newest first."""
+    return render(request, "dashboard/fronts.html", {"fronts": published.fronts()})
+
+
+@require_safe
+def front(request: HttpRequest, slug: str) -> HttpResponse:
+    """One front: its points as the reference device predicts them and as the crowd measures them."""
+    shown = _found(published.front(slug))
+    crowd = results.speedups(SpeedupFilters(front=slug, application=shown.application, configuration=ALL))
+    return render(
+        request,
+        "dashboard/front.html",
+        {"front": shown, "points": measured_points(shown, crowd.rows), "parameters": parameters_of(shown)},
+    )
+
+
+@require_safe
+def data(request: HttpRequest) -> HttpResponse:
+    """Where the raw numbers are, and what each field means."""
+    return render(request, "dashboard/data.html")
+
+
+@require_safe
+def about(request: HttpRequest) -> HttpResponse:
+    """What is measured, how a figure comes about, and what is known of the people behind it."""
+    front = published.current(APPLICATION)
+    return render(
+        request, "dashboard/about.html", {"front": front, "protocol": front.protocol if front else {}}
+    )
+
+
+def _stage_times(session: SessionDetail | None) -> tuple[StageTimes, ...]:
+    return () if session is None else stage_times(session.runs, first_counted_frame(session.protocol))
+
+
+def _found(row: Row | None) -> Row:
+    if row is None:
+        raise Http404
+    return row
