@@ -1,0 +1,71 @@
+"""Devices, programs and memory, on what is really present."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from slam.opencl import DeviceMemoryError, NoDeviceError, Session, choose_device, list_devices
+
+DOUBLE = """
+kernel void twice(global const float *in, global float *out, int offset, float factor)
+{
+    const int i = get_global_id(0);
+    out[i] = factor * in[i] + offset;
+}
+"""
+
+
+def test_devices_say_what_they_are():
+    devices = list_devices()
+    assert devices
+    for device in devices:
+        assert set(device.describe()) == {"platform", "name", "driver", "backend"}
+        assert device.max_allocation > 0
+        assert device.kind in {"gpu", "cpu", "accelerator", "other"}
+
+
+def test_a_device_is_chosen_by_any_part_of_its_description_in_any_case():
+    for device in list_devices():
+        assert choose_device(device.driver.upper()).driver == device.driver
+
+
+def test_an_unknown_device_is_answered_with_those_present():
+    with pytest.raises(NoDeviceError, match=r"no OpenCL device matches 'abacus'; present: .+"):
+        choose_device("abacus")
+
+
+def test_a_machine_without_opencl_is_told_what_to_install(tmp_path):
+    code = "from slam.opencl import choose_device\nchoose_device()"
+    environment = os.environ | {"OCL_ICD_VENDORS": str(tmp_path / "none")}
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    last = ended.stderr.strip().splitlines()[-1]
+    assert "NoDeviceError: no OpenCL device here: install" in last
+
+
+def test_a_kernel_keeps_its_arguments_from_launch_to_launch(tmp_path):
+    import pyopencl as cl
+
+    source = tmp_path / "twice.cl"
+    source.write_text(DOUBLE)
+    for device in list_devices():
+        session = Session(device)
+        given, got = np.arange(5, dtype=np.float32), np.zeros(5, np.float32)
+        place = session.buffer(20)
+        # The output buffer has no other name than the kernel's argument.
+        kernel = session.kernel(source, "twice", (5,), place, result := session.buffer(20), 3, 2.0)
+        for shift in (0, 10):
+            cl.enqueue_copy(session.queue, place, given + np.float32(shift))
+            kernel()
+            cl.enqueue_copy(session.queue, got, result)
+            np.testing.assert_array_equal(got, 2 * (given + shift) + 3)
+
+
+def test_memory_beyond_the_device_is_refused_before_it_is_asked_for():
+    device = choose_device()
+    with pytest.raises(DeviceMemoryError, match=r"a map needs one buffer of .* MiB, .* allows at most"):
+        Session(device).buffer(device.max_allocation + 1, "a map")
