@@ -1,0 +1,25 @@
+"""Keeps every test away from the data folder of a server that its developer may be running."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crowd.celery import app
+
+# Tasks run where they are sent, and no message reaches a worker outside the tests.
+app.conf.update(task_always_eager=True, task_eager_propagates=True, broker_url="memory://")
+
+
+@pytest.fixture(autouse=True)
+def own_data_folder(settings: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An empty data folder; static files straight from their sources; sequences only where a test puts them."""
+    folder = tmp_path_factory.mktemp("var")
+    settings.FRONTRUNNER_VAR = folder
+    settings.FRONTRUNNER_SEQUENCES = [folder / "sequences"]
+    settings.STATIC_ROOT = folder / "static"
+    settings.STATIC_ROOT.mkdir()
+    settings.STORAGES = settings.STORAGES | {
+        "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"}
+    }
+    return folder

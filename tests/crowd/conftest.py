@@ -1,0 +1,46 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.devices.models import Installation
+from crowd.devices.services import enrol
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.services import publish_content
+from tests.crowd.documents import front_document, write_pack
+from tests.crowd.participant import Participant
+
+
+@pytest.fixture
+def pack(own_data_folder: Path) -> dict[str, Any]:
+    return write_pack(own_data_folder / "sequences")
+
+
+@pytest.fixture
+def front(db: None, pack: dict[str, Any]) -> FrontVersion:
+    """A published front kfusion-test with default, best and accurate."""
+    return publish_content(front_document(pack))[0]
+
+
+@pytest.fixture
+def join(client: Client) -> Callable[[], Participant]:
+    """Enrols one more participant."""
+
+    def enrolled() -> Participant:
+        installation, token = enrol("client_kit", "0.1.0", 1)
+        return Participant(client, token, str(installation.pk))
+
+    return enrolled
+
+
+@pytest.fixture
+def participant(front: FrontVersion, join: Callable[[], Participant]) -> Participant:
+    """An enrolled participant of a server with a published front."""
+    return join()
+
+
+@pytest.fixture
+def installation(participant: Participant) -> Installation:
+    return Installation.objects.get(pk=participant.installation_id)

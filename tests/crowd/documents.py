@@ -1,0 +1,153 @@
+"""Documents that tests send or publish. All figures in them are made up for testing."""
+
+import hashlib
+import json
+import uuid
+from pathlib import Path
+from typing import Any
+
+FRAMES = 100
+STANDARD = {
+    "volume_resolution": 256,
+    "mu": 0.1,
+    "pyramid_iterations_fine": 10,
+    "pyramid_iterations_middle": 5,
+    "pyramid_iterations_coarse": 4,
+    "compute_size_ratio": 2,
+    "tracking_rate": 1,
+    "icp_threshold": 1e-5,
+    "integration_rate": 2,
+}
+STAGES = {"preprocessing": 0.1, "tracking": 0.2, "integration": 0.2, "raycasting": 0.5}
+
+
+def write_pack(
+    folder: Path, name: str = "test-sequence", chunks: tuple[bytes, ...] = (b"one", b"two")
+) -> dict[str, Any]:
+    """A pack whose chunks are those bytes, below FOLDER; its pack.json."""
+    pack = folder / name
+    (pack / "chunks").mkdir(parents=True)
+    digests = [hashlib.sha256(content).hexdigest() for content in chunks]
+    for digest, content in zip(digests, chunks, strict=True):
+        (pack / "chunks" / digest).write_bytes(content)
+    description = {
+        "name": name,
+        "sha256": hashlib.sha256("".join(f"{digest}\n" for digest in digests).encode()).hexdigest(),
+        "width": 640,
+        "height": 480,
+        "frames": FRAMES,
+        "volume_size": 5.0,
+        "initial_position": [0.5, 0.5, 0.1],
+        "chunks": [
+            {"sha256": digest, "bytes": len(content)} for digest, content in zip(digests, chunks, strict=True)
+        ],
+    }
+    (pack / "pack.json").write_text(json.dumps(description))
+    return description
+
+
+def front_document(pack: dict[str, Any], version: str = "test", **changes: Any) -> dict[str, Any]:
+    """A small front measured on PACK: default, best and a third point."""
+    best = STANDARD | {"compute_size_ratio": 4, "volume_resolution": 128, "integration_rate": 20}
+    return {
+        "application": "kfusion",
+        "version": version,
+        "protocol": {
+            "version": 1,
+            "warmup_frames": 10,
+            "frames": FRAMES,
+            "first_counted_frame": 10,
+            "order": ["default", "best", "best", "default"],
+            "repeats": 2,
+            "rest_seconds": 0,
+            "max_ate": 0.05,
+        },
+        "sequence": {"name": pack["name"], "sha256": pack["sha256"]},
+        "configurations": [
+            {
+                "name": "default",
+                "parameters": STANDARD,
+                "predicted": {"runtime": 0.08, "ate_max": 0.01, "ate_mean": 0.005},
+            },
+            {
+                "name": "best",
+                "parameters": best,
+                "predicted": {"runtime": 0.01, "ate_max": 0.04, "ate_mean": 0.02},
+            },
+            {
+                "name": "accurate",
+                "parameters": STANDARD | {"compute_size_ratio": 1},
+                "predicted": {"runtime": 0.2, "ate_max": 0.008, "ate_mean": 0.004},
+            },
+        ],
+        "provenance": {"note": "made up for testing", "evaluations": 0},
+    } | changes
+
+
+def run_document(
+    configuration: str, repeat: int, order: int, frame_us: int, /, **changes: Any
+) -> dict[str, Any]:
+    """A run whose frames all take FRAME_US microseconds, and whose trajectory is good."""
+    return {
+        "id": str(uuid.uuid4()),
+        "configuration": configuration,
+        "repeat": repeat,
+        "order": order,
+        "status": "ok",
+        "failure": None,
+        "frame_us": [frame_us] * FRAMES,
+        "stages_us": {name: [int(frame_us * share)] * FRAMES for name, share in STAGES.items()},
+        "tracked": [None] * 4 + [True] * (FRAMES - 4),
+        "ate_max": 0.012,
+        "ate_mean": 0.008,
+        "ate_rmse": 0.009,
+        "trajectory_sha256": "0" * 64,
+    } | changes
+
+
+def session_document(
+    front: str = "kfusion-test", default_us: int = 80_000, best_us: int = 10_000, **changes: Any
+) -> dict[str, Any]:
+    """Default, best, best, default: a session whose speedup is default_us / best_us."""
+    return {
+        "id": str(uuid.uuid4()),
+        "started_at": "2026-11-20T10:17:00Z",
+        "application": "kfusion",
+        "front_version": front,
+        "protocol_version": 1,
+        "backend": "opencl",
+        "samples": [{"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": None}],
+        "runs": [
+            run_document("default", 0, 0, default_us),
+            run_document("best", 0, 1, best_us),
+            run_document("best", 1, 2, best_us),
+            run_document("default", 1, 3, default_us),
+        ],
+    } | changes
+
+
+def device_document(model: str = "Pixel 8", **changes: Any) -> dict[str, Any]:
+    """What a phone says of itself."""
+    return {
+        "os": "Android",
+        "os_version": "16",
+        "manufacturer": "Google",
+        "model": model,
+        "soc_manufacturer": "Google",
+        "soc_model": "Tensor G3",
+        "cpu": None,
+        "opencl_platform": "ARM Platform",
+        "opencl_device": "Mali-G715",
+        "opencl_driver": "3.0 v1.r44p1",
+    } | changes
+
+
+def submission_document(*sessions: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    """A whole request body; one ordinary session unless SESSIONS are given."""
+    return {
+        "schema_version": 1,
+        "app_version": "0.1.0",
+        "consent_version": 1,
+        "device": device_document(),
+        "sessions": list(sessions) or [session_document()],
+    } | changes
