@@ -34,6 +34,7 @@ def test_a_log_has_lines_and_no_bars() -> None:
 def test_a_terminal_without_the_letters_shows_something_all_the_same() -> None:
     raw = io.BytesIO()
 
-    Console(io.TextIOWrapper(raw, encoding="ascii")).say("Redmi Note 9 Pro \u7ea2\u7c73")
+    old = io.TextIOWrapper(raw, encoding="ascii")
+    Console(old).say("Redmi Note 9 Pro \u7ea2\u7c73")
 
     assert raw.getvalue().startswith(b"Redmi Note 9 Pro ??")

@@ -93,3 +93,12 @@ def test_the_base_installation_is_small() -> None:
     files = [path for name in needed for path in distribution(name).files or [] if path.suffix != ".pyc"]
     size = sum(file.stat().st_size for path in files if (file := Path(str(path.locate()))).is_file())
     assert size < LARGEST_MB * 1e6
+
+
+def test_an_installed_client_has_every_kernel_file() -> None:
+    settings = tomllib.loads((PROJECT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
+    for package, patterns in settings.items():
+        folder = PROJECT.joinpath(*package.split("."))
+        shipped = {path for pattern in patterns for path in folder.glob(pattern)}
+        data = {path for path in folder.rglob("*.*") if path.suffix in (".cl", ".h", ".json")}
+        assert data <= shipped

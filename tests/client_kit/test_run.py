@@ -14,7 +14,7 @@ import pytest
 from client_kit.home import Home
 from client_kit.spool import Spool
 from slam.datasets.pack import Pack
-from tests.client_kit import room
+from tests.client_kit import documents, room
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
@@ -29,7 +29,8 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
 
 @pytest.fixture
 def counting(pack: Pack) -> Counting:
-    return Counting(room.manifest(pack), pack._chunks.folder / "chunks")
+    protocol = {**documents.manifest()["protocol"], "warmup_frames": 0}
+    return Counting(room.manifest(pack, protocol=protocol), pack._chunks.folder / "chunks")
 
 
 def start(home: Home, *arguments: str) -> "subprocess.Popen[str]":

@@ -1,0 +1,175 @@
+"""The client and the real server together: what is measured here is counted there, once."""
+
+import json
+import os
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from client_kit import delivery, enrolment
+from client_kit.home import Home
+from client_kit.spool import Spool
+from crowd.fronts import services
+from crowd.results.models import DeviceSpeedup, MeasurementSession, Run
+from tests.client_kit import documents, room
+from tests.client_kit.scripted import Reply, Request, ScriptedServer
+
+PROJECT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def server(live_server: Any, settings: Any, tmp_path: Path) -> str:
+    """The address of a server that has published a front over the room."""
+    pack = room.write(tmp_path / "sequences" / "room")
+    settings.FRONTRUNNER_SEQUENCES = [tmp_path / "sequences"]
+    manifest = room.manifest(pack)
+    services.publish_content(
+        {
+            "application": "kfusion",
+            "version": "test",
+            "protocol": manifest["protocol"],
+            "sequence": {"name": pack.name, "sha256": pack.sha256},
+            "configurations": manifest["configurations"],
+            "provenance": {"note": "made for a test"},
+        }
+    )
+    return str(live_server.url)
+
+
+def client(home: Home, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "client_kit", *arguments],
+        cwd=PROJECT,
+        env={**os.environ, "FRONTRUNNER_HOME": str(home.path)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+def test_a_measured_session_becomes_a_speedup_with_a_page(server: str, home: Home) -> None:
+    done = client(home, "run", "--server", server, "--yes")
+
+    assert done.returncode == 0, done.stderr
+    [item] = Spool(home.spool).items()
+    assert (item.state, item.reason) == ("accepted", None)
+    [session] = MeasurementSession.objects.all()
+    assert str(session.uuid) == item.id
+    assert session.runs.count() == 4
+    [speedup] = DeviceSpeedup.objects.filter(configuration__name="best")
+    told = next(line for line in done.stdout.splitlines() if line.startswith("Speedup of best"))
+    assert float(told.split(": ")[1].split(",")[0].split(" ")[0]) == pytest.approx(speedup.speedup, abs=0.006)
+    assert f"{server}/devices/{session.device.slug}/" in done.stdout
+
+
+def test_the_same_session_sent_again_changes_nothing(server: str, home: Home) -> None:
+    client(home, "run", "--server", server, "--yes")
+    spool = Spool(home.spool)
+    [item] = spool.items()
+
+    spool.postpone(item, "as if the answer had been lost")
+    delivery.deliver(spool, home)
+
+    assert spool.item(item.id).state == "accepted"
+    assert (MeasurementSession.objects.count(), Run.objects.count()) == (1, 4)
+
+
+def test_a_session_that_the_server_rejects_tells_why_and_the_next_one_counts(server: str, home: Home) -> None:
+    client(home, "run", "--server", server, "--yes")
+    spool = Spool(home.spool)
+    good = spool.payload(spool.items()[0])
+    assert good is not None
+    bad, other = renamed(good), renamed(good)
+    for run in bad["sessions"][0]["runs"]:
+        run["frame_us"].pop()
+    rejected, accepted = spool.put(server, bad), spool.put(server, other)
+
+    delivery.deliver(spool, home)
+
+    assert spool.item(accepted.id).state == "accepted"
+    rejected = spool.item(rejected.id)
+    assert rejected.state == "rejected"
+    assert "frame_count" in (rejected.reason or "")
+    assert MeasurementSession.objects.count() == 2
+    assert "frame_count" in client(home, "status").stdout
+
+
+def test_answers_lost_on_the_way_lead_to_one_session_each(
+    server: str, home: Home, serve: Callable[..., ScriptedServer]
+) -> None:
+    cut = iter([True, False, True, True, False, False])
+
+    def through(request: Request) -> Reply:
+        """Pass the request on, and lose some of the answers."""
+        kept = {name: value for name, value in request.headers.items() if name not in ("host", "connection")}
+        passed = urllib.request.Request(
+            server + request.path, data=request.body or None, headers=kept, method=request.method
+        )
+        try:
+            with urllib.request.urlopen(passed) as response:
+                status, body = response.status, response.read()
+        except urllib.error.HTTPError as error:
+            status, body = error.code, error.read()
+        lost = request.path.endswith("/submissions") and next(cut)
+        return Reply(status, raw=body, cut=10 if lost else None)
+
+    proxy = serve(through)
+    client(home, "run", "--server", server, "--yes")
+    spool = Spool(home.spool)
+    measured = spool.payload(spool.items()[0])
+    assert measured is not None
+    for _ in range(3):
+        spool.put(proxy.url, renamed(measured))
+
+    for _ in range(5):
+        delivery.deliver(spool, home)
+
+    assert [item.state for item in spool.items()] == ["accepted"] * 4
+    assert MeasurementSession.objects.count() == 4
+    assert Run.objects.count() == 16
+
+
+def test_export_shows_and_erase_removes_what_the_server_keeps(server: str, home: Home) -> None:
+    client(home, "run", "--server", server, "--yes")
+    [session] = MeasurementSession.objects.all()
+
+    exported = json.loads(client(home, "export").stdout)
+    erased = client(home, "erase")
+
+    assert str(session.uuid) in json.dumps(exported["servers"][server])
+    assert erased.returncode == 0
+    assert MeasurementSession.objects.count() == 0
+    assert Spool(home.spool).items() == []
+    assert enrolment.known(home) == []
+
+
+def test_an_unknown_front_is_the_servers_reason(server: str, home: Home, spool: Spool) -> None:
+    payload = documents.payload(
+        started_at="2026-01-01T00:00:00Z", protocol_version=1, backend="opencl", front_version="kfusion-none"
+    )
+    payload["app_version"] = "0.1.0"
+    item = spool.put(server, payload)
+
+    delivery.deliver(spool, home)
+
+    assert spool.item(item.id).state == "rejected"
+    assert "unknown_front_version" in (spool.item(item.id).reason or "")
+
+
+def renamed(payload: dict[str, Any]) -> dict[str, Any]:
+    """The same measurement under new ids."""
+    copy: dict[str, Any] = json.loads(json.dumps(payload))
+    for session in copy["sessions"]:
+        session["id"] = str(uuid.uuid4())
+        for run in session["runs"]:
+            run["id"] = str(uuid.uuid4())
+    return copy
