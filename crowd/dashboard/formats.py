@@ -83,7 +83,7 @@ def change(ratio: float | None) -> str:
 
 def frames(number: float) -> str:
     """A count of frames, the last of which may be unfinished: 4 frames, 44.2 frames."""
-    if number == round(number):
+    if math.isclose(number, round(number), rel_tol=1e-6):
         return plural(round(number), "frame")
     return f"{significant(number)}\N{NO-BREAK SPACE}frames"
 

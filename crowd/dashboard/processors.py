@@ -8,14 +8,14 @@ OTHER = "other"
 # First match wins. A CPU behind PoCL names its vendor too, so it comes before the GPU vendors.
 _FAMILIES = (
     (CPU, r"pthread|\bcpu\b|xeon|epyc|ryzen|threadripper|\bcore\(tm\) i\d|cortex-|neoverse|llvmpipe"),
-    ("Arm Mali", r"mali|immortalis"),
-    ("Qualcomm Adreno", r"adreno|qualcomm"),
-    ("Imagination PowerVR", r"powervr|rogue|imagination"),
-    ("Samsung Xclipse", r"xclipse"),
+    ("Mali", r"mali|immortalis"),
+    ("Adreno", r"adreno|qualcomm"),
+    ("PowerVR", r"powervr|rogue|imagination"),
+    ("Xclipse", r"xclipse"),
     ("Apple", r"\bapple\b"),
     ("NVIDIA", r"nvidia|geforce|quadro|tesla|tegra|\b[rg]tx\b"),
-    ("AMD Radeon", r"radeon|\bamd\b|\bgfx\d+"),
-    ("Intel Graphics", r"intel.*(graphics|arc|iris|xe)|\bu?hd graphics\b"),
+    ("Radeon", r"radeon|\bamd\b|\bgfx\d+"),
+    ("Intel", r"intel.*(graphics|arc|iris|xe)|\bu?hd graphics\b"),
 )
 
 

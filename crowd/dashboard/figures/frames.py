@@ -38,7 +38,7 @@ def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> 
             legendgroup=name,
             showlegend=name not in seen,
             line={"color": colours[name], "width": 1.75},
-            customdata=[[f"{name}, repeat {series.run.repeat}", address]] * len(series.frame_seconds),
+            customdata=[[f"{name}, repeat {series.run.repeat + 1}", address]] * len(series.frame_seconds),
             hovertemplate="%{customdata[0]}, frame %{x}: <b>%{y:.3~r} ms</b><extra></extra>",
         )
         seen.add(name)

@@ -149,7 +149,7 @@ def lines(parts: Sequence[str]) -> str:
     return "<br>".join(parts)
 
 
-def clipped(name: str, length: int = 42) -> str:
+def clipped(name: str, length: int = 36) -> str:
     """NAME cut to LENGTH characters with an ellipsis."""
     return name if len(name) <= length else name[: length - 1].rstrip() + "\N{HORIZONTAL ELLIPSIS}"
 

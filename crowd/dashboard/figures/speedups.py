@@ -15,8 +15,8 @@ from crowd.results.rows import Speedup
 # Above this many devices a name for each bar no longer fits: the bars stand upright, names on hover and
 # in the table.
 NAMED_BARS = 30
-# Pixels: two families side by side on a phone.
-LEGEND_ENTRY = 118
+# Pixels: three families side by side on a phone.
+LEGEND_ENTRY = 58
 
 
 def bars_height(rows: int) -> int:
@@ -81,6 +81,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     devices_axis = {
         "showticklabels": False,
         "showgrid": False,
+        "range": [-0.7, len(ranked) - 0.3],
         "title": {"text": "devices, largest gain first"},
     }
     return figure.update_layout(xaxis=devices_axis, yaxis=values_axis, legend={"entrywidth": LEGEND_ENTRY})

@@ -1,6 +1,7 @@
 """Template filters over crowd.dashboard.formats: every number on a page passes through one of them."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from typing import Any
 
 from django import template
@@ -33,7 +34,12 @@ FORMATS: dict[str, Callable[..., str]] = {
 
 def _defined(function: Callable[..., str]) -> Callable[..., str]:
     """FUNCTION with None for a variable that a template does not have, which Django hands on as ""."""
-    return lambda value, *arguments: function(None if value == "" else value, *arguments)
+
+    @wraps(function)
+    def formatted(value: Any, *arguments: Any) -> str:
+        return function(None if value == "" else value, *arguments)
+
+    return formatted
 
 
 for name, function in FORMATS.items():

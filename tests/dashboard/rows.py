@@ -1,0 +1,72 @@
+"""Rows as selectors answer them, made up for testing figures."""
+
+import uuid
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from crowd.results.rows import Device, RunRow, RunSeries, Speedup
+
+RUN = uuid.UUID("00000000-0000-4000-8000-000000000001")
+
+
+def device(slug: str = "phone", **changes: Any) -> Device:
+    """A phone of which only its name is known."""
+    known = {"manufacturer": "", "name": slug.title(), "cpu": "", "soc": "", "gpu": "", "os": "Android"}
+    return Device(slug=slug, **(known | changes))
+
+
+def speedup(value: float = 6.0, slug: str = "phone", **changes: Any) -> Speedup:
+    """One figure of `best`, without an interval."""
+    fields: dict[str, Any] = {
+        "device": device(slug),
+        "front": "kfusion-test",
+        "configuration": "best",
+        "baseline": "default",
+        "backend": "opencl",
+        "processor": "Mali-G78",
+        "speedup": value,
+        "low": None,
+        "high": None,
+        "repeat_low": None,
+        "repeat_high": None,
+        "sessions": 2,
+        "installations": 1,
+        "ate_max": 0.02,
+        "last_session_at": datetime(2026, 11, 20, 10, tzinfo=UTC),
+        "suspect": False,
+    }
+    return Speedup(**(fields | changes))
+
+
+def run(
+    configuration: str = "default",
+    seconds: float = 0.1,
+    stages: dict[str, float] | None = None,
+    frames: int = 20,
+    **changes: Any,
+) -> RunSeries:
+    """A run whose frames all take SECONDS, of which each stage takes its share."""
+    fields: dict[str, Any] = {
+        "uuid": RUN,
+        "configuration": configuration,
+        "repeat": 0,
+        "order": 0,
+        "status": "ok",
+        "failure": "",
+        "mean_seconds": seconds,
+        "tracked_frames": frames,
+        "ate_max": 0.02,
+        "ate_mean": 0.01,
+        "ate_rmse": 0.012,
+        "state": "valid",
+        "reason": "",
+    }
+    shares = {"raycasting": 0.5, "tracking": 0.3, "preprocessing": 0.2} if stages is None else stages
+    return RunSeries(
+        run=RunRow(**(fields | changes)),
+        frame_seconds=np.full(frames, seconds),
+        stage_seconds={name: np.full(frames, seconds * share) for name, share in shares.items()},
+        tracked=(),
+    )

@@ -1,0 +1,168 @@
+"""Figures as pure functions: what rows become, without a server or a browser."""
+
+import json
+
+import pytest
+
+from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
+from crowd.dashboard.figures.fronts import front_plane
+from crowd.dashboard.figures.speedups import NAMED_BARS, speedup_bars
+from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme
+from crowd.dashboard.stages import stage_times
+from crowd.fronts.selectors import Point
+from tests.dashboard.rows import RUN, device, run, speedup
+
+
+def point(name: str, runtime: float | None, ate: float | None) -> Point:
+    return Point(name, {"mu": 0.1}, runtime, ate, ate, {})
+
+
+def bars(rows: list, theme: Theme = LIGHT) -> list:
+    return [trace for trace in speedup_bars(rows, theme).data if trace.type == "bar"]
+
+
+def test_bars_are_sorted_and_lead_to_their_device() -> None:
+    (trace,) = bars([speedup(3.0, "slow"), speedup(9.0, "fast"), speedup(5.0, "middle")])
+
+    assert list(trace.x) == [9.0, 5.0, 3.0]
+    assert [address for _, address in trace.customdata] == [
+        "/devices/fast/",
+        "/devices/middle/",
+        "/devices/slow/",
+    ]
+
+
+def test_bars_of_one_family_share_a_colour_and_a_legend_entry() -> None:
+    rows = [speedup(4.0, "a"), speedup(5.0, "b", processor="NVIDIA T4"), speedup(6.0, "c")]
+
+    traces = bars(rows)
+
+    assert {trace.name: list(trace.x) for trace in traces} == {"Mali": [6.0, 4.0], "NVIDIA": [5.0]}
+    assert len({trace.marker.color for trace in traces}) == 2
+    assert all(trace.showlegend for trace in traces)
+
+
+def test_only_due_intervals_get_whiskers() -> None:
+    figure = speedup_bars([speedup(6.0, "a", low=5.0, high=8.0), speedup(3.0, "b")], LIGHT)
+
+    (whiskers,) = [trace for trace in figure.data if trace.type == "scatter"]
+    assert list(whiskers.x) == [6.0]
+    assert (list(whiskers.error_x.arrayminus), list(whiskers.error_x.array)) == ([1.0], [2.0])
+
+
+def test_suspect_figures_are_hatched_and_say_so() -> None:
+    (trace,) = bars([speedup(6.0, "a"), speedup(5.0, "b", suspect=True)])
+
+    assert list(trace.marker.pattern.shape) == ["", "/"]
+    assert "suspect" in trace.customdata[1][0]
+
+
+def test_many_devices_stand_upright_without_names() -> None:
+    rows = [speedup(2.0 + number / 10, f"device-{number}") for number in range(NAMED_BARS + 1)]
+
+    figure = speedup_bars(rows, LIGHT)
+
+    assert {trace.orientation for trace in figure.data if trace.type == "bar"} == {"v"}
+    assert not figure.layout.annotations
+    assert figure.layout.height == 460
+
+
+def test_a_device_with_two_processors_has_two_names() -> None:
+    rows = [speedup(6.0, processor="Mali-G78"), speedup(2.0, processor="pthread-cortex")]
+
+    names = [annotation.text for annotation in speedup_bars(rows, LIGHT).layout.annotations]
+
+    assert "Phone (Mali-G78)" in names[0]
+    assert "Phone (pthread-cortex)" in names[1]
+
+
+def test_a_name_that_a_client_sent_is_shown_and_not_interpreted() -> None:
+    row = speedup(device=device("x", name="<b>bold</b> & co"))
+
+    figure = speedup_bars([row], LIGHT)
+
+    (trace,) = [trace for trace in figure.data if trace.type == "bar"]
+    assert "&lt;b&gt;bold&lt;/b&gt; &amp; co" in trace.customdata[0][0]
+    assert "&lt;b&gt;bold" in figure.layout.annotations[0].text
+
+
+def test_lines_are_in_milliseconds_and_lead_to_their_run() -> None:
+    figure = frame_lines([run("default", 0.1), run("best", 0.01), run("best", 0.02, repeat=1)], 10, LIGHT)
+
+    assert [trace.y[0] for trace in figure.data] == [100.0, 10.0, 20.0]
+    assert [trace.showlegend for trace in figure.data] == [True, True, False]
+    assert [trace.line.color for trace in figure.data] == [LIGHT.default, LIGHT.best, LIGHT.best]
+    assert figure.data[0].customdata[0][1] == f"/runs/{RUN}/"
+    assert figure.layout.yaxis.type == "log"
+
+
+def test_frames_that_do_not_count_are_shaded() -> None:
+    (shade,) = frame_lines([run()], 10, LIGHT).layout.shapes
+
+    assert (shade.x0, shade.x1) == (-0.5, 9.5)
+
+
+def test_stage_bars_stack_to_the_computation() -> None:
+    rows = stage_times([run("default", 0.1), run("best", 0.02)], 10)
+
+    figure = stage_bars(rows, LIGHT)
+
+    assert figure.layout.barmode == "stack"
+    assert [trace.name for trace in figure.data] == ["preprocessing", "tracking", "raycasting"]
+    assert [sum(trace.x[rank] for trace in figure.data) for rank in (0, 1)] == pytest.approx([100, 20])
+
+
+def test_a_run_without_stages_shows_its_computation() -> None:
+    (trace,) = stage_areas(run(seconds=0.05, stages={}), 10, LIGHT).data
+
+    assert (trace.name, trace.y[0]) == ("computation", 50.0)
+
+
+def test_the_front_marks_what_is_not_valid() -> None:
+    points = [point("default", 0.1, 0.02), point("best", 0.01, 0.04), point("wild", 0.005, 0.31)]
+
+    figure = front_plane(points, 0.05, LIGHT)
+
+    marks = {trace.name: (trace.x[0], trace.y[0], trace.marker.symbol) for trace in figure.data}
+    assert marks == {
+        "default": (2.0, 100.0, "circle"),
+        "best": (4.0, 10.0, "circle"),
+        "wild": (31.0, 5.0, "x"),
+    }
+    assert [shape.x0 for shape in figure.layout.shapes] == [5.0]
+
+
+def test_a_point_without_a_prediction_is_left_out_of_the_plane() -> None:
+    assert not front_plane([point("lost", 0.01, None)], 0.05, LIGHT).data
+
+
+@pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
+def test_no_rows_make_an_empty_figure(theme: Theme) -> None:
+    for figure in (
+        speedup_bars([], theme),
+        frame_lines([], 10, theme),
+        stage_bars([], theme),
+        front_plane([], 0.05, theme),
+    ):
+        assert not any(len(trace.x) for trace in figure.data)
+
+
+def test_figures_follow_the_theme() -> None:
+    light, dark = (frame_lines([run("best")], 10, theme).to_json() for theme in (LIGHT, DARK))
+
+    assert LIGHT.best in light
+    assert DARK.best in dark
+    assert LIGHT.best not in dark
+
+
+def test_nothing_in_a_figure_needs_eval_or_webgl() -> None:
+    figures = (
+        speedup_bars([speedup()], LIGHT),
+        frame_lines([run()], 10, LIGHT),
+        stage_bars(stage_times([run()], 10), LIGHT),
+        stage_areas(run(), 10, LIGHT),
+        front_plane([point("best", 0.1, 0.02)], 0.05, LIGHT),
+    )
+
+    kinds = {trace["type"] for figure in figures for trace in json.loads(figure.to_json())["data"]}
+    assert kinds <= {"bar", "scatter"}

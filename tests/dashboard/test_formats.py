@@ -1,0 +1,75 @@
+from datetime import UTC, datetime
+
+import pytest
+
+from crowd.dashboard import formats
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (9.714, "9.71"),
+        (9.999, "10.0"),
+        (99.96, "100"),
+        (11.36, "11.4"),
+        (104.2, "104"),
+        (1240.4, "1,240"),
+        (0.0270, "0.0270"),
+        (-2.5, "\N{MINUS SIGN}2.50"),
+        (0.0, "0"),
+    ],
+)
+def test_numbers_have_three_significant_digits(value: float, text: str) -> None:
+    assert formats.significant(value) == text
+
+
+def test_units_are_chosen_once_for_every_page() -> None:
+    gap = formats.GAP
+    assert formats.speedup(9.714) == "9.71\N{MULTIPLICATION SIGN}"
+    assert formats.milliseconds(0.01234) == f"12.3{gap}ms"
+    assert formats.frames_per_second(0.01) == f"100{gap}fps"
+    assert formats.centimetres(0.0447) == f"4.47{gap}cm"
+    assert formats.data_size(19_800_000) == f"19.8{gap}MB"
+    assert formats.change(1.03) == f"+3.0{gap}%"
+    assert formats.change(0.98) == f"\N{MINUS SIGN}2.0{gap}%"
+
+
+def test_what_is_absent_is_never_a_zero() -> None:
+    functions = [
+        formats.speedup,
+        formats.milliseconds,
+        formats.frames_per_second,
+        formats.centimetres,
+        formats.data_size,
+        formats.count,
+        formats.percent,
+        formats.change,
+        formats.parameter,
+        formats.hour,
+        formats.day,
+    ]
+    assert {function(None) for function in functions} == {formats.ABSENT}
+    assert formats.interval(None, 3.0) == formats.ABSENT
+
+
+def test_an_interval_names_its_unit_once() -> None:
+    assert formats.interval(9.5, 11.25) == "9.50\N{EN DASH}11.2\N{MULTIPLICATION SIGN}"
+
+
+def test_parameters_read_as_their_authors_write_them() -> None:
+    assert formats.parameter(1e-5) == "1e-05"
+    assert formats.parameter(256) == "256"
+    assert formats.parameter(True) == "yes"
+    assert formats.parameter(["default", "best"]) == "default, best"
+    assert formats.parameter({"name": "Mali", "driver": None}) == f"name Mali, driver {formats.ABSENT}"
+
+
+def test_counts_agree_with_their_noun() -> None:
+    assert formats.plural(1, "device") == "1\N{NO-BREAK SPACE}device"
+    assert formats.plural(2000, "device") == "2,000\N{NO-BREAK SPACE}devices"
+    assert formats.frames(1.0) == "1\N{NO-BREAK SPACE}frame"
+    assert formats.frames(44.23) == "44.2\N{NO-BREAK SPACE}frames"
+
+
+def test_public_times_tell_the_hour_alone() -> None:
+    assert formats.hour(datetime(2026, 11, 20, 10, 47, tzinfo=UTC)) == "2026-11-20 10:00 UTC"

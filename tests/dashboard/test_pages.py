@@ -1,0 +1,341 @@
+"""Pages with rows that came in through the API, as a visitor without a log-in reads them."""
+
+import re
+import uuid
+from collections.abc import Callable
+from html import unescape
+from typing import Any
+
+import pytest
+from django.test import Client
+from django.urls import reverse
+
+from crowd.dashboard.formats import ABSENT, RANGE, TIMES
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.services import publish_content, retire
+from crowd.results import selectors
+from tests.crowd.documents import (
+    device_document,
+    front_document,
+    run_document,
+    session_document,
+    submission_document,
+)
+from tests.crowd.participant import Participant
+
+pytestmark = pytest.mark.django_db
+
+
+def text(response: Any) -> str:
+    """What a reader sees: no tags, any white space as one blank, the signs of formats in ASCII."""
+    body = re.sub(r"<(script|style).*?</\1>", " ", response.content.decode(), flags=re.DOTALL)
+    words = " ".join(unescape(re.sub(r"<[^>]+>", " ", body)).split())
+    return words.replace(TIMES, "x").replace(RANGE, "-").replace(ABSENT, "-")
+
+
+def read(client: Client, address: str) -> str:
+    response = client.get(address)
+    assert response.status_code == 200, address
+    return text(response)
+
+
+def measure(participant: Participant, model: str = "Pixel 8", **changes: Any) -> dict[str, Any]:
+    """One session of a phone MODEL through the API; the session as it was sent."""
+    session = session_document(**changes)
+    response = participant.submit(submission_document(session, device=device_document(model)))
+    assert response.status_code == 202, response.content
+    return session
+
+
+def test_before_a_front_is_published_the_home_page_says_how_to(client: Client) -> None:
+    page = read(client, "/")
+
+    assert "No front has been published here yet" in page
+    assert "manage.py publish_front FILE" in page
+
+
+def test_before_anyone_measured_the_home_page_invites(client: Client, front: FrontVersion) -> None:
+    page = read(client, "/")
+
+    assert "How much faster is it on yours?" in page
+    assert "client_kit run \\ --server http://testserver" in page
+    assert "Nobody has measured this front yet" in page
+
+
+def test_the_home_page_leads_with_the_measured_speedup(client: Client, participant: Participant) -> None:
+    measure(participant, default_us=80_000, best_us=10_000)
+
+    page = read(client, "/")
+
+    assert "8.00x faster on the first device that tried it" in page
+    assert "Devices measured 1 in 1 session" in page
+    assert "one device so far" in page
+    assert "4 frames best 32 frames" in page
+
+
+def test_the_headline_is_the_geometric_mean_over_device_models(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    measure(join(), "Pixel 8", default_us=80_000, best_us=40_000)
+    measure(join(), "Pixel 7", default_us=80_000, best_us=10_000)
+    measure(join(), "Pixel 7", default_us=80_000, best_us=10_000)
+
+    page = read(client, "/")
+
+    assert "4.00x faster across 2 devices" in page
+    assert "2.00-8.00x" in page
+    assert "n = 2 figures from 3 sessions." in page
+
+
+def test_every_page_says_what_it_counts_and_what_it_means(client: Client, participant: Participant) -> None:
+    session = measure(participant)
+
+    for address in ("/", "/devices/", "/devices/google-pixel-8/", f"/sessions/{session['id']}/"):
+        response = client.get(address)
+        figures = re.findall(r"<figure.*?</figure>", response.content.decode(), re.DOTALL)
+        assert figures, address
+        for figure in figures:
+            assert re.search(r"<strong>n = \d+", figure), address
+            assert 'role="img" aria-label="' in figure
+
+
+def test_the_device_page_shows_its_speedup_stages_and_raw_strings(
+    client: Client, participant: Participant
+) -> None:
+    session = measure(participant, default_us=80_000, best_us=10_000)
+
+    page = read(client, "/devices/google-pixel-8/")
+
+    assert "Google Pixel 8" in page
+    assert "Speedup of best over default 8.00x no interval yet" in page
+    assert "default , newest session 80.0 ms" in page
+    assert "raycasting 40.0 ms 5.00 ms 8.00x" in page
+    assert "opencl_driver 3.0 v1.r44p1" in page
+    assert session["id"] in client.get("/devices/google-pixel-8/").content.decode()
+
+
+def test_three_installations_give_the_device_an_interval(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    for best_us in (9_000, 10_000, 11_000):
+        measure(join(), best_us=best_us)
+
+    page = read(client, "/devices/google-pixel-8/")
+
+    (row,) = selectors.speedups(selectors.SpeedupFilters()).rows
+    assert row.low is not None
+    assert "95 % interval" in page
+    assert "over 3 installations" in page
+
+
+def test_three_sessions_of_one_installation_give_repeatability_and_no_interval(
+    client: Client, participant: Participant
+) -> None:
+    for best_us in (9_000, 10_000, 11_000):
+        measure(participant, best_us=best_us)
+
+    page = read(client, "/devices/google-pixel-8/")
+
+    assert "on this one installation (95 % repeatability over its 3" in page
+
+
+def test_a_device_whose_best_lost_the_camera_has_no_figure_and_says_why(
+    client: Client, participant: Participant
+) -> None:
+    runs = [
+        run_document("default", 0, 0, 80_000),
+        run_document("best", 0, 1, 1_000, ate_max=0.4),
+        run_document("best", 1, 2, 1_000, ate_max=0.4),
+        run_document("default", 1, 3, 80_000),
+    ]
+    session = measure(participant, runs=runs)
+
+    assert "No session of this device counts yet" in read(client, "/devices/google-pixel-8/")
+    assert "the largest trajectory error reached the limit" in read(client, f"/runs/{runs[1]['id']}/")
+    assert "the largest trajectory error reached the limit" in read(client, f"/sessions/{session['id']}/")
+    assert "Measured, without a figure" in read(client, "/devices/")
+    assert "How much faster is it on yours?" in read(client, "/")
+
+
+def test_a_failed_run_shows_what_the_client_reported(client: Client, participant: Participant) -> None:
+    failed = run_document("best", 0, 1, 10_000, status="failed", failure="out of memory at frame 3")
+    failed |= {"frame_us": [10_000] * 3, "stages_us": {}, "tracked": None}
+    measure(participant, runs=[run_document("default", 0, 0, 80_000), failed])
+
+    page = read(client, f"/runs/{failed['id']}/")
+
+    assert "the run did not finish" in page
+    assert "out of memory at frame 3" in page
+    assert "of 3 frames" in page
+
+
+def test_a_run_that_failed_at_once_has_a_page_without_frames(
+    client: Client, participant: Participant
+) -> None:
+    failed = run_document("best", 0, 1, 10_000, status="failed", failure="no device")
+    failed |= {"frame_us": [], "stages_us": {}, "tracked": None}
+    measure(participant, runs=[run_document("default", 0, 0, 80_000), failed])
+
+    response = client.get(f"/runs/{failed['id']}/")
+
+    assert response.status_code == 200
+    assert b"<figure" not in response.content
+
+
+def test_a_valid_run_shows_its_frames_parameters_and_rule(client: Client, participant: Participant) -> None:
+    session = measure(participant)
+
+    page = read(client, f"/runs/{session['runs'][1]['id']}/")
+
+    assert "best , repeat 1" in page
+    assert "Computation time a frame 10.0 ms 100 fps; mean over the frames from number 10 on" in page
+    assert "its trajectory stays within 5 cm of the truth" in page
+    assert "compute size ratio 4" in page
+    assert "Frames tracked 96" in page
+    assert "99 10.0 ms" in page
+
+
+def test_a_slowing_session_is_suspect_with_its_reason(client: Client, participant: Participant) -> None:
+    runs = [
+        run_document("default", 0, 0, 80_000),
+        run_document("best", 0, 1, 10_000),
+        run_document("best", 1, 2, 15_000),
+        run_document("default", 1, 3, 120_000),
+    ]
+    session = measure(participant, runs=runs)
+
+    page = read(client, f"/sessions/{session['id']}/")
+
+    assert "suspect the second repeat of a configuration was much slower than the first" in page
+    assert "+50.0" in page
+    assert "Hatched: 1" in read(client, "/")
+
+
+def test_the_front_page_sets_prediction_beside_the_crowd(client: Client, participant: Participant) -> None:
+    measure(participant, default_us=80_000, best_us=20_000)
+
+    page = read(client, "/fronts/kfusion-test/")
+
+    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 4.00x 1 128" in page
+    assert "default 80.0 ms 12.5 fps 1.00 cm 1.00x - - 256" in page
+    assert "made up for testing" in page
+    assert "first counted frame 10" in page
+
+
+def test_fronts_are_listed_with_their_state(
+    client: Client, front: FrontVersion, pack: dict[str, Any]
+) -> None:
+    publish_content(front_document(pack, version="2"))
+    retire(front)
+
+    page = read(client, "/fronts/")
+
+    assert "kfusion-2 kfusion published" in page
+    assert "kfusion-test kfusion retired" in page
+
+
+def test_filters_live_in_the_address_and_reach_the_figure(client: Client, participant: Participant) -> None:
+    measure(participant)
+
+    shown = client.get("/devices/?gpu=mali&min_sessions=1")
+    hidden = client.get("/devices/?gpu=adreno")
+
+    assert "/figures/speedups.json?gpu=mali&amp;min_sessions=1" in shown.content.decode()
+    assert 'name="gpu" value="mali"' in shown.content.decode()
+    assert "No device matches these filters" in text(hidden)
+
+
+@pytest.mark.parametrize("query", ["since=yesterday", "min_sessions=0", "min_sessions=many"])
+def test_a_filter_that_makes_no_sense_is_named(client: Client, front: FrontVersion, query: str) -> None:
+    response = client.get(f"/devices/?{query}")
+
+    assert response.status_code == 400
+    assert query in text(response)
+
+
+def test_what_a_client_sends_is_text_and_never_markup(client: Client, participant: Participant) -> None:
+    session = session_document()
+    device = device_document("<script>alert(1)</script>", opencl_device="<img src=x>", cpu="{{ 7|add:7 }}")
+    participant.submit(submission_document(session, device=device))
+
+    (row,) = selectors.devices()
+    for address in ("/", "/devices/", f"/devices/{row.device.slug}/", f"/sessions/{session['id']}/"):
+        page = client.get(address).content.decode()
+        assert "<script>alert" not in page
+        assert "<img src=x>" not in page
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "/devices/nobody/",
+        "/fronts/nothing/",
+        f"/runs/{uuid.UUID(int=0)}/",
+        f"/sessions/{uuid.UUID(int=0)}/",
+        "/figures/fronts/nothing.json",
+        f"/figures/runs/{uuid.UUID(int=0)}/stages.json",
+        "/nowhere/",
+    ],
+)
+def test_what_does_not_exist_is_404(client: Client, address: str) -> None:
+    assert client.get(address).status_code == 404
+
+
+def test_a_missing_page_still_leads_on(client: Client) -> None:
+    page = text(client.get("/nowhere/"))
+
+    assert "There is nothing at this address" in page
+    assert "All devices" in page
+
+
+@pytest.mark.parametrize("name", ["home", "devices", "fronts", "data", "about"])
+def test_pages_load_nothing_from_another_host(client: Client, participant: Participant, name: str) -> None:
+    measure(participant)
+
+    page = client.get(reverse(f"dashboard:{name}")).content.decode()
+
+    loaded = re.findall(r"<(?:script|link|img|iframe|source)[^>]+(?:src|href)=\"([^\"]+)\"", page)
+    assert loaded
+    assert all(address.startswith("/static/") for address in loaded), loaded
+    assert not re.search(r"<script(?![^>]*src=)", page)
+    assert "<style" not in page
+
+
+def test_pages_without_charts_do_not_load_the_plot_library(client: Client, front: FrontVersion) -> None:
+    for name in ("home", "devices", "fronts", "data", "about"):
+        assert b"plotly" not in client.get(reverse(f"dashboard:{name}")).content, name
+
+
+@pytest.mark.parametrize(("address", "budget"), [("/", 8), ("/devices/", 12), ("/fronts/", 2)])
+def test_lists_ask_the_database_as_often_for_one_device_as_for_many(
+    client: Client,
+    join: Callable[[], Participant],
+    front: FrontVersion,
+    django_assert_max_num_queries: Any,
+    address: str,
+    budget: int,
+) -> None:
+    for number in range(6):
+        measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
+
+    with django_assert_max_num_queries(budget):
+        client.get(address)
+
+
+def test_the_device_page_keeps_to_its_queries_with_many_sessions(
+    client: Client, participant: Participant, django_assert_max_num_queries: Any
+) -> None:
+    for best_us in range(8_000, 14_000, 1_000):
+        measure(participant, best_us=best_us)
+
+    with django_assert_max_num_queries(8):
+        client.get("/devices/google-pixel-8/")
+
+
+def test_the_home_page_stays_small_without_the_plot_library(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    for number in range(12):
+        measure(join(), f"Pixel {number}")
+
+    assert len(client.get("/").content) < 60_000

@@ -1,0 +1,29 @@
+import pytest
+
+from crowd.dashboard.processors import CPU, OTHER, family
+
+
+@pytest.mark.parametrize(
+    ("processor", "expected"),
+    [
+        ("Mali-G78 r0p1", "Mali"),
+        ("QUALCOMM Adreno(TM)", "Adreno"),
+        ("NVIDIA GeForce RTX 3060", "NVIDIA"),
+        ("Tesla V100-SXM2-16GB", "NVIDIA"),
+        ("gfx1030", "Radeon"),
+        ("Intel(R) Iris(R) Xe Graphics", "Intel"),
+        ("Apple M1 Pro", "Apple"),
+        ("PowerVR Rogue GE8320", "PowerVR"),
+        ("pthread-Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", CPU),
+        ("cpu-haswell-AMD EPYC 7B12", CPU),
+        ("AMD Ryzen 7 5800X 8-Core Processor", CPU),
+        ("something new", OTHER),
+    ],
+)
+def test_a_driver_s_name_tells_the_family(processor: str, expected: str) -> None:
+    assert family(processor) == expected
+
+
+def test_the_gpu_helps_where_the_driver_says_nothing() -> None:
+    assert family("", "Mali-G57") == "Mali"
+    assert family("", "") == OTHER

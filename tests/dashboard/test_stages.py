@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from crowd.dashboard.stages import frames, spread, stage_table, stage_times
+from tests.dashboard.rows import run
+
+
+def test_stages_follow_the_pipeline_and_acquisition_is_not_computation() -> None:
+    series = run(stages={"raycasting": 0.5, "acquisition": 0.9, "loop closure": 0.1, "preprocessing": 0.4})
+
+    (row,) = stage_times([series], first_counted=10)
+
+    assert list(row.seconds) == ["preprocessing", "raycasting", "loop closure"]
+
+
+def test_runs_of_one_configuration_are_averaged_over_counted_frames() -> None:
+    slow_start = run(seconds=0.1)
+    slow_start.stage_seconds["tracking"][:10] = 99.0
+
+    (row,) = stage_times([slow_start, run(seconds=0.3)], first_counted=10)
+
+    assert row.runs == 2
+    assert row.computation == pytest.approx(0.2)
+    assert row.seconds["tracking"] == pytest.approx(0.06)
+
+
+def test_a_run_that_failed_early_or_told_no_stages_is_left_out() -> None:
+    assert stage_times([run(frames=7), run(stages={})], first_counted=10) == ()
+
+
+def test_the_table_compares_default_with_best_stage_by_stage() -> None:
+    times = stage_times([run("default", 0.1), run("best", 0.01, {"tracking": 0.6, "raycasting": 0.4})], 10)
+
+    table = stage_table(times)
+
+    assert table.configurations == ("default", "best")
+    rows = {row.stage: row for row in table.rows}
+    assert rows["tracking"].speedup == pytest.approx(5.0)
+    assert rows["preprocessing"].seconds[1] is None
+    assert rows["preprocessing"].speedup is None
+    assert table.total.speedup == pytest.approx(10.0)
+
+
+def test_without_a_default_nothing_is_compared() -> None:
+    table = stage_table(stage_times([run("best", 0.01)], 10))
+
+    assert not table.compared
+    assert table.total.speedup is None
+
+
+def test_spread_shares_add_up_to_the_computation() -> None:
+    rows = spread(run(), first_counted=10)
+
+    assert sum(row.share for row in rows) == pytest.approx(1.0)
+    assert [row.least for row in rows] == pytest.approx([row.most for row in rows])
+
+
+def test_frames_say_whether_they_count() -> None:
+    series = run(frames=12)
+
+    rows = frames(series, first_counted=10)
+
+    assert [row.counted for row in rows] == [False] * 10 + [True] * 2
+    assert rows[0].tracked is None
+    assert np.isclose(sum(rows[11].stages), rows[11].seconds)
+
+
+def test_an_empty_run_has_neither_spread_nor_frames() -> None:
+    empty = run(frames=0)
+
+    assert (spread(empty, 10), frames(empty, 10)) == ((), ())
