@@ -7,6 +7,12 @@ import sys
 
 def main() -> None:
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
+    from crowd.data_folder import DataFolderError
+
+    try:
+        import crowd.settings  # noqa: F401 - Django would hide the reason
+    except DataFolderError as error:
+        sys.exit(f"manage.py: {error}")
     from django.core.management import execute_from_command_line
 
     execute_from_command_line(sys.argv)

@@ -36,8 +36,8 @@ def secret_key(folder: Path) -> str:
     Processes that start at the same moment agree: the file appears whole, under its name, exactly once.
     """
     path = folder / "secret_key"
+    prepared(folder)
     if not path.exists():
-        prepared(folder)
         draft = folder / f".secret_key-{os.getpid()}-{secrets.token_hex(4)}"
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as file:

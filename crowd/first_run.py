@@ -1,0 +1,74 @@
+"""What a server needs before it can serve: tables, fronts, an administrator, static files. Each step may
+run again.
+"""
+
+import hashlib
+import re
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+
+from django.conf import settings
+from django.contrib.auth import get_user_model
+from django.contrib.staticfiles.finders import get_finders
+from django.core.management import call_command
+from django.db import connection
+from django.db.migrations.executor import MigrationExecutor
+
+from crowd.fronts import contents, sequences, services
+
+ADMINISTRATOR = "admin"
+
+
+def migrate() -> None:
+    """Bring the database's tables up to date."""
+    executor = MigrationExecutor(connection)
+    if executor.migration_plan(executor.loader.graph.leaf_nodes()):
+        call_command("migrate", verbosity=0, interactive=False)
+
+
+def publish_shipped_fronts() -> Iterator[str]:
+    """Publish the shipped fronts that are not yet; a line about each new or impossible one."""
+    for path in sorted(Path(settings.FRONTRUNNER_FRONTS).glob("*.json"), key=_in_order):
+        try:
+            front, new = services.publish_file(path)
+        except (contents.InvalidFrontError, sequences.SequenceError, services.FrontConflictError) as error:
+            yield f"Not published: {error}"
+            continue
+        if new:
+            yield f"Published the front {front.slug}: {front.configurations.count()} configurations"
+
+
+def _in_order(path: Path) -> list[int | str]:
+    """Version 10 comes after version 9."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
+
+
+def create_first_administrator() -> str | None:
+    """Make the account `admin` where no administrator exists; its password, which is kept nowhere else."""
+    users = get_user_model()
+    if users.objects.filter(is_superuser=True).exists():
+        return None
+    password = secrets.token_urlsafe(15)
+    users.objects.create_superuser(ADMINISTRATOR, "", password)
+    return password
+
+
+def collect_static_files() -> None:
+    """Gather and compress static files, unless the gathered ones come from the present sources."""
+    stamp = Path(settings.STATIC_ROOT) / ".sources"
+    sources = _static_sources()
+    if stamp.exists() and stamp.read_text() == sources:
+        return
+    call_command("collectstatic", verbosity=0, interactive=False, clear=True)
+    stamp.write_text(sources)
+
+
+def _static_sources() -> str:
+    """A digest that changes with any static source file."""
+    digest = hashlib.sha256()
+    for finder in get_finders():
+        for name, storage in finder.list([]):
+            status = Path(storage.path(name)).stat()
+            digest.update(f"{name} {storage.path(name)} {status.st_size} {status.st_mtime_ns}\n".encode())
+    return digest.hexdigest()

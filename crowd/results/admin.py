@@ -1,0 +1,104 @@
+"""What the crowd sent and what was derived from it, for administrators: readable, never editable."""
+
+from django.contrib import admin
+from django.db.models import QuerySet
+from django.http import HttpRequest
+from django.urls import reverse
+from django.utils.html import format_html
+
+from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
+from crowd.results import statistics
+from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
+
+
+class RunInline(ReadOnlyInline):
+    model = Run
+    fields = ("order", "configuration", "repeat", "status", "mean_us", "ate_max", "state", "reason")
+
+
+class SummaryInline(ReadOnlyInline):
+    model = SessionSummary
+    fk_name = "session"
+    fields = ("configuration", "baseline", "log_ratio", "pairs", "drift", "state", "reason")
+
+
+@admin.register(Submission)
+class SubmissionAdmin(ReadOnlyAdmin):
+    """Requests that were accepted, with the answers given."""
+
+    list_display = ("id", "installation", "app_version", "schema_version", "received_at")
+    list_filter = ("app_version", "consent_version")
+    list_select_related = ("installation",)
+    search_fields = ("id", "idempotency_key", "installation__id")
+    date_hierarchy = "received_at"
+
+
+@admin.register(MeasurementSession)
+class MeasurementSessionAdmin(ReadOnlyAdmin):
+    """Sessions with their runs and summaries."""
+
+    list_display = ("uuid", "device", "front", "backend", "processor", "started_at", "summary_algorithm")
+    list_filter = ("front", "backend", "device__os", ("summary_algorithm", admin.EmptyFieldListFilter))
+    list_select_related = ("device", "front")
+    search_fields = ("uuid", "installation__id", "device__name", "device__slug", "processor")
+    date_hierarchy = "received_at"
+    inlines = (SummaryInline, RunInline)
+
+
+@admin.register(Run)
+class RunAdmin(ReadOnlyAdmin):
+    """Runs with their states; the frames are on the run's own page."""
+
+    list_display = (
+        "uuid", "device", "configuration", "repeat", "status", "mean_ms", "ate_max", "state", "reason", "page"
+    )  # fmt: skip
+    list_filter = ("state", "reason", "status", "configuration__front", "session__backend")
+    list_select_related = ("configuration__front", "session__device")
+    search_fields = ("uuid", "session__uuid", "session__device__name", "configuration__name")
+    exclude = ("frame_us", "stages_us", "tracked")
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[Run]:
+        return super().get_queryset(request).defer("frame_us", "stages_us", "tracked")
+
+    @admin.display(ordering="session__device")
+    def device(self, row: Run) -> str:
+        return str(row.session.device)
+
+    @admin.display(description="mean (ms)", ordering="mean_us")
+    def mean_ms(self, row: Run) -> str:
+        return "" if row.mean_us is None else f"{row.mean_us / 1000:.2f}"
+
+    @admin.display(description="")
+    def page(self, row: Run) -> str:
+        return format_html('<a href="{}">frames</a>', reverse("dashboard:run", args=[row.uuid]))
+
+
+@admin.register(DeviceSpeedup)
+class DeviceSpeedupAdmin(ReadOnlyAdmin):
+    """The published figures."""
+
+    list_display = (
+        "device", "configuration", "baseline", "times", "low", "high", "sessions", "installations", "backend",
+        "processor", "state", "algorithm", "computed_at",
+    )  # fmt: skip
+    list_filter = ("front", "configuration__name", "backend", "state", "device__os")
+    list_select_related = ("device", "configuration__front", "baseline__front")
+    search_fields = ("device__name", "device__slug", "processor")
+
+    @admin.display(description="speedup", ordering="speedup")
+    def times(self, row: DeviceSpeedup) -> str:
+        return f"{row.speedup:.2f}"
+
+
+@admin.register(SessionSummary)
+class SessionSummaryAdmin(ReadOnlyAdmin):
+    """Each session's answer, with the rule that set its state."""
+
+    list_display = ("session", "configuration", "speedup", "pairs", "drift", "ate_max", "state", "reason")
+    list_filter = ("state", "reason", "configuration__front", "algorithm")
+    list_select_related = ("session", "configuration__front")
+    search_fields = ("session__uuid", "session__device__name")
+
+    @admin.display(ordering="log_ratio")
+    def speedup(self, row: SessionSummary) -> str:
+        return "" if row.log_ratio is None else f"{statistics.ratio(row.log_ratio):.2f}"

@@ -1,0 +1,20 @@
+"""manage.py first_admin: the first administrator's account, its password printed this once."""
+
+from typing import Any
+
+from django.core.management.base import BaseCommand
+
+from crowd.first_run import ADMINISTRATOR, create_first_administrator
+
+
+class Command(BaseCommand):
+    help = "Make the administrator's account where there is none, and print its password."
+
+    def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
+        password = create_first_administrator()
+        if password is None:
+            self.stdout.write(
+                "There is an administrator already; manage.py changepassword NAME sets a new password."
+            )
+            return
+        self.stdout.write(f"Administrator: user {ADMINISTRATOR}, password {password} (shown only now)")

@@ -1,0 +1,184 @@
+"""manage.py serve [--measure]: everything one machine needs, in one process tree that ends with it."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+from django.db import connections
+
+from crowd import first_run
+from crowd.fronts.models import FrontVersion
+from crowd.results import selectors
+from crowd.results.models import MeasurementSession
+from crowd.supervision import Child, Supervisor
+
+START_PATIENCE_SECONDS = 60.0
+SUMMARY_PATIENCE_SECONDS = 60.0
+BLOCKING_THREADS = 4
+
+
+class Stopped(BaseException):
+    """Ctrl-C, or a polite request to end."""
+
+
+class Command(BaseCommand):
+    help = "Serve the crowd on this machine: web server and worker, until Ctrl-C."
+    # The ordinary checks run in `make check`; here they would cost every start half a second.
+    requires_system_checks = []
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        parser.add_argument("--measure", action="store_true", help="measure this machine once, as a client")
+        parser.add_argument("--port", type=int, default=settings.FRONTRUNNER_PORT)
+
+    def handle(self, *args: Any, measure: bool, port: int, **options: Any) -> None:  # noqa: ARG002
+        self.host, self.port = settings.FRONTRUNNER_BIND, port
+        self._refuse_taken_port()
+        signal.signal(signal.SIGINT, _stop)
+        signal.signal(signal.SIGTERM, _stop)
+        supervisor = Supervisor(self._children(), self._say)
+        try:
+            self._prepare()
+            supervisor.start()
+            self._wait_until_it_answers(supervisor)
+            if measure:
+                self._measure(supervisor)
+            self._say(f"Dashboard: {self._address()}   API: {self._address()}api/v1/docs   (Ctrl-C ends)")
+            supervisor.wait(lambda: False)
+        except Stopped:
+            # A second Ctrl-C must not leave children behind.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+            self._say("Ending.")
+        finally:
+            supervisor.stop()
+
+    def _address(self) -> str:
+        host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, self.host)
+        return f"http://{host}:{self.port}/"
+
+    def _say(self, line: str) -> None:
+        self.stdout.write(line)
+        self.stdout.flush()
+
+    def _refuse_taken_port(self) -> None:
+        family = socket.AF_INET6 if ":" in self.host else socket.AF_INET
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((self.host, self.port))
+            except (OSError, OverflowError) as error:
+                raise CommandError(
+                    f"port {self.port} on {self.host} cannot be used ({getattr(error, 'strerror', error)}): "
+                    f"choose another, such as make run PORT={self.port % 60000 + 1}"
+                ) from error
+
+    def _children(self) -> list[Child]:
+        var = Path(settings.FRONTRUNNER_VAR)
+        environment = os.environ | {"DJANGO_SETTINGS_MODULE": "crowd.settings", "FRONTRUNNER_VAR": str(var)}
+        web = [
+            *(sys.executable, "-m", "granian", "--interface", "wsgi", "--host", self.host),
+            *("--port", str(self.port), "--workers", "1", "--blocking-threads", str(BLOCKING_THREADS)),
+            *("--respawn-failed-workers", "--workers-kill-timeout", "5", "--no-ws", "--log-level", "warning"),
+            "crowd.wsgi:application",
+        ]
+        worker = [
+            *(sys.executable, "-m", "celery", "--app", "crowd", "worker", "--pool", "solo"),
+            *("--beat", "--schedule", str(var / "beat"), "--queues", settings.CELERY_TASK_DEFAULT_QUEUE),
+            *("--without-gossip", "--without-mingle", "--without-heartbeat", "--loglevel", "INFO"),
+        ]
+        return [
+            Child("web server", web, var / "logs" / "web.log", environment, settings.BASE_DIR),
+            Child("worker", worker, var / "logs" / "worker.log", environment, settings.BASE_DIR),
+        ]
+
+    def _prepare(self) -> None:
+        first_run.migrate()
+        for line in first_run.publish_shipped_fronts():
+            self._say(line)
+        if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
+            self._say("No front is published: clients have nothing to measure. manage.py publish_front FILE")
+        password = first_run.create_first_administrator()
+        if password is not None:
+            account = f"user {first_run.ADMINISTRATOR}, password {password} (shown only now)"
+            self._say(f"Administrator at {self._address()}admin/: {account}")
+        first_run.collect_static_files()
+        # The children have connections of their own; one held here would outlive a restart of the database.
+        connections.close_all()
+
+    def _wait_until_it_answers(self, supervisor: Supervisor) -> None:
+        web = supervisor.children[0]
+        self._say(f"Logs: {web.log.parent}")
+        limit = time.monotonic() + START_PATIENCE_SECONDS
+        while not self._answers():
+            ended = web.ended()
+            if ended is not None or time.monotonic() > limit:
+                lines = web.log.read_text(errors="replace").strip().splitlines()
+                last = lines[-1] if lines else "it said nothing"
+                raise CommandError(f"the web server {ended or 'does not answer'}: {last} (log: {web.log})")
+            time.sleep(0.05)
+
+    def _answers(self) -> bool:
+        try:
+            with urllib.request.urlopen(f"{self._address()}healthz", timeout=2) as response:
+                return bool(response.status == 200)
+        except (urllib.error.URLError, OSError):
+            return False
+
+    def _measure(self, supervisor: Supervisor) -> None:
+        """Run one client session here, and say what the server made of it."""
+        newest = MeasurementSession.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
+        connections.close_all()
+        environment = {"FRONTRUNNER_HOME": str(Path(settings.FRONTRUNNER_VAR) / "client")} | dict(os.environ)
+        client = subprocess.Popen(
+            [sys.executable, "-m", "client_kit", "run", "--server", self._address().rstrip("/"), "--yes"],
+            env=environment,
+            cwd=settings.BASE_DIR,
+        )
+        try:
+            supervisor.wait(lambda: client.poll() is not None)
+        finally:
+            if client.poll() is None:
+                client.terminate()
+                client.wait()
+        if client.returncode:
+            self._say(f"The client ended with code {client.returncode}; serving goes on.")
+        supervisor.wait(lambda: self._summarised(newest), SUMMARY_PATIENCE_SECONDS)
+        for line in self._speedups(newest):
+            self._say(line)
+
+    def _summarised(self, newest: int) -> bool:
+        """Whether each session that arrived after NEWEST is summarised; true where none arrived."""
+        try:
+            return not MeasurementSession.objects.filter(pk__gt=newest, summary_algorithm=None).exists()
+        finally:
+            connections.close_all()
+
+    def _speedups(self, newest: int) -> list[str]:
+        arrived = MeasurementSession.objects.filter(pk__gt=newest).count()
+        rows = selectors.latest_sessions(arrived)
+        connections.close_all()
+        if not rows:
+            return ["No session arrived: the lines above say why."]
+        lines = []
+        for row in reversed(rows):
+            for answer in row.speedups:
+                note = f" ({answer.state}: {answer.reason})" if answer.reason else ""
+                value = "none" if answer.speedup is None else f"{answer.speedup:.2f}"
+                lines.append(
+                    f"Speedup of {answer.configuration} over {answer.baseline} on this device: {value}{note}"
+                )
+            lines.append(f"Device page: {self._address()}devices/{row.device.slug}/")
+        return lines
+
+
+def _stop(*_: Any) -> None:
+    raise Stopped
