@@ -14,6 +14,7 @@ from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
 from plotly import graph_objects as go
 
+from crowd.dashboard.comparison import InvalidComparisonError, compared, labelled, parse_devices
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.speedups import speedup_bars
@@ -36,6 +37,18 @@ def speedups(request: HttpRequest) -> HttpResponseBase:
     except InvalidFilterError as error:
         return HttpResponse(str(error), status=400, content_type="text/plain")
     return _answer(request, lambda theme: speedup_bars(results.speedups(filters).rows, theme))
+
+
+@gzip_page
+@require_safe
+def compare(request: HttpRequest) -> HttpResponseBase:
+    """Default and best of several devices, by stage."""
+    try:
+        slugs = parse_devices(request.GET.getlist("devices"))
+    except InvalidComparisonError as error:
+        return HttpResponse(str(error), status=400, content_type="text/plain")
+    columns = [compared(_found(results.device(slug))) for slug in slugs]
+    return _answer(request, lambda theme: stage_bars(labelled(columns), theme))
 
 
 @gzip_page

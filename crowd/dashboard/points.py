@@ -1,10 +1,10 @@
-"""A front's configurations, each with what the crowd measured of it."""
+"""Which figures a page leads with: a front's configurations as measured, a device's newest speedup."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from crowd.fronts.selectors import DEFAULT, Front, Point
-from crowd.results.rows import Headline, Speedup
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
+from crowd.results.rows import DeviceDetail, Headline, Speedup
 from crowd.results.selectors import headline
 
 
@@ -32,6 +32,18 @@ def measured_points(front: Front, rows: Sequence[Speedup]) -> tuple[MeasuredPoin
         )
         for point in front.points
     )
+
+
+def newest_figure(detail: DeviceDetail) -> Speedup | None:
+    """The device's figure of `best` that its newest session belongs to, else the newest there is."""
+    figures = [row for row in detail.speedups if row.configuration == BEST]
+    newest = detail.latest.session if detail.latest else None
+    if newest is not None:
+        key = (newest.front, newest.backend, newest.processor)
+        for row in figures:
+            if (row.front, row.backend, row.processor) == key:
+                return row
+    return max(figures, key=lambda row: row.last_session_at, default=None)
 
 
 def parameters_of(front: Front) -> tuple[str, ...]:

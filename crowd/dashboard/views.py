@@ -3,13 +3,15 @@
 from typing import TypeVar
 from uuid import UUID
 
-from django.http import Http404, HttpRequest, HttpResponse
+from django.core.paginator import Paginator
+from django.http import Http404, HttpRequest, HttpResponse, QueryDict
 from django.shortcuts import render
 from django.views.decorators.http import require_safe
 
+from crowd.dashboard.comparison import InvalidComparisonError, compared, labelled, parse_devices
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.figures.speedups import bars_height
-from crowd.dashboard.points import measured_points, parameters_of
+from crowd.dashboard.points import measured_points, newest_figure, parameters_of
 from crowd.dashboard.protocols import first_counted_frame
 from crowd.dashboard.race import race
 from crowd.dashboard.stages import StageTimes, frames, spread, stage_table, stage_times
@@ -21,6 +23,7 @@ from crowd.results.rows import SessionDetail
 
 APPLICATION = "kfusion"
 NEWEST = 6
+PAGE = 100
 
 Row = TypeVar("Row")
 
@@ -60,11 +63,12 @@ def devices(request: HttpRequest) -> HttpResponse:
         {
             "crowd": crowd,
             "filters": filters,
+            "page": Paginator(crowd.rows, PAGE).get_page(request.GET.get("page")),
             "filtered": filtered,
             "problem": problem,
             "fronts": published.fronts(filters.application),
             "height": bars_height(len(crowd.rows)),
-            "query": "" if problem else request.GET.urlencode(),
+            "query": "" if problem else _without_page(request.GET),
             "pending": () if filtered else [row for row in results.devices() if row.speedup is None],
         },
         status=400 if problem else 200,
@@ -75,7 +79,7 @@ def devices(request: HttpRequest) -> HttpResponse:
 def device(request: HttpRequest, slug: str) -> HttpResponse:
     """One device: its speedup, its newest session frame by frame, its sessions, what it says of itself."""
     detail = _found(results.device(slug))
-    figure = next((row for row in detail.speedups if row.configuration == BEST), None)
+    figure = newest_figure(detail)
     stages = _stage_times(detail.latest)
     return render(
         request,
@@ -90,6 +94,30 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "stage_table": stage_table(stages),
             "stages_height": stages_height(len(stages)),
         },
+    )
+
+
+@require_safe
+def compare(request: HttpRequest) -> HttpResponse:
+    """Two to six devices side by side."""
+    problem, columns = "", []
+    try:
+        slugs = parse_devices(request.GET.getlist("devices"))
+        columns = [compared(_found(results.device(slug))) for slug in slugs]
+    except InvalidComparisonError as error:
+        problem = str(error)
+    rows = labelled(columns)
+    return render(
+        request,
+        "dashboard/compare.html",
+        {
+            "columns": columns,
+            "problem": problem,
+            "query": request.GET.urlencode(),
+            "runs": sum(row.runs for row in rows),
+            "height": stages_height(len(rows)),
+        },
+        status=400 if problem else 200,
     )
 
 
@@ -162,6 +190,13 @@ def about(request: HttpRequest) -> HttpResponse:
     return render(
         request, "dashboard/about.html", {"front": front, "protocol": front.protocol if front else {}}
     )
+
+
+def _without_page(query: QueryDict) -> str:
+    """The filters alone, for the figure (which shows all pages) and for links to other pages."""
+    filters = query.copy()
+    filters.pop("page", None)
+    return filters.urlencode()
 
 
 def _stage_times(session: SessionDetail | None) -> tuple[StageTimes, ...]:

@@ -31,6 +31,7 @@ def addresses(sessions: list[dict[str, Any]]) -> list[str]:
         "/devices/",
         "/devices/?gpu=mali",
         "/devices/google-pixel-8/",
+        "/compare/?devices=google-pixel-8,google-pixel-7",
         f"/sessions/{sessions[0]['id']}/",
         f"/runs/{sessions[0]['runs'][1]['id']}/",
         "/fronts/",

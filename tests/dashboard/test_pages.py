@@ -10,6 +10,7 @@ import pytest
 from django.test import Client
 from django.urls import reverse
 
+from crowd.dashboard import views
 from crowd.dashboard.formats import ABSENT, RANGE, TIMES
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content, retire
@@ -339,3 +340,72 @@ def test_the_home_page_stays_small_without_the_plot_library(
         measure(join(), f"Pixel {number}")
 
     assert len(client.get("/").content) < 60_000
+
+
+def test_devices_stand_side_by_side(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    measure(join(), "Pixel 8", best_us=10_000)
+    measure(join(), "Pixel 7", best_us=40_000)
+
+    page = read(client, "/compare/?devices=google-pixel-8,google-pixel-7")
+
+    assert "Speedup 8.00x 2.00x" in page
+    assert "best 10.0 ms, 100 fps 40.0 ms, 25.0 fps" in page
+    assert "n = 4 runs of 2 sessions" not in page
+    assert "n = 8 runs of 2 sessions" in page
+    ticked = read(client, "/compare/?devices=google-pixel-8&devices=google-pixel-7")
+    assert ticked == page
+    figure = client.get("/figures/compare.json?devices=google-pixel-8,google-pixel-7").json()
+    assert [row["text"].split("  ")[1] for row in figure["layout"]["annotations"]] == [
+        "default, Google Pixel 8",
+        "best, Google Pixel 8",
+        "default, Google Pixel 7",
+        "best, Google Pixel 7",
+    ]
+
+
+@pytest.mark.parametrize("query", ["", "?devices=a", "?devices=a,b,c,d,e,f,g", "?devices=a,a"])
+def test_a_comparison_of_too_few_or_too_many_says_what_would_be_right(client: Client, query: str) -> None:
+    response = client.get(f"/compare/{query}")
+
+    assert response.status_code == 400
+    assert "ame 2 to 6 devices to compare" in text(response)
+
+
+def test_a_comparison_with_an_unknown_device_is_404(client: Client, participant: Participant) -> None:
+    measure(participant)
+
+    assert client.get("/compare/?devices=google-pixel-8,nobody").status_code == 404
+
+
+def test_long_tables_come_in_pages_under_the_same_filters(
+    client: Client,
+    join: Callable[[], Participant],
+    front: FrontVersion,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(views, "PAGE", 2)
+    for number in range(3):
+        measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
+
+    first = client.get("/devices/?gpu=mali")
+    last = client.get("/devices/?gpu=mali&page=2")
+
+    assert "Rows 1 to 2 of 3" in text(first)
+    assert 'href="?gpu=mali&amp;page=2"' in first.content.decode()
+    assert "Rows 3 to 3 of 3" in text(last)
+    assert 'data-figure="/figures/speedups.json?gpu=mali"' in last.content.decode()
+
+
+def test_the_device_page_leads_with_the_figure_of_its_newest_session(
+    client: Client, participant: Participant
+) -> None:
+    for processor, best_us in (("NVIDIA T4", 4_000), ("Mali-G715", 10_000)):
+        device = device_document(opencl_device=processor)
+        participant.submit(submission_document(session_document(best_us=best_us), device=device))
+
+    page = read(client, "/devices/google-pixel-8/")
+
+    assert "Speedup of best over default 8.00x" in page
+    assert "best 20.0x" in page
