@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from slam.datasets.sequence import Progress, Sequence
+from slam.camera import Camera
+from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.opencl import Session, choose_device
 from slam.power import EnergyMeter
 from slam.systems import STAGES, Scene, create
@@ -122,20 +123,20 @@ def run(
     `device` is a part of an OpenCL device's description, `volume_size` is in metres and `initial_position`
     a fraction of it; both default to the sequence's own, then to DEFAULT_*. OpenCL does not survive a fork:
     call this in a process that never forks afterwards.
-    Raises ValueError for a bad number of frames or parameter (ConfigurationError), SequenceError for a
-    damaged frame, OpenCLError where the device is missing or too small.
+    Raises SequenceError for a bad number of frames or a damaged frame, ValueError for an unknown system,
+    ConfigurationError for a bad parameter, OpenCLError where the device is missing or too small.
     """
     count = len(sequence) if frames is None else frames
     if not 1 <= count <= len(sequence):
-        raise ValueError(f"frames={count}: {sequence.name!r} has 1 to {len(sequence)}")
-    scene = Scene(
-        sequence.camera,
-        volume_size or sequence.volume_size or DEFAULT_VOLUME_SIZE,
-        initial_position or sequence.initial_position or DEFAULT_INITIAL_POSITION,
-    )
+        raise SequenceError(f"frames={count}: give 1 to {len(sequence)}, all that {sequence.name!r} has")
+    if volume_size is None:
+        volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE
+    if initial_position is None:
+        initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
+    scene = Scene(sequence.camera, volume_size, initial_position)
     session = Session(choose_device(device))
-    _warm_up(system, configuration, scene, session)
     running = create(system, configuration, scene, session)
+    _warm_up(system, session)
 
     meter = EnergyMeter()
     _reset_peak_memory()
@@ -194,17 +195,16 @@ def _error(
     return absolute_trajectory_error(estimate, sequence.truth[:count])
 
 
-def _warm_up(system: str, configuration: Mapping[str, Any], scene: Scene, session: Session) -> None:
+def _warm_up(system: str, session: Session) -> None:
     """Make the OpenCL driver compile every kernel, which some put off until a kernel first runs.
 
-    A few tiny frames of a wall are enough; they cost milliseconds once the driver's cache is warm.
+    Configurations reach kernels as arguments, so a few tiny frames of a wall with the default one do; they
+    cost milliseconds once the driver's cache is warm.
     """
-    side = 64
-    camera = type(scene.camera)(side, side, side / 2, side / 2, side, side)
-    running = create(system, configuration, Scene(camera, scene.volume_size, scene.initial_position), session)
-    wall = np.full((side, side), 1500, np.uint16)
+    scene = Scene(Camera(64, 64, 32, 32, 64, 64), DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
+    running = create(system, {}, scene, session)
     for _ in range(6):
-        running.process(wall)
+        running.process(np.full((64, 64), 1500, np.uint16))
 
 
 def _reset_peak_memory() -> None:

@@ -43,7 +43,7 @@ class _Chunks:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.manifest = _read_manifest(folder)
+        self.manifest = read_manifest(folder)
         self.header = self._read_header()
         self._kept: tuple[int, bytes] | None = None
 
@@ -227,7 +227,8 @@ def _write_chunk(folder: Path, data: bytes) -> dict[str, Any]:
     return {"sha256": name, "bytes": len(data)}
 
 
-def _read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What `pack.json` holds. Raises SequenceError or DigestError when it describes no pack."""
     path = folder / MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))

@@ -31,7 +31,10 @@ class RawSequence(Sequence):
         self.name = path.stem
         self._path = path
         width, height = self._first_size()
-        self.camera = Camera(*intrinsics, width, height)
+        try:
+            self.camera = Camera(*intrinsics, width, height)
+        except ValueError as error:
+            raise SequenceError(f"{path}: {error}") from None
         self._frame_bytes = 2 * _SIZE.size + 5 * width * height
         total = path.stat().st_size
         if total % self._frame_bytes:

@@ -21,6 +21,7 @@ from slam.datasets.sequence import FRAME_RATE, Progress, Sequence, SequenceError
 from slam.trajectory import Trajectory, associate
 
 STANDARD_UNITS = 5000.0  # a metre, in the TUM benchmark's own folders, which carry no intrinsics.txt
+NOT_MEASURED = 65535  # some recordings, such as 7-Scenes, write it where others write 0
 IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".tif", ".tiff")
 
 
@@ -49,6 +50,7 @@ class TumSequence(Sequence):
         self.check_index(index)
         image = images.read_depth(self._depth[index])
         self._check_size(image.shape, self._depth[index])
+        image = np.where(image == NOT_MEASURED, 0, image)
         if self._units == 1000:
             return image
         millimetres = np.rint(image * (1000 / self._units))

@@ -1,0 +1,42 @@
+"""`python -m slam`: measure configurations, judge trajectories, make and convert sequences, list devices."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence as Ordered
+
+from slam import commands
+from slam.arguments import UsageError
+from slam.datasets import SequenceError
+from slam.datasets import commands as dataset_commands
+from slam.kfusion.configuration import ConfigurationError
+from slam.opencl import OpenCLError
+from slam.trajectory import TrajectoryError
+
+# What a user can put right: told in one line. Anything else is a defect and shows its traceback.
+MISTAKES = (SequenceError, TrajectoryError, ConfigurationError, OpenCLError, UsageError, OSError)
+
+
+def main(arguments: Ordered[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m slam", description=__doc__)
+    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
+    commands.register(subparsers)
+    dataset_commands.register(subparsers)
+    options = parser.parse_args(arguments)
+    try:
+        options.execute(options)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of a pipe has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except MISTAKES as error:
+        sys.stderr.write(f"{parser.prog}: {' '.join(str(error).split())}\n")
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""What arguments of the command line mean."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from typing import Any
+
+PYRAMID = ("pyramid_iterations_fine", "pyramid_iterations_middle", "pyramid_iterations_coarse")
+
+
+class UsageError(ValueError):
+    """An argument that says something impossible."""
+
+
+def number(text: str) -> float:
+    """A finite number; argparse reports the ValueError."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def numbers(text: str, count: int) -> tuple[float, ...]:
+    values = tuple(number(item) for item in text.split(","))
+    if len(values) != count:
+        raise argparse.ArgumentTypeError(f"{text!r}: give {count} numbers with commas between them")
+    return values
+
+
+def three_numbers(text: str) -> tuple[float, ...]:
+    return numbers(text, 3)
+
+
+def four_numbers(text: str) -> tuple[float, ...]:
+    return numbers(text, 4)
+
+
+def setting(text: str) -> dict[str, Any]:
+    """`name=value` as a mapping; pyramid_iterations=fine,middle,coarse is short for the three parameters."""
+    name, separator, value = text.partition("=")
+    if not separator:
+        raise argparse.ArgumentTypeError(f"{text!r}: write name=value")
+    if name == "pyramid_iterations":
+        return dict(zip(PYRAMID, map(_parameter, _three(value, text)), strict=True))
+    return {name: _parameter(value)}
+
+
+def _three(value: str, text: str) -> list[str]:
+    items = value.split(",")
+    if len(items) != len(PYRAMID):
+        raise argparse.ArgumentTypeError(f"{text!r}: write pyramid_iterations=fine,middle,coarse")
+    return items
+
+
+def _parameter(text: str) -> int | float:
+    try:
+        return int(text)
+    except ValueError:
+        pass
+    try:
+        return number(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+
+
+def show_progress(done: int, total: int) -> None:
+    """One line on standard error that counts up."""
+    sys.stderr.write(f"\r{done}/{total}" + ("\n" if done == total else ""))
+    sys.stderr.flush()

@@ -1,0 +1,140 @@
+"""The commands `datasets make`, `convert`, `list` and `info`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slam.arguments import four_numbers, number, show_progress, three_numbers
+from slam.datasets import Sequence, SequenceError, open_sequence, pack, slambench_raw, tum
+from slam.datasets.living_room import FRAMES, SEED, LivingRoom
+from slam.datasets.pack import Pack
+
+SHIPPED = Path(__file__).resolve().parents[2] / "fixtures" / "sequences"
+FORMATS = ("pack", "tum", "raw")
+
+
+def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add `datasets` and its own commands to the command line."""
+    parser = subparsers.add_parser("datasets", help="make, convert, list and describe sequences")
+    kinds = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    parser = kinds.add_parser("make", help="render a synthetic sequence")
+    parser.add_argument("scene", choices=("living-room",))
+    parser.add_argument("--frames", type=int, default=FRAMES, metavar="N")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--noise", choices=("kinect", "none"), default="kinect")
+    parser.add_argument("--seed", type=int, default=SEED, metavar="S")
+    parser.add_argument("--format", choices=FORMATS, default="pack")
+    parser.add_argument("--colour", action="store_true", help="also write the pack DIR-colour")
+    parser.set_defaults(execute=_make)
+
+    parser = kinds.add_parser("convert", help="rewrite a sequence in another format")
+    parser.add_argument("source", type=Path)
+    parser.add_argument("target", type=Path)
+    parser.add_argument("--format", choices=FORMATS, help="default: raw for a .raw target, otherwise pack")
+    parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="for a .raw source")
+    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    parser.add_argument("--volume-size", type=number, metavar="M", help="travels in a pack")
+    parser.add_argument("--initial-position", type=three_numbers, metavar="x,y,z", help="travels in a pack")
+    parser.add_argument("--colour", action="store_true", help="also write the pack TARGET-colour")
+    parser.set_defaults(execute=_convert)
+
+    parser = kinds.add_parser("list", help="the packs in a folder")
+    parser.add_argument("folder", type=Path, nargs="?", default=SHIPPED, help="default: the shipped ones")
+    parser.set_defaults(execute=_list)
+
+    parser = kinds.add_parser("info", help="describe a sequence")
+    parser.add_argument("path", type=Path)
+    parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="for a .raw file")
+    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    parser.set_defaults(execute=_info)
+
+
+def _make(options: argparse.Namespace) -> None:
+    if options.frames < 1:
+        raise SequenceError(f"--frames {options.frames}: a sequence has at least one frame")
+    if options.seed < 0:
+        raise SequenceError(f"--seed {options.seed}: give a whole number from 0 on")
+    sequence = LivingRoom(options.frames, options.noise, options.seed)
+    _write(sequence, options.out, options.format, options.colour)
+
+
+def _convert(options: argparse.Namespace) -> None:
+    sequence = open_sequence(options.source, options.camera, options.truth)
+    if options.volume_size is not None:
+        sequence.volume_size = options.volume_size
+    if options.initial_position is not None:
+        sequence.initial_position = options.initial_position
+    form = options.format or ("raw" if options.target.suffix == ".raw" else "pack")
+    _write(sequence, options.target, form, options.colour)
+
+
+def _write(sequence: Sequence, target: Path, form: str, colour: bool) -> None:
+    progress = show_progress if sys.stderr.isatty() else None
+    if form == "tum":
+        tum.write(sequence, target, progress)
+    elif form == "raw":
+        slambench_raw.write(sequence, target, progress)
+    else:
+        written = pack.write(sequence, target, progress)
+        if colour:
+            pack.write_colour(sequence, written, target.with_name(target.name + "-colour"), progress)
+    sys.stdout.write(f"{target}: {len(sequence)} frames\n")
+
+
+def _list(options: argparse.Namespace) -> None:
+    if not options.folder.is_dir():
+        raise SequenceError(f"{options.folder} is no folder")
+    for manifest in sorted(options.folder.glob(f"*/{pack.MANIFEST}")):
+        described = pack.read_manifest(manifest.parent)
+        size = sum(chunk["bytes"] for chunk in described["chunks"])
+        sys.stdout.write(
+            f"{manifest.parent.name:24} {described['frames']:5} frames {described['width']}x"
+            f"{described['height']} {size / 1e6:7.1f} MB {described['sha256']}\n"
+        )
+
+
+def _info(options: argparse.Namespace) -> None:
+    sequence = open_sequence(options.path, options.camera, options.truth)
+    if isinstance(sequence, Pack):
+        sequence.verify()
+    camera = sequence.camera
+    facts: dict[str, Any] = {
+        "name": sequence.name,
+        "frames": len(sequence),
+        "size": f"{camera.width}x{camera.height}",
+        "camera": f"fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g}",
+        "seconds": f"{sequence.timestamps[-1] - sequence.timestamps[0]:.2f}",
+        "depth": _depth_summary(sequence),
+        "colour": "no" if sequence.colour(0) is None else "yes",
+        "truth": _truth_summary(sequence),
+        "volume size": f"{sequence.volume_size:g} m" if sequence.volume_size else "not given",
+        "start": ", ".join(f"{x:g}" for x in sequence.initial_position or ()) or "not given",
+        "sha256": sequence.sha256,
+    }
+    sys.stdout.write("".join(f"{name:12} {value}\n" for name, value in facts.items()))
+
+
+def _depth_summary(sequence: Sequence) -> str:
+    """From the first, the middle and the last frame."""
+    sampled = np.stack([sequence.depth(i) for i in sorted({0, len(sequence) // 2, len(sequence) - 1})])
+    measured = sampled[sampled > 0]
+    if not measured.size:
+        return "nothing measured in three frames"
+    near, middle, far = np.percentile(measured, [1, 50, 99]) / 1000
+    missing = 100 * (1 - measured.size / sampled.size)
+    return f"{near:.2f} to {far:.2f} m, median {middle:.2f} m, {missing:.1f} % not measured (three frames)"
+
+
+def _truth_summary(sequence: Sequence) -> str:
+    if sequence.truth is None:
+        return "none"
+    known = sequence.truth[np.isfinite(sequence.truth).all(axis=(1, 2))]
+    steps = np.linalg.norm(np.diff(known[:, :3, 3], axis=0), axis=1)
+    text = f"{len(known)} of {len(sequence)} frames"
+    return text + (f", {1000 * steps.mean():.1f} mm a frame, {steps.sum():.2f} m" if len(steps) else "")
