@@ -23,14 +23,14 @@ PLACEHOLDERS = frozenset(
     }
 )  # fmt: skip
 COMPANY = re.compile(
-    r"[,.]?\s+(inc|incorporated|corp|corporation|co|company|ltd|limited|llc|gmbh|ag|s\.?a|b\.?v|plc|"
-    r"technology|technologies|electronics|computer|computers)\b\.?,?",
+    r"[,.]?\s+(inc|incorporated|corp|corporation|co|company|ltd|limited|llc|gmbh|ag|s\.?a|b\.?v|plc)\b\.?,?",
     re.IGNORECASE,
 )
 # Makers write their own name in several ways; the way people know it.
 MAKERS = {
-    "asus": "ASUS", "asustek": "ASUS", "dell": "Dell", "google": "Google", "hewlett-packard": "HP",
-    "hp": "HP", "htc": "HTC", "huawei": "Huawei", "innotek": "VirtualBox", "lenovo": "Lenovo", "lg": "LG",
+    "asus": "ASUS", "asustek": "ASUS", "asustek computer": "ASUS", "dell": "Dell", "google": "Google",
+    "hewlett-packard": "HP", "hp": "HP", "htc": "HTC", "huawei": "Huawei", "innotek": "VirtualBox",
+    "lenovo": "Lenovo", "lg": "LG",
     "lge": "LG", "micro-star international": "MSI", "motorola": "Motorola", "msi": "MSI", "nokia": "Nokia",
     "nvidia": "NVIDIA", "oneplus": "OnePlus", "oppo": "OPPO", "qemu": "QEMU", "realme": "realme",
     "samsung": "Samsung", "sony": "Sony", "tcl": "TCL", "vivo": "vivo", "vmware": "VMware",

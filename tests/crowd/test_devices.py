@@ -1,0 +1,135 @@
+"""From raw strings to the model people know."""
+
+import csv
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crowd.devices.models import DeviceModel
+from crowd.devices.normalisation import identify
+from crowd.devices.services import recognise
+
+PC = {
+    "os": "Debian GNU/Linux",
+    "manufacturer": "Dell Inc.",
+    "model": "XPS 15 9520",
+    "cpu": "12th Gen Intel(R) Core(TM) i7-12700H",
+    "opencl_platform": "NVIDIA CUDA",
+    "opencl_device": "NVIDIA GeForce RTX 3050 Ti Laptop GPU",
+}
+
+
+def test_a_phone_is_its_maker_and_model() -> None:
+    raw = {"os": "Android", "manufacturer": "HUAWEI", "model": "HUAWEI NXT-L29"}
+
+    identity = identify(raw | {"board_platform": "hi3650", "egl": "mali"})
+
+    assert (identity.manufacturer, identity.name, identity.slug) == ("Huawei", "NXT-L29", "huawei-nxt-l29")
+    assert (identity.soc, identity.gpu, identity.os) == ("hi3650", "Mali", "Android")
+
+
+def test_a_pc_is_its_product_and_processor() -> None:
+    identity = identify(PC)
+
+    assert identity.name == "XPS 15 9520, 12th Gen Intel Core i7-12700H"
+    assert (identity.manufacturer, identity.os) == ("Dell", "Linux")
+    assert identity.gpu == "NVIDIA GeForce RTX 3050 Ti Laptop GPU"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"cpu": "12th Gen Intel(R) Core(TM) i7-12700H @ 2.30GHz"},
+        {"manufacturer": "DELL INC."},
+        {"manufacturer": "Dell  Inc."},
+        {"os": "Windows", "os_version": "26100"},
+        {"opencl_driver": "560.35", "kernel": "6.1.0-28-amd64", "memory": "34359738368"},
+    ],
+)
+def test_clocks_drivers_and_spelling_do_not_split_a_model(changes: dict[str, str]) -> None:
+    assert identify(PC | changes).key == identify(PC).key
+
+
+def test_a_processor_that_computes_opencl_is_no_graphics_chip() -> None:
+    pocl = {"opencl_platform": "Portable Computing Language", "opencl_device": "pthread-AMD EPYC 7B13"}
+
+    assert identify(PC | pocl).gpu == ""
+
+
+def test_what_firmware_did_not_fill_in_is_nothing() -> None:
+    raw = {"manufacturer": "To Be Filled By O.E.M.", "model": "System Product Name", "cpu": "AMD Ryzen 5"}
+
+    identity = identify(raw)
+
+    assert (identity.manufacturer, identity.name) == ("", "AMD Ryzen 5")
+
+
+def test_a_device_that_says_nothing_still_has_a_name() -> None:
+    assert identify({}).name == "Unknown device"
+    assert identify({"os": "Windows"}).slug == "unknown-windows-device"
+    assert identify({"model": 7, "manufacturer": ["a"]}).name == "Unknown device"
+
+
+FIELDS = st.sampled_from([*PC, "soc_model", "egl", "brand", "board"])
+
+
+@given(st.dictionaries(FIELDS, st.text(max_size=300) | st.none()))
+def test_any_strings_give_an_identity_that_fits(raw: dict[str, str | None]) -> None:
+    identity = identify(raw)
+
+    assert identity.name
+    assert identity.slug.strip("-")
+    for field in DeviceModel._meta.concrete_fields:
+        value = getattr(identity, field.name, "")
+        assert len(value) <= (field.max_length or 1000)
+
+
+def test_equal_strings_are_stored_once(db: None, django_assert_num_queries: Any) -> None:
+    first = recognise(PC)
+
+    with django_assert_num_queries(3):  # the savepoint's two, and one
+        again = recognise(dict(reversed(PC.items())))
+
+    assert again.pk == first.pk
+
+
+def test_what_a_later_device_tells_completes_the_model(db: None) -> None:
+    recognise(PC | {"opencl_device": None, "opencl_platform": None})
+    assert DeviceModel.objects.get().gpu == ""
+
+    recognise(PC)
+
+    assert DeviceModel.objects.get().gpu.startswith("NVIDIA GeForce")
+
+
+def test_two_models_never_share_an_address(db: None) -> None:
+    first = recognise({"os": "Android", "manufacturer": "Acme", "model": "X-1"}).model
+    second = recognise({"os": "Android", "manufacturer": "Acme", "model": "X 1"}).model
+
+    assert first.pk != second.pk
+    assert first.slug == "acme-x-1"
+    assert second.slug.startswith("acme-x-1-")
+
+
+def test_no_real_device_merges_across_makers() -> None:
+    """In Google Play's catalogue, what falls together has makers that begin with the same word."""
+    folder = os.environ.get("FRONTRUNNER_DATA")
+    if not folder:
+        pytest.skip("FRONTRUNNER_DATA does not name the folder of real data")
+    makers: dict[str, set[str]] = {}
+    catalogue = Path(folder) / "devices" / "play_catalog" / "android-devices-catalog.csv"
+    with catalogue.open(newline="", encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            identity = identify(
+                {"os": "Android", "manufacturer": row["Manufacturer"], "model": row["Device"]}
+            )
+            first = re.findall(r"\w+", row["Manufacturer"].casefold())[:1] or [""]
+            makers.setdefault(identity.key, set()).add({"lge": "lg"}.get(first[0], first[0]))
+
+    assert len(makers) > 20_000
+    assert {key: found for key, found in makers.items() if len(found) > 1} == {}

@@ -1,0 +1,125 @@
+"""A participant sees everything that is kept of them, and can have it gone."""
+
+from collections.abc import Callable
+
+import pytest
+from django.test import Client
+
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
+from tests.crowd.documents import device_document, session_document, submission_document
+from tests.crowd.participant import API, Participant
+
+
+def test_enrolment_gives_a_token_that_is_not_kept(client: Client, db: None) -> None:
+    response = client.post(
+        f"{API}/enrol",
+        {"app": "client_kit", "app_version": "0.1.0", "consent_version": 1},
+        content_type="application/json",
+    )
+
+    assert response.status_code == 201
+    installation = Installation.objects.get(pk=response.json()["installation_id"])
+    assert response.json()["token"] not in str(vars(installation))
+    assert response.headers["Cache-Control"] == "no-store"
+
+
+@pytest.mark.parametrize(
+    ("changes", "status", "code"),
+    [
+        ({"app_version": "0.0.9"}, 426, "app_outdated"),
+        ({"consent_version": 9}, 400, "consent_outdated"),
+        ({"app": ""}, 400, "invalid_field"),
+        ({"app": None}, 400, "invalid_field"),
+    ],
+)
+def test_an_enrolment_that_is_refused(
+    client: Client, db: None, changes: dict[str, object], status: int, code: str
+) -> None:
+    wish = {"app": "client_kit", "app_version": "0.1.0", "consent_version": 1} | changes
+
+    response = client.post(f"{API}/enrol", wish, content_type="application/json")
+
+    assert (response.status_code, response.json()["code"]) == (status, code)
+    assert not Installation.objects.exists()
+
+
+def test_own_data_is_what_was_sent(participant: Participant, join: Callable[[], Participant]) -> None:
+    document = submission_document()
+    participant.submit(document, key="mine")
+    join().submit(submission_document())
+
+    data = participant.get("/me/data").json()
+
+    assert data["installation"]["id"] == participant.installation_id
+    assert [row["idempotency_key"] for row in data["submissions"]] == ["mine"]
+    (session,) = data["sessions"]
+    assert session["device"] == document["device"]
+    sent = document["sessions"][0]
+    assert session["samples"] == sent["samples"]
+    kept = [{name: run[name] for name in sent["runs"][0]} for run in session["runs"]]
+    assert kept == sent["runs"]
+
+
+def test_erasing_everything_leaves_nothing(participant: Participant) -> None:
+    participant.submit(submission_document())
+
+    assert participant.delete("/me").status_code == 204
+
+    for model in (
+        Installation, Submission, MeasurementSession, Run, SessionSummary, DeviceSpeedup, DeviceDescription,
+        DeviceModel,
+    ):  # fmt: skip
+        assert not model.objects.exists(), model
+    assert participant.get("/me/data").json()["code"] == "token_invalid"
+
+
+def test_erasing_takes_only_ones_own_and_the_figures_follow(
+    participant: Participant, join: Callable[[], Participant]
+) -> None:
+    participant.submit(submission_document(session_document(best_us=5_000)))
+    join().submit(submission_document(session_document(best_us=20_000)))
+    assert DeviceSpeedup.objects.get().speedup == pytest.approx(8.0)
+
+    participant.delete("/me")
+
+    speedup = DeviceSpeedup.objects.get()
+    assert (speedup.installations, speedup.speedup) == (1, pytest.approx(4.0))
+    assert DeviceModel.objects.count() == 1
+
+
+def test_erasing_one_run_leaves_the_others_and_the_figures_follow(participant: Participant) -> None:
+    session = session_document()
+    session["runs"][1]["frame_us"] = [5_000] * 100
+    session["runs"][1]["stages_us"] = {}
+    participant.submit(submission_document(session))
+
+    assert participant.delete(f"/me/runs/{session['runs'][1]['id']}").status_code == 204
+
+    assert Run.objects.count() == 3
+    assert SessionSummary.objects.get().pairs == 1
+    assert DeviceSpeedup.objects.get().speedup == pytest.approx(8.0)
+
+
+def test_erasing_the_last_run_erases_the_session_and_the_device(participant: Participant) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+
+    for run in session["runs"]:
+        assert participant.delete(f"/me/runs/{run['id']}").status_code == 204
+
+    for model in (MeasurementSession, Run, SessionSummary, DeviceSpeedup, DeviceModel, DeviceDescription):
+        assert not model.objects.exists(), model
+
+
+def test_nobody_erases_or_sees_what_another_sent(
+    participant: Participant, join: Callable[[], Participant]
+) -> None:
+    document = submission_document(submission_document()["sessions"][0], device=device_document())
+    key = participant.submit(document).json()["submission_id"]
+    other = join()
+
+    assert other.delete(f"/me/runs/{document['sessions'][0]['runs'][0]['id']}").status_code == 404
+    assert other.get(f"/submissions/{key}").status_code == 404
+    assert other.get("/me/data").json()["sessions"] == []
+    assert Run.objects.count() == 4

@@ -1,0 +1,194 @@
+"""What anybody may read: speedups, devices, comparisons; in a counted number of queries."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from tests.crowd.documents import device_document, session_document, submission_document
+from tests.crowd.participant import API, Participant
+
+Join = Callable[[], Participant]
+
+
+@pytest.fixture
+def crowd(front: Any, join: Join) -> None:
+    """Three phones: one 4 times, one 8 times, one 16 times faster, the last measured by three participants."""
+    galaxy = {"manufacturer": "samsung", "opencl_device": "Adreno (TM) 750", "soc_model": "SM8650"}
+    for model, best_us, changes in (
+        ("Pixel 8", 20_000, {}),
+        ("Galaxy S24", 10_000, galaxy),
+        ("Phone X", 5_000, {}),
+        ("Phone X", 5_000, {}),
+        ("Phone X", 5_000, {}),
+    ):
+        device = device_document(model) | changes
+        response = join().submit(submission_document(session_document(best_us=best_us), device=device))
+        assert response.status_code == 202
+
+
+def speedups(client: Client, **query: str) -> dict[str, Any]:
+    response = client.get(f"{API}/speedups", query)
+    assert response.status_code == 200, response.content
+    return response.json()
+
+
+def test_speedups_are_listed_fastest_first_with_the_crowds_figure(client: Client, crowd: None) -> None:
+    answer = speedups(client)
+
+    assert [row["device"] for row in answer["results"]] == [
+        "google-phone-x",
+        "samsung-galaxy-s24",
+        "google-pixel-8",
+    ]
+    assert [round(row["speedup"], 6) for row in answer["results"]] == [16, 8, 4]
+    assert {(row["configuration"], row["baseline"]) for row in answer["results"]} == {("best", "default")}
+    assert answer["front"] == "kfusion-test"
+    assert answer["next"] is None
+    assert answer["summary"]["devices"] == 3
+    assert answer["summary"]["geometric_mean"] == pytest.approx(8.0)
+    assert (answer["summary"]["min"], answer["summary"]["max"]) == (pytest.approx(4.0), pytest.approx(16.0))
+
+
+def test_an_interval_is_given_from_three_installations_on(client: Client, crowd: None) -> None:
+    rows = {row["device"]: row for row in speedups(client)["results"]}
+
+    assert rows["google-phone-x"]["low"] == pytest.approx(16.0)
+    assert rows["google-phone-x"]["installations"] == 3
+    assert rows["google-pixel-8"]["low"] is None
+
+
+@pytest.mark.parametrize(
+    ("query", "devices"),
+    [
+        ({"gpu": "adreno"}, ["samsung-galaxy-s24"]),
+        ({"soc": "tensor"}, ["google-phone-x", "google-pixel-8"]),
+        ({"os": "android"}, ["google-phone-x", "samsung-galaxy-s24", "google-pixel-8"]),
+        ({"os": "Windows"}, []),
+        ({"min_sessions": "3"}, ["google-phone-x"]),
+        (
+            {"front": "kfusion-test", "backend": "opencl"},
+            ["google-phone-x", "samsung-galaxy-s24", "google-pixel-8"],
+        ),
+        ({"front": "kfusion-none"}, []),
+        ({"since": "2026-11-20"}, ["google-phone-x", "samsung-galaxy-s24", "google-pixel-8"]),
+        ({"since": "2026-11-21"}, []),
+        ({"since": "2026-11-20", "gpu": "adreno"}, ["samsung-galaxy-s24"]),
+        ({"configuration": "accurate"}, []),
+    ],
+)
+def test_filters(client: Client, crowd: None, query: dict[str, str], devices: list[str]) -> None:
+    answer = speedups(client, **query)
+
+    assert [row["device"] for row in answer["results"]] == devices
+    assert answer["summary"]["devices"] == len(devices)
+
+
+def test_a_period_gives_the_same_figures_as_all_sessions_where_it_holds_them_all(
+    client: Client, crowd: None
+) -> None:
+    assert speedups(client, since="2026-11-20") == speedups(client)
+
+
+@pytest.mark.parametrize(
+    ("query", "field"),
+    [({"since": "yesterday"}, "since"), ({"min_sessions": "-1"}, "min_sessions"), ({"limit": "0"}, "limit"),
+     ({"cursor": "???"}, "cursor"), ({"cursor": "YWJj"}, "cursor")],
+)  # fmt: skip
+def test_a_filter_that_is_none(client: Client, crowd: None, query: dict[str, str], field: str) -> None:
+    response = client.get(f"{API}/speedups", query)
+
+    assert (response.status_code, response.json()["field"]) == (400, field)
+
+
+def test_lists_go_on_by_cursor(client: Client, crowd: None) -> None:
+    seen, address = [], f"{API}/speedups?limit=1&os=Android"
+    while address:
+        page = client.get(address).json()
+        assert page["summary"]["devices"] == 3
+        seen += [row["device"] for row in page["results"]]
+        address = page["next"]
+
+    assert seen == ["google-phone-x", "samsung-galaxy-s24", "google-pixel-8"]
+
+
+def test_one_models_processors_are_kept_apart_and_count_once(client: Client, crowd: None, join: Join) -> None:
+    device = device_document(
+        "Pixel 8", opencl_device="cortex-a720", opencl_platform="Portable Computing Language"
+    )
+    join().submit(submission_document(session_document(best_us=5_000), device=device))
+
+    answer = speedups(client)
+
+    rows = [
+        (row["processor"], round(row["speedup"]))
+        for row in answer["results"]
+        if row["device"] == "google-pixel-8"
+    ]
+    assert rows == [("cortex-a720", 16), ("Mali-G715", 4)]
+    assert answer["summary"]["devices"] == 3
+    assert answer["summary"]["min"] == pytest.approx(8.0)
+
+
+def test_devices_are_listed_and_shown(client: Client, crowd: None) -> None:
+    listed = client.get(f"{API}/devices").json()["results"]
+    shown = client.get(f"{API}/devices/google-phone-x").json()
+
+    assert [(row["slug"], row["sessions"]) for row in listed] == [
+        ("google-phone-x", 3), ("samsung-galaxy-s24", 1), ("google-pixel-8", 1),
+    ]  # fmt: skip
+    assert (shown["session_count"], shown["installations"], len(shown["sessions"])) == (3, 3, 3)
+    assert shown["speedups"][0]["configuration"] == "best"
+    assert client.get(f"{API}/devices/none").json()["code"] == "not_found"
+
+
+def test_devices_are_compared(client: Client, crowd: None) -> None:
+    answer = client.get(f"{API}/compare", {"devices": "google-pixel-8,samsung-galaxy-s24"}).json()
+
+    assert [row["slug"] for row in answer["results"]] == ["google-pixel-8", "samsung-galaxy-s24"]
+    assert client.get(f"{API}/compare", {"devices": "google-pixel-8"}).json()["field"] == "devices"
+    assert client.get(f"{API}/compare", {"devices": "google-pixel-8,none"}).status_code == 404
+
+
+def test_nothing_public_tells_who_measured(client: Client, participant: Participant) -> None:
+    document = submission_document()
+    participant.submit(document)
+
+    for path in ("/speedups", "/devices", "/devices/google-pixel-8"):
+        text = client.get(f"{API}{path}").content.decode()
+        assert participant.installation_id not in text
+        assert "10:17" not in text
+
+
+@pytest.mark.parametrize(
+    ("path", "budget"),
+    [
+        ("/manifest", 2),
+        ("/fronts", 2),
+        ("/fronts/kfusion-test", 2),
+        ("/speedups", 3),
+        ("/speedups?since=2026-01-01", 5),
+        ("/devices", 4),
+        ("/devices/google-phone-x", 8),
+    ],
+)
+def test_lists_cost_a_counted_number_of_queries(
+    client: Client, crowd: None, django_assert_max_num_queries: Any, path: str, budget: int
+) -> None:
+    with django_assert_max_num_queries(budget):
+        assert client.get(f"{API}{path}").status_code == 200
+
+
+def test_a_submission_costs_a_counted_number_of_queries(
+    participant: Participant,
+    settings: Any,
+    django_assert_max_num_queries: Any,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("crowd.results.tasks.announce", lambda _: None)
+    participant.submit(submission_document())
+    document = submission_document()
+
+    with django_assert_max_num_queries(20):
+        assert participant.submit(document).status_code == 202

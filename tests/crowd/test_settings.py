@@ -1,0 +1,96 @@
+"""How the settings follow the environment; each case in a process of its own, as Django reads them once."""
+
+import json
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SHOW = (
+    "import json, crowd.settings as s; print(json.dumps({'hosts': s.ALLOWED_HOSTS, 'https': s.HTTPS, "
+    "'secure': s.SESSION_COOKIE_SECURE, 'debug': s.DEBUG, 'broker': s.CELERY_BROKER_URL, "
+    "'engine': s.DATABASES['default']['ENGINE'], 'silenced': getattr(s, 'SILENCED_SYSTEM_CHECKS', [])}))"
+)
+
+
+def run(*arguments: str, var: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if not name.startswith(("FRONTRUNNER_", "DATABASE_"))
+    }
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=ROOT,
+        env=kept | {"FRONTRUNNER_VAR": str(var)} | environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def shown(var: Path, **environment: str) -> dict[str, Any]:
+    done = run("-c", SHOW, var=var, **environment)
+    assert done.returncode == 0, done.stderr
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
+
+
+def test_alone_it_serves_this_machine_over_plain_http(tmp_path: Path) -> None:
+    settings = shown(tmp_path)
+
+    assert settings["hosts"] == ["localhost", "127.0.0.1", "[::1]"]
+    assert (settings["https"], settings["secure"], settings["debug"]) == (False, False, False)
+    assert settings["engine"] == "django.db.backends.sqlite3"
+
+
+def test_a_public_host_switches_https_on_and_silences_nothing(tmp_path: Path) -> None:
+    settings = shown(tmp_path, FRONTRUNNER_HOSTS="frontrunner.example")
+
+    assert "frontrunner.example" in settings["hosts"]
+    assert (settings["https"], settings["secure"], settings["silenced"]) == (True, True, [])
+
+
+def test_other_databases_and_brokers_come_from_the_environment(tmp_path: Path) -> None:
+    settings = shown(
+        tmp_path,
+        DATABASE_URL="postgres://a:b@db.example/frontrunner",
+        CELERY_BROKER_URL="redis://redis.example/0",
+    )
+
+    assert settings["engine"] == "django.db.backends.postgresql"
+    assert settings["broker"] == "redis://redis.example/0"
+
+
+@pytest.mark.parametrize("hosts", ["", "frontrunner.example"])
+def test_the_deployment_checks_pass(tmp_path: Path, hosts: str) -> None:
+    done = run(
+        "manage.py", "check", "--deploy", "--fail-level", "WARNING", var=tmp_path, FRONTRUNNER_HOSTS=hosts
+    )
+
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_secret_key_is_kept_and_its_owners_alone(tmp_path: Path) -> None:
+    show = "import crowd.settings as s; print(s.SECRET_KEY)"
+
+    first, second = (run("-c", show, var=tmp_path).stdout for _ in range(2))
+
+    assert len(first.strip()) >= 50
+    assert first == second
+    assert stat.S_IMODE((tmp_path / "secret_key").stat().st_mode) == 0o600
+
+
+def test_a_data_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+
+    done = run("manage.py", "serve", var=tmp_path / "file" / "var")
+
+    assert done.returncode == 1
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "FRONTRUNNER_VAR" in done.stderr
