@@ -1,6 +1,7 @@
 """What a visitor sees: charts drawn under the real security policy, on a phone and a desk, light and dark."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -130,6 +131,16 @@ def test_filters_change_the_address_and_the_chart(visit: Visit) -> None:
 
     assert "gpu=T4" in page.url
     assert page.locator(".barlayer .point").count() == 1
+
+
+def test_pages_make_sense_to_a_screen_reader_and_a_keyboard(
+    visit: Visit, measured: list[dict[str, Any]]
+) -> None:
+    visitor = visit()
+    structure = Path(__file__).with_name("structure.js").read_text()
+
+    for address in addresses(measured):
+        assert visitor.open(address).evaluate(structure) == [], address
 
 
 def rgb(colour: str) -> str:
