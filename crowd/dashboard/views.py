@@ -1,11 +1,13 @@
 """Pages: each parses, asks a selector, and renders."""
 
+from collections.abc import Callable
 from typing import TypeVar
 from uuid import UUID
 
 from django.core.paginator import Paginator
 from django.http import Http404, HttpRequest, HttpResponse, QueryDict
 from django.shortcuts import render
+from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
 
 from crowd.dashboard.comparison import InvalidComparisonError, compared, labelled, parse_devices
@@ -26,9 +28,15 @@ NEWEST = 6
 PAGE = 100
 
 Row = TypeVar("Row")
+View = TypeVar("View", bound=Callable[..., HttpResponse])
 
 
-@require_safe
+def page(view: View) -> View:
+    """A view that only reads, compressed: these pages hold no secret that compression could give away."""
+    return gzip_page(require_safe(view))
+
+
+@page
 def home(request: HttpRequest) -> HttpResponse:
     """The crowd's answer: how many devices, how much faster, and how to add one's own."""
     crowd = results.speedups(SpeedupFilters())
@@ -47,7 +55,7 @@ def home(request: HttpRequest) -> HttpResponse:
     )
 
 
-@require_safe
+@page
 def devices(request: HttpRequest) -> HttpResponse:
     """Every measured device, under the filters of the query string."""
     problem = ""
@@ -63,7 +71,7 @@ def devices(request: HttpRequest) -> HttpResponse:
         {
             "crowd": crowd,
             "filters": filters,
-            "page": Paginator(crowd.rows, PAGE).get_page(request.GET.get("page")),
+            "part": Paginator(crowd.rows, PAGE).get_page(request.GET.get("page")),
             "filtered": filtered,
             "problem": problem,
             "fronts": published.fronts(filters.application),
@@ -75,7 +83,7 @@ def devices(request: HttpRequest) -> HttpResponse:
     )
 
 
-@require_safe
+@page
 def device(request: HttpRequest, slug: str) -> HttpResponse:
     """One device: its speedup, its newest session frame by frame, its sessions, what it says of itself."""
     detail = _found(results.device(slug))
@@ -97,7 +105,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
     )
 
 
-@require_safe
+@page
 def compare(request: HttpRequest) -> HttpResponse:
     """Two to six devices side by side."""
     problem, columns = "", []
@@ -121,7 +129,7 @@ def compare(request: HttpRequest) -> HttpResponse:
     )
 
 
-@require_safe
+@page
 def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
     """One session: its answer, and the runs that it rests on."""
     detail = _found(results.session(uuid))
@@ -141,7 +149,7 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
     )
 
 
-@require_safe
+@page
 def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
     """One run: its frames, where the time went, and whether it counts."""
     detail = _found(results.run(uuid))
@@ -159,13 +167,13 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
     )
 
 
-@require_safe
+@page
 def fronts(request: HttpRequest) -> HttpResponse:
     """Every published front, newest first."""
     return render(request, "dashboard/fronts.html", {"fronts": published.fronts()})
 
 
-@require_safe
+@page
 def front(request: HttpRequest, slug: str) -> HttpResponse:
     """One front: its points as the reference device predicts them and as the crowd measures them."""
     shown = _found(published.front(slug))
@@ -177,13 +185,13 @@ def front(request: HttpRequest, slug: str) -> HttpResponse:
     )
 
 
-@require_safe
+@page
 def data(request: HttpRequest) -> HttpResponse:
     """Where the raw numbers are, and what each field means."""
     return render(request, "dashboard/data.html")
 
 
-@require_safe
+@page
 def about(request: HttpRequest) -> HttpResponse:
     """What is measured, how a figure comes about, and what is known of the people behind it."""
     front = published.current(APPLICATION)

@@ -409,3 +409,17 @@ def test_the_device_page_leads_with_the_figure_of_its_newest_session(
 
     assert "Speedup of best over default 8.00x" in page
     assert "best 20.0x" in page
+
+
+def test_pages_travel_compressed(client: Client, participant: Participant) -> None:
+    measure(participant)
+
+    for address in ("/", "/devices/", "/devices/google-pixel-8/", "/about/"):
+        response = client.get(address, headers={"Accept-Encoding": "gzip"})
+        assert response["Content-Encoding"] == "gzip", address
+        assert len(response.content) < 8_000, address
+
+
+@pytest.mark.parametrize("address", ["/", "/devices/", "/about/"])
+def test_pages_can_only_be_read(client: Client, address: str) -> None:
+    assert client.post(address).status_code == 405
