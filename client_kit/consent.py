@@ -1,6 +1,7 @@
 """What a participant agrees to before anything is measured or sent."""
 
 import json
+import re
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -30,7 +31,9 @@ Consent {version}.
 
 def text(server: str, version: str | int, sequence_bytes: int, sample: Mapping[str, Any]) -> str:
     """The whole text, with `sample` as the payload that this device would send."""
-    lines = json.dumps(sample, indent=2, ensure_ascii=False).splitlines()
+    document = json.dumps(sample, indent=2, ensure_ascii=False)
+    # Lists of numbers on one line each: people are to read this.
+    lines = re.sub(r"\[\s+([^\[\]{}]*?)\s+\]", lambda m: f"[{' '.join(m[1].split())}]", document).splitlines()
     return TEXT.format(
         megabytes=sequence_bytes / 1e6,
         server=server,

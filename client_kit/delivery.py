@@ -34,7 +34,7 @@ class Delivery:
             lines.append(f"{line} ({item.reason})" if item.reason else line)
         lines += [f"Erased at {address}." for address in self.erased]
         for address, reason in self.trouble.items():
-            lines.append(f"Not sent to {address}: {reason}")
+            lines.append(f"Not sent: {reason}" if address in reason else f"Not sent to {address}: {reason}")
             lines.append("What is to be sent is kept on this device and goes with the next `run` or `send`.")
         if self.busy:
             lines.append("Another client is sending from the same folder: `send` again when it is done.")

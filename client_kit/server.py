@@ -176,9 +176,8 @@ class Server:
                 raise self._refusal(error) from error
         except (OSError, http.client.HTTPException, ValueError) as error:
             reason = getattr(error, "reason", None) or error
-            raise UnreachableError(
-                f"{self.url} cannot be reached: {reason or type(error).__name__}"
-            ) from error
+            told = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
+            raise UnreachableError(f"{self.url} cannot be reached: {told}") from error
 
     def _refusal(self, error: urllib.error.HTTPError) -> ClientError:
         try:

@@ -1,6 +1,7 @@
 """An HTTP server on a real socket that answers as a test tells it to, for the protocol's own behaviour."""
 
 import json
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -60,7 +61,13 @@ class ScriptedServer:
             def log_message(self, *_: Any) -> None:
                 pass
 
-        self._httpd = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+        class Quiet(ThreadingHTTPServer):
+            def handle_error(self, *_: Any) -> None:
+                """A client that hangs up, or is killed, is what some tests are about."""
+                if not isinstance(sys.exc_info()[1], ConnectionError):
+                    super().handle_error(*_)
+
+        self._httpd = Quiet(("127.0.0.1", port), Handler)
         self._thread = threading.Thread(target=self._httpd.serve_forever, args=(0.02,), daemon=True)
         self._thread.start()
 

@@ -113,7 +113,7 @@ def test_a_server_that_goes_away_gets_the_session_with_the_next_command(
     done = client(home, "run", "--server", scripted.url, "--yes")
 
     assert done.returncode == 0, done.stderr
-    assert f"Not sent to {scripted.url}" in done.stdout
+    assert f"Not sent: {scripted.url}" in done.stdout
     assert "kept on this device" in done.stdout
     assert "Speedup of best over default: " in done.stdout
     assert states(home) == ["queued"]
