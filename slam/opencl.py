@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from slam.layout import Layout
+
 if TYPE_CHECKING:
     import pyopencl as cl
 
@@ -138,13 +140,15 @@ def _describe(platform: cl.Platform, handle: cl.Device) -> Device:
 class Session:
     """A context and an in-order queue on one device, with the programs built on it.
 
-    Configurations reach kernels as arguments, never as macros: one build serves them all.
+    `layout` (default: by the kind of device) says how kernels over images are laid out. Configurations
+    reach kernels as arguments, never as macros: one build serves them all.
     """
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: Device, layout: Layout | None = None) -> None:
         import pyopencl as cl
 
         self.device = device
+        self.layout = layout or Layout.for_device(device.kind)
         self.context = cl.Context([device.handle])
         self.queue = cl.CommandQueue(self.context)
         self._programs: dict[Path, cl.Program] = {}
@@ -157,19 +161,34 @@ class Session:
             options = [*BUILD_OPTIONS, f"-I{source.parent}"]
             if self.device.double_precision:
                 options.append("-DDOUBLE_PRECISION")
+            if self.layout.pixels:
+                options.append("-DPIXELS")
             self._programs[source] = cl.Program(self.context, source.read_text()).build(options)
         return self._programs[source]
 
-    def kernel(self, source: Path, name: str, size: tuple[int, ...], *arguments: Any) -> BoundKernel:
-        """The kernel `name` of a file, over `size` work-items in groups of one, with its arguments set.
+    def kernel(
+        self,
+        source: Path,
+        name: str,
+        size: tuple[int, ...],
+        *arguments: Any,
+        group: tuple[int, ...] | None = None,
+    ) -> BoundKernel:
+        """The kernel `name` of a file over `size` work-items, with its arguments set.
 
-        Python's int and float become OpenCL's 32-bit ones.
+        `group` is the size of the work-groups, by default one work-item each: that leaves a kernel's own
+        loops to the compiler. Python's int and float become OpenCL's 32-bit ones.
         """
         import pyopencl as cl
 
         kernel = cl.Kernel(self.program(source), name)
         kernel.set_args(*(_argument(value) for value in arguments))
-        return BoundKernel(self.queue, kernel, size, arguments)
+        return BoundKernel(self.queue, kernel, size, group or (1,) * len(size), arguments)
+
+    def image_kernel(self, source: Path, name: str, width: int, height: int, *arguments: Any) -> BoundKernel:
+        """The kernel `name` of a file over an image, laid out as this session's `layout` says."""
+        size, group = self.layout.over(width, height)
+        return self.kernel(source, name, size, *arguments, group=group)
 
     def buffer(self, nbytes: int, what: str = "a buffer") -> cl.Buffer:
         """Device memory of `nbytes`. Raises DeviceMemoryError, naming `what` needs it and what is allowed."""
@@ -192,20 +211,21 @@ class Session:
 
 
 class BoundKernel:
-    """A kernel whose arguments stay the same from frame to frame: launching it costs one call.
-
-    One work-item walks a whole row with a plain inner loop, which is what a CPU's compiler turns
-    into vector code; groups of one work-item leave that loop alone.
-    """
+    """A kernel whose arguments stay the same from frame to frame: launching it costs one call."""
 
     def __init__(
-        self, queue: cl.CommandQueue, kernel: cl.Kernel, size: tuple[int, ...], arguments: tuple[Any, ...]
+        self,
+        queue: cl.CommandQueue,
+        kernel: cl.Kernel,
+        size: tuple[int, ...],
+        group: tuple[int, ...],
+        arguments: tuple[Any, ...],
     ) -> None:
         self._arguments = arguments  # OpenCL itself does not keep a kernel's buffers alive
         self._queue = queue
         self._kernel = kernel
         self._size = size
-        self._group = (1,) * len(size)
+        self._group = group
 
     def __call__(self) -> None:
         import pyopencl as cl

@@ -89,30 +89,32 @@ class Preprocessing:
 
         finest = self.levels[0]
         self._sample: list[BoundKernel] = [
-            session.kernel(
-                SOURCE, "millimetres_to_metres", (height,), self._millimetres, sensor.width,
-                ratio, self.depth, width, farthest,
+            session.image_kernel(
+                SOURCE, "millimetres_to_metres", width, height, self._millimetres, sensor.width, ratio,
+                self.depth, width, height,
             ),
+            session.kernel(SOURCE, "farthest_of_rows", (height,), self.depth, width, farthest),
             session.kernel(SOURCE, "farthest_depth", (1,), farthest, height, state),
-            session.kernel(
-                SOURCE, "bilateral_filter", (height,), self.depth, finest.depth, width, height,
-                0.5 / constants.BILATERAL_SPATIAL_SIGMA**2,
-                0.5 / constants.BILATERAL_RANGE_SIGMA**2,
+            session.image_kernel(
+                SOURCE, "bilateral_filter", width, height, self.depth, finest.depth, width, height,
+                0.5 / constants.BILATERAL_SPATIAL_SIGMA**2, 0.5 / constants.BILATERAL_RANGE_SIGMA**2,
             ),
         ]  # fmt: skip
         self._build: list[BoundKernel] = []
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
+            width, height = coarse.camera.width, coarse.camera.height
             self._build.append(
-                session.kernel(
-                    SOURCE, "half_sample", (coarse.camera.height,), fine.depth, fine.camera.width,
-                    coarse.depth, coarse.camera.width, constants.HALF_SAMPLE_RANGE,
+                session.image_kernel(
+                    SOURCE, "half_sample", width, height, fine.depth, fine.camera.width, coarse.depth,
+                    width, height, constants.HALF_SAMPLE_RANGE,
                 )
             )  # fmt: skip
         for level in self.levels:
+            width, height = level.camera.width, level.camera.height
             self._build.append(
-                session.kernel(
-                    SOURCE, "normal_map", (level.camera.height,), level.depth, *level.normals,
-                    level.camera.width, level.camera.height, intrinsics(level.camera),
+                session.image_kernel(
+                    SOURCE, "normal_map", width, height, level.depth, *level.normals, width, height,
+                    intrinsics(level.camera),
                 )
             )  # fmt: skip
 

@@ -27,9 +27,9 @@ class Model:
         self.normals = Planes.allocate(session, pixels)
         self._kernels = [
             session.kernel(SOURCE, "view_from", (1,), intrinsics(camera), state),
-            session.kernel(
-                SOURCE, "raycast", (camera.height,), volume.voxels, volume.resolution,
-                volume.voxel_size, volume.searched, volume.blocks, camera.width,
+            session.image_kernel(
+                SOURCE, "raycast", camera.width, camera.height, volume.voxels, volume.resolution,
+                volume.voxel_size, volume.searched, volume.blocks, camera.width, camera.height,
                 intrinsics(camera), constants.NEAR_PLANE, constants.FAR_PLANE,
                 volume.voxel_size, 0.75 * mu, NEAR_SURFACE, state,
                 *self.vertices, *self.normals,

@@ -19,8 +19,14 @@ def millimetres_to_metres(millimetres: NDArray[np.uint16], ratio: int) -> Array:
     return millimetres[::ratio, ::ratio] / 1000.0
 
 
-def farthest_depth(metres: Array) -> float:
-    return float(metres.max())
+def farthest_of_rows(metres: Array) -> Array:
+    """The largest depth of each row."""
+    return metres.max(axis=1)
+
+
+def farthest_depth(rows: Array) -> float:
+    """The largest depth of the image, from that of each row."""
+    return float(rows.max())
 
 
 def bilateral_filter(depth: Array, spatial_sigma: float, range_sigma: float) -> Array:

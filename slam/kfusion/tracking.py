@@ -9,13 +9,24 @@ from slam.kfusion import configuration as constants
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.preprocessing import Level, intrinsics
 from slam.kfusion.raycasting import Model
+from slam.layout import Layout
 from slam.opencl import BoundKernel, Session
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
 SOURCE = Path(__file__).parent / "kernels" / "tracking.cl"
-SUMS = 32  # floats that one image row leaves behind; `tracking.cl` has the same
+SUMS = 32  # floats of a record, what one work-group leaves behind; `tracking.cl` has the same
+GROUP = 64  # work-items of a group in the layout by pixels; `tracking.cl` has the same
+MOST_GROUPS = 128
+
+
+def records_of(layout: Layout, width: int, height: int) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
+    """How many records `track` leaves for an image, and its global and local size."""
+    if not layout.pixels:
+        return height, (height,), (1,)
+    groups = min(MOST_GROUPS, -(-width * height // GROUP))
+    return groups, (groups * GROUP,), (GROUP,)
 
 
 class Tracking:
@@ -33,24 +44,26 @@ class Tracking:
         model: Model,
         state: cl.Buffer,
     ) -> None:
-        sums = session.buffer(4 * SUMS * levels[0].camera.height, "the row sums")
+        finest = levels[0].camera
+        most, _, _ = records_of(session.layout, finest.width, finest.height)
+        records = session.buffer(4 * SUMS * most, "the normal equations")
         kernel = session.kernel
         self._kernels: list[BoundKernel] = [kernel(SOURCE, "begin_tracking", (1,), state)]
         last_level = levels[0]
         for level, iterations in reversed(list(zip(levels, configuration.iterations, strict=False))):
             camera = level.camera
+            count, size, group = records_of(session.layout, camera.width, camera.height)
             for iteration in range(iterations):
                 last_level = level
                 self._kernels += [
                     kernel(
-                        SOURCE, "track", (camera.height,), level.depth, *level.normals, camera.width,
+                        SOURCE, "track", size, level.depth, *level.normals, camera.width, camera.height,
                         intrinsics(camera), *model.vertices, *model.normals, model.camera.width,
-                        model.camera.height, constants.ASSOCIATION_DISTANCE,
-                        constants.ASSOCIATION_NORMAL, iteration, state, sums,
+                        model.camera.height, constants.ASSOCIATION_DISTANCE, constants.ASSOCIATION_NORMAL,
+                        iteration, state, records, group=group,
                     ),
                     kernel(
-                        SOURCE, "solve", (1,), sums, camera.height,
-                        configuration.icp_threshold, iteration, state,
+                        SOURCE, "solve", (1,), records, count, configuration.icp_threshold, iteration, state
                     ),
                 ]  # fmt: skip
         pixels = last_level.camera.width * last_level.camera.height

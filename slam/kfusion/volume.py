@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from slam.camera import Camera
 from slam.kfusion import configuration as constants
 from slam.kfusion.preprocessing import intrinsics
+from slam.layout import Layout
 from slam.opencl import DeviceMemoryError, Session
 
 if TYPE_CHECKING:
@@ -19,6 +20,18 @@ BLOCK = 8  # voxels along each side of a block; `volume.cl` has the same
 NEAR_SURFACE = 0.8 * SCALE  # below it a ray takes small steps
 
 
+def blocks_of(resolution: int) -> int:
+    """Blocks along each side."""
+    return -(-resolution // BLOCK)
+
+
+def lines_of(layout: Layout, resolution: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Global and local size of `integrate`: one work-item for each row of blocks, or column of voxels."""
+    if layout.pixels:
+        return layout.over(resolution, resolution)
+    return (blocks_of(resolution),) * 2, (1, 1)
+
+
 class Volume:
     """A cube of resolution^3 voxels of `voxel_size` metres, and which of its blocks lie near a surface.
 
@@ -28,7 +41,7 @@ class Volume:
     def __init__(self, session: Session, resolution: int, size: float) -> None:
         self.resolution = resolution
         self.voxel_size = size / resolution
-        self.blocks = -(-resolution // BLOCK)
+        self.blocks = blocks_of(resolution)
         self._session = session
         try:
             self.voxels = session.buffer(4 * resolution**3, f"volume_resolution={resolution}")
@@ -55,11 +68,12 @@ class Volume:
 
     def fuse_from(self, depth: cl.Buffer, camera: Camera, mu: float, state: cl.Buffer) -> None:
         """Say where depth images (metres) and the pose will be found."""
+        size, group = lines_of(self._session.layout, self.resolution)
         self._integrate = self._session.kernel(
-            SOURCE, "integrate", (self.blocks, self.blocks), self.voxels, self.resolution,
+            SOURCE, "integrate", size, self.voxels, self.resolution,
             self.voxel_size, self._surface, self.blocks, depth, camera.width,
             camera.height, intrinsics(camera), mu, constants.MAX_WEIGHT,
-            NEAR_SURFACE, state,
+            NEAR_SURFACE, state, group=group,
         )  # fmt: skip
 
     def integrate(self) -> None:

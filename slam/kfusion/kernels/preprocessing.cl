@@ -1,23 +1,29 @@
-// From a sensor's depth image to the pyramid that tracking reads. One work-item per image row.
+// From a sensor's depth image to the pyramid that tracking reads.
 #include "arithmetic.h"
+#include "shape.h"
 #include "state.h"
 
-// Every `ratio`-th pixel, in metres; the largest of each row for the integration's far limit.
+// Every `ratio`-th pixel, in metres.
 kernel void millimetres_to_metres(global const ushort *restrict millimetres, int sensor_width, int ratio,
-                                  global float *restrict metres, int width, global float *restrict row_farthest)
+                                  global float *restrict metres, int width, int height)
+{
+    EACH_PIXEL(x, y, width, height)
+    {
+        metres[y * width + x] = millimetres[y * ratio * sensor_width + x * ratio] * 0.001f;
+    }
+}
+
+// The largest depth of each row, and then of the image: no voxel lies deeper. One work-item per row, then one.
+kernel void farthest_of_rows(global const float *restrict metres, int width, global float *restrict row_farthest)
 {
     const int y = get_global_id(0);
-    global const ushort *restrict source = millimetres + y * ratio * sensor_width;
     float farthest = 0.0f;
-    for (int x = 0; x < width; ++x) {
-        const float depth = source[x * ratio] * 0.001f;
-        metres[y * width + x] = depth;
-        farthest = larger(farthest, depth);
-    }
+    for (int x = 0; x < width; ++x)
+        farthest = larger(farthest, metres[y * width + x]);
     row_farthest[y] = farthest;
 }
 
-kernel void farthest_depth(global const float *restrict row_farthest, int height, global State *state)
+kernel void farthest_depth(global const float *restrict row_farthest, int height, global State *restrict state)
 {
     float farthest = 0.0f;
     for (int y = 0; y < height; ++y)
@@ -66,6 +72,12 @@ INLINE float bilateral(global const float *restrict depth, int width, int height
 kernel void bilateral_filter(global const float *restrict depth, global float *restrict filtered, int width, int height,
                              float spatial_factor, float range_factor)
 {
+#ifdef PIXELS
+    EACH_PIXEL(x, y, width, height)
+    {
+        filtered[y * width + x] = bilateral(depth, width, height, x, y, false, spatial_factor, range_factor);
+    }
+#else
     const int y = get_global_id(0);
     const int first = bounded(2, 0, width), last = bounded(width - 2, first, width);
     for (int x = 0; x < first; ++x)
@@ -74,18 +86,18 @@ kernel void bilateral_filter(global const float *restrict depth, global float *r
         filtered[y * width + x] = bilateral(depth, width, height, x, y, true, spatial_factor, range_factor);
     for (int x = last; x < width; ++x)
         filtered[y * width + x] = bilateral(depth, width, height, x, y, false, spatial_factor, range_factor);
+#endif
 }
 
 // Half the size: the mean of those of a 2x2 block that lie within `range` of its first pixel.
 kernel void half_sample(global const float *restrict fine, int fine_width, global float *restrict coarse, int width,
-                        float range)
+                        int height, float range)
 {
-    const int y = get_global_id(0);
-    global const float *restrict upper = fine + 2 * y * fine_width;
-    global const float *restrict lower = upper + fine_width;
-    for (int x = 0; x < width; ++x) {
-        const float centre = upper[2 * x];
-        const float a = upper[2 * x + 1], b = lower[2 * x], c = lower[2 * x + 1];
+    EACH_PIXEL(x, y, width, height)
+    {
+        const int corner = 2 * y * fine_width + 2 * x;
+        const float centre = fine[corner];
+        const float a = fine[corner + 1], b = fine[corner + fine_width], c = fine[corner + fine_width + 1];
         const float use_a = magnitude(a - centre) < range ? 1.0f : 0.0f;
         const float use_b = magnitude(b - centre) < range ? 1.0f : 0.0f;
         const float use_c = magnitude(c - centre) < range ? 1.0f : 0.0f;
@@ -99,11 +111,11 @@ kernel void normal_map(global const float *restrict depth, global float *restric
                        global float *restrict normal_y, global float *restrict normal_z, int width, int height,
                        float4 camera)
 {
-    const int y = get_global_id(0);
-    const int above = bounded(y - 1, 0, height - 1), below = bounded(y + 1, 0, height - 1);
     const float inverse_fx = 1.0f / camera.x, inverse_fy = 1.0f / camera.y;
     const float side = camera.x * camera.y > 0.0f ? 1.0f : -1.0f;
-    for (int x = 0; x < width; ++x) {
+    EACH_PIXEL(x, y, width, height)
+    {
+        const int above = bounded(y - 1, 0, height - 1), below = bounded(y + 1, 0, height - 1);
         const int left = bounded(x - 1, 0, width - 1), right = bounded(x + 1, 0, width - 1);
         const float here = depth[y * width + x];
         const float l = depth[y * width + left], r = depth[y * width + right];

@@ -1,9 +1,8 @@
 // The model that tracking sees: surface points and normals along the rays of a camera
-// (Newcombe et al. 2011, section 3.4). One work-item per image row.
+// (Newcombe et al. 2011, section 3.4).
 #include "arithmetic.h"
 #include "state.h"
 
-#define SCALE 32766.0f
 #define BLOCK 8
 #define LANES 16
 #define SAMPLES 4 // taken between two looks for empty blocks
@@ -36,7 +35,7 @@ INLINE float interpolate(global const uint *restrict volume, int resolution, flo
     return near_side + (far_side - near_side) * fz;
 }
 
-// Where a ray enters and leaves the slab [first, last] of one axis; `inverse` is 1 / direction.
+// Where a ray enters and leaves the slab [0, last] of one axis; `inverse` is 1 / direction.
 INLINE float entry(float origin, float inverse, float last)
 {
     return smaller(-origin * inverse, (last - origin) * inverse);
@@ -45,6 +44,41 @@ INLINE float entry(float origin, float inverse, float last)
 INLINE float leaving(float origin, float inverse, float last)
 {
     return larger(-origin * inverse, (last - origin) * inverse);
+}
+
+// A direction that can be divided by.
+INLINE float nonzero(float direction)
+{
+    return magnitude(direction) > 1e-9f ? direction : 1e-9f;
+}
+
+// The block of 8x8x8 voxels that a coordinate lies in.
+INLINE int block_of(float voxel, int blocks)
+{
+    return bounded((int)(voxel * (1.0f / BLOCK)), 0, blocks - 1);
+}
+
+// How far along a ray one axis leaves the block that x lies in.
+INLINE float out_of(int block, float x, float direction, float inverse)
+{
+    return ((direction > 0.0f ? block + 1 : block) * BLOCK - x) * inverse;
+}
+
+// The gradient of the distance at (x, y, z). Away from the volume's sides this equals interpolating the central
+// differences of the voxels.
+INLINE float along_x(global const uint *restrict volume, int resolution, float x, float y, float z)
+{
+    return interpolate(volume, resolution, x + 1.0f, y, z) - interpolate(volume, resolution, x - 1.0f, y, z);
+}
+
+INLINE float along_y(global const uint *restrict volume, int resolution, float x, float y, float z)
+{
+    return interpolate(volume, resolution, x, y + 1.0f, z) - interpolate(volume, resolution, x, y - 1.0f, z);
+}
+
+INLINE float along_z(global const uint *restrict volume, int resolution, float x, float y, float z)
+{
+    return interpolate(volume, resolution, x, y, z + 1.0f) - interpolate(volume, resolution, x, y, z - 1.0f);
 }
 
 // Remembers which pixels the model belongs to: intrinsics times the inverse of the pose.
@@ -62,49 +96,105 @@ kernel void view_from(float4 camera, global State *state)
     }
 }
 
-// Marches sixteen rays side by side. A ray's parameter is its depth along the optical axis. It advances by
-// `large_step` until the distance falls below `near_surface`, from then on by `small_step`, to the first
-// negative value; the crossing is interpolated. Blocks far from every surface are jumped by whole
-// steps, so that the points that matter are the same as without jumping. A ray that starts inside or
-// behind a surface, or finds none, yields a zero vertex and a zero normal.
+// Finds the surface along the ray of each pixel. A ray's parameter is its depth along the optical axis. It advances by
+// `large_step` until the distance falls below `near_surface`, from then on by `small_step`, to the first negative value;
+// the crossing is interpolated. Blocks far from every surface are jumped by whole steps, so that the points that matter
+// are the same as without jumping. A ray that starts inside or behind a surface, or finds none, yields a zero vertex
+// and a zero normal. Lengths are voxels, with 0 at the centre of the first; rays keep between the outermost centres.
 kernel void raycast(global const uint *restrict volume, int resolution, float voxel_size,
-                    global const int *restrict searched, int blocks, int width, float4 camera, float near_plane,
-                    float far_plane, float small_step, float large_step, float near_surface,
+                    global const int *restrict searched, int blocks, int width, int height, float4 camera,
+                    float near_plane, float far_plane, float small_step, float large_step, float near_surface,
                     global const State *restrict state, global float *restrict vertex_x,
                     global float *restrict vertex_y, global float *restrict vertex_z, global float *restrict normal_x,
                     global float *restrict normal_y, global float *restrict normal_z)
 {
-    const int row = get_global_id(0);
-    global const float *pose = state->pose;
+    float pose[12];
+    for (int k = 0; k < 12; ++k)
+        pose[k] = state->pose[k];
     const float per_voxel = 1.0f / voxel_size, last = resolution - 1;
-    const float tiny = 1e-9f;
-    // From here on lengths are voxels, with 0 at the centre of the first; rays keep between the outermost centres.
     const float origin_x = pose[3] * per_voxel - 0.5f;
     const float origin_y = pose[7] * per_voxel - 0.5f;
     const float origin_z = pose[11] * per_voxel - 0.5f;
-    const float ray_y = (row - camera.w) / camera.y;
 
+#ifdef PIXELS
+    const int column = get_global_id(0), row = get_global_id(1);
+    if (column >= width || row >= height)
+        return;
+    const float ray_x = (column - camera.z) / camera.x, ray_y = (row - camera.w) / camera.y;
+    const float dx = nonzero((pose[0] * ray_x + pose[1] * ray_y + pose[2]) * per_voxel);
+    const float dy = nonzero((pose[4] * ray_x + pose[5] * ray_y + pose[6]) * per_voxel);
+    const float dz = nonzero((pose[8] * ray_x + pose[9] * ray_y + pose[10]) * per_voxel);
+    const float ix = 1.0f / dx, iy = 1.0f / dy, iz = 1.0f / dz;
+    float t = larger(larger(larger(near_plane, entry(origin_x, ix, last)), entry(origin_y, iy, last)),
+                     entry(origin_z, iz, last));
+    const float end = smaller(smaller(smaller(far_plane, leaving(origin_x, ix, last)), leaving(origin_y, iy, last)),
+                              leaving(origin_z, iz, last));
+    float step = large_step, value = 0.0f;
+    int first = 1;
+    while (t < end) {
+        const float x = origin_x + t * dx, y = origin_y + t * dy, z = origin_z + t * dz;
+        const int bx = block_of(x, blocks), by = block_of(y, blocks), bz = block_of(z, blocks);
+        if (searched[(bz * blocks + by) * blocks + bx] == 0) {
+            const float out_x = out_of(bx, x, dx, ix), out_y = out_of(by, y, dy, iy), out_z = out_of(bz, z, dz, iz);
+            const float out = smaller(larger(smaller(smaller(out_x, out_y), out_z), 0.0f), far_plane);
+            const int steps = (int)(out / step) + 1;
+            t += steps * step;
+        } else {
+            value = interpolate(volume, resolution, x, y, z);
+            if (value < 0.0f || (first && value == 0.0f))
+                break;
+            step = value < near_surface ? small_step : step;
+            t += step;
+        }
+        first = 0;
+    }
+    float x = 0.0f, y = 0.0f, z = 0.0f, gx = 0.0f, gy = 0.0f, gz = 0.0f;
+    if (t < end && !first) {
+        const float before = t - step;
+        const float earlier = interpolate(volume, resolution, origin_x + before * dx, origin_y + before * dy,
+                                          origin_z + before * dz);
+        if (earlier > value) {
+            t += step * value / (earlier - value);
+            x = origin_x + t * dx;
+            y = origin_y + t * dy;
+            z = origin_z + t * dz;
+            gx = along_x(volume, resolution, x, y, z);
+            gy = along_y(volume, resolution, x, y, z);
+            gz = along_z(volume, resolution, x, y, z);
+        }
+    }
+    const float square = gx * gx + gy * gy + gz * gz;
+    const int found = square > 0.0f;
+    const float scale = found ? inverse_root(square) : 0.0f;
+    const int i = row * width + column;
+    vertex_x[i] = found ? (x + 0.5f) * voxel_size : 0.0f;
+    vertex_y[i] = found ? (y + 0.5f) * voxel_size : 0.0f;
+    vertex_z[i] = found ? (z + 0.5f) * voxel_size : 0.0f;
+    normal_x[i] = gx * scale;
+    normal_y[i] = gy * scale;
+    normal_z[i] = gz * scale;
+#else
+    // A work-item walks a row and marches LANES rays side by side; every loop over them becomes vector code.
+    const int row = get_global_id(0);
+    const float ray_y = (row - camera.w) / camera.y;
     for (int start = 0; start < width; start += LANES) {
-        float dx[LANES], dy[LANES], dz[LANES], inverse_dx[LANES], inverse_dy[LANES], inverse_dz[LANES];
+        float dx[LANES], dy[LANES], dz[LANES], ix[LANES], iy[LANES], iz[LANES];
         float t[LANES], end[LANES], step[LANES], value[LANES];
         int active[LANES], hit[LANES], first[LANES];
 
         for (int l = 0; l < LANES; ++l) {
             const float ray_x = (start + l - camera.z) / camera.x;
-            const float x = (pose[0] * ray_x + pose[1] * ray_y + pose[2]) * per_voxel;
-            const float y = (pose[4] * ray_x + pose[5] * ray_y + pose[6]) * per_voxel;
-            const float z = (pose[8] * ray_x + pose[9] * ray_y + pose[10]) * per_voxel;
-            dx[l] = magnitude(x) > tiny ? x : tiny;
-            dy[l] = magnitude(y) > tiny ? y : tiny;
-            dz[l] = magnitude(z) > tiny ? z : tiny;
-            inverse_dx[l] = 1.0f / dx[l];
-            inverse_dy[l] = 1.0f / dy[l];
-            inverse_dz[l] = 1.0f / dz[l];
-            const float in_x = entry(origin_x, inverse_dx[l], last), out_x = leaving(origin_x, inverse_dx[l], last);
-            const float in_y = entry(origin_y, inverse_dy[l], last), out_y = leaving(origin_y, inverse_dy[l], last);
-            const float in_z = entry(origin_z, inverse_dz[l], last), out_z = leaving(origin_z, inverse_dz[l], last);
-            t[l] = larger(larger(larger(near_plane, in_x), in_y), in_z);
-            end[l] = smaller(smaller(smaller(far_plane, out_x), out_y), out_z);
+            dx[l] = nonzero((pose[0] * ray_x + pose[1] * ray_y + pose[2]) * per_voxel);
+            dy[l] = nonzero((pose[4] * ray_x + pose[5] * ray_y + pose[6]) * per_voxel);
+            dz[l] = nonzero((pose[8] * ray_x + pose[9] * ray_y + pose[10]) * per_voxel);
+            ix[l] = 1.0f / dx[l];
+            iy[l] = 1.0f / dy[l];
+            iz[l] = 1.0f / dz[l];
+            t[l] = larger(larger(larger(near_plane, entry(origin_x, ix[l], last)), entry(origin_y, iy[l], last)),
+                          entry(origin_z, iz[l], last));
+            end[l] = smaller(smaller(smaller(far_plane, leaving(origin_x, ix[l], last)),
+                                     leaving(origin_y, iy[l], last)),
+                             leaving(origin_z, iz[l], last));
             step[l] = large_step;
             value[l] = 0.0f;
             active[l] = (t[l] < end[l]) & (start + l < width);
@@ -119,15 +209,14 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
                 jumping = 0;
                 for (int l = 0; l < LANES; ++l) {
                     const float place = active[l] ? t[l] : near_plane;
-                    const float x = origin_x + place * dx[l], y = origin_y + place * dy[l],
-                                z = origin_z + place * dz[l];
-                    const int bx = bounded((int)(x * (1.0f / BLOCK)), 0, blocks - 1);
-                    const int by = bounded((int)(y * (1.0f / BLOCK)), 0, blocks - 1);
-                    const int bz = bounded((int)(z * (1.0f / BLOCK)), 0, blocks - 1);
+                    const float x = origin_x + place * dx[l];
+                    const float y = origin_y + place * dy[l];
+                    const float z = origin_z + place * dz[l];
+                    const int bx = block_of(x, blocks), by = block_of(y, blocks), bz = block_of(z, blocks);
                     const int empty = active[l] & (searched[(bz * blocks + by) * blocks + bx] == 0);
-                    const float out_x = ((dx[l] > 0.0f ? bx + 1 : bx) * BLOCK - x) * inverse_dx[l];
-                    const float out_y = ((dy[l] > 0.0f ? by + 1 : by) * BLOCK - y) * inverse_dy[l];
-                    const float out_z = ((dz[l] > 0.0f ? bz + 1 : bz) * BLOCK - z) * inverse_dz[l];
+                    const float out_x = out_of(bx, x, dx[l], ix[l]);
+                    const float out_y = out_of(by, y, dy[l], iy[l]);
+                    const float out_z = out_of(bz, z, dz[l], iz[l]);
                     const float out = smaller(larger(smaller(smaller(out_x, out_y), out_z), 0.0f), far_plane);
                     const int steps = (int)(out / step[l]) + 1;
                     t[l] += empty ? steps * step[l] : 0.0f;
@@ -167,15 +256,11 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
             vy[l] = origin_y + place * dy[l];
             vz[l] = origin_z + place * dz[l];
         }
-        // Away from the volume's sides this equals interpolating the central differences of the voxels.
         for (int l = 0; l < LANES; ++l) {
             const float x = hit[l] ? vx[l] : 1.0f, y = hit[l] ? vy[l] : 1.0f, z = hit[l] ? vz[l] : 1.0f;
-            const float gx = interpolate(volume, resolution, x + 1.0f, y, z) -
-                             interpolate(volume, resolution, x - 1.0f, y, z);
-            const float gy = interpolate(volume, resolution, x, y + 1.0f, z) -
-                             interpolate(volume, resolution, x, y - 1.0f, z);
-            const float gz = interpolate(volume, resolution, x, y, z + 1.0f) -
-                             interpolate(volume, resolution, x, y, z - 1.0f);
+            const float gx = along_x(volume, resolution, x, y, z);
+            const float gy = along_y(volume, resolution, x, y, z);
+            const float gz = along_z(volume, resolution, x, y, z);
             const float square = gx * gx + gy * gy + gz * gz;
             hit[l] &= square > 0.0f;
             const float scale = inverse_root(square > 0.0f ? square : 1.0f);
@@ -194,4 +279,5 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
             normal_z[i] = hit[l] ? nz[l] : 0.0f;
         }
     }
+#endif
 }

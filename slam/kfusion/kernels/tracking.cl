@@ -1,4 +1,5 @@
 // Point-to-plane ICP against the raycast model (Newcombe et al. 2011, section 3.5).
+#include "arithmetic.h"
 #include "state.h"
 
 #ifdef DOUBLE_PRECISION
@@ -8,81 +9,141 @@ typedef double real;
 typedef float real;
 #endif
 
+#define TRACK_GROUP 64 // work-items of a group, in the shape for GPUs
+
 // 21 of J^T J (upper triangle), 6 of J^T e, the sum of e^2, the number of inliers; 3 stay free.
 #define SUMS 32
 
-// Associates each pixel of a row by projection and sums its part of the normal equations. Free of
-// branches: what is rejected counts with weight 0, and an index is only trusted after its bounds test.
+// One pixel's row of the least-squares problem: the gradient of its error by the twist, and the error; all
+// zero, with weight 0, where it has no partner.
+typedef struct {
+    float j0, j1, j2, j3, j4, j5, error, weight;
+} Equation;
+
+// Associates a pixel with the model by projection. Free of branches: what is rejected counts with weight 0,
+// and an index is only trusted after its bounds test, which NaN fails.
+INLINE Equation associate(float x, float y, float z, float nx, float ny, float nz, global const float *restrict model_x,
+                          global const float *restrict model_y, global const float *restrict model_z,
+                          global const float *restrict model_normal_x, global const float *restrict model_normal_y,
+                          global const float *restrict model_normal_z, int model_width, int model_height,
+                          float max_distance, float min_dot, const float *pose, const float *view)
+{
+    const float wx = pose[0] * x + pose[1] * y + pose[2] * z + pose[3];
+    const float wy = pose[4] * x + pose[5] * y + pose[6] * z + pose[7];
+    const float wz = pose[8] * x + pose[9] * y + pose[10] * z + pose[11];
+
+    const float depth = view[8] * wx + view[9] * wy + view[10] * wz + view[11];
+    const float inverse = 1.0f / depth;
+    const float u = (view[0] * wx + view[1] * wy + view[2] * wz + view[3]) * inverse + 0.5f;
+    const float v = (view[4] * wx + view[5] * wy + view[6] * wz + view[7]) * inverse + 0.5f;
+    const float right = model_width - 1, bottom = model_height - 1;
+    const int visible = (nx * nx + ny * ny + nz * nz > 0.0f) & (depth > 0.0f) & (u >= 0.0f) & (u <= right) &
+                        (v >= 0.0f) & (v <= bottom);
+    const int column = (int)(visible ? u : 0.0f), line = (int)(visible ? v : 0.0f);
+    const int m = line * model_width + column;
+
+    const float mx = model_normal_x[m], my = model_normal_y[m], mz = model_normal_z[m];
+    const float dx = model_x[m] - wx, dy = model_y[m] - wy, dz = model_z[m] - wz;
+    const float rx = pose[0] * nx + pose[1] * ny + pose[2] * nz;
+    const float ry = pose[4] * nx + pose[5] * ny + pose[6] * nz;
+    const float rz = pose[8] * nx + pose[9] * ny + pose[10] * nz;
+    const int inlier = visible & (mx * mx + my * my + mz * mz > 0.0f) &
+                       (dx * dx + dy * dy + dz * dz <= max_distance * max_distance) &
+                       (rx * mx + ry * my + rz * mz >= min_dot);
+    const float w = inlier ? 1.0f : 0.0f;
+
+    Equation equation;
+    equation.j0 = w * mx;
+    equation.j1 = w * my;
+    equation.j2 = w * mz;
+    equation.j3 = w * (wy * mz - wz * my);
+    equation.j4 = w * (wz * mx - wx * mz);
+    equation.j5 = w * (wx * my - wy * mx);
+    equation.error = w * (mx * dx + my * dy + mz * dz);
+    equation.weight = w;
+    return equation;
+}
+
+// Adds an equation to 29 separate sums, so that each can live in a vector register.
+#define ACCUMULATE(q)                                                                                                  \
+    s0 += q.j0 * q.j0, s1 += q.j0 * q.j1, s2 += q.j0 * q.j2, s3 += q.j0 * q.j3, s4 += q.j0 * q.j4, s5 += q.j0 * q.j5; \
+    s6 += q.j1 * q.j1, s7 += q.j1 * q.j2, s8 += q.j1 * q.j3, s9 += q.j1 * q.j4, s10 += q.j1 * q.j5;                   \
+    s11 += q.j2 * q.j2, s12 += q.j2 * q.j3, s13 += q.j2 * q.j4, s14 += q.j2 * q.j5;                                   \
+    s15 += q.j3 * q.j3, s16 += q.j3 * q.j4, s17 += q.j3 * q.j5;                                                       \
+    s18 += q.j4 * q.j4, s19 += q.j4 * q.j5;                                                                           \
+    s20 += q.j5 * q.j5;                                                                                                \
+    s21 += q.j0 * q.error, s22 += q.j1 * q.error, s23 += q.j2 * q.error;                                              \
+    s24 += q.j3 * q.error, s25 += q.j4 * q.error, s26 += q.j5 * q.error;                                              \
+    s27 += q.error * q.error, s28 += q.weight;
+
+#define COLLECT(sums)                                                                                                  \
+    sums[0] = s0, sums[1] = s1, sums[2] = s2, sums[3] = s3, sums[4] = s4, sums[5] = s5, sums[6] = s6, sums[7] = s7;   \
+    sums[8] = s8, sums[9] = s9, sums[10] = s10, sums[11] = s11, sums[12] = s12, sums[13] = s13, sums[14] = s14;       \
+    sums[15] = s15, sums[16] = s16, sums[17] = s17, sums[18] = s18, sums[19] = s19, sums[20] = s20, sums[21] = s21;   \
+    sums[22] = s22, sums[23] = s23, sums[24] = s24, sums[25] = s25, sums[26] = s26, sums[27] = s27, sums[28] = s28;
+
+// The parts of the normal equations of an image, one record of SUMS floats per work-group.
+// Rows: a work-group is one work-item and sums a row. Pixels: the work-items of a group take pixels in turn and
+// add up their sums in local memory, always in the same order.
+#ifdef PIXELS
+__attribute__((reqd_work_group_size(TRACK_GROUP, 1, 1)))
+#endif
 kernel void track(global const float *restrict depth, global const float *restrict normal_x,
-                  global const float *restrict normal_y, global const float *restrict normal_z, int width,
+                  global const float *restrict normal_y, global const float *restrict normal_z, int width, int height,
                   float4 camera, global const float *restrict model_x, global const float *restrict model_y,
                   global const float *restrict model_z, global const float *restrict model_normal_x,
                   global const float *restrict model_normal_y, global const float *restrict model_normal_z,
                   int model_width, int model_height, float max_distance, float min_dot, int iteration,
-                  global const State *restrict state, global float *restrict row_sums)
+                  global const State *restrict state, global float *restrict records)
 {
     if (iteration > 0 && state->converged)
         return;
-    const int y = get_global_id(0);
-    const float p0 = state->pose[0], p1 = state->pose[1], p2 = state->pose[2], p3 = state->pose[3];
-    const float p4 = state->pose[4], p5 = state->pose[5], p6 = state->pose[6], p7 = state->pose[7];
-    const float p8 = state->pose[8], p9 = state->pose[9], p10 = state->pose[10], p11 = state->pose[11];
-    const float v0 = state->view[0], v1 = state->view[1], v2 = state->view[2], v3 = state->view[3];
-    const float v4 = state->view[4], v5 = state->view[5], v6 = state->view[6], v7 = state->view[7];
-    const float v8 = state->view[8], v9 = state->view[9], v10 = state->view[10], v11 = state->view[11];
-    const float inverse_fx = 1.0f / camera.x, ray_y = (y - camera.w) / camera.y;
-    const float right = model_width - 1, bottom = model_height - 1;
-    const float max_square = max_distance * max_distance;
+    float pose[12], view[12];
+    for (int k = 0; k < 12; ++k) {
+        pose[k] = state->pose[k];
+        view[k] = state->view[k];
+    }
+    const float inverse_fx = 1.0f / camera.x, inverse_fy = 1.0f / camera.y;
     float s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0, s6 = 0, s7 = 0, s8 = 0, s9 = 0, s10 = 0, s11 = 0, s12 = 0,
           s13 = 0, s14 = 0, s15 = 0, s16 = 0, s17 = 0, s18 = 0, s19 = 0, s20 = 0, s21 = 0, s22 = 0, s23 = 0, s24 = 0,
           s25 = 0, s26 = 0, s27 = 0, s28 = 0;
 
+#ifdef PIXELS
+    for (int i = get_global_id(0); i < width * height; i += get_global_size(0)) {
+        const int y = i / width, x = i - y * width;
+#else
+    const int y = get_global_id(0);
     for (int x = 0; x < width; ++x) {
         const int i = y * width + x;
+#endif
         const float z = depth[i];
-        const float cx = (x - camera.z) * inverse_fx * z, cy = ray_y * z;
-        const float nx = normal_x[i], ny = normal_y[i], nz = normal_z[i];
-        const float wx = p0 * cx + p1 * cy + p2 * z + p3;
-        const float wy = p4 * cx + p5 * cy + p6 * z + p7;
-        const float wz = p8 * cx + p9 * cy + p10 * z + p11;
-
-        const float projected_z = v8 * wx + v9 * wy + v10 * wz + v11;
-        const float inverse_z = 1.0f / projected_z;
-        const float u = (v0 * wx + v1 * wy + v2 * wz + v3) * inverse_z + 0.5f;
-        const float v = (v4 * wx + v5 * wy + v6 * wz + v7) * inverse_z + 0.5f;
-        const int visible = (nx * nx + ny * ny + nz * nz > 0.0f) & (projected_z > 0.0f) & (u >= 0.0f) & (u <= right) &
-                            (v >= 0.0f) & (v <= bottom);
-        const int column = (int)(visible ? u : 0.0f), line = (int)(visible ? v : 0.0f);
-        const int m = line * model_width + column;
-
-        const float mx = model_normal_x[m], my = model_normal_y[m], mz = model_normal_z[m];
-        const float dx = model_x[m] - wx, dy = model_y[m] - wy, dz = model_z[m] - wz;
-        const float rx = p0 * nx + p1 * ny + p2 * nz;
-        const float ry = p4 * nx + p5 * ny + p6 * nz;
-        const float rz = p8 * nx + p9 * ny + p10 * nz;
-        const int inlier = visible & (mx * mx + my * my + mz * mz > 0.0f) &
-                           (dx * dx + dy * dy + dz * dz <= max_square) & (rx * mx + ry * my + rz * mz >= min_dot);
-        const float w = inlier ? 1.0f : 0.0f;
-
-        const float e = w * (mx * dx + my * dy + mz * dz);
-        const float j0 = w * mx, j1 = w * my, j2 = w * mz;
-        const float j3 = w * (wy * mz - wz * my), j4 = w * (wz * mx - wx * mz), j5 = w * (wx * my - wy * mx);
-        s0 += j0 * j0; s1 += j0 * j1; s2 += j0 * j2; s3 += j0 * j3; s4 += j0 * j4; s5 += j0 * j5;
-        s6 += j1 * j1; s7 += j1 * j2; s8 += j1 * j3; s9 += j1 * j4; s10 += j1 * j5;
-        s11 += j2 * j2; s12 += j2 * j3; s13 += j2 * j4; s14 += j2 * j5;
-        s15 += j3 * j3; s16 += j3 * j4; s17 += j3 * j5;
-        s18 += j4 * j4; s19 += j4 * j5;
-        s20 += j5 * j5;
-        s21 += j0 * e; s22 += j1 * e; s23 += j2 * e; s24 += j3 * e; s25 += j4 * e; s26 += j5 * e;
-        s27 += e * e;
-        s28 += w;
+        const Equation equation = associate((x - camera.z) * inverse_fx * z, (y - camera.w) * inverse_fy * z, z,
+                                            normal_x[i], normal_y[i], normal_z[i], model_x, model_y, model_z,
+                                            model_normal_x, model_normal_y, model_normal_z, model_width, model_height,
+                                            max_distance, min_dot, pose, view);
+        ACCUMULATE(equation)
     }
 
-    global float *restrict sums = row_sums + y * SUMS;
-    sums[0] = s0; sums[1] = s1; sums[2] = s2; sums[3] = s3; sums[4] = s4; sums[5] = s5; sums[6] = s6; sums[7] = s7;
-    sums[8] = s8; sums[9] = s9; sums[10] = s10; sums[11] = s11; sums[12] = s12; sums[13] = s13; sums[14] = s14;
-    sums[15] = s15; sums[16] = s16; sums[17] = s17; sums[18] = s18; sums[19] = s19; sums[20] = s20; sums[21] = s21;
-    sums[22] = s22; sums[23] = s23; sums[24] = s24; sums[25] = s25; sums[26] = s26; sums[27] = s27; sums[28] = s28;
+    global float *restrict record = records + get_group_id(0) * SUMS;
+#ifdef PIXELS
+    float sums[SUMS];
+    COLLECT(sums)
+    local float lane[TRACK_GROUP];
+    const int me = get_local_id(0);
+    for (int k = 0; k < 29; ++k) {
+        lane[me] = sums[k];
+        for (int stride = TRACK_GROUP / 2; stride > 0; stride /= 2) {
+            barrier(CLK_LOCAL_MEM_FENCE);
+            if (me < stride)
+                lane[me] += lane[me + stride];
+        }
+        if (me == 0)
+            record[k] = lane[0];
+        barrier(CLK_LOCAL_MEM_FENCE);
+    }
+#else
+    COLLECT(record)
+#endif
 }
 
 // Eigenvectors (columns of v) and eigenvalues (diagonal of a) of a symmetric matrix, by cyclic Jacobi rotations.
@@ -124,9 +185,9 @@ inline void diagonalise(real a[6][6], real v[6][6])
     }
 }
 
-// Sums the rows in their order, solves J^T J x = J^T e and moves the pose by exp(x). Directions whose
+// Sums the records in their order, solves J^T J x = J^T e and moves the pose by exp(x). Directions whose
 // eigenvalue is a millionth of the largest or less are left alone, as by a truncated SVD.
-kernel void solve(global const float *restrict row_sums, int rows, float threshold, int iteration,
+kernel void solve(global const float *restrict records, int count, float threshold, int iteration,
                   global State *restrict state)
 {
     if (iteration > 0 && state->converged)
@@ -134,9 +195,9 @@ kernel void solve(global const float *restrict row_sums, int rows, float thresho
     real total[SUMS];
     for (int k = 0; k < SUMS; ++k)
         total[k] = 0;
-    for (int row = 0; row < rows; ++row)
+    for (int record = 0; record < count; ++record)
         for (int k = 0; k < 29; ++k)
-            total[k] += row_sums[row * SUMS + k];
+            total[k] += records[record * SUMS + k];
 
     real a[6][6], v[6][6];
     int k = 0;

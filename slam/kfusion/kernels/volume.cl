@@ -31,68 +31,104 @@ INLINE void clip(float offset, float slope, float *first, float *last)
         *last = -1.0f;
 }
 
-// Fuses a depth image. A work-item owns the 8x8 voxel rows along x of a row of blocks. Each row is cut
-// to the part that the camera can see, no deeper than the farthest depth plus mu. A block in which a
-// voxel has come nearer to a surface than `near_surface` is marked for the raycast, for good.
+// What a voxel becomes: itself, or the running mean with the measured distance. (x, y, z) is its centre in the
+// camera's frame; `near` tells whether it was updated to a distance below `near_surface`.
+INLINE uint fused(uint voxel, float x, float y, float z, global const float *restrict depth, int width, int height,
+                  float4 camera, float mu, float max_weight, float near_surface, int *near)
+{
+    const float inverse_z = 1.0f / z;
+    const float ray_x = x * inverse_z, ray_y = y * inverse_z;
+    const float u = camera.x * ray_x + camera.z + 0.5f, v = camera.y * ray_y + camera.w + 0.5f;
+    const float right = width - 1, bottom = height - 1;
+    const int visible = (z > 0.0001f) & (u >= 0.0f) & (u <= right) & (v >= 0.0f) & (v <= bottom);
+    const float measured = depth[(int)(visible ? v : 0.0f) * width + (int)(visible ? u : 0.0f)];
+    const float square = 1.0f + ray_x * ray_x + ray_y * ray_y;
+    const float difference = (measured - z) * square * inverse_root(square);
+    const int update = visible & (measured > 0.0f) & (difference > -mu);
+
+    const float distance = (short)(voxel & 0xffff), weight = voxel >> 16;
+    const float observed = smaller(difference * (SCALE / mu), SCALE);
+    const float mean = (distance * weight + observed) / (weight + 1.0f);
+    // Adding 32768.5 makes truncation round to the nearest, also below zero.
+    const int rounded = (int)(larger(mean, -SCALE) + 32768.5f) - 32768;
+    const int heavier = (int)smaller(weight + 1.0f, max_weight);
+    *near = update & (rounded < (int)near_surface);
+    return update ? ((uint)heavier << 16) | ((uint)rounded & 0xffff) : voxel;
+}
+
+// The range [*first, *last] of steps along a line of voxels that the camera may see, no deeper than `limit`; *last <
+// *first where there is none. The line's first centre is at `base` in the camera's frame, a step adds `slope`.
+INLINE void visible_range(float3 base, float3 slope, int steps, int width, int height, float4 camera, float limit,
+                          int *first, int *last)
+{
+    float from = 0.0f, to = steps - 1;
+    clip(base.z, slope.z, &from, &to);
+    clip(limit - base.z, -slope.z, &from, &to);
+    const float left = camera.z + 0.5f, right = camera.z + 0.5f - (width - 1);
+    clip(camera.x * base.x + left * base.z, camera.x * slope.x + left * slope.z, &from, &to);
+    clip(-camera.x * base.x - right * base.z, -camera.x * slope.x - right * slope.z, &from, &to);
+    const float top = camera.w + 0.5f, bottom = camera.w + 0.5f - (height - 1);
+    clip(camera.y * base.y + top * base.z, camera.y * slope.y + top * slope.z, &from, &to);
+    clip(-camera.y * base.y - bottom * base.z, -camera.y * slope.y - bottom * slope.z, &from, &to);
+    *first = from <= to ? (int)from : 0;
+    *last = from <= to ? bounded((int)to, 0, steps - 1) : -1;
+}
+
+// The centre of voxel (x, y, z) in the camera's frame.
+INLINE float3 seen(global const State *restrict state, int x, int y, int z, float voxel_size)
+{
+    global const float *pose = state->pose;
+    const float px = (x + 0.5f) * voxel_size - pose[3];
+    const float py = (y + 0.5f) * voxel_size - pose[7];
+    const float pz = (z + 0.5f) * voxel_size - pose[11];
+    return (float3)(pose[0] * px + pose[4] * py + pose[8] * pz, pose[1] * px + pose[5] * py + pose[9] * pz,
+                    pose[2] * px + pose[6] * py + pose[10] * pz);
+}
+
+// Fuses a depth image. Only voxels that the camera may see are visited, no deeper than the farthest depth plus mu. A
+// block in which a voxel has come nearer to a surface than `near_surface` is marked for the raycast, for good.
+// Rows: a work-item owns the 8x8 voxel rows along x of a row of blocks.
+// Pixels: a work-item owns a column along z, so that neighbours in x read and write side by side.
 kernel void integrate(global uint *restrict volume, int resolution, float voxel_size, global int *restrict surface,
                       int blocks, global const float *restrict depth, int width, int height, float4 camera, float mu,
                       float max_weight, float near_surface, global const State *restrict state)
 {
-    const int block_y = get_global_id(0), block_z = get_global_id(1);
-    global const float *pose = state->pose;
-    const float right = width - 1, bottom = height - 1;
     const float limit = state->farthest + mu;
-    const float per_mu = SCALE / mu;
-    // Along x, a voxel's place in the camera's frame moves by the first row of the rotation.
-    const float slope_x = voxel_size * pose[0], slope_y = voxel_size * pose[1], slope_z = voxel_size * pose[2];
-
-    const int last_z = bounded((block_z + 1) * BLOCK, 0, resolution);
-    const int last_y = bounded((block_y + 1) * BLOCK, 0, resolution);
-    for (int z = block_z * BLOCK; z < last_z; ++z)
-        for (int y = block_y * BLOCK; y < last_y; ++y) {
-            const float px = 0.5f * voxel_size - pose[3];
-            const float py = (y + 0.5f) * voxel_size - pose[7];
-            const float pz = (z + 0.5f) * voxel_size - pose[11];
-            const float base_x = pose[0] * px + pose[4] * py + pose[8] * pz;
-            const float base_y = pose[1] * px + pose[5] * py + pose[9] * pz;
-            const float base_z = pose[2] * px + pose[6] * py + pose[10] * pz;
-
-            float from = 0.0f, to = resolution - 1;
-            clip(base_z, slope_z, &from, &to);
-            clip(limit - base_z, -slope_z, &from, &to);
-            const float left_u = camera.z + 0.5f, right_u = camera.z + 0.5f - right;
-            clip(camera.x * base_x + left_u * base_z, camera.x * slope_x + left_u * slope_z, &from, &to);
-            clip(-camera.x * base_x - right_u * base_z, -camera.x * slope_x - right_u * slope_z, &from, &to);
-            const float top_v = camera.w + 0.5f, bottom_v = camera.w + 0.5f - bottom;
-            clip(camera.y * base_y + top_v * base_z, camera.y * slope_y + top_v * slope_z, &from, &to);
-            clip(-camera.y * base_y - bottom_v * base_z, -camera.y * slope_y - bottom_v * slope_z, &from, &to);
-            if (!(from <= to))
-                continue;
-
-            const int first = (int)from, last = bounded((int)to, 0, resolution - 1);
+    int first, last;
+#ifdef PIXELS
+    const int x = get_global_id(0), y = get_global_id(1);
+    if (x >= resolution || y >= resolution)
+        return;
+    const float3 slope = voxel_size * (float3)(state->pose[8], state->pose[9], state->pose[10]);
+    const float3 base = seen(state, x, y, 0, voxel_size);
+    visible_range(base, slope, resolution, width, height, camera, limit, &first, &last);
+    for (int z = first; z <= last; ++z) {
+        const int i = (z * resolution + y) * resolution + x;
+        int near;
+        volume[i] = fused(volume[i], base.x + z * slope.x, base.y + z * slope.y, base.z + z * slope.z, depth, width,
+                          height, camera, mu, max_weight, near_surface, &near);
+        // Several work-items may write here, and all of them the same.
+        if (near)
+            surface[((z / BLOCK) * blocks + y / BLOCK) * blocks + x / BLOCK] = 1;
+    }
+#else
+    const int block_y = get_global_id(0), block_z = get_global_id(1);
+    const float3 slope = voxel_size * (float3)(state->pose[0], state->pose[1], state->pose[2]);
+    const int end_z = bounded((block_z + 1) * BLOCK, 0, resolution);
+    const int end_y = bounded((block_y + 1) * BLOCK, 0, resolution);
+    for (int z = block_z * BLOCK; z < end_z; ++z)
+        for (int y = block_y * BLOCK; y < end_y; ++y) {
+            const float3 base = seen(state, 0, y, z, voxel_size);
+            visible_range(base, slope, resolution, width, height, camera, limit, &first, &last);
             global uint *restrict row = volume + (z * resolution + y) * resolution;
+            const float base_x = base.x, base_y = base.y, base_z = base.z;
+            const float slope_x = slope.x, slope_y = slope.y, slope_z = slope.z;
             int touched = 0;
             for (int x = first; x <= last; ++x) {
-                const float cx = base_x + x * slope_x, cy = base_y + x * slope_y, cz = base_z + x * slope_z;
-                const float inverse_z = 1.0f / cz;
-                const float ray_x = cx * inverse_z, ray_y = cy * inverse_z;
-                const float u = camera.x * ray_x + left_u, v = camera.y * ray_y + top_v;
-                const int visible =
-                    (cz > 0.0001f) & (u >= 0.0f) & (u <= right) & (v >= 0.0f) & (v <= bottom);
-                const float measured = depth[(int)(visible ? v : 0.0f) * width + (int)(visible ? u : 0.0f)];
-                const float square = 1.0f + ray_x * ray_x + ray_y * ray_y;
-                const float difference = (measured - cz) * square * inverse_root(square);
-                const int update = visible & (measured > 0.0f) & (difference > -mu);
-
-                const uint voxel = row[x];
-                const float distance = (short)(voxel & 0xffff), weight = voxel >> 16;
-                const float observed = difference * per_mu;
-                const float mean = (distance * weight + smaller(observed, SCALE)) / (weight + 1.0f);
-                // Adding 32768.5 makes truncation round to the nearest, also below zero.
-                const int rounded = (int)(larger(mean, -SCALE) + 32768.5f) - 32768;
-                const float heavier = smaller(weight + 1.0f, max_weight);
-                row[x] = update ? (((uint)(int)heavier) << 16) | ((uint)rounded & 0xffff) : voxel;
-                touched |= update & (rounded < (int)near_surface);
+                int near;
+                row[x] = fused(row[x], base_x + x * slope_x, base_y + x * slope_y, base_z + x * slope_z, depth, width,
+                               height, camera, mu, max_weight, near_surface, &near);
+                touched |= near;
             }
             if (!touched)
                 continue;
@@ -105,6 +141,7 @@ kernel void integrate(global uint *restrict volume, int resolution, float voxel_
                 marks[block] |= mark;
             }
         }
+#endif
 }
 
 // A block must be searched when it or a neighbour towards larger x, y or z is marked: trilinear

@@ -9,35 +9,41 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slam.opencl import Device, Session, list_devices
+from slam.layout import KINDS, Layout
+from slam.opencl import Session, list_devices
 
-DEVICES = list_devices()
-
-
-def _name(device: Device) -> str:
-    return f"{device.kind}-{device.driver}".replace(" ", "-")
+PLACES = [(device, Layout(kind)) for device in list_devices() for kind in KINDS]
+NAMES = [f"{device.kind}-{device.driver}-{layout.kind}".replace(" ", "-") for device, layout in PLACES]
 
 
-@pytest.fixture(scope="session", params=DEVICES or [None], ids=_name if DEVICES else ["none"])
+@pytest.fixture(scope="session", params=PLACES or [None], ids=NAMES or ["none"])
 def session(request: pytest.FixtureRequest) -> Session:
+    """Every device, with the kernels laid out for CPUs and for GPUs."""
     if request.param is None:
         pytest.fail("no OpenCL device: PoCL's wheel is among the locked requirements where it exists")
-    return Session(request.param)
+    return Session(*request.param)
 
 
 @pytest.fixture
 def launch(session: Session) -> Callable[..., None]:
-    """launch(source, name, size, *arguments): arrays travel to the device and, changed, back in place."""
+    """launch(source, name, size, *arguments, group=None): arrays travel to the device and, changed, back.
+
+    A size of ("image", width, height) is laid out as the session's images are.
+    """
     import pyopencl as cl
 
-    def run(source: Path, name: str, size: tuple[int, ...], *arguments: Any) -> None:
+    def run(
+        source: Path, name: str, size: Any, *arguments: Any, group: tuple[int, ...] | None = None
+    ) -> None:
+        if size[0] == "image":
+            size, group = session.layout.over(*size[1:])
         places = {}
         for index, value in enumerate(arguments):
             if isinstance(value, np.ndarray) and not (value.dtype == np.float32 and value.shape == (4,)):
                 places[index] = session.buffer(value.nbytes)
                 cl.enqueue_copy(session.queue, places[index], value)
         bound = [places.get(index, value) for index, value in enumerate(arguments)]
-        session.kernel(source, name, size, *bound)()
+        session.kernel(source, name, size, *bound, group=group)()
         for index, place in places.items():
             cl.enqueue_copy(session.queue, arguments[index], place)
         session.finish()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,11 @@ BLOCKS = 5
 
 def planes(image: np.ndarray) -> list[np.ndarray]:
     return [np.ascontiguousarray(image[..., axis], np.float32) for axis in range(3)]
+
+
+def image(camera: Camera) -> tuple[str, int, int]:
+    """The size of a kernel over an image of this camera."""
+    return ("image", camera.width, camera.height)
 
 
 def room_depth(camera: Camera, seed: int = 0) -> np.ndarray:
@@ -70,23 +77,26 @@ def test_millimetres_to_metres(launch, ratio):
     depth = np.random.default_rng(1).integers(0, 9000, (30, 40), dtype=np.uint16)
     expected = reference.millimetres_to_metres(depth, ratio)
     metres, rows = np.zeros(expected.shape, np.float32), np.zeros(len(expected), np.float32)
+    size = metres.shape[::-1]
     launch(
-        preprocessing.SOURCE, "millimetres_to_metres", (len(metres),), depth, 40, ratio, metres,
-        metres.shape[1], rows,
+        preprocessing.SOURCE, "millimetres_to_metres", ("image", *size), depth, 40, ratio, metres,
+        *size,
     )  # fmt: skip
     np.testing.assert_allclose(metres, expected, rtol=1e-6)
     state = state_of(np.eye(4))
+    launch(preprocessing.SOURCE, "farthest_of_rows", (len(rows),), metres, metres.shape[1], rows)
+    np.testing.assert_allclose(rows, reference.farthest_of_rows(expected), rtol=1e-6)
     launch(preprocessing.SOURCE, "farthest_depth", (1,), rows, len(rows), state)
-    assert state["farthest"][0] == pytest.approx(reference.farthest_depth(expected), rel=1e-6)
+    assert state["farthest"][0] == pytest.approx(reference.farthest_depth(rows), rel=1e-6)
 
 
 @pytest.mark.parametrize("shape", [(30, 40), (7, 5), (3, 3), (2, 1)])
 def test_bilateral_filter(launch, shape):
     depth = np.random.default_rng(2).uniform(0.4, 0.9, shape).astype(np.float32)
     depth[np.random.default_rng(3).random(shape) < 0.2] = 0
-    filtered = np.zeros_like(depth)
+    filtered, size = np.zeros_like(depth), shape[::-1]
     launch(
-        preprocessing.SOURCE, "bilateral_filter", (shape[0],), depth, filtered, shape[1], shape[0],
+        preprocessing.SOURCE, "bilateral_filter", ("image", *size), depth, filtered, *size,
         0.5 / 4.0**2, 0.5 / 0.1**2,
     )  # fmt: skip
     np.testing.assert_allclose(filtered, reference.bilateral_filter(depth.astype(float), 4.0, 0.1), rtol=3e-5)
@@ -95,7 +105,7 @@ def test_bilateral_filter(launch, shape):
 def test_half_sample_of_an_odd_size(launch):
     fine = np.random.default_rng(4).choice([0, 0.8, 1.0, 1.05, 1.4], (31, 41)).astype(np.float32)
     coarse = np.zeros((15, 20), np.float32)
-    launch(preprocessing.SOURCE, "half_sample", (15,), fine, 41, coarse, 20, 0.3)
+    launch(preprocessing.SOURCE, "half_sample", ("image", 20, 15), fine, 41, coarse, 20, 15, 0.3)
     np.testing.assert_allclose(coarse, reference.half_sample(fine.astype(float), 0.3), rtol=1e-6)
 
 
@@ -104,7 +114,7 @@ def test_normal_map(launch, camera):
     depth = room_depth(camera)
     maps = [np.full(depth.shape, 7, np.float32) for _ in range(3)]
     launch(
-        preprocessing.SOURCE, "normal_map", (camera.height,), depth, *maps, camera.width, camera.height,
+        preprocessing.SOURCE, "normal_map", image(camera), depth, *maps, camera.width, camera.height,
         intrinsics(camera),
     )  # fmt: skip
     expected = reference.normal_map(depth.astype(float), camera)
@@ -131,15 +141,24 @@ def tracking_problem() -> dict[str, np.ndarray]:
     }
 
 
-def test_track_sums_the_normal_equations(launch):
+def track(launch, session, problem, state, iteration: int = 0) -> np.ndarray:
+    """The records that the kernel leaves; those that it does not write hold 5."""
+    camera = halved(CAMERA)
+    count, size, group = tracking.records_of(session.layout, camera.width, camera.height)
+    records = np.full((count, tracking.SUMS), 5, np.float32)
+    launch(
+        tracking.SOURCE, "track", size, problem["depth"].astype(np.float32), *planes(problem["normals"]),
+        camera.width, camera.height, intrinsics(camera), *planes(problem["model_vertices"]),
+        *planes(problem["model_normals"]), CAMERA.width, CAMERA.height, 0.1, 0.8, iteration, state, records,
+        group=group,
+    )  # fmt: skip
+    return records
+
+
+def test_track_sums_the_normal_equations(launch, session):
     problem, camera = tracking_problem(), halved(CAMERA)
     state = state_of(problem["pose"], view=problem["view"].ravel())
-    sums = np.zeros((camera.height, tracking.SUMS), np.float32)
-    launch(
-        tracking.SOURCE, "track", (camera.height,), problem["depth"].astype(np.float32),
-        *planes(problem["normals"]), camera.width, intrinsics(camera), *planes(problem["model_vertices"]),
-        *planes(problem["model_normals"]), CAMERA.width, CAMERA.height, 0.1, 0.8, 0, state, sums,
-    )  # fmt: skip
+    sums = track(launch, session, problem, state, iteration=0)
     matrix, right_side, squared_error, inliers = reference.track(
         problem["depth"], problem["normals"], camera, problem["model_vertices"], problem["model_normals"],
         problem["pose"], problem["view"], 0.1, 0.8,
@@ -152,32 +171,22 @@ def test_track_sums_the_normal_equations(launch):
     assert total[27] == pytest.approx(squared_error, rel=0.02)
 
 
-def test_track_of_a_converged_level_does_nothing(launch):
-    problem, camera = tracking_problem(), halved(CAMERA)
+def test_track_of_a_converged_level_does_nothing(launch, session):
+    problem = tracking_problem()
     state = state_of(problem["pose"], view=problem["view"].ravel(), converged=1)
-    sums = np.full((camera.height, tracking.SUMS), 5, np.float32)
-    launch(
-        tracking.SOURCE, "track", (camera.height,), problem["depth"].astype(np.float32),
-        *planes(problem["normals"]), camera.width, intrinsics(camera), *planes(problem["model_vertices"]),
-        *planes(problem["model_normals"]), CAMERA.width, CAMERA.height, 0.1, 0.8, 1, state, sums,
-    )  # fmt: skip
-    launch(tracking.SOURCE, "solve", (1,), sums, camera.height, 1e-5, 1, state)
+    sums = track(launch, session, problem, state, iteration=1)
+    launch(tracking.SOURCE, "solve", (1,), sums, len(sums), 1e-5, 1, state)
     assert (sums == 5).all()
     np.testing.assert_array_equal(state["pose"][0], problem["pose"][:3].ravel().astype(np.float32))
 
 
-def test_track_trusts_no_index_made_of_nan(launch):
+def test_track_trusts_no_index_made_of_nan(launch, session):
     """A pose or a view full of NaN associates nothing, instead of reading somewhere."""
-    problem, camera = tracking_problem(), halved(CAMERA)
+    problem = tracking_problem()
     for poisoned in ("pose", "view"):
         state = state_of(problem["pose"], view=problem["view"].ravel())
         state[poisoned] = np.nan
-        sums = np.zeros((camera.height, tracking.SUMS), np.float32)
-        launch(
-            tracking.SOURCE, "track", (camera.height,), problem["depth"].astype(np.float32),
-            *planes(problem["normals"]), camera.width, intrinsics(camera), *planes(problem["model_vertices"]),
-            *planes(problem["model_normals"]), CAMERA.width, CAMERA.height, 0.1, 0.8, 0, state, sums,
-        )  # fmt: skip
+        sums = track(launch, session, problem, state, iteration=0)
         assert sums[:, 28].sum() == 0
 
 
@@ -253,7 +262,8 @@ def test_clear_volume(launch):
 @pytest.mark.parametrize(
     "twist", [(0, 0, 0), (0.3, -0.4, 0.2), (0, 1.5707963, 0)], ids=["straight", "askew", "side"]
 )
-def test_integrate_twice(launch, camera, twist):
+def test_integrate_twice(launch, session, camera, twist):
+    size, group = volume.lines_of(session.layout, RESOLUTION)
     pose = pose_at((1.2, 1.1, 0.15) if not twist[1] > 1 else (0.1, 1.1, 1.2), twist)
     distances, weights = reference.clear_volume(RESOLUTION)
     voxels, marks = packed(distances, weights), np.zeros((BLOCKS,) * 3, np.int32)
@@ -263,9 +273,9 @@ def test_integrate_twice(launch, camera, twist):
             distances, weights, VOXEL, depth.astype(float), camera, pose, MU, 100
         )
         launch(
-            volume.SOURCE, "integrate", (BLOCKS, BLOCKS), voxels, RESOLUTION, VOXEL, marks, BLOCKS, depth,
+            volume.SOURCE, "integrate", size, voxels, RESOLUTION, VOXEL, marks, BLOCKS, depth,
             camera.width, camera.height, intrinsics(camera), MU, 100.0, volume.NEAR_SURFACE,
-            state_of(pose, farthest=depth.max()),
+            state_of(pose, farthest=depth.max()), group=group,
         )  # fmt: skip
     got_distances, got_weights = unpacked(voxels)
     differing = (abs(got_distances - distances) > 2e-4) | (got_weights != weights)
@@ -275,15 +285,16 @@ def test_integrate_twice(launch, camera, twist):
     assert abs(marks - expected_marks).mean() < 0.02
 
 
-def test_integrate_stops_at_the_largest_weight(launch):
+def test_integrate_stops_at_the_largest_weight(launch, session):
+    size, group = volume.lines_of(session.layout, RESOLUTION)
     depth, pose = room_depth(CAMERA), pose_at((1.2, 1.1, 0.15))
     distances, weights = reference.clear_volume(RESOLUTION)
     weights += 3
     voxels, marks = packed(distances, weights), np.zeros((BLOCKS,) * 3, np.int32)
     launch(
-        volume.SOURCE, "integrate", (BLOCKS, BLOCKS), voxels, RESOLUTION, VOXEL, marks, BLOCKS, depth,
+        volume.SOURCE, "integrate", size, voxels, RESOLUTION, VOXEL, marks, BLOCKS, depth,
         CAMERA.width, CAMERA.height, intrinsics(CAMERA), MU, 3.0, volume.NEAR_SURFACE,
-        state_of(pose, farthest=depth.max()),
+        state_of(pose, farthest=depth.max()), group=group,
     )  # fmt: skip
     assert unpacked(voxels)[1].max() == 3
 
@@ -304,26 +315,34 @@ def test_view_from(launch):
     )
 
 
-@pytest.mark.parametrize("mu", [0.08, 0.25, 0.6], ids=["thin", "usual", "thick"])
-@pytest.mark.parametrize("twist", [(0, 0, 0), (0.25, -0.3, 0.1)], ids=["straight", "askew"])
-def test_raycast(launch, mu, twist):
-    """Also with truncation bands thinner than a voxel and wider than the scene."""
+@functools.cache
+def raycast_case(
+    mu: float, twist: tuple[float, float, float]
+) -> tuple[Camera, np.ndarray, np.ndarray, tuple]:
+    """A camera, the volume that it looks into, its pose, and what the reference sees: once for all devices."""
     camera = Camera(30.0, 31.0, 19.3, 14.6, 37, 30)
     distances, weights = reference.clear_volume(RESOLUTION)
     distances, weights = reference.integrate(
         distances, weights, VOXEL, room_depth(CAMERA).astype(float), CAMERA, pose_at((1.2, 1.1, 0.1)), mu, 100
     )
     voxels = packed(distances, weights)
-    distances = unpacked(voxels)[0]
-    searched = reference.dilate_blocks(marks_of(distances) > 0).astype(np.int32)
     pose = pose_at((1.15, 1.12, 0.12), twist)
+    expected = reference.raycast(unpacked(voxels)[0], VOXEL, pose, camera, 0.4, 4.0, VOXEL, 0.75 * mu)
+    return camera, voxels, pose, expected
+
+
+@pytest.mark.parametrize("mu", [0.08, 0.25, 0.6], ids=["thin", "usual", "thick"])
+@pytest.mark.parametrize("twist", [(0, 0, 0), (0.25, -0.3, 0.1)], ids=["straight", "askew"])
+def test_raycast(launch, mu, twist):
+    """Also with truncation bands thinner than a voxel and wider than the scene."""
+    camera, voxels, pose, (vertices, normals) = raycast_case(mu, twist)
+    searched = reference.dilate_blocks(marks_of(unpacked(voxels)[0]) > 0).astype(np.int32)
     maps = [np.full((camera.height, camera.width), 7, np.float32) for _ in range(6)]
     launch(
-        raycasting.SOURCE, "raycast", (camera.height,), voxels, RESOLUTION, VOXEL, searched, BLOCKS,
-        camera.width, intrinsics(camera), 0.4, 4.0, VOXEL, 0.75 * mu, volume.NEAR_SURFACE, state_of(pose),
-        *maps,
+        raycasting.SOURCE, "raycast", image(camera), voxels, RESOLUTION, VOXEL, searched, BLOCKS,
+        camera.width, camera.height, intrinsics(camera), 0.4, 4.0, VOXEL, 0.75 * mu, volume.NEAR_SURFACE,
+        state_of(pose), *maps,
     )  # fmt: skip
-    vertices, normals = reference.raycast(distances, VOXEL, pose, camera, 0.4, 4.0, VOXEL, 0.75 * mu)
     found, expected = maps[3] ** 2 + maps[4] ** 2 + maps[5] ** 2 > 0, normals.any(axis=-1)
     assert expected.sum() > 200
     assert (found != expected).mean() < 0.01
@@ -342,8 +361,8 @@ def test_raycast_sees_nothing_in_an_empty_volume_or_from_outside_it(launch):
     for pose in (pose_at((1.2, 1.1, 0.1)), pose_at((9.0, 9.0, 9.0))):
         maps = [np.full((CAMERA.height, CAMERA.width), 7, np.float32) for _ in range(6)]
         launch(
-            raycasting.SOURCE, "raycast", (CAMERA.height,), packed(distances, weights), RESOLUTION, VOXEL,
-            searched, BLOCKS, CAMERA.width, intrinsics(CAMERA), 0.4, 4.0, VOXEL, 0.75 * MU,
+            raycasting.SOURCE, "raycast", image(CAMERA), packed(distances, weights), RESOLUTION, VOXEL,
+            searched, BLOCKS, CAMERA.width, CAMERA.height, intrinsics(CAMERA), 0.4, 4.0, VOXEL, 0.75 * MU,
             volume.NEAR_SURFACE, state_of(pose), *maps,
         )  # fmt: skip
         assert not np.dstack(maps).any()
