@@ -186,17 +186,17 @@ def payload(session: Session, manifest: Manifest, device: Mapping[str, str | Non
     }
 
 
-def _recorded(id: str, configuration: str, repeat: int, order: int, result: Report | str) -> Run:
+def _recorded(run_id: str, configuration: str, repeat: int, order: int, result: Report | str) -> Run:
     """The run that a report, or the reason why there is none, makes."""
     if isinstance(result, str):
-        return Run(id, configuration, repeat, order, "failed", failure=result)
+        return Run(run_id, configuration, repeat, order, "failed", failure=result)
     report = result.to_dict()
     frames, ate = report["frames"], report["ate"] or {}
     errors = [ate.get(name) for name in ("max", "mean", "rmse")]
     if not all(error is None or math.isfinite(error) for error in errors):
-        return Run(id, configuration, repeat, order, "failed", failure="the trajectory is not finite")
+        return Run(run_id, configuration, repeat, order, "failed", failure="the trajectory is not finite")
     return Run(
-        id,
+        run_id,
         configuration,
         repeat,
         order,
