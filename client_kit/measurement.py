@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from slam.benchmark import Report
 
 from client_kit import __version__
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest, Protocol
 from client_kit.sensors import Sample, Sampler
 from slam import benchmark
+from slam.benchmark import Report
 from slam.datasets.sequence import Sequence, SequenceError
 from slam.opencl import NoDeviceError
 from slam.systems import STAGES
