@@ -10,6 +10,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.protocols import first_counted_frame, max_ate
 from crowd.dashboard.rules import RULES
 from crowd.results.rows import Device, Speedup
+from crowd.results.statistics import MAX_DRIFT
 
 register = template.Library()
 
@@ -50,6 +51,12 @@ for name, function in FORMATS.items():
 def interval(low: float | None, high: float | None) -> str:
     """Both ends of a confidence interval of speedups."""
     return formats.interval(low, high)
+
+
+@register.simple_tag
+def max_drift() -> str:
+    """How much slower a repeat may be before its session is suspect."""
+    return formats.change(MAX_DRIFT)
 
 
 @register.filter
