@@ -1,5 +1,6 @@
 """What a participant may ask for: everything that is kept of them, and that it be gone."""
 
+import json
 from typing import Any
 from uuid import UUID
 
@@ -30,7 +31,7 @@ def own_data(installation: Installation) -> dict[str, Any]:
                 "received_at": submission.received_at,
                 "app_version": submission.app_version,
                 "consent_version": submission.consent_version,
-                "answer": submission.answer,
+                "answer": json.loads(submission.answer),
             }
             for submission in installation.submissions.all()
         ],

@@ -27,7 +27,7 @@ class Submission(models.Model):
     installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="submissions")
     idempotency_key = models.CharField(max_length=128)
     body_sha256 = models.CharField(max_length=64)
-    answer = models.JSONField(help_text="what the client was told, told again on a replay")
+    answer = models.TextField(help_text="the JSON that the client was told, told again on a replay")
     schema_version = models.PositiveSmallIntegerField()
     app_version = models.CharField(max_length=32)
     consent_version = models.PositiveSmallIntegerField()

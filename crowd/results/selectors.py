@@ -1,5 +1,6 @@
 """Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
 
+import json
 from collections import defaultdict
 from collections.abc import Iterable
 from datetime import UTC, datetime, time
@@ -145,14 +146,15 @@ def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
     if row is None:
         return None
     # A session that came in parts belongs to the submission of its first run: the runs' ids find it too.
-    uuids = [item["id"] for item in row.answer["items"] if item["status"] != REJECTED]
+    items = json.loads(row.answer)["items"]
+    uuids = [item["id"] for item in items if item["status"] != REJECTED]
     sessions = (
         _sessions().filter(Q(submission=row) | Q(runs__uuid__in=uuids, installation=installation)).distinct()
     )
     return SubmissionRow(
         id=row.pk,
         received_at=row.received_at,
-        items=row.answer["items"],
+        items=items,
         sessions=tuple(_session(each) for each in sessions),
     )
 

@@ -1,6 +1,7 @@
 """Taking in what clients send: a request is one transaction, stored once, item by item, or not at all."""
 
 import hashlib
+import json
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
@@ -19,9 +20,9 @@ from crowd.results.models import MeasurementSession, Run, Submission
 
 @dataclass(frozen=True)
 class Acceptance:
-    """What the client is told; `replayed` if it was told before; `sessions` now wait for their summary."""
+    """What the client is told, as JSON; whether it was told before; the sessions that now wait."""
 
-    answer: dict[str, Any]
+    answer: str
     replayed: bool
     sessions: tuple[int, ...] = ()
 
@@ -50,15 +51,13 @@ def accept_submission(installation: Installation, key: str, body: bytes) -> Acce
             installation=installation,
             idempotency_key=key,
             body_sha256=digest,
-            answer={},
+            answer="",
             schema_version=checked.submission.schema_version,
             app_version=checked.submission.app_version,
             consent_version=checked.submission.consent_version,
         )
-        submission.answer = {
-            "submission_id": str(submission.pk),
-            "items": [item.answer() for item in checked.items],
-        }
+        items = [item.answer() for item in checked.items]
+        submission.answer = json.dumps({"submission_id": str(submission.pk), "items": items})
         submission.save(update_fields=["answer"])
         return Acceptance(submission.answer, replayed=False, sessions=_store(submission, checked))
 

@@ -62,7 +62,8 @@ class SubmissionsView(OwnEndpoint):
             )
         acceptance = services.accept_submission(installation_asking(request), key, body(request))
         tasks.announce(acceptance.sessions)
-        return answer(acceptance.answer, 200 if acceptance.replayed else 202)
+        status = 200 if acceptance.replayed else 202
+        return HttpResponse(acceptance.answer, status=status, content_type="application/json")
 
 
 class ValidationView(OwnEndpoint):

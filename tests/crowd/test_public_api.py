@@ -14,7 +14,7 @@ Join = Callable[[], Participant]
 
 @pytest.fixture
 def crowd(front: Any, join: Join) -> None:
-    """Three phones: one 4 times, one 8 times, one 16 times faster, the last measured by three participants."""
+    """Three phones, 4, 8 and 16 times faster with best, the last measured by three participants."""
     galaxy = {"manufacturer": "samsung", "opencl_device": "Adreno (TM) 750", "soc_model": "SM8650"}
     for model, best_us, changes in (
         ("Pixel 8", 20_000, {}),

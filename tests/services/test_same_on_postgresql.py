@@ -1,0 +1,25 @@
+"""The crowd's own tests once more, on a real PostgreSQL."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tests.services.serving import ROOT
+
+AGAIN = ("submissions", "bad_input", "erasure", "fronts", "public_api", "manifest")
+
+
+def test_the_crowds_tests_pass_on_postgresql(postgresql: str) -> None:
+    files = [f"tests/crowd/test_{name}.py" for name in AGAIN]
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *files],
+        cwd=ROOT,
+        env=os.environ | {"DATABASE_URL": postgresql},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == pytest.ExitCode.OK, done.stdout[-5000:]

@@ -1,0 +1,57 @@
+"""`manage.py serve` as its user starts and ends it."""
+
+import json
+import socket
+import urllib.request
+from pathlib import Path
+
+from tests.services.serving import Serving, command, until
+
+
+def test_a_taken_port_is_one_clear_line(tmp_path: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        done = command(tmp_path / "var", "serve", FRONTRUNNER_PORT=str(port))
+
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert f"port {port}" in line
+    assert "PORT=" in line
+
+
+def test_ctrl_c_ends_everything_and_a_second_start_keeps_the_data(tmp_path: Path) -> None:
+    var = tmp_path / "var"
+    with Serving(var, {}) as server:
+        children = server.pids()
+        assert len(children) == 2
+        first = server.output.read_text()
+        token = server.enrol()
+    assert server.process.returncode == 0
+    assert server.pids() == []
+    assert "password" in first
+
+    with Serving(var, {}) as again:
+        assert "password" not in again.output.read_text()
+        status, _ = again.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")
+        assert status == 200
+
+
+def test_pages_and_compressed_static_files_are_served(tmp_path: Path) -> None:
+    with Serving(tmp_path / "var", {}) as server:
+        with urllib.request.urlopen(f"{server.url}/") as response:
+            page = response.read().decode()
+        style = page.split('rel="stylesheet" href="')[1].split('"')[0]
+        request = urllib.request.Request(f"{server.url}{style}", headers={"Accept-Encoding": "gzip"})
+        with urllib.request.urlopen(request) as response:
+            assert response.headers["Content-Encoding"] == "gzip"
+            assert "immutable" in response.headers["Cache-Control"]
+        status, state = server.call("GET", "/readyz")
+        assert (status, state["database"], state["broker"]) == (200, "ok", "ok")
+        assert until(
+            lambda: (
+                json.loads(json.dumps(server.call("GET", "/readyz")[1]))["seconds_since_last_task"]
+                is not None
+            )
+        )

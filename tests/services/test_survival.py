@@ -1,0 +1,94 @@
+"""kill -9 at bad moments, on the embedded default and on real services: nothing lost, nothing doubled."""
+
+import json
+import os
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.crowd.documents import front_document, session_document, submission_document, write_pack
+from tests.services.serving import Services, Serving, command, until
+
+SUBMISSIONS = 12
+
+
+@pytest.fixture
+def var(tmp_path: Path, services: Services) -> Path:
+    """A data folder with a published front; real services are emptied first."""
+    var = tmp_path / "var"
+    path = tmp_path / "front.json"
+    path.write_text(json.dumps(front_document(write_pack(var / "sequences"))))
+    emptying = [("flush", "--no-input")] if services else []
+    for arguments in (("migrate",), *emptying, ("publish_front", str(path))):
+        done = command(var, *arguments, **services)
+        assert done.returncode == 0, done.stderr
+    return var
+
+
+def sessions(server: Serving) -> int:
+    """How many sessions stand behind the one device's speedup."""
+    _, answer = server.call("GET", "/api/v1/devices/google-pixel-8")
+    return int(answer["session_count"])
+
+
+def own_runs(server: Serving, token: str) -> list[str]:
+    _, data = server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")
+    return sorted(run["id"] for session in data["sessions"] for run in session["runs"])
+
+
+def test_killing_worker_and_web_server_loses_and_doubles_nothing(var: Path, services: Services) -> None:
+    documents: list[dict[str, Any]] = [submission_document(session_document()) for _ in range(SUBMISSIONS)]
+    with Serving(var, services) as server:
+        token = server.enrol()
+        sent: list[int] = []
+
+        def participate() -> None:
+            for document in documents:
+                status = server.submit_until_accepted(token, document)
+                sent.append(status)
+
+        client = threading.Thread(target=participate)
+        client.start()
+        until(lambda: len(sent) >= 2)
+        server.kill("celery")
+        until(lambda: len(sent) >= 4)
+        server.kill("granian")
+        client.join()
+
+        assert until(lambda: server.waiting() == 0)
+        assert set(sent) <= {200, 202}
+        assert sessions(server) == SUBMISSIONS
+        assert own_runs(server, token) == sorted(r["id"] for d in documents for r in d["sessions"][0]["runs"])
+        _, answer = server.call("GET", "/api/v1/speedups")
+        assert answer["results"][0]["speedup"] == pytest.approx(8.0)
+        assert "starting it again" in server.output.read_text()
+
+
+def test_killing_the_supervisor_takes_everything_along_and_a_new_one_goes_on(
+    var: Path, services: Services
+) -> None:
+    first = Serving(var, services)
+    first.start()
+    token = first.enrol()
+    first.submit_until_accepted(token, submission_document())
+    children = first.pids()
+    first.process.send_signal(signal.SIGKILL)
+    first.process.wait()
+
+    until(lambda: not any(_runs(pid) for pid in children))
+    with Serving(var, services) as second:
+        assert until(lambda: second.waiting() == 0)
+        second.submit_until_accepted(token, submission_document())
+        assert until(lambda: second.waiting() == 0)
+        assert sessions(second) == 2
+
+
+def _runs(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
