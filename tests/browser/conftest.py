@@ -1,7 +1,6 @@
 """A real Chromium, where one is installed, and a real server with rows that came in through the API."""
 
 import os
-import shutil
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,37 +9,26 @@ from django.test import Client
 
 from crowd.devices.services import enrol
 from crowd.fronts.services import publish_content
+from tests.browser.chromium import NoBrowserError, launched
 from tests.crowd.conftest import pack
 from tests.crowd.documents import device_document, front_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
 __all__ = ["pack"]
 
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-# Without them the browser itself speaks to other hosts.
-FLAGS = (
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
-
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Any]:
     """The installed browser, started once; a skip with its reason where there is none."""
-    executable = next((path for name in NAMES if (path := shutil.which(name))), None)
-    if executable is None:
-        pytest.skip(f"no browser: none of {', '.join(NAMES)} is on the PATH")
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     # Playwright runs an event loop in this thread, under which Django would refuse to touch the database.
     os.environ["DJANGO_ALLOW_ASYNC_UNSAFE"] = "1"
-    flags = [*FLAGS, "--no-sandbox"] if os.geteuid() == 0 else list(FLAGS)
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=flags)
-        yield browser
-        browser.close()
-    del os.environ["DJANGO_ALLOW_ASYNC_UNSAFE"]
+    try:
+        with launched() as browser:
+            yield browser
+    except NoBrowserError as reason:
+        pytest.skip(str(reason))
+    finally:
+        del os.environ["DJANGO_ALLOW_ASYNC_UNSAFE"]
 
 
 @pytest.fixture

@@ -1,0 +1,42 @@
+"""Pictures of a running server's pages: python -m tests.browser.screenshots URL FOLDER [PATH ...]."""
+
+import sys
+from pathlib import Path
+
+from tests.browser.chromium import NoBrowserError, launched
+from tests.browser.visitor import Visitor
+
+PHONE, DESK = 390, 1280
+
+
+def name_of(path: str, width: int, scheme: str) -> str:
+    """The picture's file name: home-desk-light.png, devices-phone-dark.png."""
+    page = path.split("?")[0].strip("/").replace("/", "-") or "home"
+    return f"{page}-{'phone' if width == PHONE else 'desk'}-{scheme}.png"
+
+
+def main(server: str, folder: Path, paths: list[str]) -> int:
+    """Every page at both widths in both themes; 1 where a page complained or there is no browser."""
+    folder.mkdir(parents=True, exist_ok=True)
+    complaints: list[str] = []
+    try:
+        with launched() as browser:
+            for width in (PHONE, DESK):
+                for scheme in ("light", "dark"):
+                    visitor = Visitor(browser, server.rstrip("/"), width, scheme)
+                    for path in paths:
+                        target = folder / name_of(path, width, scheme)
+                        visitor.open(path).screenshot(path=target, full_page=True)
+                        print(target)
+                    complaints += visitor.complaints
+                    visitor.context.close()
+    except NoBrowserError as error:
+        complaints.append(str(error))
+    sys.stderr.writelines(f"{complaint}\n" for complaint in complaints)
+    return 1 if complaints else 0
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 3:
+        sys.exit(__doc__)
+    sys.exit(main(sys.argv[1], Path(sys.argv[2]), sys.argv[3:] or ["/"]))
