@@ -1,0 +1,182 @@
+"""Ask and tell: which configurations to measure next, and what was learnt from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pareto.errors import StateError
+from pareto.history import History
+from pareto.methods import DEFAULT, create
+from pareto.objective import Objective, read_limits, read_objectives, read_values
+from pareto.space import Configuration, Space
+
+VERSION = 1  # of the saved state
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A configuration to measure, and the phase of the search that wants it: random, active or repeat."""
+
+    index: int
+    configuration: Configuration
+    phase: str
+
+
+class Explorer:
+    """Searches `space` for the configurations that no other beats.
+
+    `objectives` are names (minimised) or Objective; `limits` bound them inclusively, from above or, for
+    maximised ones, from below. Equal seeds, options and histories give equal proposals. Further `options`
+    are the method's; `pareto.methods` lists both.
+
+    Raises ObjectiveError, or MethodError for an unknown method or option.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        objectives: Iterable[str | Objective],
+        limits: Mapping[str, float] | None = None,
+        *,
+        seed: int = 0,
+        method: str = DEFAULT,
+        **options: Any,
+    ) -> None:
+        self.space = space
+        self.objectives = read_objectives(objectives)
+        self.limits = read_limits(self.objectives, limits)
+        self.seed = int(seed)
+        self.method = method
+        self.finished = False
+        self.history = History(space, self.objectives, self.limits)
+        self._options = options
+        self._method = create(method, options)
+        self._asks = 0
+
+    def ask(self, count: int = 1, repeats: bool = False) -> list[Configuration]:
+        """Return up to `count` configurations to measure; see `propose`."""
+        return [proposal.configuration for proposal in self.propose(count, repeats)]
+
+    def propose(self, count: int = 1, repeats: bool = False) -> list[Proposal]:
+        """Return up to `count` distinct proposals, none of them told or pending, and mark them pending.
+
+        With `repeats`, configurations of the present front are proposed again instead, those measured least
+        first: against noise. Fewer than `count` come back when the method waits for pending results, or has
+        nothing more to ask for (then `finished` is set until something new is told).
+        """
+        rng = np.random.default_rng([self.seed % 2**64, self._asks])
+        self._asks += 1
+        if count <= 0:
+            return []
+        if repeats:
+            chosen = self._repeats(count)
+        else:
+            chosen = self._method.propose(self.history, count, rng)
+            self.finished = not chosen and not self.history.pending
+        for index, phase in chosen:
+            self.history.expect(index, phase)
+        return [Proposal(index, self.space.decode(index), phase) for index, phase in chosen]
+
+    def tell(
+        self,
+        configurations: Sequence[Mapping[str, Any]],
+        results: Sequence[Mapping[str, float] | None],
+        phase: str = "told",
+    ) -> None:
+        """Take measured values; None is a failed measurement, which is learnt from.
+
+        Any subset of what was asked, in any order, and configurations that were never asked, for which
+        `phase` is noted. Telling one configuration again averages its values. Either all are taken or, when
+        an error is raised (ConfigurationError, ObjectiveError), none.
+        """
+        pairs = list(zip(configurations, results, strict=True))
+        read = [
+            (
+                self.space.encode(configuration),
+                None if values is None else read_values(self.objectives, values),
+            )
+            for configuration, values in pairs
+        ]
+        for index, values in read:
+            self.history.record(index, values, phase)
+            self.finished = False
+
+    def forget(self, configurations: Sequence[Mapping[str, Any]]) -> None:
+        """Take back pending configurations that nobody will measure; they may be proposed again."""
+        for index in [self.space.encode(configuration) for configuration in configurations]:
+            self.history.pending.pop(index, None)
+
+    def front(self) -> list[tuple[Configuration, dict[str, float]]]:
+        """Return the non-dominated configurations within limits with their values, by the first objective."""
+        names = [objective.name for objective in self.objectives]
+        indices, values = self.history.front()
+        return [
+            (self.space.decode(int(index)), dict(zip(names, map(float, row), strict=True)))
+            for index, row in zip(indices, values, strict=True)
+        ]
+
+    def pending(self) -> list[Configuration]:
+        """Return what was asked and not yet told, in the order asked."""
+        return [self.space.decode(index) for index in self.history.pending]
+
+    def state(self) -> dict[str, Any]:
+        """Return everything as plain JSON, from which `restore` goes on exactly as this explorer would."""
+        return {
+            "version": VERSION,
+            "space": self.space.digest,
+            "objectives": [{"name": item.name, "maximise": item.maximise} for item in self.objectives],
+            "limits": self.limits,
+            "seed": self.seed,
+            "method": self.method,
+            "options": self._options,
+            "asks": self._asks,
+            "finished": self.finished,
+            "observations": [
+                [index, self.history.phases[index], [None if v is None else list(v) for v in values]]
+                for index, values in self.history.told.items()
+            ],
+            "pending": [[index, phase] for index, phase in self.history.pending.items()],
+            "memory": self._method.memory(),
+        }
+
+    @classmethod
+    def restore(cls, space: Space, state: Mapping[str, Any]) -> Explorer:
+        """Return the explorer that `state` was taken from.
+
+        Raises StateError when it is another version's, another space's, or damaged.
+        """
+        if state.get("version") != VERSION:
+            raise StateError(f"state version {state.get('version')!r} cannot be read: this one is {VERSION}")
+        if state.get("space") != space.digest:
+            raise StateError(f"this state belongs to another space than {space.name!r}")
+        try:
+            objectives = [Objective(item["name"], item["maximise"]) for item in state["objectives"]]
+            explorer = cls(
+                space,
+                objectives,
+                state["limits"],
+                seed=state["seed"],
+                method=state["method"],
+                **state["options"],
+            )
+            explorer._asks = int(state["asks"])
+            explorer.finished = bool(state["finished"])
+            for index, phase, measurements in state["observations"]:
+                for values in measurements:
+                    explorer.history.record(int(index), None if values is None else tuple(values), phase)
+            for index, phase in state["pending"]:
+                explorer.history.expect(int(index), phase)
+            explorer._method.recall(state["memory"])
+        except (KeyError, TypeError) as error:
+            raise StateError(f"the state is damaged: {error!r}") from error
+        return explorer
+
+    def _repeats(self, count: int) -> list[tuple[int, str]]:
+        indices, _ = self.history.front()
+        waiting = [int(index) for index in indices if int(index) not in self.history.pending]
+        waiting.sort(key=lambda index: len(self.history.told[index]))
+        return [(index, "repeat") for index in waiting[:count]]

@@ -1,0 +1,37 @@
+"""The search methods, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pareto.errors import MethodError
+from pareto.methods.algorithm1 import Algorithm1
+from pareto.methods.method import Method
+from pareto.methods.random import Random
+from pareto.methods.two_stage import TwoStage
+
+METHODS: dict[str, type[Method]] = {
+    "two-stage": TwoStage,
+    "algorithm1": Algorithm1,
+    "random": Random,
+}
+DEFAULT = "two-stage"
+
+__all__ = ["DEFAULT", "METHODS", "Method", "create"]
+
+
+def create(name: str, options: Mapping[str, Any]) -> Method:
+    """Return a fresh method. Raises MethodError for an unknown name, an unknown option or a bad value."""
+    if name not in METHODS:
+        raise MethodError(f"no method {name!r}: there are {', '.join(METHODS)}")
+    kind = METHODS[name]
+    known = kind.defaults()
+    for option, value in options.items():
+        if option not in known:
+            raise MethodError(
+                f"method {name!r} has no option {option!r}: it has {', '.join(known) or 'none'}"
+            )
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise MethodError(f"option {option!r} must be a whole number of 1 or more, not {value!r}")
+    return kind(**options)

@@ -1,0 +1,67 @@
+"""The paper's Algorithm 1 as printed: random samples, then the predicted front until it is all measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pareto.forest import Forest
+from pareto.front import nondominated
+from pareto.history import History
+from pareto.methods.method import ACTIVE, RANDOM, Method
+from pareto.sampling import sample
+
+
+@dataclass
+class Algorithm1(Method):
+    """Nardi et al. 2017, Algorithm 1.
+
+    Measure `initial` random configurations; fit one random forest of `trees` trees to each objective;
+    predict the whole space and take its front P; measure P minus what is measured; refit; stop when nothing
+    is left to measure. Nothing here knows of limits, and failures are not learnt from. All of P is measured
+    before the forests are fitted again, so a small `count` deals it out over several calls.
+    """
+
+    initial: int = 200
+    trees: int = 100
+    _queue: list[int] = field(default_factory=list, init=False)
+
+    def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
+        """Return the next of the random samples or of P; none while the last of a round are pending."""
+        taken = history.taken()
+        missing = min(self.initial, len(history.space)) - len(taken)
+        if missing > 0:
+            drawn = sample(history.space, min(count, missing), rng, exclude=taken)
+            return [(index, RANDOM) for index in drawn.tolist()]
+        self._queue = [index for index in self._queue if index not in taken]
+        if not self._queue and not history.pending:
+            self._queue = [
+                index for index in _predicted_front(history, self.trees, rng) if index not in taken
+            ]
+        return [(index, ACTIVE) for index in self._queue[:count]]
+
+    def memory(self) -> dict[str, Any]:
+        """Return what of P is still to be dealt out."""
+        return {"queue": self._queue}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Take back the rest of P."""
+        self._queue = [int(index) for index in memory["queue"]]
+
+
+def _predicted_front(history: History, trees: int, rng: np.random.Generator) -> list[int]:
+    indices, values = history.measured()
+    if len(indices) == 0:
+        return []
+    space = history.space
+    codes = space.codes(indices)
+    predicted = np.empty((len(space), values.shape[1]))
+    for column in range(values.shape[1]):
+        seed = int(rng.integers(2**31))
+        forest = Forest.grow(codes, values[:, column], space.shape, seed=seed, trees=trees, extra=False)
+        predicted[:, column] = forest.predict_grid()
+    front = np.flatnonzero(nondominated(predicted, [objective.maximise for objective in history.objectives]))
+    return rng.permutation(front).tolist()

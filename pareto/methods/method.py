@@ -1,0 +1,38 @@
+"""What every search method does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import Any
+
+import numpy as np
+
+from pareto.history import History
+
+RANDOM, ACTIVE = "random", "active"
+
+
+class Method:
+    """Proposes what to measure next from what is known.
+
+    A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps
+    nothing between proposals but its `memory`.
+    """
+
+    def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
+        """Return up to `count` (index, phase) pairs, distinct and not taken; fewer to wait or to end."""
+        raise NotImplementedError
+
+    def memory(self) -> dict[str, Any]:
+        """Return what must survive a restart beyond the history, as plain JSON."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Take back what `memory` returned."""
+
+    @classmethod
+    def defaults(cls) -> dict[str, int]:
+        """Return the options and their default values."""
+        options = fields(cls)  # type: ignore[arg-type]
+        return {item.name: item.default for item in options if item.init and item.default is not MISSING}
