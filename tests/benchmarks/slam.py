@@ -1,0 +1,179 @@
+"""KinectFusion on every OpenCL device here, beside Open3D's dense SLAM, over the shipped sequence.
+
+    python -m tests.benchmarks.slam [--frames N] [--sequence PATH]
+
+Every row is a process of its own. CPU time sums all threads: on a shared machine it is steadier than wall
+time. The aims are the project's for a 2-core machine with AVX-512, on a distribution's PoCL and on PoCL's
+wheel; the reference is SLAMBench's C++ KinectFusion on one thread of such a machine. Open3D goes into an
+environment of its own under the data folder; where it cannot be installed, its row says so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import venv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slam.datasets import Sequence, open_sequence
+from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
+from slam.trajectory import absolute_trajectory_error
+
+ROOT = Path(__file__).parent.parent.parent
+DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
+SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
+OPEN3D = "open3d-cpu==0.20.0"
+
+SMALLEST = Configuration(
+    compute_size_ratio=8,
+    volume_resolution=64,
+    pyramid_iterations_fine=4,
+    pyramid_iterations_middle=3,
+    pyramid_iterations_coarse=0,
+)
+# Name, configuration, CPU-ms of the reference, aims on a distribution's PoCL and on PoCL's wheel.
+ROWS = [
+    ("default", DEFAULT, 388.0, (70, 175)),
+    ("STANDARD", STANDARD, 126.0, (30, 75)),
+    ("FAST1", ANDROID_APP["FAST1"], 11.1, (3, 8)),
+    ("64^3, ratio 8", SMALLEST, 3.2, (2, 4)),
+]
+
+
+LIST_DEVICES = """
+import json
+from slam.opencl import list_devices
+print(json.dumps([[device.driver, device.kind] for device in list_devices()]))
+"""
+
+
+def devices() -> list[tuple[str, str]]:
+    """Driver and kind of every device present, asked in a process of its own."""
+    listed = subprocess.run([sys.executable, "-c", LIST_DEVICES], check=True, capture_output=True)
+    return [(driver, kind) for driver, kind in json.loads(listed.stdout)]
+
+
+def kfusion(sequence: Path, configuration: Configuration, driver: str, frames: int) -> dict[str, Any]:
+    """One run: CPU and wall milliseconds a frame, errors in metres."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.json"
+        settings = [f"--set={name}={value}" for name, value in configuration.to_dict().items()]
+        command = [
+            sys.executable, "-m", "slam", "run", "--system", "kfusion", "--sequence", str(sequence),
+            "--frames", str(frames), "--device", driver, "--json", str(report), *settings,
+        ]  # fmt: skip
+        subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        content = json.loads(report.read_text())
+    return {
+        "device": content["device"],
+        "cpu_ms": 1e3 * content["cpu_seconds"] / len(content["frames"]),
+        "wall_ms": 1e3 * content["runtime"],
+        "ate": content["ate"],
+    }
+
+
+def open3d_python() -> Path | str:
+    """The interpreter of an environment with Open3D, made on first use; or why there is none."""
+    folder = DATA / "benchmarks" / "open3d"
+    python = folder / "bin" / "python"
+    if not python.exists():
+        venv.create(folder, with_pip=True)
+    install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", OPEN3D]
+    for command in (install, [str(python), "-c", "import open3d"]):
+        ended = subprocess.run(command, capture_output=True, text=True)
+        if ended.returncode:
+            return (ended.stderr.strip().splitlines() or ["no reason given"])[-1]
+    return python
+
+
+def open3d(sequence: Sequence, frames: int) -> dict[str, Any] | str:
+    """Open3D over the same frames, or why it was not measured."""
+    python = open3d_python()
+    if isinstance(python, str):
+        return python
+    camera = sequence.camera
+    with tempfile.TemporaryDirectory() as folder:
+        given = Path(folder) / "sequence.npz"
+        np.savez(
+            given,
+            depth=np.stack([sequence.depth(index) for index in range(frames)]),
+            intrinsics=np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
+            volume_size=sequence.volume_size or 5.0,
+        )
+        peer = Path(__file__).parent / "peers" / "open3d_slam.py"
+        # Without this its threads spin while they wait, which would inflate its CPU time.
+        environment = os.environ | {"OMP_WAIT_POLICY": "passive"}
+        ended = subprocess.run(
+            [str(python), str(peer), str(given)], capture_output=True, text=True, env=environment
+        )
+    if ended.returncode:
+        return (ended.stderr.strip().splitlines() or ["no reason given"])[-1]
+    result = json.loads(ended.stdout[ended.stdout.index("{") :])
+    ate = None
+    if sequence.truth is not None:
+        error = absolute_trajectory_error(np.array(result.pop("poses")), sequence.truth[:frames])
+        ate = {"mean": error.mean, "max": error.max, "rmse_aligned": error.rmse_aligned}
+    return {
+        "cpu_ms": result["cpu_ms"],
+        "wall_ms": result["wall_ms"],
+        "ate": ate,
+        "version": result["version"],
+    }
+
+
+def line(name: str, device: str, result: dict[str, Any], aims: str, reference: str, ratio: float) -> str:
+    """One row of the table."""
+    ate = result["ate"] or {"mean": float("nan"), "max": float("nan")}
+    return (
+        f"{name:<15}{device:<34}{result['cpu_ms']:>8.1f}{result['wall_ms']:>8.1f}{aims:>10}{reference:>11}"
+        f"{1e3 * ate['mean']:>10.2f}{1e3 * ate['max']:>8.2f}{ratio:>9.1f}x"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="KinectFusion beside Open3D on the same sequence.")
+    parser.add_argument("--frames", type=int, default=100)
+    parser.add_argument("--sequence", type=Path, default=SEQUENCE)
+    arguments = parser.parse_args()
+    sequence = open_sequence(arguments.sequence)
+    frames = min(arguments.frames, len(sequence))
+
+    present = devices()
+    peer = open3d(sequence, frames)
+    measured: list[dict[str, Any]] = []
+    for name, configuration, reference, aims in ROWS:
+        for driver, kind in present:
+            row = {"name": name, "driver": driver, "kind": kind, "reference": reference, "aims": aims}
+            measured.append(row | kfusion(arguments.sequence, configuration, driver, frames))
+
+    print(f"{sequence.name}, {frames} frames; milliseconds a frame, errors in millimetres")
+    print(
+        f"{'configuration':<15}{'device':<34}{'CPU':>8}{'wall':>8}{'aims':>10}{'reference':>11}{'ATE mean':>10}"
+        f"{'max':>8}{'x Open3D':>10}"
+    )
+    for row in measured:
+        ratio = peer["cpu_ms"] / row["cpu_ms"] if isinstance(peer, dict) else float("nan")
+        aims = "/".join(str(aim) for aim in row["aims"])
+        device = f"{row['device']['name'][:20]} {row['driver']}"
+        print(line(row["name"], device, row, aims, f"{row['reference']:.1f}", ratio))
+    if isinstance(peer, dict):
+        print(line("Open3D t.slam", f"Open3D {peer['version']}", peer, "", "", 1.0))
+    else:
+        print(f"Open3D t.slam  not measured: {peer}")
+    if "gpu" not in {kind for _, kind in present}:
+        print("GPU            not measured: no OpenCL GPU here")
+    target = DATA / "benchmarks" / "slam.json"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(json.dumps({"frames": frames, "kfusion": measured, "open3d": peer}, indent=1))
+    print(f"written to {target}")
+
+
+if __name__ == "__main__":
+    main()
