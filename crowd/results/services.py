@@ -47,18 +47,17 @@ def accept_submission(installation: Installation, key: str, body: bytes) -> Acce
             return Acceptance(earlier.answer, replayed=True)
         _refuse_unless_open(installation)
         checked = _checked(installation, body)
-        submission = Submission.objects.create(
+        submission = Submission(
             installation=installation,
             idempotency_key=key,
             body_sha256=digest,
-            answer="",
             schema_version=checked.submission.schema_version,
             app_version=checked.submission.app_version,
             consent_version=checked.submission.consent_version,
         )
         items = [item.answer() for item in checked.items]
         submission.answer = json.dumps({"submission_id": str(submission.pk), "items": items})
-        submission.save(update_fields=["answer"])
+        submission.save(force_insert=True)
         return Acceptance(submission.answer, replayed=False, sessions=_store(submission, checked))
 
 
@@ -129,10 +128,11 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
             sessions[item.session.id] = _session(submission, checked, item.session, description)
         rows.append(_row(item.run, sessions[item.session.id], front))
     Run.objects.bulk_create(rows)
-    keys = tuple(session.pk for session in sessions.values())
     # A session that was summarised before has more runs now.
-    MeasurementSession.objects.filter(pk__in=keys).update(summary_algorithm=None)
-    return keys
+    again = [session.pk for session in sessions.values() if session.summary_algorithm is not None]
+    if again:
+        MeasurementSession.objects.filter(pk__in=again).update(summary_algorithm=None)
+    return tuple(session.pk for session in sessions.values())
 
 
 def _session(
