@@ -162,15 +162,12 @@ def _report(text: str, options: argparse.Namespace) -> Mapping[str, Any]:
     if text.endswith(".json"):
         try:
             report = json.loads(Path(text).read_text(encoding="utf-8"))
-            (
-                _means(report),
-                report["ate"],
-                report["valid"],
-                report["configuration"],
-                report["sequence"]["sha256"],
-            )
+            missing = {"frames", "ate", "valid", "configuration", "sequence", "device"} - set(report)
+            if missing or not report["frames"]:
+                raise ValueError(f"it lacks {', '.join(sorted(missing)) or 'frames'}")
+            _means(report)
         except (ValueError, KeyError, TypeError) as error:
-            raise UsageError(f"{text} is no report of `python -m slam run --json`: {error!r}") from None
+            raise UsageError(f"{text} is no report of `python -m slam run --json`: {error}") from None
         return report
     if options.sequence is None:
         raise UsageError(f"{text!r} is no report (.json), so it is run: give --sequence")

@@ -1,0 +1,179 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from slam.__main__ import main
+from slam.datasets import open_sequence
+from slam.trajectory import Trajectory
+from tests.slam.real import DATA, needs_real_data
+from tests.slam.sequences import random_poses
+from tests.slam.shipped import LIVING_ROOM
+
+QUICK = ("--set", "compute_size_ratio=8", "--set", "volume_resolution=64")
+
+
+def complaint(capsys, *arguments):
+    """The one line on standard error of a command that fails."""
+    assert main([str(argument) for argument in arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+def test_run_writes_report_and_trajectory_and_sums_up(tmp_path, capsys):
+    report, poses = tmp_path / "report.json", tmp_path / "poses.txt"
+    arguments = ["run", "--system", "kfusion", "--sequence", str(LIVING_ROOM), "--frames", "6", *QUICK]
+    arguments += ["--set", "pyramid_iterations=4,2,0", "--json", str(report), "--trajectory", str(poses)]
+    assert main(arguments) == 0
+    data = json.loads(report.read_text())
+    assert data["configuration"]["pyramid_iterations_fine"] == 4
+    assert data["configuration"]["pyramid_iterations_coarse"] == 0
+    assert len(Trajectory.read(poses)) == len(data["frames"]) == 6
+    assert "6 frames of 640x480" in capsys.readouterr().out
+
+
+def test_run_can_print_nothing_but_json(capsys):
+    assert main(["run", "--sequence", str(LIVING_ROOM), "--frames", "2", *QUICK, "--json", "-"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["frames"]) == 2
+
+
+def test_volume_and_start_of_the_command_line_go_before_the_sequences_own(tmp_path):
+    poses = tmp_path / "poses.txt"
+    arguments = ["run", "--sequence", str(LIVING_ROOM), "--frames", "1", *QUICK, "--trajectory", str(poses)]
+    assert main([*arguments, "--volume-size", "4", "--initial-position", "0.25,0.5,0.1"]) == 0
+    np.testing.assert_allclose(Trajectory.read(poses).poses[0, :3, 3], [1, 2, 0.4], atol=1e-6)
+
+
+def test_two_reports_are_compared(tmp_path, capsys):
+    paths = [tmp_path / "first.json", tmp_path / "second.json"]
+    for path, mu in zip(paths, ("0.1", "0.2"), strict=True):
+        arguments = ["run", "--sequence", str(LIVING_ROOM), "--frames", "2", *QUICK, "--set", f"mu={mu}"]
+        assert main([*arguments, "--json", str(path)]) == 0
+    capsys.readouterr()
+    assert main(["compare", *map(str, paths)]) == 0
+    out = capsys.readouterr().out
+    assert "mu: 0.1 | 0.2" in out
+    assert "beware" not in out
+
+
+def test_two_configurations_are_run_and_compared(capsys):
+    settings = "compute_size_ratio=8 volume_resolution=64"
+    arguments = ["--sequence", str(LIVING_ROOM), "--frames", "2"]
+    assert main(["compare", settings, settings + " icp_threshold=1", *arguments]) == 0
+    assert "icp_threshold: 1e-05 | 1.0" in capsys.readouterr().out
+
+
+def test_evaluate_prints_the_error_as_json(tmp_path, capsys):
+    poses = random_poses(20, np.random.default_rng(0))
+    Trajectory(np.arange(20) / 30, poses).write(tmp_path / "truth.txt")
+    poses[:, 0, 3] *= 2
+    Trajectory(np.arange(20) / 30 + 0.001, poses).write(tmp_path / "estimate.txt")
+    options = ["--estimate", str(tmp_path / "estimate.txt"), "--truth", str(tmp_path / "truth.txt")]
+    errors = {}
+    for align in ("first", "se3", "sim3"):
+        assert main(["evaluate", *options, "--align", align]) == 0
+        errors[align] = json.loads(capsys.readouterr().out)
+        assert errors[align]["pairs"] == 20
+    assert errors["first"]["rmse"] > errors["se3"]["rmse"] > errors["sim3"]["rmse"]
+    assert errors["first"]["rmse_aligned"] == errors["se3"]["rmse"]
+
+
+@needs_real_data
+def test_evaluate_finds_what_evo_finds(capsys):
+    folder = DATA / "trajectories/tum"
+    files = [
+        "--estimate",
+        str(folder / "fr2_desk_ORB.txt"),
+        "--truth",
+        str(folder / "fr2_desk_groundtruth.txt"),
+    ]
+    assert main(["evaluate", *files, "--align", "sim3"]) == 0
+    assert json.loads(capsys.readouterr().out)["rmse"] == pytest.approx(0.006123, abs=5e-7)
+
+
+@needs_real_data
+def test_a_real_recording_is_tracked_frame_by_frame(capsys):
+    arguments = ["run", "--sequence", str(DATA / "rgbd/redkitchen"), "--frames", "25", "--volume-size", "6"]
+    arguments += ["--initial-position", ".5,.5,.1", "--set", "compute_size_ratio=4", "--json", "-"]
+    assert main(arguments) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert [frame["tracked"] for frame in report["frames"]] == [None] * 4 + [True] * 21
+    assert report["ate"]["max"] < 0.05
+
+
+def test_sequences_are_converted_and_described(tmp_path, capsys):
+    raw, again = tmp_path / "scene.raw", tmp_path / "again"
+    assert main(["datasets", "make", "living-room", "--frames", "1", "--out", str(tmp_path / "room")]) == 0
+    assert main(["datasets", "convert", str(tmp_path / "room"), str(raw)]) == 0
+    camera = ["--camera", "481.2,480,319.5,239.5"]
+    options = ["--volume-size", "6", "--initial-position", "0.5,0.5,0.1"]
+    assert main(["datasets", "convert", str(raw), str(again), *camera, *options]) == 0
+    packed = open_sequence(again)
+    assert packed.volume_size == 6
+    np.testing.assert_array_equal(packed.depth(0), open_sequence(tmp_path / "room").depth(0))
+    capsys.readouterr()
+    assert main(["datasets", "info", str(again)]) == 0
+    assert "6 m" in capsys.readouterr().out
+    assert main(["datasets", "list", str(tmp_path)]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["again", "room"]
+
+
+def test_the_shipped_sequence_is_listed(capsys):
+    assert main(["datasets", "list"]) == 0
+    assert "living-room " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "--sequence", "nowhere"], "nowhere does not exist"),
+        (["run", "--sequence", LIVING_ROOM, "--set", "nu=1"], "unknown parameter nu"),
+        (["run", "--sequence", LIVING_ROOM, "--set", "mu=0"], "mu=0.0"),
+        (["run", "--sequence", LIVING_ROOM, "--frames", "999"], "frames=999"),
+        (["run", "--sequence", LIVING_ROOM, "--device", "abacus"], "no OpenCL device matches 'abacus'"),
+        (["run", "--sequence", LIVING_ROOM, "--json", "no/folder/x.json"], "there is no folder no/folder"),
+        (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "carries its camera"),
+        (["compare", "mu=1", "mu=2"], "give --sequence"),
+        (["compare", "mu=x", "mu=2", "--sequence", LIVING_ROOM], "'x' is no number"),
+        (["evaluate", "--estimate", "none", "--truth", "none"], "none cannot be read"),
+        (["datasets", "info", "nowhere"], "nowhere does not exist"),
+        (["datasets", "make", "living-room", "--frames", "0", "--out", "x"], "at least one frame"),
+    ],
+)
+def test_a_mistake_is_answered_with_one_line(capsys, arguments, message):
+    assert message in complaint(capsys, *arguments)
+
+
+def test_trajectories_of_different_times_are_told_apart(tmp_path, capsys):
+    poses = random_poses(3, np.random.default_rng(0))
+    Trajectory(np.arange(3.0), poses).write(tmp_path / "a.txt")
+    Trajectory(np.arange(3.0) + 1e9, poses).write(tmp_path / "b.txt")
+    error = complaint(capsys, "evaluate", "--estimate", tmp_path / "a.txt", "--truth", tmp_path / "b.txt")
+    assert "lie within 0.01 s" in error
+
+
+def test_a_report_that_is_none_is_refused(tmp_path, capsys):
+    (tmp_path / "bad.json").write_text('{"frames": []}')
+    assert "is no report" in complaint(capsys, "compare", tmp_path / "bad.json", tmp_path / "bad.json")
+
+
+@pytest.mark.parametrize(
+    "bad", [["--set", "mu"], ["--set", "pyramid_iterations=1,2"], ["--volume-size", "nan"]]
+)
+def test_arguments_that_say_nothing_are_refused(capsys, bad):
+    with pytest.raises(SystemExit) as exit:
+        main(["run", "--sequence", str(LIVING_ROOM), *bad])
+    assert exit.value.code == 2
+    assert bad[1] in capsys.readouterr().err
+
+
+def test_the_module_runs_by_its_name():
+    done = subprocess.run(
+        [sys.executable, "-m", "slam", "devices"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode in (0, 2)
+    assert (done.stdout or done.stderr).strip()
