@@ -18,6 +18,7 @@ Colour = tuple[int, int, int]
 
 HEIGHT = 2.55
 LEFT, RIGHT, BACK, FRONT = -2.2, 2.2, 2.1, -2.3
+WINDOW = 1.0  # x of its middle, in the back wall
 
 OAK, WALNUT, WHITE, CREAM = (176, 132, 84), (104, 70, 46), (236, 234, 228), (224, 212, 190)
 STEEL, BLACK, GREEN, TERRACOTTA = (150, 154, 158), (38, 38, 42), (70, 118, 62), (178, 98, 66)
@@ -78,7 +79,7 @@ def living_room(seed: int = 0) -> list[Shape]:
     rng = np.random.default_rng([seed, 1])
     shapes: list[Shape] = []
     _walls(Place(shapes))
-    _window(Place(shapes, 1.0, BACK))
+    _window(Place(shapes, WINDOW, BACK))
     _pictures(Place(shapes, -0.55, BACK))
     _sofa(Place(shapes, -0.55, 1.55))
     _coffee_table(Place(shapes, -0.25, 0.45, 8), rng)
@@ -118,11 +119,12 @@ def _walls(room: Place) -> None:
 
 def _window(place: Place) -> None:
     """The back wall around an opening with a recess 22 cm deep, a radiator below and curtains."""
-    thick, low, high, half = 0.22, 0.92, 2.1, 0.55
-    left, right = LEFT - 1.0 - half, RIGHT - 1.0 + half  # of the wall's two parts, from the window's middle
+    thick, low, high, half = 0.22, 0.92, 2.1, 0.5
     z = thick / 2
-    place.put("box", ((LEFT - 1.0 - half) / 2, 0, z), (-left - half * 2 + half, HEIGHT, thick), CREAM)
-    place.put("box", ((RIGHT - 1.0 + half) / 2, 0, z), (right - half, HEIGHT, thick), CREAM)
+    # The wall's ends, seen from the middle of the window.
+    left, right = LEFT - WINDOW, RIGHT - WINDOW
+    place.put("box", ((left - half) / 2, 0, z), (-half - left, HEIGHT, thick), CREAM)
+    place.put("box", ((right + half) / 2, 0, z), (right - half, HEIGHT, thick), CREAM)
     place.put("box", (0, 0, z), (2 * half, low, thick), CREAM)
     place.put("box", (0, high, z), (2 * half, HEIGHT - high, thick), CREAM)
     place.put("box", (0, 0, thick + 0.05), (2 * half + 0.4, HEIGHT, 0.02), (140, 170, 200), mirror=True)

@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 FORMAT = 1
 FRAMES_PER_CHUNK = 10
-JPEG_QUALITY = 85
+JPEG_QUALITY = 80
 MANIFEST = "pack.json"
 MAXIMAL_HEADER = 64 * 2**20  # bytes of inflated header: some 200,000 frames
 DESCRIBED = ("name", "width", "height", "frames", "volume_size", "initial_position")
