@@ -7,11 +7,11 @@ import sys
 
 def main() -> None:
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
-    from crowd.data_folder import DataFolderError
+    from crowd.environment import SettingError
 
     try:
         import crowd.settings  # noqa: F401 - Django would hide the reason
-    except DataFolderError as error:
+    except SettingError as error:
         sys.exit(f"manage.py: {error}")
     from django.core.management import execute_from_command_line
 

@@ -47,8 +47,8 @@ def answer(content: Any, status: int = 200, headers: dict[str, str] | None = Non
 def body(request: Request) -> bytes:
     """The request's JSON, inflated where it is gzipped.
 
-    Raises Problem 415 for another type or encoding, 413 for more bytes than the server takes, before or after
-    inflating, 400 for damaged gzip.
+    Raises Problem 415 for another type or encoding, 411 without a length, 413 for more bytes than the
+    server takes, before or after inflating, 400 for damaged gzip.
     """
     kind = request.headers.get("Content-Type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
@@ -60,6 +60,8 @@ def body(request: Request) -> bytes:
     limit = settings.FRONTRUNNER_MAX_BODY_BYTES
     if int(http.META.get("CONTENT_LENGTH") or 0) > limit:
         raise Problem(413, "body_too_large", f"at most {limit} bytes a request: send fewer runs at once")
+    if "CONTENT_LENGTH" not in http.META and "Transfer-Encoding" in request.headers:
+        raise Problem(411, "length_required", "send Content-Length: chunked bodies are not read")
     content = http.body
     return _inflated(content) if encoding == "gzip" else content
 

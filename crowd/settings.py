@@ -22,24 +22,19 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
-from crowd import data_folder
+from crowd.environment import integer, prepared, secret_key, switch
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 
 
-def switch(name: str, default: bool = False) -> bool:
-    """The environment variable NAME as a switch: 1, true, yes and on are on."""
-    return os.environ.get(name, "1" if default else "0").strip().lower() in {"1", "true", "yes", "on"}
-
-
 FRONTRUNNER_VAR = Path(os.environ.get("FRONTRUNNER_VAR") or BASE_DIR / "var").absolute()
-FRONTRUNNER_PORT = int(os.environ.get("FRONTRUNNER_PORT", "8000"))
+FRONTRUNNER_PORT = integer("FRONTRUNNER_PORT", 8000)
 FRONTRUNNER_BIND = os.environ.get("FRONTRUNNER_BIND", "127.0.0.1")
 FRONTRUNNER_FRONTS = BASE_DIR / "fixtures" / "fronts"
 FRONTRUNNER_SEQUENCES = [BASE_DIR / "fixtures" / "sequences", FRONTRUNNER_VAR / "sequences"]
 FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
 FRONTRUNNER_MINIMUM_APP_VERSION = os.environ.get("FRONTRUNNER_MINIMUM_APP_VERSION", "0.1.0")
-FRONTRUNNER_SUBMISSIONS_PER_MINUTE = int(os.environ.get("FRONTRUNNER_SUBMISSIONS_PER_MINUTE", "60"))
+FRONTRUNNER_SUBMISSIONS_PER_MINUTE = integer("FRONTRUNNER_SUBMISSIONS_PER_MINUTE", 60)
 FRONTRUNNER_CONSENT_VERSION = 1
 # What one request may cost: the body as sent, and the body after gzip.
 FRONTRUNNER_MAX_BODY_BYTES = 1 << 20
@@ -47,7 +42,7 @@ FRONTRUNNER_MAX_INFLATED_BYTES = 8 << 20
 DATA_UPLOAD_MAX_MEMORY_SIZE = FRONTRUNNER_MAX_BODY_BYTES
 
 DEBUG = switch("DEBUG")
-SECRET_KEY = os.environ.get("FRONTRUNNER_SECRET_KEY") or data_folder.secret_key(FRONTRUNNER_VAR)
+SECRET_KEY = os.environ.get("FRONTRUNNER_SECRET_KEY") or secret_key(FRONTRUNNER_VAR)
 
 PUBLIC_HOSTS = [host.strip() for host in os.environ.get("FRONTRUNNER_HOSTS", "").split(",") if host.strip()]
 ALLOWED_HOSTS = ["localhost", "127.0.0.1", "[::1]", *PUBLIC_HOSTS]
@@ -121,14 +116,17 @@ DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 
 CELERY_BROKER_URL = os.environ.get("CELERY_BROKER_URL", "filesystem://localhost")
 if CELERY_BROKER_URL.startswith("filesystem://"):
-    _queue = str(data_folder.prepared(FRONTRUNNER_VAR / "broker" / "queue"))
+    _queue = str(prepared(FRONTRUNNER_VAR / "broker" / "queue"))
     CELERY_BROKER_TRANSPORT_OPTIONS = {
         "data_folder_in": _queue,
         "data_folder_out": _queue,
-        "control_folder": str(data_folder.prepared(FRONTRUNNER_VAR / "broker" / "control")),
+        "control_folder": str(prepared(FRONTRUNNER_VAR / "broker" / "control")),
         "store_processed": False,
         "polling_interval": 0.02,
     }
+elif CELERY_BROKER_URL.startswith(("redis://", "rediss://")):
+    # A client waits for its answer meanwhile; the sweep finds what was not announced.
+    CELERY_BROKER_TRANSPORT_OPTIONS = {"socket_connect_timeout": 2}
 CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
 CELERY_TASK_IGNORE_RESULT = True
 CELERY_TASK_ACKS_LATE = True

@@ -27,7 +27,7 @@ from crowd.results.models import (
 def waiting() -> QuerySet[MeasurementSession]:
     """Sessions that the present statistics have not seen: new ones, and all after a change of algorithm."""
     return MeasurementSession.objects.filter(
-        Q(summary_algorithm=None) | ~Q(summary_algorithm=statistics.ALGORITHM)
+        Q(summary_algorithm=None) | Q(summary_algorithm__lt=statistics.ALGORITHM)
     ).order_by("id")
 
 

@@ -1,10 +1,11 @@
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from django.test import Client
 
+from crowd.celery import app
 from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.fronts.models import FrontVersion
@@ -44,3 +45,11 @@ def participant(front: FrontVersion, join: Callable[[], Participant]) -> Partici
 @pytest.fixture
 def installation(participant: Participant) -> Installation:
     return Installation.objects.get(pk=participant.installation_id)
+
+
+@pytest.fixture
+def no_worker() -> Iterator[None]:
+    """Messages are sent, and nobody is there to take them."""
+    app.conf.task_always_eager = False
+    yield
+    app.conf.task_always_eager = True

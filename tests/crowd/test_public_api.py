@@ -181,14 +181,10 @@ def test_lists_cost_a_counted_number_of_queries(
 
 
 def test_a_submission_costs_a_counted_number_of_queries(
-    participant: Participant,
-    settings: Any,
-    django_assert_max_num_queries: Any,
-    monkeypatch: pytest.MonkeyPatch,
+    participant: Participant, no_worker: None, django_assert_max_num_queries: Any
 ) -> None:
-    monkeypatch.setattr("crowd.results.tasks.announce", lambda _: None)
     participant.submit(submission_document())
     document = submission_document()
 
-    with django_assert_max_num_queries(20):
+    with django_assert_max_num_queries(18):
         assert participant.submit(document).status_code == 202

@@ -86,6 +86,13 @@ def test_the_secret_key_is_kept_and_its_owners_alone(tmp_path: Path) -> None:
     assert stat.S_IMODE((tmp_path / "secret_key").stat().st_mode) == 0o600
 
 
+def test_a_port_that_is_none_is_one_clear_line(tmp_path: Path) -> None:
+    done = run("manage.py", "serve", var=tmp_path, FRONTRUNNER_PORT="http")
+
+    assert done.returncode == 1
+    assert done.stderr.strip() == "manage.py: FRONTRUNNER_PORT=http: give a whole number, such as 8000"
+
+
 def test_a_data_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
 

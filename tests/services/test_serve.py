@@ -1,9 +1,12 @@
 """`manage.py serve` as its user starts and ends it."""
 
+import gzip
+import http.client
 import json
 import socket
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 from tests.services.serving import Serving, command, until
 
@@ -36,6 +39,27 @@ def test_ctrl_c_ends_everything_and_a_second_start_keeps_the_data(tmp_path: Path
         assert "password" not in again.output.read_text()
         status, _ = again.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")
         assert status == 200
+
+
+def test_bodies_beyond_the_limits_are_refused_over_the_wire(tmp_path: Path) -> None:
+    with Serving(tmp_path / "var", {}) as server:
+        headers = {
+            "Authorization": f"Bearer {server.enrol()}",
+            "Idempotency-Key": "a",
+            "Content-Type": "application/json",
+        }
+
+        def refusal(body: Any, **more: str) -> tuple[int, str]:
+            connection = http.client.HTTPConnection("127.0.0.1", server.port)
+            connection.request("POST", "/api/v1/submissions", body, headers | more)
+            response = connection.getresponse()
+            assert response.headers["Content-Type"] == "application/problem+json"
+            return response.status, json.loads(response.read())["code"]
+
+        assert refusal(b" " * (2 << 20)) == (413, "body_too_large")
+        bomb = gzip.compress(b" " * (64 << 20))
+        assert refusal(bomb, **{"Content-Encoding": "gzip"}) == (413, "inflated_too_large")
+        assert refusal(iter([b"{}"])) == (411, "length_required")
 
 
 def test_pages_and_compressed_static_files_are_served(tmp_path: Path) -> None:

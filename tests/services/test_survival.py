@@ -10,22 +10,27 @@ from typing import Any
 import pytest
 
 from tests.crowd.documents import front_document, session_document, submission_document, write_pack
+from tests.services.redis import Redis
 from tests.services.serving import Services, Serving, command, until
 
 SUBMISSIONS = 12
 
 
-@pytest.fixture
-def var(tmp_path: Path, services: Services) -> Path:
-    """A data folder with a published front; real services are emptied first."""
-    var = tmp_path / "var"
-    path = tmp_path / "front.json"
+def prepare(var: Path, services: Services) -> None:
+    """Make VAR a data folder with a published front; real databases are emptied first."""
+    path = var.parent / "front.json"
     path.write_text(json.dumps(front_document(write_pack(var / "sequences"))))
-    emptying = [("flush", "--no-input")] if services else []
+    emptying = [("flush", "--no-input")] if "DATABASE_URL" in services else []
     for arguments in (("migrate",), *emptying, ("publish_front", str(path))):
         done = command(var, *arguments, **services)
         assert done.returncode == 0, done.stderr
-    return var
+
+
+@pytest.fixture
+def var(tmp_path: Path, services: Services) -> Path:
+    """A prepared data folder."""
+    prepare(tmp_path / "var", services)
+    return tmp_path / "var"
 
 
 def sessions(server: Serving) -> int:
@@ -65,6 +70,23 @@ def test_killing_worker_and_web_server_loses_and_doubles_nothing(var: Path, serv
         _, answer = server.call("GET", "/api/v1/speedups")
         assert answer["results"][0]["speedup"] == pytest.approx(8.0)
         assert "starting it again" in server.output.read_text()
+
+
+def test_a_broker_that_dies_with_all_its_messages_loses_nothing(tmp_path: Path, own_redis: Redis) -> None:
+    var, services = tmp_path / "var", {"CELERY_BROKER_URL": own_redis.url}
+    prepare(var, services)
+    with Serving(var, services) as server:
+        token = server.enrol()
+        own_redis.kill()
+
+        assert server.submit_until_accepted(token, submission_document()) == 202
+
+        assert server.call("GET", "/readyz")[0] == 503
+        assert server.waiting() == 1
+        own_redis.start()
+        server.kill("celery")  # a new worker sweeps at once; this one would at the next half minute
+        assert until(lambda: server.waiting() == 0)
+        assert sessions(server) == 1
 
 
 def test_killing_the_supervisor_takes_everything_along_and_a_new_one_goes_on(

@@ -1,12 +1,29 @@
-"""The folder where a server keeps what it writes: database, broker, secret key, static files, logs."""
+"""What settings come from: environment variables, and the folder where a server keeps what it writes."""
 
 import os
 import secrets
 from pathlib import Path
 
 
-class DataFolderError(Exception):
+class SettingError(Exception):
+    """A setting that cannot serve; the message names the variable, its value and the remedy."""
+
+
+class DataFolderError(SettingError):
     """The data folder cannot be written; the message names it and the remedy."""
+
+
+def switch(name: str, default: bool = False) -> bool:
+    """The environment variable NAME as a switch: 1, true, yes and on are on."""
+    return os.environ.get(name, "1" if default else "0").strip().lower() in {"1", "true", "yes", "on"}
+
+
+def integer(name: str, default: int) -> int:
+    """The environment variable NAME as a whole number from 0 on. Raises SettingError for anything else."""
+    text = os.environ.get(name, str(default))
+    if not text.isdecimal():
+        raise SettingError(f"{name}={text}: give a whole number, such as {default}")
+    return int(text)
 
 
 def prepared(folder: Path) -> Path:
