@@ -1,5 +1,10 @@
-"""The explorations' part of the API, under /api/v1/."""
+"""Addresses of explorations under /api/v1/."""
 
-from django.urls import URLPattern
+from django.urls import path
 
-urlpatterns: list[URLPattern] = []
+from crowd.explorations import views
+
+urlpatterns = [
+    path("explorations", views.ExplorationsView.as_view()),
+    path("explorations/<int:key>", views.ExplorationView.as_view()),
+]

@@ -1,0 +1,93 @@
+"""What an exploration found: one value a configuration from all its measurements, and the best of them."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from crowd.explorations.known import DEFAULT
+from crowd.explorations.models import Evaluation, Exploration
+from pareto.front import nondominated
+
+
+@dataclass(frozen=True)
+class Point:
+    """A configuration with the median over its measurements of each objective.
+
+    Each measurement is a mean over frames already (seconds a frame, metres); `repeats` counts those that
+    were made at the end, in turn with the other points' ones.
+    """
+
+    configuration: dict[str, Any]
+    label: str
+    phase: str
+    values: dict[str, float]
+    measurements: int
+    repeats: int
+
+
+def measured(evaluations: Iterable[Evaluation]) -> list[Point]:
+    """Every configuration that was measured, in the order of its first measurement."""
+    groups: dict[str, list[Evaluation]] = {}
+    for evaluation in evaluations:
+        if evaluation.state == Evaluation.State.DONE:
+            groups.setdefault(evaluation.configuration_key, []).append(evaluation)
+    return [_point(group) for group in groups.values()]
+
+
+def front(exploration: Exploration, points: Sequence[Point]) -> list[Point]:
+    """The points within the exploration's limits that no other beats in its objectives, fastest first."""
+    names = exploration.objectives
+    within = [
+        point
+        for point in points
+        if all(name in point.values for name in names)
+        and all(point.values[name] <= limit for name, limit in exploration.limits.items())
+    ]
+    table = np.array([[point.values[name] for name in names] for point in within]).reshape(-1, len(names))
+    kept = [point for point, keep in zip(within, nondominated(table), strict=True) if keep]
+    return sorted(kept, key=lambda point: point.values["runtime"])
+
+
+def worth_publishing(exploration: Exploration, evaluations: Iterable[Evaluation]) -> list[Point]:
+    """The known configurations that work, and up to `exploration.points` points spread along the front.
+
+    The fastest and the most accurate are always among the latter.
+    """
+    points = measured(evaluations)
+    given = [point for point in points if point.label]
+    found = [point for point in front(exploration, points) if not point.label]
+    return given + spread(found, exploration.points)
+
+
+def spread(points: Sequence[Point], count: int) -> list[Point]:
+    """COUNT of the POINTS (fastest first), both ends and the most evenly spaced in log runtime between."""
+    if len(points) <= count:
+        return list(points)
+    place = np.log([point.values["runtime"] for point in points])
+    chosen = [0, len(points) - 1]
+    while len(chosen) < count:
+        distance = np.abs(place[:, None] - place[chosen]).min(axis=1)
+        distance[chosen] = -1.0
+        chosen.append(int(np.argmax(distance)))
+    return [points[number] for number in sorted(chosen)]
+
+
+def default(points: Iterable[Point]) -> Point | None:
+    """The default configuration's point, None where it was not measured."""
+    return next((point for point in points if point.label == DEFAULT), None)
+
+
+def _point(group: Sequence[Evaluation]) -> Point:
+    rows = [evaluation.objectives or {} for evaluation in group]
+    names = [name for name in rows[0] if all(name in row for row in rows)]
+    return Point(
+        configuration=group[0].configuration,
+        label=next((evaluation.label for evaluation in group if evaluation.label), ""),
+        phase=group[0].phase,
+        values={name: float(median(row[name] for row in rows)) for name in names},
+        measurements=len(group),
+        repeats=sum(evaluation.phase == Evaluation.Phase.REPEAT for evaluation in group),
+    )

@@ -1,0 +1,55 @@
+"""Reads of explorations: how far each has come, and all that one measured."""
+
+from dataclasses import dataclass
+
+from django.db.models import Count, Q, QuerySet
+
+from crowd.explorations import points
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.points import Point
+
+
+@dataclass(frozen=True)
+class Progress:
+    """An exploration with the numbers of its evaluations by state."""
+
+    exploration: Exploration
+    pending: int
+    running: int
+    done: int
+    failed: int
+
+
+@dataclass(frozen=True)
+class Detail:
+    """An exploration with every evaluation, in order, and the front of what is measured so far."""
+
+    progress: Progress
+    evaluations: tuple[Evaluation, ...]
+    front: tuple[Point, ...]
+
+
+def counted() -> QuerySet[Exploration]:
+    """Explorations annotated with pending, running, done and failed, and their device."""
+    numbers = {
+        state.value: Count("evaluations", filter=Q(evaluations__state=state)) for state in Evaluation.State
+    }
+    return Exploration.objects.select_related("reference_device").annotate(**numbers)
+
+
+def explorations() -> tuple[Progress, ...]:
+    """Every exploration, newest first. One query."""
+    return tuple(_progress(row) for row in counted())
+
+
+def exploration(key: int) -> Detail | None:
+    """The exploration with that key, None if there is none. Two queries."""
+    row = counted().filter(pk=key).first()
+    if row is None:
+        return None
+    evaluations = tuple(row.evaluations.all())
+    return Detail(_progress(row), evaluations, tuple(points.front(row, points.measured(evaluations))))
+
+
+def _progress(row: Exploration) -> Progress:
+    return Progress(row, *(getattr(row, state.value) for state in Evaluation.State))

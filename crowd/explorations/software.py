@@ -1,0 +1,25 @@
+"""Which version of the software measured."""
+
+import subprocess
+import tomllib
+from functools import cache
+from pathlib import Path
+
+from django.conf import settings
+
+
+@cache
+def version() -> str:
+    """The release, with the commit where this is a checkout, and a mark where files differ from it."""
+    base = Path(settings.BASE_DIR)
+    release = str(tomllib.loads((base / "pyproject.toml").read_text())["project"]["version"])
+    described = _git(base, "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
+    return f"{release}+{described}" if described else release
+
+
+def _git(base: Path, *arguments: str) -> str:
+    try:
+        answer = subprocess.run(["git", *arguments], cwd=base, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return answer.stdout.strip()
