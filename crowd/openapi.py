@@ -1,5 +1,6 @@
 """The OpenAPI document: shapes come from the same structs that read and write the JSON."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import msgspec
@@ -12,8 +13,6 @@ from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer
-from crowd.fronts import answers as front_answers
-from crowd.results import answers as result_answers
 from crowd.results import schema
 
 TEMPLATE = "#/components/schemas/{name}"
@@ -33,6 +32,10 @@ PROBLEM = {
 }
 
 
+# The structs that views name; the structs inside them follow when the document is complete.
+_described: set[type[msgspec.Struct]] = set()
+
+
 class StructExtension(OpenApiSerializerExtension):
     """Lets drf-spectacular describe msgspec structs."""
 
@@ -43,27 +46,22 @@ class StructExtension(OpenApiSerializerExtension):
         return str(self.target.__name__)
 
     def map_serializer(self, auto_schema: Any, direction: Any) -> Any:  # noqa: ARG002
-        return components()[self.target.__name__]
+        _described.add(self.target)
+        return _components([self.target])[self.target.__name__]
 
 
-def components() -> dict[str, Any]:
-    """The JSON schema of every struct that the API reads or writes, by the struct's name."""
-    structs = [
-        member
-        for module in (front_answers, result_answers, schema)
-        for member in vars(module).values()
-        if isinstance(member, type) and issubclass(member, msgspec.Struct) and member is not msgspec.Struct
-    ]
+def _components(structs: Iterable[type[msgspec.Struct]]) -> dict[str, Any]:
+    """The JSON schema of STRUCTS and of every struct inside them, by the struct's name."""
     _, schemas = msgspec.json.schema_components(structs, ref_template=TEMPLATE)
-    # Runs are read one by one, so that the session's struct holds them undecoded.
-    schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
-    return schemas
+    return dict(schemas)
 
 
 def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
     """Add what the views do not say one by one: inner shapes, and that every refusal is a problem."""
     schemas = result["components"]["schemas"]
-    schemas.update(components())
+    schemas.update(_components([*_described, schema.Run]))
+    # Runs are read one by one, so that the session's struct holds them undecoded.
+    schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
     schemas["Problem"] = PROBLEM
     refusal = {
         "description": "Refused",

@@ -137,6 +137,7 @@ CELERY_WORKER_ENABLE_REMOTE_CONTROL = False
 CELERY_TIMEZONE = "UTC"
 CELERY_BEAT_SCHEDULE = {
     "summarise what no message reached": {"task": "crowd.results.tasks.sweep", "schedule": 30.0},
+    "measure what no message reached": {"task": "crowd.explorations.tasks.reap", "schedule": 60.0},
 }
 
 AUTH_PASSWORD_VALIDATORS = [
@@ -175,7 +176,7 @@ REST_FRAMEWORK = {
     "DEFAULT_PERMISSION_CLASSES": [],
     "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
     "DEFAULT_PARSER_CLASSES": [],
-    "DEFAULT_SCHEMA_CLASS": "drf_spectacular.openapi.AutoSchema",
+    "DEFAULT_SCHEMA_CLASS": "crowd.descriptions.ExplicitSchema",
     "EXCEPTION_HANDLER": "crowd.problems.handler",
     "UNAUTHENTICATED_USER": None,
 }

@@ -6,6 +6,9 @@ from django.urls import include, path, re_path
 from crowd import health, openapi, problems
 from crowd.fronts.views import chunk
 
+admin.site.site_header = admin.site.site_title = "Frontrunner"
+admin.site.index_title = "Administration"
+
 urlpatterns = [
     path("admin/", admin.site.urls),
     path("healthz", health.healthz),

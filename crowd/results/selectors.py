@@ -93,18 +93,19 @@ def devices() -> tuple[DeviceRow, ...]:
 
 
 def device(slug: str) -> DeviceDetail | None:
-    """One device: every configuration of every front, the newest sessions. None for an unknown SLUG."""
+    """One device: every configuration, newest front first; newest sessions. None for an unknown SLUG."""
     model = DeviceModel.objects.filter(slug=slug).first()
     if model is None:
         return None
     sessions = _sessions().filter(device=model)
+    speedups = _speedup_rows().filter(device=model).order_by("-front__published_at", "-speedup")
     counts = model.sessions.aggregate(
         sessions=Count("id"), installations=Count("installation", distinct=True)
     )
     listed = tuple(sessions[:LISTED_SESSIONS])
     return DeviceDetail(
         device=_device(model),
-        speedups=tuple(_speedup(row) for row in _speedup_rows().filter(device=model)),
+        speedups=tuple(_speedup(row) for row in speedups),
         sessions=tuple(_session(row) for row in listed),
         session_count=counts["sessions"],
         installations=counts["installations"],

@@ -23,7 +23,7 @@ class EnrolView(Endpoint):
     @extend_schema(
         operation_id="enrol",
         summary="A token for a new, anonymous installation",
-        request=schema.Enrolment,
+        request={"application/json": schema.Enrolment},
         responses={201: answers.Enrolled},
     )
     def post(self, request: Request) -> HttpResponse:
@@ -48,7 +48,7 @@ class SubmissionsView(OwnEndpoint):
             OpenApiParameter("Idempotency-Key", str, OpenApiParameter.HEADER, required=True),
             OpenApiParameter("Content-Encoding", str, OpenApiParameter.HEADER, enum=["gzip"]),
         ],
-        request=schema.Submission,
+        request={"application/json": schema.Submission},
         responses={200: answers.Accepted, 202: answers.Accepted},
     )
     def post(self, request: Request) -> HttpResponse:
@@ -72,7 +72,7 @@ class ValidationView(OwnEndpoint):
     @extend_schema(
         operation_id="validate",
         summary="What would become of a submission; nothing is stored",
-        request=schema.Submission,
+        request={"application/json": schema.Submission},
         responses={200: answers.Checked},
     )
     def post(self, request: Request) -> HttpResponse:

@@ -66,6 +66,8 @@ def test_the_openapi_document_refers_only_to_what_it_holds() -> None:
     for part in text.split('"#/components/schemas/')[1:]:
         assert part.split('"')[0] in described["components"]["schemas"]
     assert described["components"]["schemas"]["Run"]["properties"]["frame_us"]["type"] == "array"
+    body = described["paths"][f"{API}/submissions"]["post"]["requestBody"]["content"]["application/json"]
+    assert body["schema"] == {"$ref": "#/components/schemas/Submission"}
 
 
 def test_the_docs_page_loads_nothing_from_elsewhere(client: Client, db: None) -> None:

