@@ -5,7 +5,8 @@
 
 #define BLOCK 8
 #define LANES 16
-#define SAMPLES 4 // taken between two looks for empty blocks
+#define JUMPS 2   // over empty blocks
+#define SAMPLES 3 // near surfaces, between two moments at which lanes may take their next ray
 
 INLINE float distance_at(global const uint *restrict volume, int index)
 {
@@ -174,110 +175,127 @@ kernel void raycast(global const uint *restrict volume, int resolution, float vo
     normal_y[i] = gy * scale;
     normal_z[i] = gz * scale;
 #else
-    // A work-item walks a row and marches LANES rays side by side; every loop over them becomes vector code.
+    // A work-item finds the rays of a row in three loops over it. The output planes hold what passes between them.
     const int row = get_global_id(0);
     const float ray_y = (row - camera.w) / camera.y;
-    for (int start = 0; start < width; start += LANES) {
-        float dx[LANES], dy[LANES], dz[LANES], ix[LANES], iy[LANES], iz[LANES];
-        float t[LANES], end[LANES], step[LANES], value[LANES];
-        int active[LANES], hit[LANES], first[LANES];
+    const float base_x = pose[1] * ray_y + pose[2], base_y = pose[5] * ray_y + pose[6], base_z = pose[9] * ray_y + pose[10];
+    global float *restrict starts = normal_x + row * width, *restrict ends = normal_y + row * width;
+    global float *restrict places = vertex_x + row * width, *restrict steps_taken = vertex_y + row * width;
+    global float *restrict values = vertex_z + row * width;
 
+    // Where each ray enters and leaves the volume. A step of 0 says that nothing was found.
+    for (int column = 0; column < width; ++column) {
+        const float ray_x = (column - camera.z) / camera.x;
+        const float ix = 1.0f / nonzero((pose[0] * ray_x + base_x) * per_voxel);
+        const float iy = 1.0f / nonzero((pose[4] * ray_x + base_y) * per_voxel);
+        const float iz = 1.0f / nonzero((pose[8] * ray_x + base_z) * per_voxel);
+        starts[column] = larger(larger(larger(near_plane, entry(origin_x, ix, last)), entry(origin_y, iy, last)),
+                                entry(origin_z, iz, last));
+        ends[column] = smaller(smaller(smaller(far_plane, leaving(origin_x, ix, last)), leaving(origin_y, iy, last)),
+                               leaving(origin_z, iz, last));
+        steps_taken[column] = 0.0f;
+    }
+
+    // LANES rays march side by side; a lane whose ray has ended takes the next one of the row.
+    float dx[LANES], dy[LANES], dz[LANES], ix[LANES], iy[LANES], iz[LANES];
+    float t[LANES], end[LANES], step[LANES], value[LANES];
+    int active[LANES], hit[LANES], first[LANES], pixel[LANES];
+    for (int l = 0; l < LANES; ++l) {
+        dx[l] = dy[l] = dz[l] = ix[l] = iy[l] = iz[l] = step[l] = 1.0f;
+        t[l] = end[l] = value[l] = 0.0f;
+        active[l] = hit[l] = first[l] = pixel[l] = 0;
+    }
+    int next = 0, marching = 1;
+    while (marching) {
+        marching = 0;
         for (int l = 0; l < LANES; ++l) {
-            const float ray_x = (start + l - camera.z) / camera.x;
-            dx[l] = nonzero((pose[0] * ray_x + pose[1] * ray_y + pose[2]) * per_voxel);
-            dy[l] = nonzero((pose[4] * ray_x + pose[5] * ray_y + pose[6]) * per_voxel);
-            dz[l] = nonzero((pose[8] * ray_x + pose[9] * ray_y + pose[10]) * per_voxel);
-            ix[l] = 1.0f / dx[l];
-            iy[l] = 1.0f / dy[l];
-            iz[l] = 1.0f / dz[l];
-            t[l] = larger(larger(larger(near_plane, entry(origin_x, ix[l], last)), entry(origin_y, iy[l], last)),
-                          entry(origin_z, iz[l], last));
-            end[l] = smaller(smaller(smaller(far_plane, leaving(origin_x, ix[l], last)),
-                                     leaving(origin_y, iy[l], last)),
-                             leaving(origin_z, iz[l], last));
-            step[l] = large_step;
-            value[l] = 0.0f;
-            active[l] = (t[l] < end[l]) & (start + l < width);
-            hit[l] = 0;
-            first[l] = 1;
-        }
-
-        int searching = 1;
-        while (searching) {
-            int jumping = 1;
-            while (jumping) {
-                jumping = 0;
-                for (int l = 0; l < LANES; ++l) {
-                    const float place = active[l] ? t[l] : near_plane;
-                    const float x = origin_x + place * dx[l];
-                    const float y = origin_y + place * dy[l];
-                    const float z = origin_z + place * dz[l];
-                    const int bx = block_of(x, blocks), by = block_of(y, blocks), bz = block_of(z, blocks);
-                    const int empty = active[l] & (searched[(bz * blocks + by) * blocks + bx] == 0);
-                    const float out_x = out_of(bx, x, dx[l], ix[l]);
-                    const float out_y = out_of(by, y, dy[l], iy[l]);
-                    const float out_z = out_of(bz, z, dz[l], iz[l]);
-                    const float out = smaller(larger(smaller(smaller(out_x, out_y), out_z), 0.0f), far_plane);
-                    const int steps = (int)(out / step[l]) + 1;
-                    t[l] += empty ? steps * step[l] : 0.0f;
-                    first[l] &= !empty;
-                    active[l] &= t[l] < end[l];
-                    jumping |= empty & active[l];
+            if (!active[l]) {
+                if (hit[l]) {
+                    places[pixel[l]] = t[l];
+                    steps_taken[pixel[l]] = step[l];
+                    values[pixel[l]] = value[l];
+                    hit[l] = 0;
+                }
+                while (next < width && !(starts[next] < ends[next]))
+                    ++next;
+                if (next < width) {
+                    const float ray_x = (next - camera.z) / camera.x;
+                    dx[l] = nonzero((pose[0] * ray_x + base_x) * per_voxel);
+                    dy[l] = nonzero((pose[4] * ray_x + base_y) * per_voxel);
+                    dz[l] = nonzero((pose[8] * ray_x + base_z) * per_voxel);
+                    ix[l] = 1.0f / dx[l];
+                    iy[l] = 1.0f / dy[l];
+                    iz[l] = 1.0f / dz[l];
+                    t[l] = starts[next];
+                    end[l] = ends[next];
+                    step[l] = large_step;
+                    first[l] = active[l] = 1;
+                    pixel[l] = next++;
                 }
             }
-            for (int sample = 0; sample < SAMPLES; ++sample) {
-                searching = 0;
-                for (int l = 0; l < LANES; ++l) {
-                    const float place = active[l] ? t[l] : near_plane;
-                    const float here = interpolate(volume, resolution, origin_x + place * dx[l],
-                                                   origin_y + place * dy[l], origin_z + place * dz[l]);
-                    const int inside = active[l] & first[l] & (here <= 0.0f);
-                    const int crossed = active[l] & (here < 0.0f) & !inside;
-                    hit[l] |= crossed;
-                    value[l] = crossed ? here : value[l];
-                    active[l] &= !(crossed | inside);
-                    step[l] = (active[l] & (here < near_surface)) ? small_step : step[l];
-                    t[l] += active[l] ? step[l] : 0.0f;
-                    active[l] &= t[l] < end[l];
-                    first[l] = 0;
-                    searching |= active[l];
-                }
+            marching |= active[l];
+        }
+        for (int jump = 0; jump < JUMPS; ++jump)
+            for (int l = 0; l < LANES; ++l) {
+                const float place = active[l] ? t[l] : near_plane;
+                const float x = origin_x + place * dx[l];
+                const float y = origin_y + place * dy[l];
+                const float z = origin_z + place * dz[l];
+                const int bx = block_of(x, blocks), by = block_of(y, blocks), bz = block_of(z, blocks);
+                const int empty = active[l] & (searched[(bz * blocks + by) * blocks + bx] == 0);
+                const float out_x = out_of(bx, x, dx[l], ix[l]);
+                const float out_y = out_of(by, y, dy[l], iy[l]);
+                const float out_z = out_of(bz, z, dz[l], iz[l]);
+                const float out = smaller(larger(smaller(smaller(out_x, out_y), out_z), 0.0f), far_plane);
+                const int steps = (int)(out / step[l]) + 1;
+                t[l] += empty ? steps * step[l] : 0.0f;
+                first[l] &= !empty;
+                active[l] &= t[l] < end[l];
             }
-        }
+        for (int sample = 0; sample < SAMPLES; ++sample)
+            for (int l = 0; l < LANES; ++l) {
+                const float place = active[l] ? t[l] : near_plane;
+                const float here = interpolate(volume, resolution, origin_x + place * dx[l], origin_y + place * dy[l],
+                                               origin_z + place * dz[l]);
+                const int inside = active[l] & first[l] & (here <= 0.0f);
+                const int crossed = active[l] & (here < 0.0f) & !inside;
+                hit[l] |= crossed;
+                value[l] = crossed ? here : value[l];
+                active[l] &= !(crossed | inside);
+                step[l] = (active[l] & (here < near_surface)) ? small_step : step[l];
+                t[l] += active[l] ? step[l] : 0.0f;
+                active[l] &= t[l] < end[l];
+                first[l] = 0;
+            }
+    }
 
-        float vx[LANES], vy[LANES], vz[LANES], nx[LANES], ny[LANES], nz[LANES];
-        for (int l = 0; l < LANES; ++l) {
-            const float before = hit[l] ? t[l] - step[l] : near_plane;
-            const float earlier = interpolate(volume, resolution, origin_x + before * dx[l],
-                                              origin_y + before * dy[l], origin_z + before * dz[l]);
-            hit[l] &= earlier > value[l];
-            const float place = hit[l] ? t[l] + step[l] * value[l] / (earlier - value[l]) : near_plane;
-            vx[l] = origin_x + place * dx[l];
-            vy[l] = origin_y + place * dy[l];
-            vz[l] = origin_z + place * dz[l];
-        }
-        for (int l = 0; l < LANES; ++l) {
-            const float x = hit[l] ? vx[l] : 1.0f, y = hit[l] ? vy[l] : 1.0f, z = hit[l] ? vz[l] : 1.0f;
-            const float gx = along_x(volume, resolution, x, y, z);
-            const float gy = along_y(volume, resolution, x, y, z);
-            const float gz = along_z(volume, resolution, x, y, z);
-            const float square = gx * gx + gy * gy + gz * gz;
-            hit[l] &= square > 0.0f;
-            const float scale = inverse_root(square > 0.0f ? square : 1.0f);
-            nx[l] = gx * scale;
-            ny[l] = gy * scale;
-            nz[l] = gz * scale;
-        }
-        const int count = bounded(width - start, 0, LANES);
-        for (int l = 0; l < count; ++l) {
-            const int i = row * width + start + l;
-            vertex_x[i] = hit[l] ? (vx[l] + 0.5f) * voxel_size : 0.0f;
-            vertex_y[i] = hit[l] ? (vy[l] + 0.5f) * voxel_size : 0.0f;
-            vertex_z[i] = hit[l] ? (vz[l] + 0.5f) * voxel_size : 0.0f;
-            normal_x[i] = hit[l] ? nx[l] : 0.0f;
-            normal_y[i] = hit[l] ? ny[l] : 0.0f;
-            normal_z[i] = hit[l] ? nz[l] : 0.0f;
-        }
+    // The crossing between the last two samples, and the gradient there.
+    for (int column = 0; column < width; ++column) {
+        const float ray_x = (column - camera.z) / camera.x;
+        const float dx = (pose[0] * ray_x + base_x) * per_voxel;
+        const float dy = (pose[4] * ray_x + base_y) * per_voxel;
+        const float dz = (pose[8] * ray_x + base_z) * per_voxel;
+        const float step = steps_taken[column], value = values[column];
+        const int crossed = step > 0.0f;
+        const float before = crossed ? places[column] - step : near_plane;
+        const float earlier = interpolate(volume, resolution, origin_x + before * dx, origin_y + before * dy,
+                                          origin_z + before * dz);
+        const int falling = crossed & (earlier > value);
+        const float place = falling ? before + step * earlier / (earlier - value) : near_plane;
+        const float x = origin_x + place * dx, y = origin_y + place * dy, z = origin_z + place * dz;
+        const float gx = along_x(volume, resolution, x, y, z);
+        const float gy = along_y(volume, resolution, x, y, z);
+        const float gz = along_z(volume, resolution, x, y, z);
+        const float square = gx * gx + gy * gy + gz * gz;
+        const int found = falling & (square > 0.0f);
+        const float scale = found ? inverse_root(found ? square : 1.0f) : 0.0f;
+        const int i = row * width + column;
+        vertex_x[i] = found ? (x + 0.5f) * voxel_size : 0.0f;
+        vertex_y[i] = found ? (y + 0.5f) * voxel_size : 0.0f;
+        vertex_z[i] = found ? (z + 0.5f) * voxel_size : 0.0f;
+        normal_x[i] = gx * scale;
+        normal_y[i] = gy * scale;
+        normal_z[i] = gz * scale;
     }
 #endif
 }
