@@ -15,12 +15,16 @@ from django.views.decorators.http import require_safe
 from plotly import graph_objects as go
 
 from crowd.dashboard.comparison import InvalidComparisonError, compared, labelled, parse_devices
+from crowd.dashboard.figures.explorations import exploration_plane
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.speedups import speedup_bars
 from crowd.dashboard.palette import LIGHT, THEMES, Theme
 from crowd.dashboard.protocols import first_counted_frame, max_ate
+from crowd.dashboard.searches import ate_limit
 from crowd.dashboard.stages import stage_times
+from crowd.explorations import selectors as searches
+from crowd.explorations.points import measured
 from crowd.fronts import selectors as published
 from crowd.results import selectors as results
 from crowd.results.filters import InvalidFilterError, SpeedupFilters
@@ -88,6 +92,15 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
     """A front's points in the plane of error and runtime."""
     shown = _found(published.front(slug))
     return _answer(request, lambda theme: front_plane(shown.points, max_ate(shown.protocol), theme))
+
+
+@gzip_page
+@require_safe
+def exploration(request: HttpRequest, key: int) -> HttpResponseBase:
+    """Everything that an exploration measured, and its front."""
+    detail = _found(searches.exploration(key))
+    points, limit = measured(detail.evaluations), ate_limit(detail.progress.exploration)
+    return _answer(request, lambda theme: exploration_plane(points, detail.front, limit, theme))
 
 
 def _found(row: Row | None) -> Row:

@@ -15,6 +15,8 @@ urlpatterns = [
     path("runs/<uuid:uuid>/", views.run, name="run"),
     path("fronts/", views.fronts, name="fronts"),
     path("fronts/<str:slug>/", views.front, name="front"),
+    path("explorations/", views.explorations, name="explorations"),
+    path("explorations/<int:key>/", views.exploration, name="exploration"),
     path("data/", views.data, name="data"),
     path("about/", views.about, name="about"),
     path("figures/speedups.json", charts.speedups, name="speedups-figure"),
@@ -22,5 +24,6 @@ urlpatterns = [
     path("figures/sessions/<uuid:uuid>/frames.json", charts.session_frames, name="session-frames-figure"),
     path("figures/sessions/<uuid:uuid>/stages.json", charts.session_stages, name="session-stages-figure"),
     path("figures/runs/<uuid:uuid>/stages.json", charts.run_stages, name="run-stages-figure"),
+    path("figures/explorations/<int:key>.json", charts.exploration, name="exploration-figure"),
     path("figures/fronts/<str:slug>.json", charts.front, name="front-figure"),
 ]

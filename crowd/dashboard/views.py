@@ -16,7 +16,9 @@ from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.points import measured_points, newest_figure, parameters_of
 from crowd.dashboard.protocols import first_counted_frame
 from crowd.dashboard.race import race
+from crowd.dashboard.searches import ate_limit, yield_of
 from crowd.dashboard.stages import StageTimes, frames, spread, stage_table, stage_times
+from crowd.explorations import selectors as searches
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
@@ -26,6 +28,7 @@ from crowd.results.rows import SessionDetail
 APPLICATION = "kfusion"
 NEWEST = 6
 PAGE = 100
+EVALUATIONS = 50
 
 Row = TypeVar("Row")
 View = TypeVar("View", bound=Callable[..., HttpResponse])
@@ -182,6 +185,31 @@ def front(request: HttpRequest, slug: str) -> HttpResponse:
         request,
         "dashboard/front.html",
         {"front": shown, "points": measured_points(shown, crowd.rows), "parameters": parameters_of(shown)},
+    )
+
+
+@page
+def explorations(request: HttpRequest) -> HttpResponse:
+    """Every search, newest first."""
+    return render(request, "dashboard/explorations.html", {"explorations": searches.explorations()})
+
+
+@page
+def exploration(request: HttpRequest, key: int) -> HttpResponse:
+    """One search: what it measured, the front of it, and every evaluation."""
+    detail = _found(searches.exploration(key))
+    return render(
+        request,
+        "dashboard/exploration.html",
+        {
+            "detail": detail,
+            "progress": detail.progress,
+            "exploration": detail.progress.exploration,
+            "yield": yield_of(detail),
+            "limit": ate_limit(detail.progress.exploration),
+            "parameters": tuple(detail.front[0].configuration) if detail.front else (),
+            "part": Paginator(detail.evaluations, EVALUATIONS).get_page(request.GET.get("page")),
+        },
     )
 
 

@@ -13,6 +13,7 @@ from tests.browser.chromium import NoBrowserError, launched
 from tests.crowd.conftest import pack
 from tests.crowd.documents import device_document, front_document, session_document, submission_document
 from tests.crowd.participant import Participant
+from tests.dashboard import searches
 
 __all__ = ["pack"]
 
@@ -33,8 +34,9 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def measured(transactional_db: None, pack: dict[str, Any]) -> list[dict[str, Any]]:
-    """Five phones, one with a long name and one with three installations; their sessions as sent."""
+    """Five phones, one with a long name and one with three installations, and a search; sessions as sent."""
     publish_content(front_document(pack))
+    searches.measure(searches.exploration(pack), searches.KNOWN)
     models = [
         "Pixel 8",
         "Pixel 8",

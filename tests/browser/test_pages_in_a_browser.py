@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from crowd.dashboard.palette import DARK, LIGHT
+from crowd.explorations.models import Exploration
 from tests.browser.visitor import Visitor
 
 Visit = Callable[..., Visitor]
@@ -37,6 +38,8 @@ def addresses(sessions: list[dict[str, Any]]) -> list[str]:
         f"/runs/{sessions[0]['runs'][1]['id']}/",
         "/fronts/",
         "/fronts/kfusion-test/",
+        "/explorations/",
+        f"/explorations/{Exploration.objects.get().pk}/",
         "/data/",
         "/about/",
     ]

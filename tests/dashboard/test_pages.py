@@ -3,7 +3,6 @@
 import re
 import uuid
 from collections.abc import Callable
-from html import unescape
 from typing import Any
 
 import pytest
@@ -11,7 +10,6 @@ from django.test import Client
 from django.urls import reverse
 
 from crowd.dashboard import views
-from crowd.dashboard.formats import ABSENT, RANGE, TIMES
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content, retire
 from crowd.results import selectors
@@ -23,21 +21,9 @@ from tests.crowd.documents import (
     submission_document,
 )
 from tests.crowd.participant import Participant
+from tests.dashboard.reading import read, text
 
 pytestmark = pytest.mark.django_db
-
-
-def text(response: Any) -> str:
-    """What a reader sees: no tags, any white space as one blank, the signs of formats in ASCII."""
-    body = re.sub(r"<(script|style).*?</\1>", " ", response.content.decode(), flags=re.DOTALL)
-    words = " ".join(unescape(re.sub(r"<[^>]+>", " ", body)).split())
-    return words.replace(TIMES, "x").replace(RANGE, "-").replace(ABSENT, "-")
-
-
-def read(client: Client, address: str) -> str:
-    response = client.get(address)
-    assert response.status_code == 200, address
-    return text(response)
 
 
 def measure(participant: Participant, model: str = "Pixel 8", **changes: Any) -> dict[str, Any]:

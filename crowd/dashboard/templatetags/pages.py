@@ -24,7 +24,13 @@ class Item:
 def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
     """The main pages in the order in which a visitor asks for them."""
     path = request.path if (request := context.get("request")) else ""
-    names = {"Devices": "devices", "Fronts": "fronts", "Data": "data", "About": "about"}
+    names = {
+        "Devices": "devices",
+        "Fronts": "fronts",
+        "Explorations": "explorations",
+        "Data": "data",
+        "About": "about",
+    }
     addresses = {name: reverse(f"dashboard:{view}") for name, view in names.items()}
     return tuple(Item(name, address, path.startswith(address)) for name, address in addresses.items())
 

@@ -1,0 +1,23 @@
+"""Pages as their readers see them."""
+
+import re
+from html import unescape
+from typing import Any
+
+from django.test import Client
+
+from crowd.dashboard.formats import ABSENT, RANGE, TIMES
+
+
+def text(response: Any) -> str:
+    """What a reader sees: no tags, any white space as one blank, the signs of formats in ASCII."""
+    body = re.sub(r"<(script|style).*?</\1>", " ", response.content.decode(), flags=re.DOTALL)
+    words = " ".join(unescape(re.sub(r"<[^>]+>", " ", body)).split())
+    return words.replace(TIMES, "x").replace(RANGE, "-").replace(ABSENT, "-")
+
+
+def read(client: Client, address: str) -> str:
+    """The text of the page at ADDRESS, which is there."""
+    response = client.get(address)
+    assert response.status_code == 200, address
+    return text(response)
