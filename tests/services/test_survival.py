@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from tests.services.redis import Redis
 from tests.services.serving import Services, Serving, command, until
 
 SUBMISSIONS = 12
+CLIENTS = 8
 
 
 def prepare(var: Path, services: Services) -> None:
@@ -72,6 +74,22 @@ def test_killing_worker_and_web_server_loses_and_doubles_nothing(var: Path, serv
         assert "starting it again" in server.output.read_text()
 
 
+def test_one_submission_sent_many_times_at_once_is_stored_once(var: Path, services: Services) -> None:
+    document = submission_document()
+    with Serving(var, services) as server, ThreadPoolExecutor(CLIENTS) as clients:
+        headers = {"Authorization": f"Bearer {server.enrol()}", "Idempotency-Key": "the-same"}
+
+        answers = list(
+            clients.map(
+                lambda _: server.call("POST", "/api/v1/submissions", document, **headers), range(CLIENTS)
+            )
+        )
+
+        assert sorted(status for status, _ in answers) == [200] * (CLIENTS - 1) + [202]
+        assert all(answer == answers[0][1] for _, answer in answers)
+        assert sessions(server) == 1
+
+
 def test_a_broker_that_dies_with_all_its_messages_loses_nothing(tmp_path: Path, own_redis: Redis) -> None:
     var, services = tmp_path / "var", {"CELERY_BROKER_URL": own_redis.url}
     prepare(var, services)
@@ -90,8 +108,10 @@ def test_a_broker_that_dies_with_all_its_messages_loses_nothing(tmp_path: Path, 
 
 
 def test_killing_the_supervisor_takes_everything_along_and_a_new_one_goes_on(
-    var: Path, services: Services
+    tmp_path: Path,
 ) -> None:
+    var, services = tmp_path / "var", Services()
+    prepare(var, services)
     first = Serving(var, services)
     first.start()
     token = first.enrol()
