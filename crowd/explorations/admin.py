@@ -74,7 +74,7 @@ class ExplorationAdmin(admin.ModelAdmin):
     def stop(self, request: HttpRequest, queryset: QuerySet[Exploration]) -> None:
         for exploration in queryset:
             services.stop(exploration)
-            self.message_user(request, f"{exploration} measures nothing more", messages.SUCCESS)
+            self.message_user(request, f"Stopped {exploration}: it measures nothing more", messages.SUCCESS)
 
     @admin.action(description="Publish front", permissions=["steer"])
     def publish_front(self, request: HttpRequest, queryset: QuerySet[Exploration]) -> None:
@@ -82,10 +82,10 @@ class ExplorationAdmin(admin.ModelAdmin):
             try:
                 front = publishing.publish(exploration)
             except REFUSALS as error:
-                self.message_user(request, f"{exploration}: {error}", messages.ERROR)
+                self.message_user(request, f"Not published, {exploration}: {error}", messages.ERROR)
             else:
                 self.message_user(
-                    request, f"{front.slug} is published: clients measure it now", messages.SUCCESS
+                    request, f"Published {front.slug}: clients measure it now", messages.SUCCESS
                 )
 
     @admin.display(ordering="pending")

@@ -1,0 +1,96 @@
+"""A tiny sequence, a small space and explorations over them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crowd.explorations import services
+from crowd.explorations.measurement import Measurement
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from slam.datasets import open_sequence, pack
+from tests.slam.sequences import ArraySequence
+from tests.slam.shipped import LIVING_ROOM
+
+SPACE = {
+    "name": "small",
+    "parameters": [
+        {"name": "compute_size_ratio", "type": "ordinal", "values": [1, 2, 4], "default": 2},
+        {"name": "integration_rate", "type": "ordinal", "values": [1, 2, 5, 20], "default": 2},
+        {"name": "tracking_rate", "type": "ordinal", "values": [1, 2, 9], "default": 1},
+        {"name": "volume_resolution", "type": "ordinal", "values": [32, 64], "default": 64},
+    ],
+}
+
+
+@pytest.fixture(scope="session")
+def tiny_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first 12 frames of the shipped sequence, a quarter as wide and as high."""
+    whole = open_sequence(LIVING_ROOM)
+    depth = np.stack([whole.depth(frame)[::4, ::4] for frame in range(12)])
+    assert whole.truth is not None
+    tiny = ArraySequence(
+        depth,
+        truth=whole.truth[:12],
+        name="tiny",
+        volume_size=whole.volume_size,
+        initial_position=whole.initial_position,
+    )
+    tiny.camera = whole.camera.scaled(4)
+    folder = tmp_path_factory.mktemp("sequences") / "tiny"
+    pack.write(tiny, folder)
+    return folder
+
+
+@pytest.fixture
+def unsaved(db: None, tiny_pack: Path, settings: Any) -> Exploration:
+    """An exploration that could be created, over the small space and the tiny sequence."""
+    settings.FRONTRUNNER_SEQUENCES = [tiny_pack.parent]
+    device = ReferenceDevice.objects.create(name="bench", queue="bench")
+    return Exploration(
+        space=SPACE,
+        sequence="tiny",
+        sequence_sha256=open_sequence(tiny_pack).sha256,
+        reference_device=device,
+        objectives=["ate_max", "runtime"],
+        limits={"ate_max": 0.05},
+        method="random",
+        budget=6,
+        batch=4,
+        points=3,
+        repeats=2,
+    )
+
+
+@pytest.fixture
+def exploration(unsaved: Exploration) -> Exploration:
+    """A created one: its known configurations wait."""
+    return services.create(unsaved)
+
+
+def measurement(configuration: dict[str, Any]) -> Measurement:
+    """What some machine might measure; the error grows as the time shrinks."""
+    ratio, rate = configuration["compute_size_ratio"], configuration["tracking_rate"]
+    runtime = (0.1 / ratio**2 + 0.02 / configuration["integration_rate"]) * (1 + 0.1 / rate)
+    error = 0.002 * ratio * rate * (1 + 0.01 * configuration["integration_rate"])
+    objectives = {"runtime": runtime, "ate_max": error, "ate_mean": error / 2, "ate_rmse": error / 2}
+    stages = {"preprocessing": runtime / 2, "tracking": runtime / 2, "integration": 0.0, "raycasting": 0.0}
+    device = {"platform": "p", "name": "Bench CPU", "driver": "1.0", "backend": "opencl"}
+    return Measurement(objectives, stages, device)
+
+
+def finish(evaluations: list[Evaluation]) -> None:
+    """Record a measurement for each."""
+    for waiting in evaluations:
+        with services.leased(waiting.pk) as evaluation:
+            assert evaluation is not None
+            assert services.record(evaluation, measurement(evaluation.configuration))
+
+
+def run_to_the_end(exploration: Exploration) -> Exploration:
+    """Measure whatever is asked for until nothing is."""
+    while waiting := services.waiting(exploration) or services.advance(exploration.pk):
+        finish(waiting)
+    exploration.refresh_from_db()
+    return exploration

@@ -1,0 +1,223 @@
+"""How an exploration goes on: what is asked, what is stored, and what happens when workers die."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.core.exceptions import ValidationError
+from django.db import IntegrityError
+from django.utils import timezone
+
+from crowd.explorations import services
+from crowd.explorations.measurement import MeasurementError
+from crowd.explorations.models import Evaluation, Exploration
+from tests.explorations.conftest import finish, measurement, run_to_the_end
+
+LONG_AGO = timedelta(hours=1)
+
+
+def let_leases_run_out() -> None:
+    Evaluation.objects.filter(state="running").update(lease_until=timezone.now() - LONG_AGO)
+
+
+def test_the_known_configurations_come_first_then_the_search_then_repeats_round_by_round(
+    exploration: Exploration,
+) -> None:
+    assert [row.label for row in services.waiting(exploration)] == [
+        "default",
+        "fast1",
+        "fast2",
+        "fast3",
+        "fast4",
+    ]
+
+    run_to_the_end(exploration)
+
+    rows = list(exploration.evaluations.all())
+    assert [row.number for row in rows] == list(range(len(rows)))
+    assert [row.phase for row in rows[5:11]] == ["random"] * 6
+    repeats = rows[11:]
+    assert {row.phase for row in repeats} == {"repeat"}
+    first, second = repeats[: len(repeats) // 2], repeats[len(repeats) // 2 :]
+    assert [row.configuration for row in first] == [row.configuration for row in second]
+    assert [row.label for row in first][:5] == ["default", "fast1", "fast2", "fast3", "fast4"]
+    assert (exploration.state, exploration.finished_at is None) == ("done", False)
+
+
+def test_no_configuration_is_searched_twice(exploration: Exploration) -> None:
+    exploration.budget = 60
+    exploration.save()
+
+    run_to_the_end(exploration)
+
+    searched = [row.configuration_key for row in exploration.evaluations.filter(phase="random")]
+    assert len(searched) == len(set(searched)) == 60
+
+
+def test_nothing_new_is_asked_while_something_is_unfinished(exploration: Exploration) -> None:
+    first = services.waiting(exploration)
+    finish(first[:-1])
+
+    assert services.advance(exploration.pk) == []
+
+    finish(first[-1:])
+    assert len(services.advance(exploration.pk)) == 4
+    assert services.advance(exploration.pk) == []
+
+
+def test_of_two_who_ask_at_once_one_is_heard(exploration: Exploration) -> None:
+    finish(services.waiting(exploration))
+    late = Exploration.objects.get(pk=exploration.pk)
+    seen = list(late.evaluations.all())
+
+    assert len(services.advance(exploration.pk)) == 4
+    assert services._ask(late, seen) == []
+    assert exploration.evaluations.count() == 9
+
+
+def test_a_measured_evaluation_is_stored_whole(exploration: Exploration) -> None:
+    row = services.waiting(exploration)[0]
+
+    finish([row])
+
+    row.refresh_from_db()
+    expected = measurement(row.configuration)
+    assert (row.state, row.attempt, row.error) == ("done", 1, "")
+    assert (row.objectives, row.stages, row.device) == (expected.objectives, expected.stages, expected.device)
+    assert row.software.startswith("0.1.0")
+    assert row.lease_until is None
+
+
+def test_an_evaluation_is_measured_by_one_at_a_time(exploration: Exploration) -> None:
+    row = services.waiting(exploration)[0]
+    with services.leased(row.pk) as mine:
+        with services.leased(row.pk) as theirs:
+            assert theirs is None
+        assert mine is not None
+        services.record(mine, measurement(mine.configuration))
+
+    with services.leased(row.pk) as again:
+        assert again is None
+
+
+def test_a_failed_measurement_keeps_its_reason_and_the_search_goes_on(exploration: Exploration) -> None:
+    for row in services.waiting(exploration):
+        with services.leased(row.pk):
+            raise MeasurementError("killed by SIGABRT: out of resources")
+
+    row.refresh_from_db()
+    assert (row.state, row.error) == ("failed", "killed by SIGABRT: out of resources")
+    assert len(services.advance(exploration.pk)) == 4
+
+
+def test_any_other_error_gives_the_evaluation_back(exploration: Exploration) -> None:
+    row = services.waiting(exploration)[0]
+    with pytest.raises(KeyboardInterrupt), services.leased(row.pk):
+        raise KeyboardInterrupt
+
+    row.refresh_from_db()
+    assert (row.state, row.lease_until) == ("pending", None)
+
+
+def test_an_evaluation_whose_worker_died_is_given_to_another(exploration: Exploration) -> None:
+    row = services.waiting(exploration)[0]
+    with services.leased(row.pk) as dead:
+        assert dead is not None
+        let_leases_run_out()
+        assert [found.pk for found in services.reap()] == [exploration.pk]
+        with services.leased(row.pk) as alive:
+            assert alive is not None
+            assert not services.renew(dead)
+            assert not services.record(dead, measurement(dead.configuration))
+            assert not services.fail(dead, "too late")
+            assert services.renew(alive)
+            assert services.record(alive, measurement(alive.configuration))
+
+    row.refresh_from_db()
+    assert (row.state, row.attempt) == ("done", 2)
+
+
+def test_a_lease_that_ran_out_may_be_taken_over_even_before_the_reaper_comes(
+    exploration: Exploration,
+) -> None:
+    row = services.waiting(exploration)[0]
+    with services.leased(row.pk):
+        let_leases_run_out()
+        with services.leased(row.pk) as other:
+            assert other is not None
+            services.record(other, measurement(other.configuration))
+
+
+def test_what_kills_its_worker_three_times_is_failed(exploration: Exploration) -> None:
+    row = services.waiting(exploration)[0]
+    Evaluation.objects.filter(pk=row.pk).update(
+        state="running", attempt=services.MOST_ATTEMPTS, lease_until=timezone.now() - LONG_AGO
+    )
+
+    services.reap()
+
+    row.refresh_from_db()
+    assert row.state == "failed"
+    assert "lost 3 times" in row.error
+
+
+def test_a_stopped_exploration_measures_nothing_more(exploration: Exploration) -> None:
+    services.stop(exploration)
+
+    with services.leased(services.waiting(exploration)[0].pk) as evaluation:
+        assert evaluation is None
+    assert services.advance(exploration.pk) == []
+    assert services.reap() == []
+
+
+def test_the_default_method_learns_from_given_configurations_in_its_space(unsaved: Exploration) -> None:
+    unsaved.method, unsaved.budget, unsaved.batch = "two-stage", 50, 10
+    exploration = run_to_the_end(services.create(unsaved))
+
+    phases = set(exploration.evaluations.values_list("phase", flat=True))
+    assert phases == {"given", "random", "active", "repeat"}
+    exploration.refresh_from_db()
+    assert len(exploration.search["observations"]) == 50
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"objectives": ["speed"]}, "runtime, ate_max"),
+        ({"objectives": "runtime"}, "must be a list"),
+        ({"objectives": []}, "cannot be blank"),
+        ({"limits": {"power": 1}}, "'power'"),
+        ({"limits": [1]}, "must map"),
+        ({"method": "annealing"}, "not a valid choice"),
+        ({"space": {"parameters": []}}, "at least one parameter"),
+        ({"sequence": "elsewhere"}, "no pack elsewhere"),
+        ({"sequence_sha256": "0" * 64}, "no pack tiny with digest 000000000000"),
+        ({"budget": 0}, "greater than or equal to 1"),
+    ],
+)
+def test_an_exploration_that_cannot_run_is_refused(
+    unsaved: Exploration, change: dict[str, Any], message: str
+) -> None:
+    for name, value in change.items():
+        setattr(unsaved, name, value)
+
+    with pytest.raises(ValidationError, match=message):
+        services.create(unsaved)
+    assert not Exploration.objects.exists()
+
+
+@pytest.mark.parametrize(
+    "impossible",
+    [
+        {"state": "done"},
+        {"state": "running"},
+        {"state": "failed"},
+        {"number": 1},
+    ],
+)
+def test_the_database_refuses_rows_that_cannot_be(
+    exploration: Exploration, impossible: dict[str, Any]
+) -> None:
+    row = services.waiting(exploration)[0]
+    with pytest.raises(IntegrityError):
+        Evaluation.objects.filter(pk=row.pk).update(**impossible)
