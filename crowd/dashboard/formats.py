@@ -40,8 +40,11 @@ def interval(low: float | None, high: float | None) -> str:
 
 
 def milliseconds(seconds: float | None) -> str:
-    """Seconds as milliseconds, three significant digits."""
-    return ABSENT if seconds is None else f"{significant(seconds * 1e3)}{GAP}ms"
+    """Seconds as milliseconds, three significant digits, none finer than the microseconds measured."""
+    if seconds is None:
+        return ABSENT
+    written = significant(seconds * 1e3) if seconds >= 1e-4 else f"{seconds * 1e3:.3f}"
+    return f"{written}{GAP}ms"
 
 
 def frames_per_second(seconds: float | None) -> str:

@@ -34,6 +34,12 @@ def test_units_are_chosen_once_for_every_page() -> None:
     assert formats.change(0.98) == f"\N{MINUS SIGN}2.0{gap}%"
 
 
+def test_no_time_is_finer_than_the_microseconds_it_was_measured_in() -> None:
+    assert formats.milliseconds(0.000_001) == f"0.001{formats.GAP}ms"
+    assert formats.milliseconds(0.000_0274) == f"0.027{formats.GAP}ms"
+    assert formats.milliseconds(0.000_111) == f"0.111{formats.GAP}ms"
+
+
 def test_what_is_absent_is_never_a_zero() -> None:
     functions = [
         formats.speedup,
