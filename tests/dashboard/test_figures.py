@@ -132,6 +132,14 @@ def test_the_front_marks_what_is_not_valid() -> None:
     assert [shape.x0 for shape in figure.layout.shapes] == [5.0]
 
 
+def test_of_many_points_the_ends_of_the_front_are_named() -> None:
+    points = [point(f"front-{number}", 0.01 + number / 100, 0.04 - number / 500) for number in range(12)]
+
+    figure = front_plane([point("default", 0.2, 0.04), point("best", 0.005, 0.045), *points], 0.05, LIGHT)
+
+    assert [trace.name for trace in figure.data if "text" in trace.mode] == ["default", "best", "front-11"]
+
+
 def test_a_point_without_a_prediction_is_left_out_of_the_plane() -> None:
     assert not front_plane([point("lost", 0.01, None)], 0.05, LIGHT).data
 

@@ -9,6 +9,9 @@ from crowd.dashboard.figures import layout
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST, DEFAULT, Point
 
+# More names than this run into each other; the others are in the table and on hover.
+NAMED_POINTS = 9
+
 
 def front_plane(points: Sequence[Point], max_ate: float, theme: Theme) -> go.Figure:
     """Published configurations in the plane (max ATE, runtime), with the line at MAX_ATE (m).
@@ -18,11 +21,12 @@ def front_plane(points: Sequence[Point], max_ate: float, theme: Theme) -> go.Fig
     figure = layout.blank(theme, 460)
     drawn = [point for point in points if point.runtime and point.ate_max is not None]
     colours = {DEFAULT: theme.default, BEST: theme.best}
+    named = _named(drawn)
     for point in drawn:
         figure.add_scatter(
             x=layout.rounded([(point.ate_max or 0.0) * 100]),
             y=layout.rounded([(point.runtime or 0.0) * 1e3]),
-            mode="markers+text",
+            mode="markers+text" if point.name in named else "markers",
             text=[layout.text(point.name)],
             textposition="top center",
             textfont={"color": theme.ink, "size": 13},
@@ -46,6 +50,13 @@ def front_plane(points: Sequence[Point], max_ate: float, theme: Theme) -> go.Fig
         },
         yaxis=layout.log_axis("runtime, ms a frame (log)"),
     )
+
+
+def _named(points: Sequence[Point]) -> set[str]:
+    """Whose names there is room for: all of a few, else default, best and the most accurate."""
+    if len(points) <= NAMED_POINTS:
+        return {point.name for point in points}
+    return {DEFAULT, BEST, min(points, key=lambda point: point.ate_max or 0.0).name}
 
 
 def _detail(point: Point) -> str:
