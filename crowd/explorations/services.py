@@ -55,13 +55,14 @@ def create(exploration: Exploration) -> Exploration:
     Raises ValidationError where it cannot be run.
     """
     check(exploration)
+    space = Space.from_dict(exploration.space)
     exploration.search = _fresh_explorer(exploration).state()
     exploration.save()
     _add(
         exploration,
         [
             (configuration, Evaluation.Phase.GIVEN, label)
-            for label, configuration in known.configurations(exploration.application).items()
+            for label, configuration in known.configurations(exploration.application, space).items()
         ],
     )
     return exploration

@@ -44,6 +44,14 @@ def test_the_known_configurations_come_first_then_the_search_then_repeats_round_
     assert (exploration.state, exploration.finished_at is None) == ("done", False)
 
 
+def test_an_application_without_known_configurations_is_compared_with_its_spaces_default(
+    unsaved: Exploration,
+) -> None:
+    unsaved.application = "other"
+    [row] = services.waiting(services.create(unsaved))
+    assert (row.label, row.configuration["volume_resolution"]) == ("default", 64)
+
+
 def test_no_configuration_is_searched_twice(exploration: Exploration) -> None:
     exploration.budget = 60
     exploration.save()
