@@ -13,7 +13,7 @@ app.conf.update(task_always_eager=True, task_eager_propagates=True, broker_url="
 
 @pytest.fixture(autouse=True)
 def own_data_folder(settings: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An empty data folder; static files straight from their sources; sequences only where a test puts them."""
+    """An empty data folder; static files from their sources; sequences only where a test puts them."""
     folder = tmp_path_factory.mktemp("var")
     settings.FRONTRUNNER_VAR = folder
     settings.FRONTRUNNER_SEQUENCES = [folder / "sequences"]
