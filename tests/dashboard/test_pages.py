@@ -3,13 +3,12 @@
 import re
 import uuid
 from collections.abc import Callable
+from html import unescape
 from typing import Any
 
 import pytest
 from django.test import Client
-from django.urls import reverse
 
-from crowd.dashboard import views
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content, retire
 from crowd.results import selectors
@@ -21,17 +20,10 @@ from tests.crowd.documents import (
     submission_document,
 )
 from tests.crowd.participant import Participant
+from tests.dashboard.measuring import measure
 from tests.dashboard.reading import read, text
 
 pytestmark = pytest.mark.django_db
-
-
-def measure(participant: Participant, model: str = "Pixel 8", **changes: Any) -> dict[str, Any]:
-    """One session of a phone MODEL through the API; the session as it was sent."""
-    session = session_document(**changes)
-    response = participant.submit(submission_document(session, device=device_document(model)))
-    assert response.status_code == 202, response.content
-    return session
 
 
 def test_before_a_front_is_published_the_home_page_says_how_to(client: Client) -> None:
@@ -275,115 +267,6 @@ def test_a_missing_page_still_leads_on(client: Client) -> None:
     assert "All devices" in page
 
 
-@pytest.mark.parametrize("name", ["home", "devices", "fronts", "data", "about"])
-def test_pages_load_nothing_from_another_host(client: Client, participant: Participant, name: str) -> None:
-    measure(participant)
-
-    page = client.get(reverse(f"dashboard:{name}")).content.decode()
-
-    loaded = re.findall(r"<(?:script|link|img|iframe|source)[^>]+(?:src|href)=\"([^\"]+)\"", page)
-    assert loaded
-    assert all(address.startswith("/static/") for address in loaded), loaded
-    assert not re.search(r"<script(?![^>]*src=)", page)
-    assert "<style" not in page
-
-
-def test_pages_without_charts_do_not_load_the_plot_library(client: Client, front: FrontVersion) -> None:
-    for name in ("home", "devices", "fronts", "data", "about"):
-        assert b"plotly" not in client.get(reverse(f"dashboard:{name}")).content, name
-
-
-@pytest.mark.parametrize(("address", "budget"), [("/", 8), ("/devices/", 12), ("/fronts/", 2)])
-def test_lists_ask_the_database_as_often_for_one_device_as_for_many(
-    client: Client,
-    join: Callable[[], Participant],
-    front: FrontVersion,
-    django_assert_max_num_queries: Any,
-    address: str,
-    budget: int,
-) -> None:
-    for number in range(6):
-        measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
-
-    with django_assert_max_num_queries(budget):
-        client.get(address)
-
-
-def test_the_device_page_keeps_to_its_queries_with_many_sessions(
-    client: Client, participant: Participant, django_assert_max_num_queries: Any
-) -> None:
-    for best_us in range(8_000, 14_000, 1_000):
-        measure(participant, best_us=best_us)
-
-    with django_assert_max_num_queries(8):
-        client.get("/devices/google-pixel-8/")
-
-
-def test_the_home_page_stays_small_without_the_plot_library(
-    client: Client, join: Callable[[], Participant], front: FrontVersion
-) -> None:
-    for number in range(12):
-        measure(join(), f"Pixel {number}")
-
-    assert len(client.get("/").content) < 60_000
-
-
-def test_devices_stand_side_by_side(
-    client: Client, join: Callable[[], Participant], front: FrontVersion
-) -> None:
-    measure(join(), "Pixel 8", best_us=10_000)
-    measure(join(), "Pixel 7", best_us=40_000)
-
-    page = read(client, "/compare/?devices=google-pixel-8,google-pixel-7")
-
-    assert "Speedup 8.00x 2.00x" in page
-    assert "best 10.0 ms, 100 fps 40.0 ms, 25.0 fps" in page
-    assert "n = 4 runs of 2 sessions" not in page
-    assert "n = 8 runs of 2 sessions" in page
-    ticked = read(client, "/compare/?devices=google-pixel-8&devices=google-pixel-7")
-    assert ticked == page
-    figure = client.get("/figures/compare.json?devices=google-pixel-8,google-pixel-7").json()
-    assert [row["text"].split("  ")[1] for row in figure["layout"]["annotations"]] == [
-        "default, Google Pixel 8",
-        "best, Google Pixel 8",
-        "default, Google Pixel 7",
-        "best, Google Pixel 7",
-    ]
-
-
-@pytest.mark.parametrize("query", ["", "?devices=a", "?devices=a,b,c,d,e,f,g", "?devices=a,a"])
-def test_a_comparison_of_too_few_or_too_many_says_what_would_be_right(client: Client, query: str) -> None:
-    response = client.get(f"/compare/{query}")
-
-    assert response.status_code == 400
-    assert "ame 2 to 6 devices to compare" in text(response)
-
-
-def test_a_comparison_with_an_unknown_device_is_404(client: Client, participant: Participant) -> None:
-    measure(participant)
-
-    assert client.get("/compare/?devices=google-pixel-8,nobody").status_code == 404
-
-
-def test_long_tables_come_in_pages_under_the_same_filters(
-    client: Client,
-    join: Callable[[], Participant],
-    front: FrontVersion,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(views, "PAGE", 2)
-    for number in range(3):
-        measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
-
-    first = client.get("/devices/?gpu=mali")
-    last = client.get("/devices/?gpu=mali&page=2")
-
-    assert "Rows 1 to 2 of 3" in text(first)
-    assert 'href="?gpu=mali&amp;page=2"' in first.content.decode()
-    assert "Rows 3 to 3 of 3" in text(last)
-    assert 'data-figure="/figures/speedups.json?gpu=mali"' in last.content.decode()
-
-
 def test_the_device_page_leads_with_the_figure_of_its_newest_session(
     client: Client, participant: Participant
 ) -> None:
@@ -397,15 +280,12 @@ def test_the_device_page_leads_with_the_figure_of_its_newest_session(
     assert "best 20.0x" in page
 
 
-def test_pages_travel_compressed(client: Client, participant: Participant) -> None:
+def test_every_address_that_the_data_page_names_answers(client: Client, participant: Participant) -> None:
     measure(participant)
 
-    for address in ("/", "/devices/", "/devices/google-pixel-8/", "/about/"):
-        response = client.get(address, headers={"Accept-Encoding": "gzip"})
-        assert response["Content-Encoding"] == "gzip", address
-        assert len(response.content) < 8_000, address
+    page = client.get("/data/").content.decode()
 
-
-@pytest.mark.parametrize("address", ["/", "/devices/", "/about/"])
-def test_pages_can_only_be_read(client: Client, address: str) -> None:
-    assert client.post(address).status_code == 405
+    addresses = set(re.findall(r'href="(/api/v1/[^"]*)"', page))
+    assert len(addresses) >= 6
+    for address in addresses:
+        assert client.get(unescape(address)).status_code == 200, address

@@ -72,6 +72,12 @@ def value(mapping: Mapping[str, Any], key: str) -> Any:
 
 
 @register.filter
+def pack_size(sequence: Mapping[str, Any]) -> int:
+    """Bytes that a client downloads for a front's sequence."""
+    return sum(chunk["bytes"] for chunk in sequence.get("chunks", ()))
+
+
+@register.filter
 def rule(code: str) -> str:
     """The rule behind a state's reason, in a sentence; the code itself where no sentence is known."""
     return RULES.get(code, code)
