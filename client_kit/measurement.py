@@ -15,7 +15,7 @@ from client_kit import __version__
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest, Protocol
 from client_kit.sensors import Sample, Sampler
-from slam import benchmark
+from slam import benchmark, opencl
 from slam.benchmark import Report
 from slam.datasets.sequence import Sequence, SequenceError
 from slam.opencl import NoDeviceError
@@ -118,8 +118,14 @@ def measure(
         )
     started_at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     sampler = Sampler(root)
+    try:
+        opened = opencl.Session(opencl.choose_device(device))
+    except NoDeviceError as error:
+        raise CannotMeasureError(str(error)) from error
 
     def attempt(name: str, frames: int, label: str) -> Report | str:
+        nonlocal opened
+
         def between_frames(done: int, total: int) -> None:
             sampler.sample()
             if on_frame is not None:
@@ -132,12 +138,13 @@ def measure(
                 sequence,
                 system=manifest.application,
                 frames=frames,
-                device=device,
+                device=opened,
                 progress=between_frames,
             )
-        except (NoDeviceError, SequenceError) as error:
+        except SequenceError as error:
             raise CannotMeasureError(str(error)) from error
         except Exception as error:  # whatever a driver raises says something of this configuration here
+            opened = opencl.Session(opened.device)  # an error may leave the driver's context unusable
             return _failure(error)
 
     failures: dict[str, str] = {}

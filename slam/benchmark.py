@@ -113,16 +113,17 @@ def run(
     *,
     system: str = "kfusion",
     frames: int | None = None,
-    device: str | None = None,
+    device: str | Session | None = None,
     volume_size: float | None = None,
     initial_position: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Feed the first `frames` frames (default all) to a system and measure it.
 
-    `device` is a part of an OpenCL device's description, `volume_size` is in metres and `initial_position`
-    a fraction of it; both default to the sequence's own, then to DEFAULT_*. OpenCL does not survive a fork:
-    call this in a process that never forks afterwards.
+    `device` is a part of an OpenCL device's description, or an open session, which several runs may share
+    one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default to
+    the sequence's own, then to DEFAULT_*. OpenCL does not survive a fork: call this in a process that never
+    forks afterwards.
     Raises SequenceError for a bad number of frames or a damaged frame, ValueError for an unknown system,
     ConfigurationError for a bad parameter, OpenCLError where the device is missing or too small.
     """
@@ -134,7 +135,7 @@ def run(
     if initial_position is None:
         initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
     scene = Scene(sequence.camera, volume_size, initial_position)
-    session = Session(choose_device(device))
+    session = device if isinstance(device, Session) else Session(choose_device(device))
     running = create(system, configuration, scene, session)
     _warm_up(system, session)
 

@@ -155,8 +155,8 @@ def main() -> None:
 
     print(f"{sequence.name}, {frames} frames; milliseconds a frame, errors in millimetres")
     print(
-        f"{'configuration':<15}{'device':<34}{'CPU':>8}{'wall':>8}{'aims':>10}{'reference':>11}{'ATE mean':>10}"
-        f"{'max':>8}{'x Open3D':>10}"
+        f"{'configuration':<15}{'device':<34}{'CPU':>8}{'wall':>8}{'aims':>10}{'reference':>11}"
+        f"{'ATE mean':>10}{'max':>8}{'x Open3D':>10}"
     )
     for row in measured:
         ratio = peer["cpu_ms"] / row["cpu_ms"] if isinstance(peer, dict) else float("nan")
