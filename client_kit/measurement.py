@@ -19,7 +19,7 @@ from slam import benchmark, opencl
 from slam.benchmark import Report
 from slam.datasets.sequence import Sequence, SequenceError
 from slam.opencl import NoDeviceError
-from slam.systems import STAGES
+from slam.systems import STAGES, open_session
 
 SCHEMA_VERSION = 1
 LONGEST_FAILURE = 300
@@ -119,7 +119,7 @@ def measure(
     started_at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     sampler = Sampler(root)
     try:
-        opened = opencl.Session(opencl.choose_device(device))
+        opened = open_session(manifest.application, opencl.choose_device(device))
     except NoDeviceError as error:
         raise CannotMeasureError(str(error)) from error
 
@@ -144,7 +144,9 @@ def measure(
         except SequenceError as error:
             raise CannotMeasureError(str(error)) from error
         except Exception as error:  # whatever a driver raises says something of this configuration here
-            opened = opencl.Session(opened.device)  # an error may leave the driver's context unusable
+            opened = open_session(
+                manifest.application, opened.device
+            )  # an error may leave the driver's context unusable
             return _failure(error)
 
     failures: dict[str, str] = {}

@@ -16,7 +16,7 @@ from slam.camera import Camera
 from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.opencl import Session, choose_device
 from slam.power import EnergyMeter
-from slam.systems import STAGES, Scene, create
+from slam.systems import STAGES, Scene, create, open_session
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
@@ -135,7 +135,7 @@ def run(
     if initial_position is None:
         initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
     scene = Scene(sequence.camera, volume_size, initial_position)
-    session = device if isinstance(device, Session) else Session(choose_device(device))
+    session = device if isinstance(device, Session) else open_session(system, choose_device(device))
     running = create(system, configuration, scene, session)
     _warm_up(system, session)
 

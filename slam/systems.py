@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
-from slam.opencl import Session
+from slam.opencl import Device, Session
 
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
 
@@ -61,8 +61,23 @@ def _kfusion(configuration: Mapping[str, Any], scene: Scene, session: Session) -
 SYSTEMS: dict[str, Callable[[Mapping[str, Any], Scene, Session], System]] = {"kfusion": _kfusion}
 
 
+def open_session(name: str, device: Device) -> Session:
+    """A session on `device`, with kernels laid out as is fastest there for the system `name`.
+
+    Raises ValueError for an unknown name.
+    """
+    from slam.kfusion.tuning import layout_for
+
+    _known(name)
+    return Session(device, layout_for(device))
+
+
 def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: Session) -> System:
     """The system `name`, ready for its first frame. Raises ValueError for an unknown name."""
+    _known(name)
+    return SYSTEMS[name](configuration, scene, session)
+
+
+def _known(name: str) -> None:
     if name not in SYSTEMS:
         raise ValueError(f"unknown system {name!r}: choose one of {', '.join(sorted(SYSTEMS))}")
-    return SYSTEMS[name](configuration, scene, session)

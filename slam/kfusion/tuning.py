@@ -1,0 +1,103 @@
+"""Which layout of the kernels is fastest on a device: tried once and remembered."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from slam.camera import Camera
+from slam.kfusion.configuration import Configuration
+from slam.kfusion.pipeline import KFusion
+from slam.layout import Layout
+from slam.opencl import Device, OpenCLError, Session
+from slam.systems import Scene
+
+KERNELS = Path(__file__).parent / "kernels"
+GROUPS = ((16, 8), (8, 8), (32, 4), (64, 2), (32, 8))
+SCENE = Scene(Camera(270.0, 270.0, 159.5, 119.5, 320, 240), 4.0, (0.5, 0.5, 0.1))
+TRIAL = Configuration(integration_rate=1, volume_resolution=128)
+FRAMES = 10  # the first 4 are not tracked and the next compile what is left
+
+
+def layout_for(device: Device) -> Layout:
+    """The fastest layout on `device`: the user's (FRONTRUNNER_KERNELS), the remembered one, or a new trial's.
+
+    A trial takes a second or two on a device that was never seen with these kernels.
+    """
+    if os.environ.get("FRONTRUNNER_KERNELS"):
+        return Layout.for_device(device.kind)
+    place, key = _cache_file(), _key(device)
+    remembered = _read(place)
+    if key in remembered:
+        kind, width, height = remembered[key]
+        return Layout(kind, (width, height))
+    best = min(candidates(device), key=lambda layout: trial(device, layout))
+    _remember(place, key, best)
+    return best
+
+
+def candidates(device: Device) -> list[Layout]:
+    """What is tried: rows only on CPUs, and there one shape of pixels; every shape of pixels elsewhere."""
+    if device.kind == "cpu":
+        return [Layout("rows"), Layout("pixels", GROUPS[0])]
+    return [Layout("pixels", group) for group in GROUPS]
+
+
+def trial(device: Device, layout: Layout) -> float:
+    """Wall seconds of the fastest frame of a wavy wall; infinite where the device refuses the layout."""
+    y, x = np.mgrid[: SCENE.camera.height, : SCENE.camera.width]
+    wall = (1600 + 200 * np.sin(x / 37.0) + 100 * np.cos(y / 23.0)).astype(np.uint16)
+    try:
+        system = KFusion(TRIAL, SCENE, Session(device, layout))
+        seconds = []
+        for _ in range(FRAMES):
+            began = perf_counter()
+            system.process(wall)
+            seconds.append(perf_counter() - began)
+    except OpenCLError:
+        return float("inf")
+    return min(seconds)
+
+
+def _key(device: Device) -> str:
+    """The device and the kernels: new kernels are tried anew."""
+    digest = hashlib.sha256()
+    for source in sorted(KERNELS.iterdir()):
+        digest.update(source.read_bytes())
+    return f"{device.label} {digest.hexdigest()[:16]}"
+
+
+def _cache_file() -> Path:
+    if sys.platform == "win32":
+        folder = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        folder = Path.home() / "Library" / "Caches"
+    else:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return folder / "frontrunner" / "layouts.json"
+
+
+def _read(place: Path) -> dict[str, tuple[str, int, int]]:
+    """What is remembered; nothing where the file is missing or not ours."""
+    try:
+        content = json.loads(place.read_text())
+        return {key: (str(kind), int(w), int(h)) for key, (kind, w, h) in content.items()}
+    except (OSError, ValueError, TypeError, AttributeError):
+        return {}
+
+
+def _remember(place: Path, key: str, layout: Layout) -> None:
+    """Write the file anew and move it into place; a folder that cannot be written is no error."""
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        fresh = place.with_suffix(f".{os.getpid()}")
+        fresh.write_text(json.dumps(_read(place) | {key: (layout.kind, *layout.group)}, indent=1))
+        fresh.replace(place)
+    except OSError:
+        return
