@@ -14,10 +14,10 @@ from pareto.front import nondominated
 
 @dataclass(frozen=True)
 class Point:
-    """A configuration with the median over its measurements of each objective.
+    """A configuration with the median of each objective over `measurements` measurements.
 
-    Each measurement is a mean over frames already (seconds a frame, metres); `repeats` counts those that
-    were made at the end, in turn with the other points' ones.
+    Each measurement is a mean over frames already (seconds a frame, metres). Where the point was measured
+    again at the end, in turn with the others, only those `repeats` count: what chose it may have been luck.
     """
 
     configuration: dict[str, Any]
@@ -81,13 +81,14 @@ def default(points: Iterable[Point]) -> Point | None:
 
 
 def _point(group: Sequence[Evaluation]) -> Point:
-    rows = [evaluation.objectives or {} for evaluation in group]
+    again = [evaluation for evaluation in group if evaluation.phase == Evaluation.Phase.REPEAT]
+    rows = [evaluation.objectives or {} for evaluation in again or group]
     names = [name for name in rows[0] if all(name in row for row in rows)]
     return Point(
         configuration=group[0].configuration,
         label=next((evaluation.label for evaluation in group if evaluation.label), ""),
         phase=group[0].phase,
         values={name: float(median(row[name] for row in rows)) for name in names},
-        measurements=len(group),
-        repeats=sum(evaluation.phase == Evaluation.Phase.REPEAT for evaluation in group),
+        measurements=len(rows),
+        repeats=len(again),
     )

@@ -115,8 +115,8 @@ def _provenance(
         "sequence_sha256": exploration.sequence_sha256,
         "protocol": (
             "each measurement is a fresh process over the whole sequence; runtime is the mean computation "
-            f"time of frames 10 and later; published values are medians of {min(repeats)} to {max(repeats)} "
-            "measurements made in turn"
+            "time of frames 10 and later; published values are medians over measurements made in turn, "
+            f"{_range(repeats)} of each point"
         ),
         "evaluations": len(done) + len(failed),
         "failed": len(failed),
@@ -134,3 +134,7 @@ def _provenance(
         },
         "command": exploration.command,
     }
+
+
+def _range(numbers: Sequence[int]) -> str:
+    return str(min(numbers)) if min(numbers) == max(numbers) else f"{min(numbers)} to {max(numbers)}"
