@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from slam.camera import Camera
 from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.opencl import Session, choose_device
 from slam.power import EnergyMeter
-from slam.systems import STAGES, Scene, create, open_session
+from slam.systems import STAGES, Scene, System, create, open_session
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
@@ -26,16 +26,21 @@ VALID_BELOW = 0.05  # metres of maximal trajectory error
 DEFAULT_VOLUME_SIZE = 5.0
 DEFAULT_INITIAL_POSITION = (0.5, 0.5, 0.1)
 
+Observer = Callable[
+    [int, System], None
+]  # called with the number of the frame just done and the running system
+
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Wall seconds of one frame. `computation` is the sum of the stages; `total` adds the acquisition.
+    """Wall seconds of one frame. `computation` is the sum of the stages; `total` adds the rest.
 
     `tracked` is True, False (lost) or None (tracking not attempted).
     """
 
     acquisition: float
     stages: Mapping[str, float]
+    rendering: float
     computation: float
     total: float
     tracked: bool | None
@@ -46,6 +51,7 @@ class FrameTimes:
         return {
             "acquisition": self.acquisition,
             **stages,
+            "rendering": self.rendering,
             "computation": self.computation,
             "total": self.total,
             "tracked": self.tracked,
@@ -59,8 +65,9 @@ class Report:
 
     `poses` (n, 4, 4) are those after each frame, in the system's own world. `ate` is None where no frame
     has a true pose. `cpu_seconds` counts all threads during the computation of the frames only.
-    `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what the
-    processor took during the computation; both are None where the system does not tell.
+    `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what
+    `energy_source` (see `slam.power`) took during the computation; they are None where the platform does not
+    tell.
     """
 
     system: str
@@ -74,6 +81,7 @@ class Report:
     cpu_seconds: float
     peak_memory_bytes: int | None
     energy_joules: float | None
+    energy_source: str | None
 
     @property
     def runtime(self) -> float:
@@ -90,20 +98,26 @@ class Report:
         return Trajectory(self.timestamps, self.poses)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values."""
+        """Plain JSON values; a frame's `error` is its distance from the truth in metres, or null."""
         ate = self.ate
+        errors = np.full(len(self.frames), np.nan) if ate is None else ate.per_frame
+        frames = [
+            frame.to_dict() | {"error": float(error) if np.isfinite(error) else None}
+            for frame, error in zip(self.frames, errors, strict=True)
+        ]
         return {
             "system": self.system,
             "configuration": dict(self.configuration),
             "sequence": dict(self.sequence),
             "device": dict(self.device),
-            "frames": [frame.to_dict() for frame in self.frames],
+            "frames": frames,
             "runtime": self.runtime,
             "ate": ate and {name: getattr(ate, name) for name in ("mean", "max", "rmse", "rmse_aligned")},
             "valid": self.valid,
             "cpu_seconds": self.cpu_seconds,
             "peak_memory_bytes": self.peak_memory_bytes,
             "energy_joules": self.energy_joules,
+            "energy_source": self.energy_source,
         }
 
 
@@ -117,13 +131,15 @@ def run(
     volume_size: float | None = None,
     initial_position: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
+    observe: Observer | None = None,
 ) -> Report:
     """Feed the first `frames` frames (default all) to a system and measure it.
 
     `device` is a part of an OpenCL device's description, or an open session, which several runs may share
     one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default to
-    the sequence's own, then to DEFAULT_*. OpenCL does not survive a fork: call this in a process that never
-    forks afterwards.
+    the sequence's own, then to DEFAULT_*. `observe` sees the system after every frame, to draw pictures: its
+    time is a frame's `rendering`, which is no part of the computation. OpenCL does not survive a fork: call
+    this in a process that never forks afterwards.
     Raises SequenceError for a bad number of frames or a damaged frame, ValueError for an unknown system,
     ConfigurationError for a bad parameter, OpenCLError where the device is missing or too small.
     """
@@ -141,7 +157,8 @@ def run(
 
     meter = EnergyMeter()
     _reset_peak_memory()
-    cpu_seconds = joules = 0.0
+    cpu_seconds = 0.0
+    joules: float | None = 0.0
     times, poses = [], []
     for index in range(count):
         began = time.perf_counter()
@@ -152,14 +169,21 @@ def run(
         result = running.process(depth)
         done = time.perf_counter()
         cpu_seconds += time.process_time() - cpu
-        joules += meter.joules(energy, meter.read())
+        used = meter.joules(energy, meter.read())
+        joules = None if joules is None or used is None else joules + used
         poses.append(result.pose)
+        rendering = 0.0
+        if observe:
+            began_rendering = time.perf_counter()
+            observe(index, running)
+            rendering = time.perf_counter() - began_rendering
         times.append(
             FrameTimes(
                 acquisition=acquired - began,
                 stages=result.seconds,
+                rendering=rendering,
                 computation=sum(result.seconds.values()),
-                total=acquired - began + done - computing,
+                total=acquired - began + done - computing + rendering,
                 tracked=result.tracked,
                 integrated=result.integrated,
             )
@@ -184,7 +208,8 @@ def run(
         ate=_error(estimate, sequence, count),
         cpu_seconds=cpu_seconds,
         peak_memory_bytes=_peak_memory(),
-        energy_joules=joules if meter.available else None,
+        energy_joules=joules,
+        energy_source=None if joules is None else meter.source,
     )
 
 

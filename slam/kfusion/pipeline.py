@@ -76,6 +76,18 @@ class KFusion:
     def configuration(self) -> dict[str, Any]:
         return self._configuration.to_dict()
 
+    @property
+    def volume(self) -> Volume:
+        """The distance field, which can be read back from the device."""
+        return self._volume
+
+    def view(self) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
+        """Vertex and normal map, (height, width, 3) in the volume's frame and zero where nothing is seen.
+
+        They are those of the last raycast, thus of the pose after the last frame; None before the first.
+        """
+        return self._model.read() if self._raycast_exists else None
+
     def process(self, depth: NDArray[np.uint16]) -> Frame:
         """Take the next depth image: uint16 (height, width), millimetres, 0 where nothing was measured."""
         if depth.shape != self._shape or depth.dtype != np.uint16:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from slam.camera import Camera
 from slam.kfusion import configuration as constants
 from slam.kfusion.preprocessing import Planes, intrinsics
@@ -22,6 +25,7 @@ class Model:
 
     def __init__(self, session: Session, volume: Volume, camera: Camera, mu: float, state: cl.Buffer) -> None:
         self.camera = camera
+        self._session = session
         pixels = camera.width * camera.height
         self.vertices = Planes.allocate(session, pixels)
         self.normals = Planes.allocate(session, pixels)
@@ -40,3 +44,13 @@ class Model:
         """Look at the volume from the present pose."""
         for kernel in self._kernels:
             kernel()
+
+    def read(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The vertex and the normal map of the last raycast, both (height, width, 3)."""
+        import pyopencl as cl
+
+        maps = np.empty((2, 3, self.camera.height, self.camera.width), np.float32)
+        for image, plane in zip(maps.reshape(6, -1), (*self.vertices, *self.normals), strict=True):
+            cl.enqueue_copy(self._session.queue, image, plane)
+        vertices, normals = np.moveaxis(maps, 1, -1)
+        return vertices, normals

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from slam.camera import Camera
 from slam.kfusion import configuration as constants
@@ -80,3 +84,19 @@ class Volume:
         """Fuse the present depth image at the present pose."""
         self._integrate()
         self._dilate()
+
+    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
+        """The planes first to last - 1 along z: distances and weights, both (planes, resolution, resolution).
+
+        Indices are (z, y, x); voxel (z, y, x) is centred at (x + .5, y + .5, z + .5) voxel sizes. Distances
+        are in units of the truncation distance, positive in front of a surface; weight 0 was never observed.
+        """
+        import pyopencl as cl
+
+        words = np.empty((last - first, self.resolution, self.resolution), np.uint32)
+        offset = 4 * first * self.resolution**2
+        cl.enqueue_copy(self._session.queue, words, self.voxels, src_offset=offset)
+        halves = words.view(np.uint16).reshape(*words.shape, 2)
+        weight, distance = (1, 0) if sys.byteorder == "little" else (0, 1)
+        distances = halves[..., distance].view(np.int16) * np.float32(1 / SCALE)
+        return distances, halves[..., weight].copy()

@@ -38,11 +38,13 @@ def test_a_report_is_the_json_that_others_read(report):
     assert set(data["ate"]) == {"mean", "max", "rmse", "rmse_aligned"}
     assert len(data["frames"]) == 14
     for frame in data["frames"]:
-        times = {"acquisition", *STAGES, "computation", "total"}
-        assert set(frame) == times | {"tracked", "integrated"}
+        times = {"acquisition", *STAGES, "rendering", "computation", "total"}
+        assert set(frame) == times | {"tracked", "integrated", "error"}
         assert frame["computation"] == pytest.approx(sum(frame[stage] for stage in STAGES))
         assert frame["total"] >= frame["acquisition"] + frame["computation"]
+    assert max(frame["error"] for frame in data["frames"]) == pytest.approx(data["ate"]["max"])
     assert data["cpu_seconds"] > 0
+    assert (data["energy_joules"] is None) == (data["energy_source"] is None)
     assert data["peak_memory_bytes"] is None or data["peak_memory_bytes"] > 10 * 2**20
 
 
@@ -92,6 +94,19 @@ def test_progress_counts_every_frame():
     seen = []
     run(QUICK, open_sequence(LIVING_ROOM), frames=3, progress=lambda done, total: seen.append((done, total)))
     assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_an_observer_sees_every_frame_and_its_time_is_no_computation():
+    seen = []
+
+    def observe(index, system):
+        seen.append((index, system.view() is not None))
+
+    report = run(QUICK, open_sequence(LIVING_ROOM), frames=5, observe=observe)
+    assert seen == [(0, False), (1, False), (2, False), (3, True), (4, True)]
+    for frame in report.frames:
+        assert frame.rendering > 0
+        assert frame.computation == pytest.approx(sum(frame.stages.values()))
 
 
 @pytest.mark.parametrize(
