@@ -1,4 +1,4 @@
-"""`python -m slam`: measure configurations, judge trajectories, make and convert sequences, list devices."""
+"""`python -m slam`: measure and compare configurations, judge trajectories, make and convert sequences."""
 
 from __future__ import annotations
 
@@ -13,10 +13,23 @@ from slam.datasets import SequenceError
 from slam.datasets import commands as dataset_commands
 from slam.kfusion.configuration import ConfigurationError
 from slam.opencl import OpenCLError
+from slam.report import ReportError
+from slam.report_page import MissingPlotlyError
+from slam.surface import SurfaceError
 from slam.trajectory import TrajectoryError
 
 # What a user can put right: told in one line. Anything else is a defect and shows its traceback.
-MISTAKES = (SequenceError, TrajectoryError, ConfigurationError, OpenCLError, UsageError, OSError)
+MISTAKES = (
+    SequenceError,
+    TrajectoryError,
+    ConfigurationError,
+    OpenCLError,
+    UsageError,
+    ReportError,
+    SurfaceError,
+    MissingPlotlyError,
+    OSError,
+)
 
 
 def main(arguments: Ordered[str] | None = None) -> int:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 PYRAMID = ("pyramid_iterations_fine", "pyramid_iterations_middle", "pyramid_iterations_coarse")
@@ -65,7 +69,39 @@ def _parameter(text: str) -> int | float:
         raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
 
 
+def values(text: str) -> tuple[float, ...]:
+    """Different numbers with commas between them, ascending."""
+    return tuple(sorted({_parameter(item) for item in text.split(",")}))
+
+
+def writable(path: Path | None) -> None:
+    """Raise UsageError, before long work, when a file cannot be written there."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise UsageError(f"{path} cannot be written: it is a folder")
+    if not path.parent.is_dir():
+        raise UsageError(f"{path} cannot be written: there is no folder {path.parent}")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise UsageError(f"{path} cannot be written: permission denied")
+
+
 def show_progress(done: int, total: int) -> None:
     """One line on standard error that counts up."""
     sys.stderr.write(f"\r{done}/{total}" + ("\n" if done == total else ""))
     sys.stderr.flush()
+
+
+def progress_line(label: str = "") -> Callable[[int, int], None] | None:
+    """A progress line that also tells the rate and what remains; None where nobody looks, as in a pipe."""
+    if not sys.stderr.isatty():
+        return None
+    began = time.monotonic()
+
+    def show(done: int, total: int) -> None:
+        rate = done / max(time.monotonic() - began, 1e-9)
+        text = f"{label}frame {done}/{total}, {rate:.1f} a second, {(total - done) / rate:.0f} s left"
+        sys.stderr.write(f"\r{text}\x1b[K" + ("\n" if done == total else ""))
+        sys.stderr.flush()
+
+    return show

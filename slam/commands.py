@@ -1,4 +1,4 @@
-"""The commands `run`, `compare`, `evaluate` and `devices`."""
+"""The commands `run`, `compare`, `surface`, `evaluate` and `devices`."""
 
 from __future__ import annotations
 
@@ -9,49 +9,95 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from slam.arguments import UsageError, four_numbers, number, setting, show_progress, three_numbers
-from slam.benchmark import FIRST_COUNTED_FRAME, Report, run
-from slam.datasets import Sequence, open_sequence
-from slam.opencl import choose_device, list_devices
-from slam.systems import STAGES, SYSTEMS
-from slam.trajectory import (
-    MAXIMAL_STAMP_DIFFERENCE,
-    Trajectory,
-    TrajectoryError,
-    absolute_trajectory_error,
-    associate,
-    relative_pose_error,
+from slam import compare, mesh, report, report_log, report_page, surface
+from slam.arguments import (
+    UsageError,
+    four_numbers,
+    number,
+    progress_line,
+    setting,
+    three_numbers,
+    values,
+    writable,
 )
+from slam.benchmark import Observer, Report, run
+from slam.datasets import Sequence, open_sequence
+from slam.evaluation import evaluate
+from slam.opencl import Session, choose_device, list_devices
+from slam.render import Renderer
+from slam.systems import SYSTEMS, System, complete, open_session
+from slam.trajectory import MAXIMAL_STAMP_DIFFERENCE, Trajectory
+
+Commands = argparse._SubParsersAction  # of argparse.ArgumentParser
 
 
-def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def register(subparsers: Commands[argparse.ArgumentParser]) -> None:
     """Add the commands of this module to the command line."""
+    for add in (_add_run, _add_compare, _add_surface, _add_evaluate):
+        add(subparsers)
+    parser = subparsers.add_parser("devices", help="the OpenCL devices here, best first")
+    parser.set_defaults(execute=_devices)
+
+
+def _add_run(subparsers: Commands[argparse.ArgumentParser]) -> None:
     parser = subparsers.add_parser("run", help="measure one configuration over a sequence")
     _add_run_options(parser)
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
     parser.add_argument("--json", metavar="FILE", help="write the report, - for standard output")
+    parser.add_argument("--tsv", type=Path, metavar="FILE", help="write SLAMBench's log, one line a frame")
     parser.add_argument("--trajectory", type=Path, metavar="FILE", help="write the poses in TUM format")
+    parser.add_argument("--mesh", type=Path, metavar="FILE.ply", help="write the reconstructed surface")
+    parser.add_argument("--render", type=Path, metavar="FOLDER", help="write pictures of the model (PNG)")
+    parser.add_argument(
+        "--render-every", type=int, default=10, metavar="N", help="of every N-th frame (default 10)"
+    )
     parser.set_defaults(execute=_run)
 
-    parser = subparsers.add_parser("compare", help="two reports or two configurations side by side")
-    parser.add_argument("first", help='a report (.json) or settings, as in "mu=0.2 compute_size_ratio=2"')
-    parser.add_argument("second", help="likewise; an empty text is the default configuration")
+
+def _add_compare(subparsers: Commands[argparse.ArgumentParser]) -> None:
+    parser = subparsers.add_parser("compare", help="reports or configurations side by side")
+    parser.add_argument(
+        "items",
+        nargs="+",
+        metavar="ITEM",
+        help='a report (.json), or settings to run, as in "mu=0.2 compute_size_ratio=2"; an empty text is '
+        "the default configuration. The first is what the others are compared with",
+    )
+    parser.add_argument("--html", type=Path, metavar="FILE", help="draw times and errors (needs Plotly)")
     _add_run_options(parser, needs_sequence=False)
     parser.set_defaults(execute=_compare)
 
-    parser = subparsers.add_parser("evaluate", help="the error of an estimated trajectory, as JSON")
+
+def _add_surface(subparsers: Commands[argparse.ArgumentParser]) -> None:
+    parser = subparsers.add_parser(
+        "surface", help="time and error over a grid of two parameters' values; goes on where it stopped"
+    )
+    names = sorted(surface.VALUES)
+    for axis in ("x", "y"):
+        parser.add_argument(f"--{axis}", choices=names, required=True, metavar="NAME", help=", ".join(names))
+        parser.add_argument(
+            f"--{axis}-values", type=values, metavar="A,B,...", help="default: those of the design space"
+        )
+    parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="for surface.csv and surface.html"
+    )
+    _add_run_options(parser)
+    parser.set_defaults(execute=_surface)
+
+
+def _add_evaluate(subparsers: Commands[argparse.ArgumentParser]) -> None:
+    parser = subparsers.add_parser("evaluate", help="the errors of an estimated trajectory, as JSON")
     parser.add_argument("--estimate", type=Path, required=True, metavar="FILE")
     parser.add_argument("--truth", type=Path, required=True, metavar="FILE")
     parser.add_argument("--align", choices=("first", "se3", "sim3"), default="first")
     parser.add_argument(
+        "--delta", type=int, default=1, metavar="N", help="frames between the poses of the relative error"
+    )
+    parser.add_argument(
         "--max-difference", type=float, default=MAXIMAL_STAMP_DIFFERENCE, metavar="S", help="between stamps"
     )
     parser.set_defaults(execute=_evaluate)
-
-    parser = subparsers.add_parser("devices", help="the OpenCL devices here, best first")
-    parser.set_defaults(execute=_devices)
 
 
 def _add_run_options(parser: argparse.ArgumentParser, needs_sequence: bool = True) -> None:
@@ -69,143 +115,166 @@ def _open(options: argparse.Namespace) -> Sequence:
     return open_sequence(options.sequence, options.camera, options.truth)
 
 
-def _measure(options: argparse.Namespace, configuration: Mapping[str, Any]) -> Report:
+def _measure(
+    options: argparse.Namespace,
+    configuration: Mapping[str, Any],
+    sequence: Sequence,
+    session: Session | None = None,
+    label: str = "",
+    observe: Observer | None = None,
+) -> Report:
     return run(
         configuration,
-        _open(options),
+        sequence,
         system=options.system,
         frames=options.frames,
-        device=options.device,
+        device=session or options.device,
         volume_size=options.volume_size,
         initial_position=options.initial_position,
-        progress=show_progress if sys.stderr.isatty() else None,
+        progress=progress_line(label),
+        observe=observe,
     )
+
+
+def _settings(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    return {name: value for part in parts for name, value in part.items()}
+
+
+class _Observers:
+    """Draws pictures where asked for, and keeps the system so that its surface can be extracted."""
+
+    def __init__(self, renderer: Renderer | None) -> None:
+        self.renderer = renderer
+        self.system: System | None = None
+
+    def __call__(self, index: int, system: System) -> None:
+        self.system = system
+        if self.renderer:
+            self.renderer(index, system)
 
 
 def _run(options: argparse.Namespace) -> None:
-    for path in (options.json, options.trajectory):
-        if path and not Path(path).parent.is_dir():
-            raise UsageError(f"{path} cannot be written: there is no folder {Path(path).parent}")
-    configuration: dict[str, Any] = {}
-    for part in options.set:
-        configuration |= part
-    report = _measure(options, configuration)
+    json_path = Path(options.json) if options.json and options.json != "-" else None
+    for path in (json_path, options.tsv, options.trajectory, options.mesh):
+        writable(path)
+    if options.render_every < 1:
+        raise UsageError(f"--render-every {options.render_every}: give 1 or more")
+    configuration = complete(options.system, _settings(options.set))
+    sequence = _open(options)
+    renderer = Renderer(options.render, options.render_every) if options.render else None
+    observers = _Observers(renderer) if renderer or options.mesh else None
+    result = _measure(options, configuration, sequence, observe=observers)
     if options.trajectory:
-        report.trajectory().write(options.trajectory)
-    text = json.dumps(report.to_dict(), indent=1, allow_nan=False) + "\n"
+        result.trajectory().write(options.trajectory)
+    if options.tsv:
+        options.tsv.write_text(report_log.log(result), encoding="utf-8")
+    lines = []
+    if renderer:
+        lines.append(f"{renderer.written} pictures in {options.render}")
+    if options.mesh and observers:
+        lines.append(_write_mesh(observers.system, options.mesh))
+    text = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
     if options.json == "-":
         sys.stdout.write(text)
         return
-    if options.json:
-        Path(options.json).write_text(text, encoding="utf-8")
-    sys.stdout.write(_summary(report.to_dict()))
+    if json_path:
+        json_path.write_text(text, encoding="utf-8")
+    sys.stdout.write(report.summary(result.to_dict()) + "".join(f"{line}\n" for line in lines))
 
 
-def _summary(report: Mapping[str, Any]) -> str:
-    sequence, device, frames = report["sequence"], report["device"], report["frames"]
-    means = _means(report)
-    tracked = [frame["tracked"] for frame in frames]
-    lines = [
-        f"{report['system']} on {sequence['name']}, {len(frames)} frames of "
-        f"{sequence['width']}x{sequence['height']}, {device['name']} ({device['driver']})",
-        *(f"{stage:14} {1e3 * means[stage]:8.2f} ms" for stage in (*STAGES, "computation")),
-        f"{'CPU':14} {1e3 * report['cpu_seconds'] / len(frames):8.2f} ms a frame, all threads",
-        f"tracked {tracked.count(True)}, lost {tracked.count(False)}, not attempted {tracked.count(None)}",
-    ]
-    if report["peak_memory_bytes"] is not None:
-        lines.append(f"peak memory {report['peak_memory_bytes'] / 2**20:.0f} MiB")
-    if report["energy_joules"] is not None:
-        lines.append(f"energy {report['energy_joules'] / len(frames):.3f} J a frame")
-    ate = report["ate"]
-    lines.append(
-        "trajectory error unknown: the sequence has no truth"
-        if ate is None
-        else f"trajectory error mean {ate['mean']:.4f} m, max {ate['max']:.4f} m, RMSE {ate['rmse']:.4f} m, "
-        f"aligned {ate['rmse_aligned']:.4f} m: {'valid' if report['valid'] else 'not valid'}"
-    )
-    return "\n".join(lines) + "\n"
-
-
-def _means(report: Mapping[str, Any]) -> dict[str, float]:
-    counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
-    return {key: float(np.mean([frame[key] for frame in counted])) for key in (*STAGES, "computation")}
+def _write_mesh(system: System | None, path: Path) -> str:
+    if not isinstance(system, mesh.Volumetric):
+        raise UsageError("--mesh: this system holds no volume of distances, from which a mesh is made")
+    surface_mesh = mesh.extract(system.volume)
+    surface_mesh.write(path)
+    return f"{len(surface_mesh.vertices)} vertices and {len(surface_mesh.triangles)} triangles in {path}"
 
 
 def _compare(options: argparse.Namespace) -> None:
-    first, second = (_report(text, options) for text in (options.first, options.second))
-    left, right = _means(first), _means(second)
-    lines = [f"{'':14} {'first':>10} {'second':>10} {'ratio':>8}"]
-    for stage in (*STAGES, "computation"):
-        ratio = f"{left[stage] / right[stage]:8.2f}" if right[stage] else f"{'-':>8}"
-        lines.append(f"{stage:14} {1e3 * left[stage]:7.2f} ms {1e3 * right[stage]:7.2f} ms {ratio}")
-    for key in ("mean", "max", "rmse"):
-        errors = [report["ate"] and f"{report['ate'][key]:.4f} m" for report in (first, second)]
-        lines.append(f"{'error ' + key:14} {errors[0] or '-':>10} {errors[1] or '-':>10}")
-    lines.append(f"{'valid':14} {_word(first['valid']):>10} {_word(second['valid']):>10}")
-    for name in sorted({*first["configuration"], *second["configuration"]}):
-        values = [report["configuration"].get(name, "-") for report in (first, second)]
-        if values[0] != values[1]:
-            lines.append(f"{name}: {values[0]} | {values[1]}")
-    if first["sequence"]["sha256"] != second["sequence"]["sha256"]:
-        lines.append("beware: the two ran on different sequences")
-    if first["device"] != second["device"]:
-        lines.append("beware: the two ran on different devices")
-    sys.stdout.write("\n".join(lines) + "\n")
+    writable(options.html)
+    if options.html:
+        report_page.plotly()
+    reports: dict[str, Mapping[str, Any]] = {}
+    wanted = [_item(text, options) for text in options.items]
+    session: Session | None = None
+    sequence = _open(options) if any(configuration is not None for _, configuration in wanted) else None
+    for name, configuration in wanted:
+        if configuration is None:
+            found: Mapping[str, Any] = report.read(Path(name))
+        else:
+            assert sequence is not None
+            session = session or open_session(options.system, choose_device(options.device))
+            found = _measure(options, configuration, sequence, session, f"{name}: ").to_dict()
+        while name in reports:  # the same twice: to see how measurements repeat
+            name += " again"
+        reports[name] = found
+    sys.stdout.write(report.comparison(reports))
+    if options.html:
+        report_page.save(options.html, "Comparison of runs", compare.figures(reports))
 
 
-def _word(valid: bool | None) -> str:
-    return {True: "yes", False: "no", None: "unknown"}[valid]
-
-
-def _report(text: str, options: argparse.Namespace) -> Mapping[str, Any]:
-    """The report in a file, or of a run with the settings in the text."""
+def _item(text: str, options: argparse.Namespace) -> tuple[str, dict[str, Any] | None]:
+    """A name and, unless it is that of a report, a configuration to run."""
     if text.endswith(".json"):
-        try:
-            report = json.loads(Path(text).read_text(encoding="utf-8"))
-            missing = {"frames", "ate", "valid", "configuration", "sequence", "device"} - set(report)
-            if missing or not report["frames"]:
-                raise ValueError(f"it lacks {', '.join(sorted(missing)) or 'frames'}")
-            _means(report)
-        except (ValueError, KeyError, TypeError) as error:
-            raise UsageError(f"{text} is no report of `python -m slam run --json`: {error}") from None
-        return report
+        return text, None
     if options.sequence is None:
         raise UsageError(f"{text!r} is no report (.json), so it is run: give --sequence")
-    configuration: dict[str, Any] = {}
     try:
-        for part in text.split():
-            configuration |= setting(part)
+        parts = [setting(part) for part in text.split()]
     except argparse.ArgumentTypeError as error:
         raise UsageError(str(error)) from None
-    return _measure(options, configuration).to_dict()
+    return text.strip() or "default", complete(options.system, _settings(parts))
+
+
+def _surface(options: argparse.Namespace) -> None:
+    grid = surface.Grid(
+        options.x,
+        options.y,
+        options.x_values or surface.VALUES[options.x],
+        options.y_values or surface.VALUES[options.y],
+    )
+    report_page.plotly()
+    fixed = _settings(options.set)
+    sequence = _open(options)
+    if sequence.truth is None:
+        raise UsageError(f"{options.sequence} has no true trajectory, so no error to draw: give --truth FILE")
+    session = open_session(options.system, choose_device(options.device))
+    options.out.mkdir(parents=True, exist_ok=True)
+    total, done = len(grid.x_values) * len(grid.y_values), 0
+
+    def measured(configuration: Mapping[str, Any]) -> Report:
+        nonlocal done
+        done += 1
+        point = f"{grid.x}={configuration[grid.x]:g} {grid.y}={configuration[grid.y]:g}"
+        label = f"run {done} of at most {total}, {point}: "
+        return _measure(options, configuration, sequence, session, label)
+
+    device = session.device.describe()
+    conditions = {
+        "system": options.system,
+        "sequence": sequence.sha256,
+        "frames": options.frames or len(sequence),
+        "volume_size": options.volume_size,
+        "initial_position": options.initial_position,
+        "device": f"{device['name']} {device['driver']}",
+    }
+    found = surface.measure(
+        grid,
+        lambda point: complete(options.system, fixed | dict(point)),
+        measured,
+        conditions,
+        options.out / "surface.csv",
+    )
+    title = f"{options.system} on {sequence.name}, {device['name']}"
+    report_page.save(options.out / "surface.html", "Response surface", surface.figures(grid, found, title))
+    sys.stdout.write(surface.table(grid, found))
+    sys.stdout.write(f"measured {done}, known before {total - done}: {options.out / 'surface.csv'}\n")
+    sys.stdout.write(f"drawn in {options.out / 'surface.html'}\n")
 
 
 def _evaluate(options: argparse.Namespace) -> None:
     estimate, truth = Trajectory.read(options.estimate), Trajectory.read(options.truth)
-    rows, partners = associate(estimate.timestamps, truth.timestamps, options.max_difference)
-    if not len(rows):
-        raise TrajectoryError(
-            f"no stamps of {options.estimate} ({estimate.timestamps[0]} to {estimate.timestamps[-1]}) and "
-            f"{options.truth} ({truth.timestamps[0]} to {truth.timestamps[-1]}) lie within "
-            f"{options.max_difference} s: give --max-difference, or trajectories of the same recording"
-        )
-    poses, true_poses = estimate.poses[rows], truth.poses[partners]
-    error = absolute_trajectory_error(poses, true_poses, options.align)
-    result: dict[str, Any] = {
-        "align": options.align,
-        "pairs": len(rows),
-        "estimate_poses": len(estimate),
-        "truth_poses": len(truth),
-        "mean": error.mean,
-        "median": float(np.median(error.per_frame)),
-        "min": float(error.per_frame.min()),
-        "max": error.max,
-        "rmse": error.rmse,
-        "rmse_aligned": error.rmse_aligned,
-    }
-    if len(rows) > 1:
-        relative = relative_pose_error(poses, true_poses)
-        result |= {"rpe_translation": relative.translation, "rpe_rotation_degrees": relative.rotation}
+    result = evaluate(estimate, truth, options.align, options.delta, options.max_difference)
     sys.stdout.write(json.dumps(result, indent=1) + "\n")
 
 

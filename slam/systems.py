@@ -29,6 +29,18 @@ class Frame:
     seconds: dict[str, float]
 
 
+@dataclass(frozen=True)
+class View:
+    """The model as the camera sees it: float32 maps (height, width, 3), zero where there is nothing.
+
+    vertices: metres in the system's world. normals: of unit length. eye: the camera's centre (3,).
+    """
+
+    vertices: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    eye: NDArray[np.float32]
+
+
 class System(Protocol):
     """A SLAM system that is fed depth images one by one."""
 
@@ -37,6 +49,9 @@ class System(Protocol):
 
     def configuration(self) -> dict[str, Any]:
         """The parameters that this system runs with, by their names in the design space."""
+
+    def view(self) -> View | None:
+        """What the camera sees of the model at present; None before there is one."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +74,17 @@ def _kfusion(configuration: Mapping[str, Any], scene: Scene, session: Session) -
 
 
 SYSTEMS: dict[str, Callable[[Mapping[str, Any], Scene, Session], System]] = {"kfusion": _kfusion}
+
+
+def complete(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """All parameters of the system `name`, with defaults for those that `configuration` leaves out.
+
+    Needs no device. Raises ValueError for an unknown name, ConfigurationError for a bad parameter.
+    """
+    from slam.kfusion.configuration import Configuration
+
+    _known(name)
+    return Configuration.from_mapping(configuration).to_dict()
 
 
 def open_session(name: str, device: Device) -> Session:

@@ -235,12 +235,31 @@ def _root_mean_square(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+def align(estimate: Array, truth: Array, alignment: Alignment) -> tuple[Array, float]:
+    """Poses (n, 4, 4) moved onto the truth as absolute_trajectory_error does, and their scale.
+
+    All true poses must be known. The scale is 1 but for "sim3", which also stretches the positions.
+    """
+    if alignment == "first":
+        return align_first_pose(estimate, truth), 1.0
+    R, t, scale = umeyama(estimate[:, :3, 3], truth[:, :3, 3], with_scale=alignment == "sim3")
+    moved = estimate.copy()
+    moved[:, :3, :3] = R @ estimate[:, :3, :3]
+    moved[:, :3, 3] = scale * estimate[:, :3, 3] @ R.T + t
+    return moved, scale
+
+
 @dataclass(frozen=True)
 class RelativePoseError:
-    """Drift over a fixed number of frames: root mean squares in metres and in degrees."""
+    """Drift over a fixed number of frames: root mean squares in metres and in degrees, and every pair's own.
+
+    A drift is the motion between two frames that the estimate has too much.
+    """
 
     translation: float
     rotation: float
+    translations: Array = field(repr=False)
+    rotations: Array = field(repr=False)
 
 
 def relative_pose_error(estimate: Array, truth: Array, delta: int = 1) -> RelativePoseError:
@@ -264,7 +283,5 @@ def relative_pose_error(estimate: Array, truth: Array, delta: int = 1) -> Relati
     )
     cosine = (np.trace(error[:, :3, :3], axis1=1, axis2=2) - 1) / 2
     angles = np.degrees(np.arctan2(np.linalg.norm(axis, axis=0) / 2, cosine))
-    return RelativePoseError(
-        translation=_root_mean_square(np.linalg.norm(error[:, :3, 3], axis=1)),
-        rotation=_root_mean_square(angles),
-    )
+    lengths = np.linalg.norm(error[:, :3, 3], axis=1)
+    return RelativePoseError(_root_mean_square(lengths), _root_mean_square(angles), lengths, angles)

@@ -14,7 +14,7 @@ from slam.kfusion.raycasting import Model
 from slam.kfusion.tracking import Tracking
 from slam.kfusion.volume import Volume
 from slam.opencl import Session
-from slam.systems import STAGES, Frame, Scene
+from slam.systems import STAGES, Frame, Scene, View
 
 # The layout of `kernels/state.h`.
 STATE = np.dtype(
@@ -81,12 +81,11 @@ class KFusion:
         """The distance field, which can be read back from the device."""
         return self._volume
 
-    def view(self) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
-        """Vertex and normal map, (height, width, 3) in the volume's frame and zero where nothing is seen.
-
-        They are those of the last raycast, thus of the pose after the last frame; None before the first.
-        """
-        return self._model.read() if self._raycast_exists else None
+    def view(self) -> View | None:
+        """What the last raycast saw, thus from the pose after the last frame; None before the first."""
+        if not self._raycast_exists:
+            return None
+        return View(*self._model.read(), eye=self._state["pose"].reshape(3, 4)[:, 3].copy())
 
     def process(self, depth: NDArray[np.uint16]) -> Frame:
         """Take the next depth image: uint16 (height, width), millimetres, 0 where nothing was measured."""

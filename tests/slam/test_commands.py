@@ -64,7 +64,7 @@ def test_two_configurations_are_run_and_compared(capsys):
     settings = "compute_size_ratio=8 volume_resolution=64"
     arguments = ["--sequence", str(LIVING_ROOM), "--frames", "2"]
     assert main(["compare", settings, settings + " icp_threshold=1", *arguments]) == 0
-    assert "icp_threshold: 1e-05 | 1.0" in capsys.readouterr().out
+    assert "icp_threshold: 1e-05 | 1" in capsys.readouterr().out
 
 
 def test_evaluate_prints_the_error_as_json(tmp_path, capsys):

@@ -120,9 +120,9 @@ def test_the_mesh_of_a_run_lies_where_its_views_do():
     sequence = open_sequence(LIVING_ROOM)
     run(configuration, sequence, frames=6, observe=lambda _, system: systems.append(system))
     mesh = extract(systems[-1].volume)
-    vertices, normals = systems[-1].view()
-    seen = vertices.any(axis=2)
-    points, normals = vertices[seen][::37], normals[seen][::37]
+    view = systems[-1].view()
+    seen = view.vertices.any(axis=2)
+    points, normals = view.vertices[seen][::37], view.normals[seen][::37]
     nearest = [int(np.linalg.norm(mesh.vertices - point, axis=1).argmin()) for point in points]
     # A shift by half a voxel anywhere would show here as a half; noise spreads to either side.
     offset = np.einsum("ij,ij->i", points - mesh.vertices[nearest], normals) / systems[-1].volume.voxel_size

@@ -1,0 +1,189 @@
+"""Reports of runs, as `python -m slam run --json` writes them: read back, and summed up in tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.benchmark import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.systems import STAGES
+
+NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}
+MEANINGS = {
+    "preprocessing": "depth to metres, sampled by compute_size_ratio, and filtered (bilateral)",
+    "tracking": "the camera's pose by ICP against the model, with the pyramid that it needs",
+    "integration": "fusing depth into the volume; 0 in frames that integration_rate leaves out",
+    "raycasting": "the model as the camera sees it, which the next frame is tracked against",
+    "computation": "the sum of the above: what a configuration is judged by",
+    "acquisition": "reading and decoding the depth image; no part of the computation",
+    "rendering": "drawing pictures (--render); no part of the computation",
+    "total": "all of it",
+}
+ENERGY_SOURCES = {
+    "rapl": "the processor's packages (RAPL)",
+    "ina": "the board's rails (INA sensors)",
+    "battery": "the whole device, from its battery",
+}
+
+
+class ReportError(ValueError):
+    """A file that is no report."""
+
+
+def read(path: Path) -> Mapping[str, Any]:
+    """The report in a JSON file. Raises ReportError naming what is wrong, OSError when it cannot be read."""
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+        missing = NEEDED - set(report)
+        if missing or not report["frames"]:
+            raise ValueError(f"it lacks {', '.join(sorted(missing)) or 'frames'}")
+        for name in (*STAGES, "computation"):
+            milliseconds(report, name)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ReportError(f"{path} is no report of `python -m slam run --json`: {error}") from None
+    return report
+
+
+def milliseconds(report: Mapping[str, Any], name: str) -> NDArray[np.float64]:
+    """Times of a stage over the frames that count: from frame 10 on, or all where there are no more."""
+    counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
+    # Reports of older versions know no rendering.
+    times = [frame.get(name, 0.0) if name == "rendering" else frame[name] for frame in counted]
+    return 1e3 * np.array(times, np.float64)
+
+
+def summary(report: Mapping[str, Any]) -> str:
+    """What a run measured, as text for people."""
+    sequence, device, frames = report["sequence"], report["device"], report["frames"]
+    names = [name for name in MEANINGS if name != "rendering" or milliseconds(report, name).any()]
+    share = 100 / max(milliseconds(report, "computation").mean(), 1e-12)
+    lines = [
+        f"{report['system']} on {sequence['name']}, {len(frames)} frames of "
+        f"{sequence['width']}x{sequence['height']}, {device['name']} ({device['driver']})",
+        " ".join(f"{name}={_plain(value)}" for name, value in report["configuration"].items()),
+        "",
+        f"{'':14}" + "".join(f"{head:>10}" for head in ("mean", "median", "95%", "max", "share")),
+    ]
+    for name in names:
+        times = milliseconds(report, name)
+        cells = (times.mean(), np.median(times), np.quantile(times, 0.95), times.max())
+        part = f"{share * times.mean():8.1f} %" if name in (*STAGES, "computation") else ""
+        lines.append((f"{name:14}" + "".join(f"{cell:10.3f}" for cell in cells) + part).rstrip())
+    lines += ["", *_facts(report), "", *_explanations(names, len(frames))]
+    return "\n".join(lines) + "\n"
+
+
+def _facts(report: Mapping[str, Any]) -> list[str]:
+    frames = report["frames"]
+    tracked = [frame["tracked"] for frame in frames]
+    computed = sum(frame["computation"] for frame in frames)
+    lines = [
+        f"{'frames':14}tracked {tracked.count(True)}, lost {tracked.count(False)}, "
+        f"not attempted {tracked.count(None)}; integrated {sum(f['integrated'] for f in frames)}",
+        f"{'CPU':14}{1e3 * report['cpu_seconds'] / len(frames):.3f} ms a frame, "
+        f"{report['cpu_seconds'] / computed if computed else 0:.2f} cores busy",
+    ]
+    memory, energy = report.get("peak_memory_bytes"), report.get("energy_joules")
+    lines.append(f"{'memory':14}" + ("unknown" if memory is None else f"{memory / 2**20:.0f} MiB at most"))
+    if energy is None:
+        lines.append(f"{'energy':14}unknown: this platform does not tell")
+    else:
+        source = ENERGY_SOURCES.get(report.get("energy_source") or "", "source unknown")
+        power = f", {energy / computed:.2f} W" if computed else ""
+        lines.append(f"{'energy':14}{energy / len(frames):.4f} J a frame{power}: {source}")
+    ate = report["ate"]
+    if ate is None:
+        lines.append(f"{'error':14}unknown: the sequence has no truth")
+    else:
+        lines.append(
+            f"{'error':14}mean {ate['mean']:.4f} m, max {ate['max']:.4f} m, RMSE {ate['rmse']:.4f} m, "
+            f"aligned {ate['rmse_aligned']:.4f} m: {'valid' if report['valid'] else 'not valid'}"
+        )
+    return lines
+
+
+def _explanations(names: Sequence[str], frames: int) -> list[str]:
+    counted = (
+        f"over the frames from {FIRST_COUNTED_FRAME} on (earlier ones fill the model and the caches)"
+        if frames > FIRST_COUNTED_FRAME
+        else "over all frames, as there are few"
+    )
+    return [
+        f"mean ... max: wall milliseconds a frame, {counted}",
+        "95%: 95 of 100 frames took no longer; share: of the computation",
+        *(f"{name}: {MEANINGS[name]}" for name in names),
+        "not attempted: the first frames build the model, and tracking_rate leaves frames out",
+        "lost: the pose failed its check, so the last one is kept",
+        "CPU: of all threads during the computation; energy: likewise, all frames",
+        "memory: the largest resident size of the process during the run",
+        "error: metres from the true position, first poses laid on each other; RMSE: root of the mean square",
+        f"aligned: RMSE after the best rigid alignment, TUM's ATE; valid: max below {VALID_BELOW} m",
+    ]
+
+
+def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
+    """Reports side by side, the first as the one that others are compared with. Keys are their names."""
+    letters = {name: chr(ord("A") + number % 26) for number, name in enumerate(reports)}
+    first = next(iter(reports.values()))
+    width = 12
+    lines = [f"{letters[name]} = {name}" for name in reports]
+    lines += ["", f"{'':14}" + "".join(f"{letters[name]:>{width}}" for name in reports)]
+
+    def row(title: str, cells: Sequence[str]) -> None:
+        lines.append(f"{title:14}" + "".join(f"{cell:>{width}}" for cell in cells))
+
+    means = {
+        stage: [milliseconds(report, stage).mean() for report in reports.values()]
+        for stage in (*STAGES, "computation")
+    }
+    for stage, times in means.items():
+        row(stage, [f"{time:.3f} ms" for time in times])
+    computation = means["computation"]
+    row("speedup", [f"{computation[0] / time:.2f}" if time else "-" for time in computation])
+    row("CPU", [f"{1e3 * r['cpu_seconds'] / len(r['frames']):.3f} ms" for r in reports.values()])
+    row("memory", [_mebibytes(report.get("peak_memory_bytes")) for report in reports.values()])
+    for key in ("mean", "max", "rmse", "rmse_aligned"):
+        errors = [report["ate"] for report in reports.values()]
+        title = "aligned RMSE" if key == "rmse_aligned" else f"error {key}"
+        row(title, [f"{ate[key]:.4f} m" if ate else "unknown" for ate in errors])
+    row("lost", [str(sum(f["tracked"] is False for f in r["frames"])) for r in reports.values()])
+    words = {True: "yes", False: "no", None: "unknown"}
+    row("valid", [words[report["valid"]] for report in reports.values()])
+    lines.append("")
+    for name in sorted({name for report in reports.values() for name in report["configuration"]}):
+        values = [_plain(report["configuration"].get(name, "-")) for report in reports.values()]
+        if len(set(values)) > 1:
+            lines.append(f"{name}: {' | '.join(values)}")
+    lines += [
+        f"beware: they {problem}"
+        for problem, key in (
+            ("ran on different sequences", "sequence"),
+            ("ran on different devices", "device"),
+        )
+        if any(_identity(report[key]) != _identity(first[key]) for report in reports.values())
+    ]
+    if any(len(report["frames"]) != len(first["frames"]) for report in reports.values()):
+        lines.append("beware: they ran over different numbers of frames")
+    lines += [
+        "stages and computation: mean wall time a frame, as in `run`; speedup: of the computation, over A",
+        "CPU: of all threads, a frame; lost: frames whose pose failed the check",
+        f"error: metres from the truth, first poses laid on each other; valid: max below {VALID_BELOW} m",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _identity(description: Mapping[str, Any]) -> Any:
+    return description.get("sha256") or dict(description)
+
+
+def _mebibytes(size: int | None) -> str:
+    return "unknown" if size is None else f"{size / 2**20:.0f} MiB"
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,27 @@
+"""The log of SLAMBench: one line a frame, for scripts that read SLAMBench's."""
+
+from __future__ import annotations
+
+from slam.benchmark import Report
+from slam.systems import STAGES
+
+TIMES = ("acquisition", *STAGES, "rendering", "computation", "total")
+COLUMNS = ("frame", *TIMES, "X", "Y", "Z", "tracked", "integrated")
+
+
+def log(report: Report) -> str:
+    """SLAMBench's columns with their header, separated by tabs.
+
+    Times are wall seconds. X, Y, Z are metres from where the camera started, OpenCV axes (x right, y down, z
+    forward at the start), of the pose after the frame; SLAMBench itself writes the pose before it. tracked
+    and integrated are 1 or 0; a frame whose tracking was not attempted is 0, as in SLAMBench.
+    """
+    lines = ["\t".join(COLUMNS)]
+    positions = report.poses[:, :3, 3] - report.poses[0, :3, 3]
+    for number, (frame, position) in enumerate(zip(report.frames, positions, strict=True)):
+        times = frame.to_dict()
+        cells = [f"{times[name]:.9f}" for name in TIMES] + [f"{value:.9f}" for value in position]
+        lines.append(
+            "\t".join([str(number), *cells, str(int(frame.tracked is True)), str(int(frame.integrated))])
+        )
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,238 @@
+"""The response surface of two parameters: time and trajectory error over a grid of their values.
+
+Nardi et al. 2015 draw it for mu and icp_threshold. Measurements are kept in a CSV file, so that an
+interrupted grid goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.benchmark import VALID_BELOW, Report
+from slam.kfusion.configuration import ConfigurationError
+from slam.opencl import OpenCLError
+from slam.report_page import escape, plotly
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+# The values of the design space `kfusion`, for a parameter of which none are given.
+VALUES: dict[str, tuple[float, ...]] = {
+    "volume_resolution": (64, 128, 256, 512),
+    "compute_size_ratio": (1, 2, 4, 8),
+    "mu": (0.025, 0.05, 0.1, 0.2, 0.3, 0.4),
+    "icp_threshold": (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1),
+    "integration_rate": (1, 2, 5, 10, 20),
+    "tracking_rate": (1, 2, 3, 5, 9),
+    "pyramid_iterations_fine": (2, 4, 6, 8, 10),
+    "pyramid_iterations_middle": (1, 3, 5, 7, 9),
+    "pyramid_iterations_coarse": (0, 2, 4, 6, 8),
+}
+MEASURED = ("runtime", "ate_mean", "ate_max", "lost", "failure")
+LOG_SPAN = 20  # values that span more than this, all above zero, are drawn on a logarithmic axis
+
+
+class SurfaceError(ValueError):
+    """A grid that cannot be measured, or a file that holds something else."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Two parameters by name and the values of each, ascending.
+
+    Raises SurfaceError when both are the same or one has fewer than two values.
+    """
+
+    x: str
+    y: str
+    x_values: tuple[float, ...]
+    y_values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if self.x == self.y:
+            raise SurfaceError(f"x and y are both {self.x}: choose two parameters")
+        for name, values in ((self.x, self.x_values), (self.y, self.y_values)):
+            if len(set(values)) < 2:
+                raise SurfaceError(f"{name} has {len(set(values))} value: a surface needs at least two")
+
+    def points(self) -> Iterator[dict[str, float]]:
+        """Every pair of values, row by row of y."""
+        for y in self.y_values:
+            for x in self.x_values:
+                yield {self.x: x, self.y: y}
+
+
+class Measurements:
+    """The rows of a CSV file by what was measured: every column but MEASURED says what that is.
+
+    A line that an interruption cut off is dropped. Raises SurfaceError when the file holds something else.
+    """
+
+    def __init__(self, path: Path, columns: Iterable[str]) -> None:
+        self._path = path
+        self._columns = tuple(columns)
+        self._rows: dict[tuple[str, ...], dict[str, str]] = {}
+        header = [*self._columns, *MEASURED]
+        if path.exists():
+            try:
+                with path.open(newline="", encoding="utf-8") as file:
+                    lines = list(csv.reader(file))
+            except (UnicodeDecodeError, csv.Error) as error:
+                raise SurfaceError(f"{path} is no CSV file: {error}") from None
+            if lines and lines[0] != header:
+                raise SurfaceError(
+                    f"{path} holds other columns than a surface of this version: take another folder"
+                )
+            for line in lines[1:]:
+                if len(line) == len(header) and _is_complete(line[len(self._columns) :]):
+                    row = dict(zip(header, line, strict=True))
+                    self._rows[self._key(row)] = row
+        # Anew and moved into place, so that nothing is lost and no half line is continued.
+        fresh = path.with_suffix(".new")
+        with fresh.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, header)
+            writer.writeheader()
+            writer.writerows(self._rows.values())
+        fresh.replace(path)
+
+    def find(self, identity: Mapping[str, Any]) -> Mapping[str, str] | None:
+        return self._rows.get(self._key(identity))
+
+    def add(self, identity: Mapping[str, Any], measured: Mapping[str, Any]) -> None:
+        row = {name: _text(value) for name, value in (dict(identity) | dict(measured)).items()}
+        self._rows[self._key(row)] = row
+        with self._path.open("a", newline="", encoding="utf-8") as file:
+            csv.DictWriter(file, [*self._columns, *MEASURED]).writerow(row)
+
+    def _key(self, row: Mapping[str, Any]) -> tuple[str, ...]:
+        return tuple(_text(row[name]) for name in self._columns)
+
+
+def _text(value: Any) -> str:
+    return "" if value is None else repr(value) if isinstance(value, float) else str(value)
+
+
+def _is_complete(measured: Sequence[str]) -> bool:
+    try:
+        return bool(measured[-1]) or all(math.isfinite(float(value)) for value in measured[:-1])
+    except ValueError:
+        return False
+
+
+def measure(
+    grid: Grid,
+    complete: Callable[[Mapping[str, Any]], Mapping[str, Any]],
+    run: Callable[[Mapping[str, Any]], Report],
+    setting: Mapping[str, Any],
+    path: Path,
+) -> dict[str, NDArray[np.float64]]:
+    """Measure what `path` does not hold yet; return "runtime", "ate_mean" and "ate_max" as (y, x) arrays.
+
+    `complete` fills in a configuration, `run` measures one, `setting` names all else that a measurement
+    depends on (sequence, frames, device ...). A configuration that this device cannot run is kept as a
+    failure with its reason and is NaN in the arrays; a bad parameter of any point raises ConfigurationError
+    before anything is measured. A run without truth raises SurfaceError.
+    """
+    configurations = [complete(point) for point in grid.points()]
+    known = Measurements(path, [*setting, *configurations[0]])
+    rows = []
+    for configuration in configurations:
+        identity = dict(setting) | dict(configuration)
+        row = known.find(identity)
+        if row is None:
+            known.add(identity, _outcome(configuration, run))
+            row = known.find(identity)
+        assert row is not None
+        rows.append(row)
+    shape = (len(grid.y_values), len(grid.x_values))
+    return {
+        name: np.array([float(row[name] or "nan") for row in rows]).reshape(shape)
+        for name in ("runtime", "ate_mean", "ate_max")
+    }
+
+
+def _outcome(configuration: Mapping[str, Any], run: Callable[[Mapping[str, Any]], Report]) -> dict[str, Any]:
+    try:
+        report = run(configuration)
+    except (OpenCLError, ConfigurationError) as error:
+        return {"failure": " ".join(str(error).split())}
+    if report.ate is None:
+        raise SurfaceError("the sequence has no true trajectory, so there is no error to draw: give --truth")
+    return {
+        "runtime": report.runtime,
+        "ate_mean": report.ate.mean,
+        "ate_max": report.ate.max,
+        "lost": sum(frame.tracked is False for frame in report.frames),
+        "failure": "",
+    }
+
+
+def table(grid: Grid, measured: Mapping[str, NDArray[np.float64]]) -> str:
+    """Both surfaces as text."""
+    lines = []
+    for title, name, unit, form in (
+        ("mean computation, wall milliseconds a frame", "runtime", 1e3, "12.3f"),
+        (f"max trajectory error, metres (valid below {VALID_BELOW})", "ate_max", 1.0, "12.4f"),
+    ):
+        lines += [f"{title}; one row for each {grid.y}, one column for each {grid.x}", " " * 10]
+        lines[-1] += "".join(f"{value:12g}" for value in grid.x_values)
+        for value, row in zip(grid.y_values, measured[name], strict=True):
+            cells = (f"{unit * cell:{form}}" if np.isfinite(cell) else f"{'failed':>12}" for cell in row)
+            lines.append(f"{value:<10g}" + "".join(cells))
+        lines.append("")
+    return "\n".join(lines)
+
+
+def figures(grid: Grid, measured: Mapping[str, NDArray[np.float64]], title: str) -> list[Figure]:
+    """The response surfaces of time and of error, the latter with the plane below which runs are valid.
+
+    Raises MissingPlotlyError.
+    """
+    go = plotly()
+    time = go.Figure(_surface(grid, 1e3 * measured["runtime"], "Viridis", "ms"))
+    error = go.Figure(_surface(grid, measured["ate_max"], "Cividis", "m"))
+    limit = np.full(measured["ate_max"].shape, VALID_BELOW)
+    error.add_surface(
+        x=grid.x_values, y=grid.y_values, z=limit, opacity=0.35, showscale=False, hoverinfo="skip",
+        colorscale=[[0, "#888888"], [1, "#888888"]],
+    )  # fmt: skip
+    for figure, what, z_title, z_values in (
+        (time, "computation", "wall milliseconds a frame", measured["runtime"]),
+        (error, "max trajectory error", "metres", measured["ate_max"]),
+    ):
+        figure.update_layout(
+            title=escape(f"Response surface of {what}: {title}"),
+            scene={
+                "xaxis": {"title": grid.x, "type": _scale(grid.x_values)},
+                "yaxis": {"title": grid.y, "type": _scale(grid.y_values)},
+                "zaxis": {"title": z_title, "type": _scale(z_values[np.isfinite(z_values)])},
+            },
+            height=700,
+            template="plotly_white",
+        )
+    return [time, error]
+
+
+def _surface(grid: Grid, values: NDArray[np.float64], colours: str, unit: str) -> Any:
+    z = [[float(cell) if np.isfinite(cell) else None for cell in row] for row in values]
+    return plotly().Surface(
+        x=grid.x_values,
+        y=grid.y_values,
+        z=z,
+        colorscale=colours,
+        colorbar={"title": unit},
+        contours={"x": {"show": True, "color": "#444444"}, "y": {"show": True, "color": "#444444"}},
+        hovertemplate=f"{grid.x} %{{x}}<br>{grid.y} %{{y}}<br>%{{z}} {unit}<extra></extra>",
+    )
+
+
+def _scale(values: Sequence[float] | NDArray[np.float64]) -> str:
+    return "log" if len(values) and min(values) > 0 and max(values) / min(values) > LOG_SPAN else "linear"
