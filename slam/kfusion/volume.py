@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,6 +53,7 @@ class Volume:
                 r for r in (512, 256, 128, 64) if r < resolution and 4 * r**3 <= session.device.max_allocation
             ]
             raise DeviceMemoryError(f"{error}: choose {fitting[0] if fitting else 32} or less") from error
+        self._weights = session.buffer(resolution**3, f"volume_resolution={resolution}, its weights,")
         self._surface = session.buffer(4 * self.blocks**3, "the block marks")
         self.searched = session.buffer(4 * self.blocks**3, "the block marks")
         self._dilate = session.kernel(
@@ -65,8 +65,8 @@ class Volume:
     def clear(self) -> None:
         """Empty space everywhere, with nothing observed."""
         self._session.kernel(
-            SOURCE, "clear_volume", (self.resolution,), self.voxels, self.resolution, self._surface,
-            self.blocks,
+            SOURCE, "clear_volume", (self.resolution,), self.voxels, self._weights, self.resolution,
+            self._surface, self.blocks,
         )()  # fmt: skip
         self._dilate()
 
@@ -74,7 +74,7 @@ class Volume:
         """Say where depth images (metres) and the pose will be found."""
         size, group = lines_of(self._session.layout, self.resolution)
         self._integrate = self._session.kernel(
-            SOURCE, "integrate", size, self.voxels, self.resolution,
+            SOURCE, "integrate", size, self.voxels, self._weights, self.resolution,
             self.voxel_size, self._surface, self.blocks, depth, camera.width,
             camera.height, intrinsics(camera), mu, constants.MAX_WEIGHT,
             NEAR_SURFACE, state, group=group,
@@ -85,7 +85,7 @@ class Volume:
         self._integrate()
         self._dilate()
 
-    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
+    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """The planes first to last - 1 along z: distances and weights, both (planes, resolution, resolution).
 
         Indices are (z, y, x); voxel (z, y, x) is centred at (x + .5, y + .5, z + .5) voxel sizes. Distances
@@ -93,10 +93,8 @@ class Volume:
         """
         import pyopencl as cl
 
-        words = np.empty((last - first, self.resolution, self.resolution), np.uint32)
-        offset = 4 * first * self.resolution**2
-        cl.enqueue_copy(self._session.queue, words, self.voxels, src_offset=offset)
-        halves = words.view(np.uint16).reshape(*words.shape, 2)
-        weight, distance = (1, 0) if sys.byteorder == "little" else (0, 1)
-        distances = halves[..., distance].view(np.int16) * np.float32(1 / SCALE)
-        return distances, halves[..., weight].copy()
+        shape, plane = (last - first, self.resolution, self.resolution), self.resolution**2
+        words, weights = np.empty(shape, np.uint32), np.empty(shape, np.uint8)
+        cl.enqueue_copy(self._session.queue, words, self.voxels, src_offset=4 * first * plane)
+        cl.enqueue_copy(self._session.queue, weights, self._weights, src_offset=first * plane)
+        return (words & 0xFFFF).astype(np.uint16).view(np.int16) * np.float32(1 / SCALE), weights

@@ -5,12 +5,14 @@
 
 #define BLOCK 8
 #define LANES 16
-#define JUMPS 2   // over empty blocks
-#define SAMPLES 3 // near surfaces, between two moments at which lanes may take their next ray
+#define JUMPS 4   // over empty blocks
+#define SAMPLES 4 // near surfaces, between two moments at which lanes may take their next ray
 
-INLINE float distance_at(global const uint *restrict volume, int index)
+// Between the distances in a word, those of two neighbours in x.
+INLINE float along_word(uint word, float fraction)
 {
-    return (short)(volume[index] & 0xffff);
+    const float here = (short)(word & 0xffff), next = (short)(word >> 16);
+    return here + (next - here) * fraction;
 }
 
 // Trilinear interpolation at (x, y, z) in voxels, 0 at the centre of the first and resolution - 1 at that of
@@ -21,18 +23,11 @@ INLINE float interpolate(global const uint *restrict volume, int resolution, flo
     const int line = bounded((int)y, 0, resolution - 2);
     const int slice = bounded((int)z, 0, resolution - 2);
     const float fx = x - column, fy = y - line, fz = z - slice;
-    const int near_upper = (slice * resolution + line) * resolution + column;
-    const int near_lower = near_upper + resolution;
-    const int far_upper = near_upper + resolution * resolution;
-    const int far_lower = far_upper + resolution;
-    const float a = distance_at(volume, near_upper), b = distance_at(volume, near_upper + 1);
-    const float c = distance_at(volume, near_lower), d = distance_at(volume, near_lower + 1);
-    const float e = distance_at(volume, far_upper), f = distance_at(volume, far_upper + 1);
-    const float g = distance_at(volume, far_lower), h = distance_at(volume, far_lower + 1);
-    const float near_edge_upper = a + (b - a) * fx, near_edge_lower = c + (d - c) * fx;
-    const float far_edge_upper = e + (f - e) * fx, far_edge_lower = g + (h - g) * fx;
-    const float near_side = near_edge_upper + (near_edge_lower - near_edge_upper) * fy;
-    const float far_side = far_edge_upper + (far_edge_lower - far_edge_upper) * fy;
+    const int corner = (slice * resolution + line) * resolution + column;
+    const int far_corner = corner + resolution * resolution;
+    const float a = along_word(volume[corner], fx), b = along_word(volume[corner + resolution], fx);
+    const float c = along_word(volume[far_corner], fx), d = along_word(volume[far_corner + resolution], fx);
+    const float near_side = a + (b - a) * fy, far_side = c + (d - c) * fy;
     return near_side + (far_side - near_side) * fz;
 }
 

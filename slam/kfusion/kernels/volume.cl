@@ -1,6 +1,7 @@
 // The truncated signed distance function (Newcombe et al. 2011, section 3.3; Curless and Levoy 1996).
-// A voxel is one 32-bit word: the distance as a signed 16-bit number in the low half, 32766 for one
-// truncation distance, and the weight in the high half. Voxel (x, y, z) is centred at (x+.5, y+.5, z+.5).
+// A distance is a signed 16-bit number, 32766 for one truncation distance. A voxel's word holds its distance in the low
+// half and, for the raycast, that of its neighbour at x + 1 in the high half: interpolating along x then takes one load.
+// Weights lie in a plane of their own. Voxel (x, y, z) is centred at (x+.5, y+.5, z+.5).
 #include "arithmetic.h"
 #include "state.h"
 
@@ -8,12 +9,15 @@
 #define BLOCK 8
 
 // Empty space everywhere, nothing observed.
-kernel void clear_volume(global uint *restrict volume, int resolution, global int *restrict surface, int blocks)
+kernel void clear_volume(global uint *restrict volume, global uchar *restrict weights, int resolution,
+                         global int *restrict surface, int blocks)
 {
     const int z = get_global_id(0);
     const int plane = resolution * resolution;
     for (int i = 0; i < plane; ++i)
-        volume[z * plane + i] = 32766;
+        volume[z * plane + i] = 32766 | (32766 << 16);
+    for (int i = 0; i < plane; ++i)
+        weights[z * plane + i] = 0;
     if (z < blocks)
         for (int i = 0; i < blocks * blocks; ++i)
             surface[z * blocks * blocks + i] = 0;
@@ -31,10 +35,10 @@ INLINE void clip(float offset, float slope, float *first, float *last)
         *last = -1.0f;
 }
 
-// What a voxel becomes: itself, or the running mean with the measured distance. (x, y, z) is its centre in the
-// camera's frame; `near` tells whether it was updated to a distance below `near_surface`.
-INLINE uint fused(uint voxel, float x, float y, float z, global const float *restrict depth, int width, int height,
-                  float4 camera, float mu, float max_weight, float near_surface, int *near)
+// The running mean of a voxel's distance and what is measured for it; (x, y, z) is its centre in the camera's frame.
+// Returns whether the voxel was measured at all; *distance and *weight then hold the new values.
+INLINE int fuse(int *distance, int *weight, float x, float y, float z, global const float *restrict depth, int width,
+                int height, float4 camera, float mu, float max_weight)
 {
     const float inverse_z = 1.0f / z;
     const float ray_x = x * inverse_z, ray_y = y * inverse_z;
@@ -46,14 +50,14 @@ INLINE uint fused(uint voxel, float x, float y, float z, global const float *res
     const float difference = (measured - z) * square * inverse_root(square);
     const int update = visible & (measured > 0.0f) & (difference > -mu);
 
-    const float distance = (short)(voxel & 0xffff), weight = voxel >> 16;
+    const float before = *weight;
     const float observed = smaller(difference * (SCALE / mu), SCALE);
-    const float mean = (distance * weight + observed) / (weight + 1.0f);
+    const float mean = (*distance * before + observed) / (before + 1.0f);
     // Adding 32768.5 makes truncation round to the nearest, also below zero.
     const int rounded = (int)(larger(mean, -SCALE) + 32768.5f) - 32768;
-    const int heavier = (int)smaller(weight + 1.0f, max_weight);
-    *near = update & (rounded < (int)near_surface);
-    return update ? ((uint)heavier << 16) | ((uint)rounded & 0xffff) : voxel;
+    *distance = update ? rounded : *distance;
+    *weight = update ? (int)smaller(before + 1.0f, max_weight) : *weight;
+    return update;
 }
 
 // The range [*first, *last] of steps along a line of voxels that the camera may see, no deeper than `limit`; *last <
@@ -89,9 +93,10 @@ INLINE float3 seen(global const State *restrict state, int x, int y, int z, floa
 // block in which a voxel has come nearer to a surface than `near_surface` is marked for the raycast, for good.
 // Rows: a work-item owns the 8x8 voxel rows along x of a row of blocks.
 // Pixels: a work-item owns a column along z, so that neighbours in x read and write side by side.
-kernel void integrate(global uint *restrict volume, int resolution, float voxel_size, global int *restrict surface,
-                      int blocks, global const float *restrict depth, int width, int height, float4 camera, float mu,
-                      float max_weight, float near_surface, global const State *restrict state)
+kernel void integrate(global uint *restrict volume, global uchar *restrict weights, int resolution, float voxel_size,
+                      global int *restrict surface, int blocks, global const float *restrict depth, int width,
+                      int height, float4 camera, float mu, float max_weight, float near_surface,
+                      global const State *restrict state)
 {
     const float limit = state->farthest + mu;
     int first, last;
@@ -99,16 +104,23 @@ kernel void integrate(global uint *restrict volume, int resolution, float voxel_
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= resolution || y >= resolution)
         return;
+    // Halves of words: a work-item writes its own voxel's and the copy in the word before, nobody else's.
+    global short *restrict halves = (global short *)volume;
     const float3 slope = voxel_size * (float3)(state->pose[8], state->pose[9], state->pose[10]);
     const float3 base = seen(state, x, y, 0, voxel_size);
     visible_range(base, slope, resolution, width, height, camera, limit, &first, &last);
     for (int z = first; z <= last; ++z) {
         const int i = (z * resolution + y) * resolution + x;
-        int near;
-        volume[i] = fused(volume[i], base.x + z * slope.x, base.y + z * slope.y, base.z + z * slope.z, depth, width,
-                          height, camera, mu, max_weight, near_surface, &near);
+        int distance = halves[2 * i], weight = weights[i];
+        if (!fuse(&distance, &weight, base.x + z * slope.x, base.y + z * slope.y, base.z + z * slope.z, depth, width,
+                  height, camera, mu, max_weight))
+            continue;
+        halves[2 * i] = distance;
+        if (x > 0)
+            halves[2 * i - 1] = distance;
+        weights[i] = weight;
         // Several work-items may write here, and all of them the same.
-        if (near)
+        if (distance < (int)near_surface)
             surface[((z / BLOCK) * blocks + y / BLOCK) * blocks + x / BLOCK] = 1;
     }
 #else
@@ -121,16 +133,25 @@ kernel void integrate(global uint *restrict volume, int resolution, float voxel_
             const float3 base = seen(state, 0, y, z, voxel_size);
             visible_range(base, slope, resolution, width, height, camera, limit, &first, &last);
             global uint *restrict row = volume + (z * resolution + y) * resolution;
+            global uchar *restrict row_weights = weights + (z * resolution + y) * resolution;
             const float base_x = base.x, base_y = base.y, base_z = base.z;
             const float slope_x = slope.x, slope_y = slope.y, slope_z = slope.z;
-            int touched = 0;
+            int changed = 0, near = 0;
             for (int x = first; x <= last; ++x) {
-                int near;
-                row[x] = fused(row[x], base_x + x * slope_x, base_y + x * slope_y, base_z + x * slope_z, depth, width,
-                               height, camera, mu, max_weight, near_surface, &near);
-                touched |= near;
+                const uint word = row[x];
+                int distance = (short)(word & 0xffff), weight = row_weights[x];
+                const int update = fuse(&distance, &weight, base_x + x * slope_x, base_y + x * slope_y,
+                                        base_z + x * slope_z, depth, width, height, camera, mu, max_weight);
+                row[x] = (word & 0xffff0000) | ((uint)distance & 0xffff);
+                row_weights[x] = weight;
+                changed |= update;
+                near |= update & (distance < (int)near_surface);
             }
-            if (!touched)
+            if (!changed)
+                continue;
+            for (int x = bounded(first - 1, 0, last); x <= bounded(last, 0, resolution - 2); ++x)
+                row[x] = (row[x] & 0xffff) | (row[x + 1] << 16);
+            if (!near)
                 continue;
             global int *restrict marks = surface + (block_z * blocks + block_y) * blocks;
             for (int block = first / BLOCK; block <= last / BLOCK; ++block) {

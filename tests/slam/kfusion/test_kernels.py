@@ -55,13 +55,15 @@ def state_of(pose: np.ndarray, **values: object) -> np.ndarray:
     return state
 
 
-def packed(distances: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    whole = np.rint(distances * volume.SCALE).astype(np.int16).view(np.uint16).astype(np.uint32)
-    return whole | (weights.astype(np.uint32) << 16)
+def packed(distances: np.ndarray) -> np.ndarray:
+    """Words of the volume: each voxel's distance below that of its neighbour in x."""
+    own = np.rint(distances * volume.SCALE).astype(np.int16).view(np.uint16).astype(np.uint32)
+    next_in_x = np.concatenate([own[..., 1:], own[..., -1:]], axis=-1)
+    return own | next_in_x << 16
 
 
-def unpacked(voxels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return (voxels & 0xFFFF).astype(np.uint16).view(np.int16) / volume.SCALE, voxels >> 16
+def unpacked(words: np.ndarray) -> np.ndarray:
+    return (words & 0xFFFF).astype(np.uint16).view(np.int16) / volume.SCALE
 
 
 def marks_of(distances: np.ndarray) -> np.ndarray:
@@ -248,14 +250,22 @@ def test_check_pose_goes_back_when_lost(launch, squared_error, inliers, good):
 
 
 def test_clear_volume(launch):
-    voxels = np.ones((RESOLUTION,) * 3, np.uint32)
+    voxels, weights = np.ones((RESOLUTION,) * 3, np.uint32), np.ones((RESOLUTION,) * 3, np.uint8)
     marks = np.ones((BLOCKS,) * 3, np.int32)
-    launch(volume.SOURCE, "clear_volume", (RESOLUTION,), voxels, RESOLUTION, marks, BLOCKS)
-    distances, weights = unpacked(voxels)
+    launch(volume.SOURCE, "clear_volume", (RESOLUTION,), voxels, weights, RESOLUTION, marks, BLOCKS)
     expected_distances, expected_weights = reference.clear_volume(RESOLUTION)
-    np.testing.assert_array_equal(distances, expected_distances)
+    np.testing.assert_array_equal(voxels, packed(expected_distances))
     np.testing.assert_array_equal(weights, expected_weights)
     assert not marks.any()
+
+
+def integrate(launch, session, voxels, weights, marks, depth, camera, pose, max_weight=100.0) -> None:
+    size, group = volume.lines_of(session.layout, RESOLUTION)
+    launch(
+        volume.SOURCE, "integrate", size, voxels, weights, RESOLUTION, VOXEL, marks, BLOCKS, depth,
+        camera.width, camera.height, intrinsics(camera), MU, max_weight, volume.NEAR_SURFACE,
+        state_of(pose, farthest=depth.max()), group=group,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
@@ -263,40 +273,33 @@ def test_clear_volume(launch):
     "twist", [(0, 0, 0), (0.3, -0.4, 0.2), (0, 1.5707963, 0)], ids=["straight", "askew", "side"]
 )
 def test_integrate_twice(launch, session, camera, twist):
-    size, group = volume.lines_of(session.layout, RESOLUTION)
     pose = pose_at((1.2, 1.1, 0.15) if not twist[1] > 1 else (0.1, 1.1, 1.2), twist)
     distances, weights = reference.clear_volume(RESOLUTION)
-    voxels, marks = packed(distances, weights), np.zeros((BLOCKS,) * 3, np.int32)
+    voxels, got_weights = packed(distances), weights.astype(np.uint8)
+    marks = np.zeros((BLOCKS,) * 3, np.int32)
     for seed in (0, 1):
         depth = room_depth(camera, seed)
         distances, weights = reference.integrate(
             distances, weights, VOXEL, depth.astype(float), camera, pose, MU, 100
         )
-        launch(
-            volume.SOURCE, "integrate", size, voxels, RESOLUTION, VOXEL, marks, BLOCKS, depth,
-            camera.width, camera.height, intrinsics(camera), MU, 100.0, volume.NEAR_SURFACE,
-            state_of(pose, farthest=depth.max()), group=group,
-        )  # fmt: skip
-    got_distances, got_weights = unpacked(voxels)
+        integrate(launch, session, voxels, got_weights, marks, depth, camera, pose)
+    got_distances = unpacked(voxels)
     differing = (abs(got_distances - distances) > 2e-4) | (got_weights != weights)
     assert (weights == 2).sum() > 500
     assert differing.mean() < 1e-3  # a voxel's centre may fall on the other side of a pixel's border
+    np.testing.assert_array_equal(voxels, packed(got_distances))  # every copy of a neighbour is up to date
     expected_marks = marks_of(np.where(weights > 0, distances, 1.0))
     assert abs(marks - expected_marks).mean() < 0.02
 
 
 def test_integrate_stops_at_the_largest_weight(launch, session):
-    size, group = volume.lines_of(session.layout, RESOLUTION)
-    depth, pose = room_depth(CAMERA), pose_at((1.2, 1.1, 0.15))
     distances, weights = reference.clear_volume(RESOLUTION)
-    weights += 3
-    voxels, marks = packed(distances, weights), np.zeros((BLOCKS,) * 3, np.int32)
-    launch(
-        volume.SOURCE, "integrate", size, voxels, RESOLUTION, VOXEL, marks, BLOCKS, depth,
-        CAMERA.width, CAMERA.height, intrinsics(CAMERA), MU, 3.0, volume.NEAR_SURFACE,
-        state_of(pose, farthest=depth.max()), group=group,
-    )  # fmt: skip
-    assert unpacked(voxels)[1].max() == 3
+    voxels, got_weights = packed(distances), (weights + 3).astype(np.uint8)
+    marks = np.zeros((BLOCKS,) * 3, np.int32)
+    pose = pose_at((1.2, 1.1, 0.15))
+    integrate(launch, session, voxels, got_weights, marks, room_depth(CAMERA), CAMERA, pose, max_weight=3.0)
+    assert got_weights.max() == 3
+    assert (unpacked(voxels) < 1).any()
 
 
 def test_dilate_blocks(launch):
@@ -323,9 +326,9 @@ def raycast_case(mu: float, twist: tuple[float, float, float]) -> tuple:
     distances, weights = reference.integrate(
         distances, weights, VOXEL, room_depth(CAMERA).astype(float), CAMERA, pose_at((1.2, 1.1, 0.1)), mu, 100
     )
-    voxels = packed(distances, weights)
+    voxels = packed(distances)
     pose = pose_at((1.15, 1.12, 0.12), twist)
-    expected = reference.raycast(unpacked(voxels)[0], VOXEL, pose, camera, 0.4, 4.0, VOXEL, 0.75 * mu)
+    expected = reference.raycast(unpacked(voxels), VOXEL, pose, camera, 0.4, 4.0, VOXEL, 0.75 * mu)
     return camera, voxels, pose, expected
 
 
@@ -334,7 +337,7 @@ def raycast_case(mu: float, twist: tuple[float, float, float]) -> tuple:
 def test_raycast(launch, mu, twist):
     """Also with truncation bands thinner than a voxel and wider than the scene."""
     camera, voxels, pose, (vertices, normals) = raycast_case(mu, twist)
-    searched = reference.dilate_blocks(marks_of(unpacked(voxels)[0]) > 0).astype(np.int32)
+    searched = reference.dilate_blocks(marks_of(unpacked(voxels)) > 0).astype(np.int32)
     maps = [np.full((camera.height, camera.width), 7, np.float32) for _ in range(6)]
     launch(
         raycasting.SOURCE, "raycast", image(camera), voxels, RESOLUTION, VOXEL, searched, BLOCKS,
@@ -354,12 +357,12 @@ def test_raycast(launch, mu, twist):
 
 
 def test_raycast_sees_nothing_in_an_empty_volume_or_from_outside_it(launch):
-    distances, weights = reference.clear_volume(RESOLUTION)
+    distances, _ = reference.clear_volume(RESOLUTION)
     searched = np.zeros((BLOCKS,) * 3, np.int32)
     for pose in (pose_at((1.2, 1.1, 0.1)), pose_at((9.0, 9.0, 9.0))):
         maps = [np.full((CAMERA.height, CAMERA.width), 7, np.float32) for _ in range(6)]
         launch(
-            raycasting.SOURCE, "raycast", image(CAMERA), packed(distances, weights), RESOLUTION, VOXEL,
+            raycasting.SOURCE, "raycast", image(CAMERA), packed(distances), RESOLUTION, VOXEL,
             searched, BLOCKS, CAMERA.width, CAMERA.height, intrinsics(CAMERA), 0.4, 4.0, VOXEL, 0.75 * MU,
             volume.NEAR_SURFACE, state_of(pose), *maps,
         )  # fmt: skip
