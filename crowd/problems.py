@@ -8,6 +8,7 @@ import msgspec
 from django.core.exceptions import PermissionDenied
 from django.db import OperationalError
 from django.http import Http404, HttpRequest, HttpResponse
+from django.views.defaults import server_error
 from rest_framework import exceptions
 
 CONTENT_TYPE = "application/problem+json"
@@ -85,6 +86,14 @@ def handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  
                 503, "database_unavailable", "the database does not answer now", retry_after=RETRY_SECONDS
             ).response()
     return None
+
+
+def unforeseen(request: HttpRequest) -> HttpResponse:
+    """Django's handler500: a problem under the API, the plain page elsewhere."""
+    if not request.path.startswith("/api/"):
+        return server_error(request)
+    detail = "the server failed; nothing was stored. Its log has the reason"
+    return Problem(500, "internal_error", detail).response()
 
 
 def unknown_address(request: HttpRequest) -> HttpResponse:

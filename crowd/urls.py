@@ -9,6 +9,8 @@ from crowd.fronts.views import chunk
 admin.site.site_header = admin.site.site_title = "Frontrunner"
 admin.site.index_title = "Administration"
 
+handler500 = "crowd.problems.unforeseen"
+
 urlpatterns = [
     path("admin/", admin.site.urls),
     path("healthz", health.healthz),

@@ -14,6 +14,13 @@ from django.utils.text import slugify
 
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
+# What a model is known by, and the driver that ran.
+RAW_STRINGS = frozenset(
+    {
+        "board", "board_platform", "brand", "cpu", "egl", "manufacturer", "model", "opencl_device",
+        "opencl_driver", "opencl_platform", "os", "soc_manufacturer", "soc_model",
+    }
+)  # fmt: skip
 # What firmware says when nobody filled in the form.
 PLACEHOLDERS = frozenset(
     {

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from crowd.devices.normalisation import RAW_STRINGS
 from crowd.problems import Problem
 from crowd.results import packing, statistics
 from crowd.results.models import Run as StoredRun
@@ -17,6 +18,7 @@ from crowd.results.schema import Run
 MAX_RUNS = 50
 MAX_STAGES = 16
 MAX_DEVICE_BYTES = 16 << 10
+MAX_DEVICE_DEPTH = 8
 # Words of a member's name that tell who somebody is, or where.
 PERSONAL = frozenset(
     {
@@ -57,12 +59,26 @@ class Protocol:
 
 
 def check_device(raw: Mapping[str, Any]) -> None:
-    """Raises Problem where the description is too large, or holds a member that could identify a person."""
+    """Raises Problem where the description is too deep or too large, where a member that the model is known
+    by is no text, or where one could identify a person.
+    """
+    if _deeper(raw, MAX_DEVICE_DEPTH):
+        raise Problem(
+            400, "device_too_deep", f"device is nested deeper than {MAX_DEVICE_DEPTH} levels", field="device"
+        )
     size = len(msgspec.json.encode(raw))
     if size > MAX_DEVICE_BYTES:
         raise Problem(
             400, "device_too_large", f"device takes {size} bytes, at most {MAX_DEVICE_BYTES}", field="device"
         )
+    for name in sorted(RAW_STRINGS & raw.keys()):
+        if not isinstance(raw[name], str | None):
+            raise Problem(
+                400,
+                "invalid_field",
+                f"device.{name} is {raw[name]!r:.50}: send the device's own string, or null",
+                field=f"device.{name}",
+            )
     name = _personal(raw)
     if name is not None:
         raise Problem(
@@ -71,6 +87,17 @@ def check_device(raw: Mapping[str, Any]) -> None:
             f"device.{name} could identify a person and is not accepted: leave it out",
             field=f"device.{name}",
         )
+
+
+def _deeper(value: Any, levels: int) -> bool:
+    """Whether VALUE nests containers more than LEVELS deep. No recursion: depth is what is in doubt."""
+    nested = [value]
+    for _ in range(levels + 1):
+        containers = [one for one in nested if isinstance(one, dict | list)]
+        nested = [inner for one in containers for inner in (one.values() if isinstance(one, dict) else one)]
+        if not containers:
+            return False
+    return True
 
 
 def _personal(value: Any) -> str | None:

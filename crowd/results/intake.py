@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from datetime import UTC
 from typing import Any
 from uuid import UUID
 
@@ -139,6 +140,10 @@ def _check_session(
             f"{session.front_version} is measured by protocol {front.protocol.version}",
             "protocol_version",
         )
+    try:
+        session.started_at.astimezone(UTC)
+    except OverflowError:
+        return Rejection("invalid_field", f"{session.started_at} is no moment in UTC", "started_at")
     if stored is not None and (stored.installation_id != installation.pk or stored.front_id != front.row.pk):
         return Rejection("session_taken", "another session has this id: use a new one", "id")
     return None

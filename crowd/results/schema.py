@@ -44,7 +44,7 @@ class Run(msgspec.Struct):
 class Sample(msgspec.Struct):
     """The device's state t seconds after the start; null where the platform hides it."""
 
-    t: float
+    t: Annotated[float, msgspec.Meta(ge=0)]
     temperature_c: float | None = None
     cpu_mhz: float | None = None
     battery: float | None = None
@@ -61,6 +61,10 @@ class Session(msgspec.Struct):
     backend: Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9._-]{0,31}$")]
     runs: list[msgspec.Raw]
     samples: Annotated[list[Sample], msgspec.Meta(max_length=5_000)] = []
+
+
+class _Named(msgspec.Struct):
+    id: Any = None
 
 
 class Submission(msgspec.Struct):
@@ -84,6 +88,7 @@ class Enrolment(msgspec.Struct):
 _SUBMISSION = msgspec.json.Decoder(Submission)
 _ENROLMENT = msgspec.json.Decoder(Enrolment)
 _RUN = msgspec.json.Decoder(Run)
+_NAMED = msgspec.json.Decoder(_Named)
 
 
 def submission(body: bytes) -> Submission:
@@ -107,10 +112,9 @@ def run(raw: msgspec.Raw) -> Run:
 def id_of(raw: msgspec.Raw) -> str | None:
     """The id that a run names, even where the rest of it is wrong; None where it names none."""
     try:
-        document = msgspec.json.decode(raw)
+        name = _NAMED.decode(raw).id
     except (msgspec.DecodeError, RecursionError):
         return None
-    name = document.get("id") if isinstance(document, dict) else None
     return name if isinstance(name, str) and len(name) <= 64 else None
 
 
@@ -134,7 +138,7 @@ def _wrong_type(message: str) -> Problem:
         return Problem(
             400, "unknown_schema_version", f"this server reads schema_version {SCHEMA_VERSION}", field=field
         )
-    if "out of range" in text:
+    if text == "Number out of range":
         return Problem(400, "not_finite", f"{text}: infinite numbers are not JSON", field=field)
     return Problem(400, "invalid_field", text, field=field)
 

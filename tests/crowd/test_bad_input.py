@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from django.test import Client
+from django.test import Client, RequestFactory
+from django.urls import get_resolver
 
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.results.models import MeasurementSession, Run, Submission
@@ -59,6 +60,8 @@ def test_json_nested_beyond_reason(participant: Participant) -> None:
         ({"device": ["Pixel"]}, "device"),
         ({"consent_version": "1"}, "consent_version"),
         ({"consent_version": True}, "consent_version"),
+        ({"device": device_document(model=8)}, "device.model"),
+        ({"device": device_document(opencl_device=["Mali-G715"])}, "device.opencl_device"),
     ],
 )
 def test_a_wrong_type_is_named(participant: Participant, changes: dict[str, Any], field: str) -> None:
@@ -99,6 +102,31 @@ def test_an_infinite_number_costs_only_its_run(participant: Participant) -> None
     items = participant.submit(body.encode()).json()["items"]
 
     assert [item["code"] for item in items] == ["not_finite", None, None, None]
+
+
+def test_a_whole_number_beyond_reason_is_not_called_infinite(participant: Participant) -> None:
+    body = json.dumps(submission_document()).replace('"repeat": 0', f'"repeat": {"9" * 5_000}')
+
+    items = participant.submit(body.encode()).json()["items"]
+
+    assert [item["code"] for item in items] == ["invalid_field", "invalid_field", None, None]
+
+
+def test_an_item_keeps_its_id_whatever_else_its_run_holds(participant: Participant) -> None:
+    session = session_document()
+    session["runs"][0]["later"] = 0.777
+    body = json.dumps(submission_document(session)).replace("0.777", "1e999")
+
+    items = participant.submit(body.encode()).json()["items"]
+
+    assert [item["id"] for item in items] == [run["id"] for run in session["runs"]]
+
+
+def test_a_sample_before_the_start(participant: Participant) -> None:
+    response = participant.submit(submission_document(session_document(samples=[{"t": -1.0}])))
+
+    assert problem(response) == (400, "invalid_field", "sessions[0].samples[0].t")
+    assert nothing_is_stored()
 
 
 def test_negative_times(participant: Participant) -> None:
@@ -177,6 +205,14 @@ def test_a_session_without_a_time_zone(participant: Participant) -> None:
     response = participant.submit(submission_document(session_document(started_at="2026-11-20T10:17:00")))
 
     assert problem(response) == (400, "invalid_field", "sessions[0].started_at")
+    assert nothing_is_stored()
+
+
+@pytest.mark.parametrize("time", ["0001-01-01T00:00:00+12:00", "9999-12-31T23:59:59-12:00"])
+def test_a_start_that_is_no_moment(participant: Participant, time: str) -> None:
+    response = participant.submit(submission_document(session_document(started_at=time)))
+
+    assert problem(response) == (422, "invalid_field", "sessions[0].started_at")
     assert nothing_is_stored()
 
 
@@ -323,6 +359,15 @@ def test_a_device_that_tells_too_much(participant: Participant) -> None:
     assert nothing_is_stored()
 
 
+@pytest.mark.parametrize("depth", [20, 900])
+def test_a_device_nested_beyond_reason(participant: Participant, depth: int) -> None:
+    body = json.dumps(submission_document(device={"cpu_parts": "PARTS"}))
+    body = body.replace('"PARTS"', "[" * depth + "]" * depth)
+
+    assert problem(participant.submit(body.encode())) == (400, "device_too_deep", "device")
+    assert nothing_is_stored()
+
+
 def test_two_runs_that_claim_one_repeat(participant: Participant) -> None:
     session = session_document()
     session["runs"].append(run_document("best", 1, 4, 1))
@@ -376,3 +421,17 @@ def test_too_many_submissions_ask_to_wait(participant: Participant, settings: An
 def test_an_address_that_is_none(client: Client) -> None:
     assert problem(client.get(f"{API}/nonsense"))[:2] == (404, "not_found")
     assert problem(client.delete(f"{API}/speedups"))[:2] == (405, "method_not_allowed")
+
+
+@pytest.mark.parametrize("cursor", ["%FF", "%C3%A9", "a", "YWJj"])
+def test_a_cursor_that_is_none(client: Client, front: Any, cursor: str) -> None:
+    assert problem(client.get(f"{API}/speedups?cursor={cursor}")) == (400, "invalid_cursor", "cursor")
+
+
+def test_what_nobody_foresaw_is_a_problem_under_the_api_and_a_page_elsewhere(rf: RequestFactory) -> None:
+    unforeseen = get_resolver().resolve_error_handler(500)
+
+    assert unforeseen(rf.get(f"{API}/speedups")).headers["Content-Type"] == "application/problem+json"
+    page = unforeseen(rf.get("/"))
+    assert page.status_code == 500
+    assert page.headers["Content-Type"].startswith("text/html")
