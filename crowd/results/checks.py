@@ -71,13 +71,13 @@ def check_device(raw: Mapping[str, Any]) -> None:
         raise Problem(
             400, "device_too_large", f"device takes {size} bytes, at most {MAX_DEVICE_BYTES}", field="device"
         )
-    for name in sorted(RAW_STRINGS & raw.keys()):
-        if not isinstance(raw[name], str | None):
+    for member in sorted(RAW_STRINGS & raw.keys()):
+        if not isinstance(raw[member], str | None):
             raise Problem(
                 400,
                 "invalid_field",
-                f"device.{name} is {raw[name]!r:.50}: send the device's own string, or null",
-                field=f"device.{name}",
+                f"device.{member} is {raw[member]!r:.50}: send the device's own string, or null",
+                field=f"device.{member}",
             )
     name = _personal(raw)
     if name is not None:
