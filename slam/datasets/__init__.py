@@ -6,48 +6,56 @@ import os
 from pathlib import Path
 
 from slam.camera import Camera
+from slam.datasets.icl_nuim import IclNuimOriginal, IclNuimSequence, is_original_form, is_png_form
 from slam.datasets.pack import MANIFEST, Pack
-from slam.datasets.sequence import DigestError, Sequence, SequenceError
+from slam.datasets.sequence import DigestError, Given, Sequence, SequenceError
 from slam.datasets.slambench_raw import RawSequence
+from slam.datasets.slambench_slam import SlamSequence
 from slam.datasets.tum import TumSequence
 
 __all__ = ["DigestError", "Sequence", "SequenceError", "open_sequence"]
 
+FORMS = "a sequence pack, a TUM or ICL-NUIM folder, a .raw or a .slam file"
+
 
 def open_sequence(
     path: str | os.PathLike[str],
-    camera: Camera | tuple[float, float, float, float] | None = None,
+    camera: Given = None,
     truth: str | os.PathLike[str] | None = None,
 ) -> Sequence:
-    """Open a sequence pack, a TUM-layout folder or a SLAMBench 1 `.raw` file.
+    """Open a sequence pack, a TUM-layout or ICL-NUIM folder, or a `.raw` or `.slam` file of SLAMBench.
 
-    `camera` gives the intrinsics where the files hold none: a Camera, or for a `.raw` file the four numbers
-    fx, fy, cx, cy, as it knows its own size. `truth` is a TUM trajectory that replaces the folder's own.
-    Raises SequenceError when the path is none of these or is damaged, TrajectoryError for a bad truth.
+    `camera` gives the intrinsics where the files hold none or wrong ones: a Camera, or for files that know
+    their own size the four numbers fx, fy, cx, cy. `truth` is a TUM trajectory that replaces the sequence's
+    own. Raises SequenceError when the path is none of these or is damaged, or when the intrinsics do not fit
+    the images, TrajectoryError for a bad truth.
     """
     place = Path(path)
     truth_path = Path(truth) if truth is not None else None
     if not place.exists():
-        raise SequenceError(
-            f"{place} does not exist: give a sequence pack, a TUM-layout folder or a .raw file"
-        )
+        raise SequenceError(f"{place} does not exist: give {FORMS}")
     if place.is_dir() and (place / MANIFEST).exists():
         if camera is not None or truth is not None:
             raise SequenceError(
                 f"{place} is a sequence pack, which carries its camera and truth: give neither"
             )
         return Pack(place)
+    if place.is_dir() and is_original_form(place):
+        return IclNuimOriginal(place, camera, truth_path)
     if place.is_dir() and (place / "depth").is_dir():
-        if isinstance(camera, tuple):
-            raise SequenceError(f"{place}: a folder's camera needs its size as well: write intrinsics.txt")
-        return TumSequence(place, camera, truth_path)
+        form = IclNuimSequence if is_png_form(place) else TumSequence
+        return form(place, camera, truth_path)
     if place.is_file() and place.suffix == ".raw":
         if camera is None:
             raise SequenceError(f"{place} carries no intrinsics: give the camera as fx,fy,cx,cy")
-        if isinstance(camera, Camera):
-            camera = (camera.fx, camera.fy, camera.cx, camera.cy)
-        return RawSequence(place, camera, truth_path)
+        return RawSequence(place, _numbers(camera), truth_path)
+    if place.is_file() and place.suffix == ".slam":
+        return SlamSequence(place, None if camera is None else _numbers(camera), truth_path)
     raise SequenceError(
-        f"{place} is no known sequence: expected a folder with {MANIFEST} (a pack) or depth/ (TUM layout), "
-        "or a .raw file of SLAMBench 1"
+        f"{place} is no known sequence: expected a folder with {MANIFEST} (a pack), depth/ (TUM or ICL-NUIM) "
+        "or scene_00_*.depth (ICL-NUIM's original form), or a .raw or .slam file of SLAMBench"
     )
+
+
+def _numbers(camera: Camera | tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    return camera if isinstance(camera, tuple) else (camera.fx, camera.fy, camera.cx, camera.cy)

@@ -1,4 +1,4 @@
-"""The commands `datasets make`, `convert`, `list` and `info`."""
+"""The commands `datasets make`, `convert`, `list`, `info` and `get`."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from slam.arguments import four_numbers, number, show_progress, three_numbers
-from slam.datasets import Sequence, SequenceError, open_sequence, pack, slambench_raw, tum
+from slam.datasets import Sequence, SequenceError, open_sequence, pack, retrieval
+from slam.datasets.conversion import FORMATS, check_target, form_of, write
 from slam.datasets.living_room import FRAMES, SEED, LivingRoom
 from slam.datasets.pack import Pack
 
 SHIPPED = Path(__file__).resolve().parents[2] / "fixtures" / "sequences"
-FORMATS = ("pack", "tum", "raw")
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -36,8 +36,8 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser = kinds.add_parser("convert", help="rewrite a sequence in another format")
     parser.add_argument("source", type=Path)
     parser.add_argument("target", type=Path)
-    parser.add_argument("--format", choices=FORMATS, help="default: raw for a .raw target, otherwise pack")
-    parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="for a .raw source")
+    parser.add_argument("--format", choices=FORMATS, help="default: by the target's suffix, otherwise pack")
+    parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="where SRC has none")
     parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
     parser.add_argument("--volume-size", type=number, metavar="M", help="travels in a pack")
     parser.add_argument("--initial-position", type=three_numbers, metavar="x,y,z", help="travels in a pack")
@@ -54,6 +54,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
     parser.set_defaults(execute=_info)
 
+    parser = kinds.add_parser("get", help="download a public sequence")
+    retrieval.register(parser)
+
 
 def _make(options: argparse.Namespace) -> None:
     if options.frames < 1:
@@ -65,25 +68,19 @@ def _make(options: argparse.Namespace) -> None:
 
 
 def _convert(options: argparse.Namespace) -> None:
+    form = form_of(options.target, options.format)
+    check_target(options.source, options.target, form)
     sequence = open_sequence(options.source, options.camera, options.truth)
     if options.volume_size is not None:
         sequence.volume_size = options.volume_size
     if options.initial_position is not None:
         sequence.initial_position = options.initial_position
-    form = options.format or ("raw" if options.target.suffix == ".raw" else "pack")
     _write(sequence, options.target, form, options.colour)
 
 
 def _write(sequence: Sequence, target: Path, form: str, colour: bool) -> None:
-    progress = show_progress if sys.stderr.isatty() else None
-    if form == "tum":
-        tum.write(sequence, target, progress)
-    elif form == "raw":
-        slambench_raw.write(sequence, target, progress)
-    else:
-        written = pack.write(sequence, target, progress)
-        if colour:
-            pack.write_colour(sequence, written, target.with_name(target.name + "-colour"), progress)
+    for note in write(sequence, target, form, colour, show_progress if sys.stderr.isatty() else None):
+        sys.stderr.write(f"note: {note}\n")
     sys.stdout.write(f"{target}: {len(sequence)} frames\n")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from pathlib import Path
 from types import ModuleType
 
@@ -9,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.datasets.sequence import SequenceError
+
+_PNG = b"\x89PNG\r\n\x1a\n"
 
 
 class MissingDependencyError(SequenceError):
@@ -29,9 +33,7 @@ def _opencv() -> ModuleType:
 def read_depth(path: Path) -> npt.NDArray[np.uint16]:
     """A 16-bit depth image as stored, (height, width). Raises SequenceError when it is anything else."""
     cv2 = _opencv()
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise SequenceError(f"{path} is not a readable image")
+    image = _decode(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
         raise SequenceError(f"{path} holds {image.dtype} {image.shape}, depth must be one channel of 16 bits")
     return np.asarray(image)
@@ -46,10 +48,51 @@ def write_depth(path: Path, depth: npt.NDArray[np.uint16]) -> None:
 def read_colour(path: Path) -> npt.NDArray[np.uint8]:
     """A colour image, (height, width, 3), red green blue."""
     cv2 = _opencv()
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    return np.ascontiguousarray(_decode(path, cv2.IMREAD_COLOR)[:, :, ::-1])
+
+
+def _decode(path: Path, flags: int) -> npt.NDArray[np.uint8]:
+    cv2 = _opencv()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise SequenceError(f"{path} cannot be read: {error.strerror}") from None
+    _check_png(data, path)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     if image is None:
         raise SequenceError(f"{path} is not a readable image")
-    return np.ascontiguousarray(image[:, :, ::-1])
+    return np.asarray(image)
+
+
+def _check_png(data: bytes, path: Path) -> None:
+    """Raise SequenceError for a damaged PNG, which libpng would report on standard error by itself."""
+    if not data.startswith(_PNG):
+        return
+    place, kind = len(_PNG), b""
+    while kind != b"IEND":
+        if place + 12 > len(data):
+            raise SequenceError(f"{path} is cut short after {len(data)} bytes: copy or fetch it again")
+        (length,) = struct.unpack_from(">I", data, place)
+        kind = data[place + 4 : place + 8]
+        end = place + 8 + length
+        if end + 4 > len(data):
+            raise SequenceError(f"{path} is cut short after {len(data)} bytes: copy or fetch it again")
+        if zlib.crc32(memoryview(data)[place + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
+            raise SequenceError(f"{path} is damaged between bytes {place} and {end}: copy or fetch it again")
+        place = end + 4
+
+
+def png_size(path: Path) -> tuple[int, int] | None:
+    """Width and height that stand in the header of a PNG; None for any other or unreadable file."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(24)
+    except OSError:
+        return None
+    if len(head) < 24 or not head.startswith(_PNG) or head[12:16] != b"IHDR":
+        return None
+    width, height = struct.unpack(">II", head[16:])
+    return width, height
 
 
 def write_colour(path: Path, colour: npt.NDArray[np.uint8]) -> None:

@@ -13,7 +13,10 @@ from slam.camera import Camera
 from slam.trajectory import Trajectory, associate
 
 FRAME_RATE = 30.0  # frames a second, where a format has no stamps: the rate of the Kinect and of ICL-NUIM
-
+SMALLEST_JUDGED = 32  # pixels
+# What a caller may say of a camera: fx, fy, cx, cy where the files tell their size, or everything.
+Given = Camera | tuple[float, float, float, float] | None
+MIRROR_Y = np.diag([1.0, -1.0, 1.0, 1.0])
 
 Progress = Callable[[int, int], None]  # called with the number of frames done and the number of all frames
 
@@ -72,6 +75,32 @@ def regular_timestamps(count: int) -> npt.NDArray[np.float64]:
     return np.arange(count) / FRAME_RATE
 
 
+def mirror_y(poses: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Poses (n, 4, 4) between OpenCV axes and axes with y up; it is its own inverse.
+
+    Camera and world are both mirrored, so rotations stay rotations, and an fy of -480 becomes 480.
+    """
+    return np.asarray(MIRROR_Y @ poses @ MIRROR_Y)
+
+
+def read_truth(
+    source: Path,
+    camera: Camera,
+    timestamps: npt.NDArray[np.float64],
+    numbers: npt.NDArray[np.int64] | None = None,
+) -> npt.NDArray[np.float64]:
+    """The true pose of every frame, (n, 4, 4) in the axes of `camera`, from a TUM file.
+
+    Files called *.freiburg are ICL-NUIM's, with y up: they are mirrored unless the camera is as well (fy
+    below 0). Raises TrajectoryError when the file is no trajectory, SequenceError when no pose belongs to a
+    frame.
+    """
+    trajectory = Trajectory.read(source)
+    if source.suffix == ".freiburg" and camera.fy > 0:
+        trajectory = Trajectory(trajectory.timestamps, mirror_y(trajectory.poses))
+    return match_truth(trajectory, timestamps, numbers, source)
+
+
 def match_truth(
     trajectory: Trajectory,
     timestamps: npt.NDArray[np.float64],
@@ -96,3 +125,37 @@ def match_truth(
     truth = np.full((len(timestamps), 4, 4), np.nan)
     truth[frames] = trajectory.poses[rows]
     return truth
+
+
+def make_camera(numbers: tuple[float, float, float, float], size: tuple[int, int], source: Path) -> Camera:
+    """The camera fx, fy, cx, cy of images of (width, height); SequenceError when there is no such camera."""
+    try:
+        camera = Camera(*numbers, *size)
+    except ValueError as error:
+        raise SequenceError(f"{source}: {error}") from None
+    check_camera(camera, source)
+    return camera
+
+
+def check_camera(camera: Camera, source: Path) -> None:
+    """Raise SequenceError when the intrinsics cannot be those of images of this size.
+
+    The principal point must lie inside the image and the focal lengths between a tenth and ten times its
+    size: intrinsics of another resolution, in another order or divided by the size fail that. Images below
+    SMALLEST_JUDGED are patterns made by hand, of which no lens can be told.
+    """
+    width, height = camera.width, camera.height
+    if max(width, height) < SMALLEST_JUDGED:
+        return
+    inside = 0 <= camera.cx <= width and 0 <= camera.cy <= height
+    sound = 0.1 * width <= abs(camera.fx) <= 10 * width and 0.1 * height <= abs(camera.fy) <= 10 * height
+    if inside and sound:
+        return
+    given = f"fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g}"
+    values = (abs(camera.fx), abs(camera.fy), camera.cx, camera.cy)
+    remedy = (
+        "they look divided by the size: give pixels"
+        if max(values) < 5 < min(width, height)
+        else "give pixels of this size, in the order fx,fy,cx,cy"
+    )
+    raise SequenceError(f"{source}: {given} do not fit images of {width}x{height}: {remedy}")

@@ -15,9 +15,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from slam.camera import Camera
-from slam.datasets.sequence import Progress, Sequence, SequenceError, match_truth, regular_timestamps
-from slam.trajectory import Trajectory
+from slam.datasets.sequence import (
+    Progress,
+    Sequence,
+    SequenceError,
+    make_camera,
+    read_truth,
+    regular_timestamps,
+)
 
 _SIZE = struct.Struct("<II")
 
@@ -31,21 +36,19 @@ class RawSequence(Sequence):
         self.name = path.stem
         self._path = path
         width, height = self._first_size()
-        try:
-            self.camera = Camera(*intrinsics, width, height)
-        except ValueError as error:
-            raise SequenceError(f"{path}: {error}") from None
+        self.camera = make_camera(intrinsics, (width, height), path)
         self._frame_bytes = 2 * _SIZE.size + 5 * width * height
         total = path.stat().st_size
         if total % self._frame_bytes:
             raise SequenceError(
                 f"{path} has {total} bytes, which is no whole number of {width}x{height} frames "
-                f"({self._frame_bytes} bytes each): the file is cut short or no SLAMBench 1 file"
+                f"({self._frame_bytes} bytes each): it is cut short in frame {total // self._frame_bytes}, "
+                "holds images of several sizes or is no SLAMBench 1 file"
             )
         self.timestamps = regular_timestamps(total // self._frame_bytes)
         if truth is not None:
             numbers = np.arange(len(self.timestamps))
-            self.truth = match_truth(Trajectory.read(truth), self.timestamps, numbers, truth)
+            self.truth = read_truth(truth, self.camera, self.timestamps, numbers)
 
     def _first_size(self) -> tuple[int, int]:
         with self._path.open("rb") as file:

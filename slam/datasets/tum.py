@@ -1,13 +1,15 @@
 """Folders in the layout of the TUM RGB-D benchmark.
 
 `depth/` and optionally `rgb/` hold images; `depth.txt`, `rgb.txt` or `associations.txt` give their stamps,
-otherwise the file names are stamps or frame numbers at 30 Hz; `groundtruth.txt` holds TUM poses;
+otherwise the file names are stamps or frame numbers at 30 Hz; stamps in lists that are written without a
+point are frame numbers too, as in ICL-NUIM's `associations.txt`; `groundtruth.txt` holds TUM poses;
 `intrinsics.txt` holds fx fy cx cy width height depth_units_per_metre.
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +19,16 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets import images
-from slam.datasets.sequence import FRAME_RATE, Progress, Sequence, SequenceError, match_truth
+from slam.datasets.sequence import (
+    FRAME_RATE,
+    Given,
+    Progress,
+    Sequence,
+    SequenceError,
+    check_camera,
+    make_camera,
+    read_truth,
+)
 from slam.trajectory import Trajectory, associate
 
 STANDARD_UNITS = 5000.0  # a metre, in the TUM benchmark's own folders, which carry no intrinsics.txt
@@ -28,18 +39,26 @@ IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".tif", ".tiff")
 class TumSequence(Sequence):
     """Depth images of any unit, as millimetres; colour images are matched to them by stamp."""
 
-    def __init__(self, folder: Path, camera: Camera | None = None, truth: Path | None = None) -> None:
+    def __init__(self, folder: Path, camera: Given = None, truth: Path | None = None) -> None:
         self.name = folder.resolve().name
         self._folder = folder
-        self.camera, self._units = _intrinsics(folder, camera)
         self._depth, stamps, numbers = _listed(folder, "depth")
         if not self._depth:
             raise SequenceError(f"{folder}/depth holds no image: a TUM-layout folder has depth/*.png")
+        size = images.png_size(self._depth[0])
+        if isinstance(camera, tuple):
+            if size is None:
+                raise SequenceError(f"{self._depth[0]} is no PNG that tells its size: write intrinsics.txt")
+            camera = make_camera(camera, size, folder)
+        self.camera, self._units = _intrinsics(folder, camera)
+        if size is not None:
+            self._check_size((size[1], size[0]), self._depth[0])
+        check_camera(self.camera, folder)
         self.timestamps = stamps
         self._colour = self._matched_colour()
         truth = truth or (folder / "groundtruth.txt" if (folder / "groundtruth.txt").exists() else None)
         if truth is not None:
-            self.truth = match_truth(Trajectory.read(truth), stamps, numbers, truth)
+            self.truth = read_truth(truth, self.camera, stamps, numbers)
 
     def _matched_colour(self) -> dict[int, Path]:
         paths, stamps, _ = _listed(self._folder, "rgb")
@@ -141,8 +160,8 @@ def _listed(
         if listing.exists():
             entries = _entries(listing, kind)
             if entries:
-                entries.sort(key=lambda entry: entry[0])
-                return [folder / name for _, name in entries], np.array([s for s, _ in entries]), None
+                entries.sort(key=lambda entry: float(entry[0]))
+                return [folder / name for _, name in entries], *_timed([stamp for stamp, _ in entries])
     files = [path for path in (folder / kind).glob("*") if path.suffix.lower() in IMAGES]
     if all(re.fullmatch(r"\D*\d+\D*", path.stem) for path in files):
         numbered = sorted((int(re.sub(r"\D", "", path.stem)), path) for path in files)
@@ -157,7 +176,17 @@ def _listed(
     return [path for _, path in stamped], np.array([stamp for stamp, _ in stamped]), None
 
 
-def _entries(listing: Path, kind: str) -> list[tuple[float, str]]:
+def _timed(
+    texts: list[str],
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64] | None]:
+    """Seconds of stamps, and frame numbers where the stamps are those: all written without a point."""
+    stamps = np.array([float(text) for text in texts])
+    if not all(text.isdecimal() for text in texts):
+        return stamps, None
+    return stamps / FRAME_RATE, stamps.astype(np.int64)
+
+
+def _entries(listing: Path, kind: str) -> list[tuple[str, str]]:
     """Stamp and file name of every `kind` image in a TUM list; association lists hold two a line."""
     entries = []
     for number, line in enumerate(listing.read_text(encoding="utf-8").splitlines(), start=1):
@@ -165,10 +194,16 @@ def _entries(listing: Path, kind: str) -> list[tuple[float, str]]:
         for stamp, name in zip(items[0::2], items[1::2], strict=False):
             if len(items) > 2 and kind not in Path(name).parts:
                 continue
-            try:
-                entries.append((float(stamp), name))
-            except ValueError:
+            if not _is_stamp(stamp):
                 raise SequenceError(
                     f"{listing}, line {number}: {stamp!r} is no stamp: write `stamp file`, one line an image"
-                ) from None
+                )
+            entries.append((stamp, name))
     return entries
+
+
+def _is_stamp(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
