@@ -194,36 +194,36 @@ def _compare(options: argparse.Namespace) -> None:
     writable(options.html)
     if options.html:
         report_page.plotly()
+    # Everything is read and checked before anything is measured.
+    wanted = [(text, *_item(text, options)) for text in options.items]
+    measured = [text for text, found, _ in wanted if found is None]
+    sequence = _open(options) if measured else None
+    session = open_session(options.system, choose_device(options.device)) if measured else None
     reports: dict[str, Mapping[str, Any]] = {}
-    wanted = [_item(text, options) for text in options.items]
-    session: Session | None = None
-    sequence = _open(options) if any(configuration is not None for _, configuration in wanted) else None
-    for name, configuration in wanted:
-        if configuration is None:
-            found: Mapping[str, Any] = report.read(Path(name))
-        else:
-            assert sequence is not None
-            session = session or open_session(options.system, choose_device(options.device))
-            found = _measure(options, configuration, sequence, session, f"{name}: ").to_dict()
+    for text, found, configuration in wanted:
+        name = text.strip() or "default"
         while name in reports:  # the same twice: to see how measurements repeat
             name += " again"
+        if sequence is not None and found is None:
+            found = _measure(options, configuration, sequence, session, f"{name}: ").to_dict()
+        assert found is not None
         reports[name] = found
     sys.stdout.write(report.comparison(reports))
     if options.html:
         report_page.save(options.html, "Comparison of runs", compare.figures(reports))
 
 
-def _item(text: str, options: argparse.Namespace) -> tuple[str, dict[str, Any] | None]:
-    """A name and, unless it is that of a report, a configuration to run."""
+def _item(text: str, options: argparse.Namespace) -> tuple[Mapping[str, Any] | None, dict[str, Any]]:
+    """The report in a file, or None and the configuration to run."""
     if text.endswith(".json"):
-        return text, None
+        return report.read(Path(text)), {}
     if options.sequence is None:
         raise UsageError(f"{text!r} is no report (.json), so it is run: give --sequence")
     try:
         parts = [setting(part) for part in text.split()]
     except argparse.ArgumentTypeError as error:
         raise UsageError(str(error)) from None
-    return text.strip() or "default", complete(options.system, _settings(parts))
+    return None, complete(options.system, _settings(parts))
 
 
 def _surface(options: argparse.Namespace) -> None:

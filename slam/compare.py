@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart.
 STAGE_COLOURS = dict(zip(STAGES, ("#56B4E9", "#E69F00", "#009E73", "#CC79A7"), strict=True))
+# Names are long: each has a line of its own below the figure.
+LEGEND = {"showlegend": True, "legend": {"orientation": "v", "x": 0, "y": -0.2, "yanchor": "top"}}
 LINE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 
@@ -64,7 +66,7 @@ def _computation(reports: Mapping[str, Mapping[str, Any]]) -> Figure:
         title="Computation of each frame",
         xaxis_title="frame",
         yaxis={"title": "wall milliseconds", "rangemode": "tozero"},
-        showlegend=True,
+        **LEGEND,
         template="plotly_white",
     )
     return figure
@@ -92,7 +94,7 @@ def _error(reports: Mapping[str, Mapping[str, Any]]) -> Figure:
         title="Trajectory error of each frame (first poses laid on each other)",
         xaxis_title="frame",
         yaxis={"title": "metres from the truth", "rangemode": "tozero"},
-        showlegend=True,
+        **LEGEND,
         template="plotly_white",
     )
     return figure

@@ -138,8 +138,8 @@ def measure(
 
     `complete` fills in a configuration, `run` measures one, `setting` names all else that a measurement
     depends on (sequence, frames, device ...). A configuration that this device cannot run is kept as a
-    failure with its reason and is NaN in the arrays; a bad parameter of any point raises ConfigurationError
-    before anything is measured. A run without truth raises SurfaceError.
+    failure with its reason (remove its line to try again) and is NaN in the arrays; a bad parameter of any
+    point raises ConfigurationError before anything is measured. A run without truth raises SurfaceError.
     """
     configurations = [complete(point) for point in grid.points()]
     known = Measurements(path, [*setting, *configurations[0]])
@@ -163,7 +163,7 @@ def _outcome(configuration: Mapping[str, Any], run: Callable[[Mapping[str, Any]]
     try:
         report = run(configuration)
     except (OpenCLError, ConfigurationError) as error:
-        return {"failure": " ".join(str(error).split())}
+        return dict.fromkeys(MEASURED) | {"failure": " ".join(str(error).split())}
     if report.ate is None:
         raise SurfaceError("the sequence has no true trajectory, so there is no error to draw: give --truth")
     return {
@@ -197,42 +197,75 @@ def figures(grid: Grid, measured: Mapping[str, NDArray[np.float64]], title: str)
     Raises MissingPlotlyError.
     """
     go = plotly()
-    time = go.Figure(_surface(grid, 1e3 * measured["runtime"], "Viridis", "ms"))
-    error = go.Figure(_surface(grid, measured["ate_max"], "Cividis", "m"))
-    limit = np.full(measured["ate_max"].shape, VALID_BELOW)
-    error.add_surface(
-        x=grid.x_values, y=grid.y_values, z=limit, opacity=0.35, showscale=False, hoverinfo="skip",
-        colorscale=[[0, "#888888"], [1, "#888888"]],
-    )  # fmt: skip
-    for figure, what, z_title, z_values in (
-        (time, "computation", "wall milliseconds a frame", measured["runtime"]),
-        (error, "max trajectory error", "metres", measured["ate_max"]),
+    drawn = []
+    for what, values, z_title, colours in (
+        ("computation", 1e3 * measured["runtime"], "wall milliseconds a frame", "Viridis"),
+        ("max trajectory error", measured["ate_max"], "metres", "Cividis"),
     ):
+        figure = go.Figure(_surface(grid, values, z_title, colours))
+        if what != "computation":
+            figure.add_surface(
+                x=grid.x_values, y=grid.y_values, z=np.full(values.shape, VALID_BELOW), opacity=0.4,
+                showscale=False, colorscale=[[0, "#888888"], [1, "#888888"]],
+                hovertemplate=f"valid below {VALID_BELOW} m<extra></extra>",
+            )  # fmt: skip
         figure.update_layout(
             title=escape(f"Response surface of {what}: {title}"),
             scene={
-                "xaxis": {"title": grid.x, "type": _scale(grid.x_values)},
-                "yaxis": {"title": grid.y, "type": _scale(grid.y_values)},
-                "zaxis": {"title": z_title, "type": _scale(z_values[np.isfinite(z_values)])},
+                "xaxis": {"title": grid.x, **_axis(grid.x_values, grid.x_values)},
+                "yaxis": {"title": grid.y, **_axis(grid.y_values, grid.y_values)},
+                "zaxis": {"title": z_title, **_axis(values, _round_values(values))},
+                "aspectmode": "cube",
             },
-            height=700,
+            height=750,
             template="plotly_white",
         )
-    return [time, error]
+        drawn.append(figure)
+    return drawn
 
 
-def _surface(grid: Grid, values: NDArray[np.float64], colours: str, unit: str) -> Any:
-    z = [[float(cell) if np.isfinite(cell) else None for cell in row] for row in values]
+def _surface(grid: Grid, values: NDArray[np.float64], z_title: str, colours: str) -> Any:
+    # Colours follow the axis, for of an error that spans decades the small ones matter.
+    colour = np.log10(values) if _is_log(values) else values
+    ticks = np.array(_round_values(values))
     return plotly().Surface(
         x=grid.x_values,
         y=grid.y_values,
-        z=z,
+        z=[[float(cell) if np.isfinite(cell) else None for cell in row] for row in values],
+        surfacecolor=colour,
         colorscale=colours,
-        colorbar={"title": unit},
-        contours={"x": {"show": True, "color": "#444444"}, "y": {"show": True, "color": "#444444"}},
-        hovertemplate=f"{grid.x} %{{x}}<br>{grid.y} %{{y}}<br>%{{z}} {unit}<extra></extra>",
+        colorbar={
+            "title": z_title,
+            "tickvals": np.log10(ticks) if _is_log(values) else ticks,
+            "ticktext": [f"{tick:g}" for tick in ticks],
+        },
+        hovertemplate=f"{grid.x} %{{x}}<br>{grid.y} %{{y}}<br>%{{z}} {z_title}<extra></extra>",
     )
 
 
-def _scale(values: Sequence[float] | NDArray[np.float64]) -> str:
-    return "log" if len(values) and min(values) > 0 and max(values) / min(values) > LOG_SPAN else "linear"
+def _axis(values: Sequence[float] | NDArray[np.float64], ticks: Sequence[float]) -> dict[str, Any]:
+    """The scale that shows these values best, with the ticks written out."""
+    text = [f"{tick:g}" for tick in ticks]
+    return {"type": "log" if _is_log(values) else "linear", "tickvals": list(ticks), "ticktext": text}
+
+
+def _is_log(values: Sequence[float] | NDArray[np.float64]) -> bool:
+    known = np.array(values, np.float64)
+    known = known[np.isfinite(known)]
+    return bool(len(known) and known.min() > 0 and known.max() / known.min() > LOG_SPAN)
+
+
+def _round_values(values: NDArray[np.float64]) -> list[float]:
+    """Round numbers over the range of the values: 1, 2 and 5 times powers of ten, or some five steps."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return []
+    low, high = float(known.min()), float(known.max())
+    if _is_log(values):
+        decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+        steps = [f * 10.0**decade for decade in decades for f in (1, 2, 5)]
+        return [step for step in steps if low / 2 <= step <= 2 * high]
+    rough = (high - low or abs(high) or 1.0) / 4
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(f * power for f in (1, 2, 5, 10) if f * power >= rough)
+    return [step * number for number in range(math.floor(low / step), math.ceil(high / step) + 1)]

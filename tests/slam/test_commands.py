@@ -36,6 +36,25 @@ def test_run_writes_report_and_trajectory_and_sums_up(tmp_path, capsys):
     assert "6 frames of 640x480" in capsys.readouterr().out
 
 
+def test_run_writes_log_mesh_and_pictures(tmp_path, capsys):
+    files = [tmp_path / name for name in ("log.tsv", "room.ply", "views")]
+    arguments = ["run", "--sequence", str(LIVING_ROOM), "--frames", "7", *QUICK]
+    arguments += ["--tsv", str(files[0]), "--mesh", str(files[1])]
+    assert main([*arguments, "--render", str(files[2]), "--render-every", "3"]) == 0
+    assert len(files[0].read_text().splitlines()) == 8
+    assert files[1].read_bytes().startswith(b"ply\nformat binary_little_endian 1.0\n")
+    assert sorted(path.name for path in files[2].iterdir()) == ["000003.png", "000006.png"]
+    out = capsys.readouterr().out
+    assert "rendering" in out
+    assert f"triangles in {files[1]}" in out
+
+
+def test_a_volume_that_a_device_refuses_is_one_line_and_leaves_no_files(tmp_path, capsys):
+    arguments = ["run", "--sequence", LIVING_ROOM, "--set", "volume_resolution=8192"]
+    assert "choose" in complaint(capsys, *arguments, "--tsv", tmp_path / "log.tsv")
+    assert not list(tmp_path.iterdir())
+
+
 def test_run_can_print_nothing_but_json(capsys):
     assert main(["run", "--sequence", str(LIVING_ROOM), "--frames", "2", *QUICK, "--json", "-"]) == 0
     assert len(json.loads(capsys.readouterr().out)["frames"]) == 2
@@ -67,6 +86,18 @@ def test_two_configurations_are_run_and_compared(capsys):
     assert "icp_threshold: 1e-05 | 1" in capsys.readouterr().out
 
 
+def test_reports_and_configurations_are_compared_and_drawn_together(tmp_path, capsys):
+    path, page = tmp_path / "first.json", tmp_path / "page.html"
+    options = ["--sequence", str(LIVING_ROOM), "--frames", "2"]
+    assert main(["run", *options, *QUICK, "--json", str(path)]) == 0
+    settings = "compute_size_ratio=8 volume_resolution=64"
+    assert main(["compare", str(path), settings, settings, *options, "--html", str(page)]) == 0
+    out = capsys.readouterr().out
+    assert f"C = {settings} again" in out
+    assert "beware" not in out
+    assert "Plotly.newPlot(" in page.read_text()
+
+
 def test_evaluate_prints_the_error_as_json(tmp_path, capsys):
     poses = random_poses(20, np.random.default_rng(0))
     Trajectory(np.arange(20) / 30, poses).write(tmp_path / "truth.txt")
@@ -82,17 +113,48 @@ def test_evaluate_prints_the_error_as_json(tmp_path, capsys):
     assert errors["first"]["rmse_aligned"] == errors["se3"]["rmse"]
 
 
+def test_evaluate_tells_every_alignment_and_the_drift(tmp_path, capsys):
+    poses = random_poses(30, np.random.default_rng(1))
+    Trajectory(np.arange(30) / 30, poses).write(tmp_path / "truth.txt")
+    poses[:, :3, 3] *= 0.5
+    Trajectory(np.arange(30) / 30, poses).write(tmp_path / "half.txt")
+    options = ["--estimate", str(tmp_path / "half.txt"), "--truth", str(tmp_path / "truth.txt")]
+    assert main(["evaluate", *options, "--align", "sim3", "--delta", "5"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["alignments"]["sim3"] == pytest.approx({"rmse": 0, "max": 0, "scale": 2}, abs=1e-6)
+    assert result["alignments"]["se3"]["scale"] == 1
+    assert result["rpe"]["delta"] == 5
+    assert result["rpe"]["pairs"] == 25
+    assert result["rpe"]["translation"]["max"] < 1e-6  # once the estimate is stretched, nothing drifts
+    assert main(["evaluate", *options]) == 0
+    assert json.loads(capsys.readouterr().out)["rpe"]["translation"]["rmse"] > 1e-3
+
+
 @needs_real_data
-def test_evaluate_finds_what_evo_finds(capsys):
+@pytest.mark.parametrize(
+    ("recording", "align", "delta", "ate", "translation", "rotation"),
+    [
+        ("fr1_xyz", "first", 1, 0.01936791994170, 0.00576437084893, 0.35361316104480),
+        ("fr1_xyz", "se3", 10, 0.01347008884973, 0.01404067599865, 0.67477774773311),
+        ("fr1_xyz", "sim3", 1, 0.01338938490417, 0.00580569456312, 0.35361316104480),
+        ("fr2_desk", "first", 10, 0.04201551171344, 0.00584179667388, 0.39590177022741),
+        ("fr2_desk", "se3", 1, 0.00811897756205, 0.00349032137479, 0.28051922626733),
+        ("fr2_desk", "sim3", 10, 0.00612316303016, 0.00584444742091, 0.39590177022741),
+    ],
+)
+def test_errors_are_those_of_evo(capsys, recording, align, delta, ate, translation, rotation):
+    """Of evo 1.38.1: APE of the translation; RPE over all pairs `delta` frames apart, after the alignment."""
     folder = DATA / "trajectories/tum"
-    files = [
-        "--estimate",
-        str(folder / "fr2_desk_ORB.txt"),
-        "--truth",
-        str(folder / "fr2_desk_groundtruth.txt"),
-    ]
-    assert main(["evaluate", *files, "--align", "sim3"]) == 0
-    assert json.loads(capsys.readouterr().out)["rmse"] == pytest.approx(0.006123, abs=5e-7)
+    estimate, truth = {
+        "fr1_xyz": ("freiburg1_xyz-rgbdslam.txt", "freiburg1_xyz-groundtruth.txt"),
+        "fr2_desk": ("fr2_desk_ORB.txt", "fr2_desk_groundtruth.txt"),
+    }[recording]
+    files = ["--estimate", str(folder / estimate), "--truth", str(folder / truth)]
+    assert main(["evaluate", *files, "--align", align, "--delta", str(delta)]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["rmse"] == pytest.approx(ate, rel=1e-9)
+    assert result["rpe"]["translation"]["rmse"] == pytest.approx(translation, rel=1e-9)
+    assert result["rpe"]["rotation_degrees"]["rmse"] == pytest.approx(rotation, rel=1e-9)
 
 
 @needs_real_data
@@ -136,6 +198,14 @@ def test_the_shipped_sequence_is_listed(capsys):
         (["run", "--sequence", LIVING_ROOM, "--frames", "999"], "frames=999"),
         (["run", "--sequence", LIVING_ROOM, "--device", "abacus"], "no OpenCL device matches 'abacus'"),
         (["run", "--sequence", LIVING_ROOM, "--json", "no/folder/x.json"], "there is no folder no/folder"),
+        (["run", "--sequence", LIVING_ROOM, "--tsv", "no/folder/x.tsv"], "there is no folder no/folder"),
+        (["run", "--sequence", LIVING_ROOM, "--mesh", "no/folder/x.ply"], "there is no folder no/folder"),
+        (["run", "--sequence", LIVING_ROOM, "--trajectory", LIVING_ROOM], "it is a folder"),
+        (["run", "--sequence", LIVING_ROOM, "--render-every", "0"], "--render-every 0"),
+        (["run", "--sequence", "nowhere", "--set", "tracking_rate=0"], "tracking_rate=0: must be at least 1"),
+        (["compare", "", "mu=-1", "--sequence", LIVING_ROOM], "mu=-1.0"),
+        (["compare", "a.json", "b.json", "--html", "no/folder/x.html"], "there is no folder no/folder"),
+        (["compare", "nowhere.json"], "nowhere.json"),
         (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "carries its camera"),
         (["compare", "mu=1", "mu=2"], "give --sequence"),
         (["compare", "mu=x", "mu=2", "--sequence", LIVING_ROOM], "'x' is no number"),
