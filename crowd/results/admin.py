@@ -50,7 +50,7 @@ class RunAdmin(ReadOnlyAdmin):
     """Runs with their states; the frames are on the run's own page."""
 
     list_display = (
-        "uuid", "device", "configuration", "repeat", "status", "mean_ms", "ate_max", "state", "reason", "page"
+        "uuid", "device", "configuration", "repeat", "status", "mean_ms", "largest_error", "state", "reason", "page"
     )  # fmt: skip
     list_filter = ("state", "reason", "status", "configuration__front", "session__backend")
     list_select_related = ("configuration__front", "session__device")
@@ -67,6 +67,10 @@ class RunAdmin(ReadOnlyAdmin):
     @admin.display(description="mean (ms)", ordering="mean_us")
     def mean_ms(self, row: Run) -> str:
         return "" if row.mean_us is None else f"{row.mean_us / 1000:.2f}"
+
+    @admin.display(description="max ATE (cm)", ordering="ate_max")
+    def largest_error(self, row: Run) -> str:
+        return "" if row.ate_max is None else f"{row.ate_max * 100:.2f}"
 
     @admin.display(description="")
     def page(self, row: Run) -> str:

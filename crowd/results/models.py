@@ -141,6 +141,7 @@ class SessionSummary(models.Model):
     reason = models.CharField(max_length=64, blank=True)
 
     class Meta:
+        verbose_name_plural = "session summaries"
         constraints = [
             models.UniqueConstraint(fields=["session", "configuration"], name="session_summary_key"),
         ]

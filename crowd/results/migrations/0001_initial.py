@@ -137,6 +137,7 @@ class Migration(migrations.Migration):
                 ('session', models.ForeignKey(on_delete=django.db.models.deletion.CASCADE, related_name='summaries', to='results.measurementsession')),
             ],
             options={
+                'verbose_name_plural': 'session summaries',
                 'constraints': [models.UniqueConstraint(fields=('session', 'configuration'), name='session_summary_key')],
             },
         ),
