@@ -3,10 +3,16 @@
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
 
 from crowd.celery import app
 
+# How fast a loaded machine makes up examples says nothing of the code.
+hypothesis.settings.register_profile(
+    "patient", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("patient")
 # Tasks run where they are sent, and no message reaches a worker outside the tests.
 app.conf.update(task_always_eager=True, task_eager_propagates=True, broker_url="memory://")
 
