@@ -164,6 +164,9 @@ def _run(options: argparse.Namespace) -> None:
     renderer = Renderer(options.render, options.render_every) if options.render else None
     observers = _Observers(renderer) if renderer or options.mesh else None
     result = _measure(options, configuration, sequence, observe=observers)
+    text = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
+    if json_path:
+        json_path.write_text(text, encoding="utf-8")
     if options.trajectory:
         result.trajectory().write(options.trajectory)
     if options.tsv:
@@ -173,13 +176,10 @@ def _run(options: argparse.Namespace) -> None:
         lines.append(f"{renderer.written} pictures in {options.render}")
     if options.mesh and observers:
         lines.append(_write_mesh(observers.system, options.mesh))
-    text = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
     if options.json == "-":
         sys.stdout.write(text)
-        return
-    if json_path:
-        json_path.write_text(text, encoding="utf-8")
-    sys.stdout.write(report.summary(result.to_dict()) + "".join(f"{line}\n" for line in lines))
+    else:
+        sys.stdout.write(report.summary(result.to_dict()) + "".join(f"{line}\n" for line in lines))
 
 
 def _write_mesh(system: System | None, path: Path) -> str:

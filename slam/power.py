@@ -9,6 +9,9 @@ from pathlib import Path
 from time import perf_counter
 
 SYSFS = Path("/sys")
+LEAST_WATTS = (
+    0.05  # of a running device; less is a gauge that counts in milliamperes, against the kernel's rule
+)
 SENSORS = re.compile(
     r"ina(2\d\d|3221)\w*"
 )  # the drivers' names of INA219, INA226, INA238, INA260, INA3221 ...
@@ -149,9 +152,10 @@ def _discharging(supply: Path) -> Callable[[], float]:
 
     def watts() -> float:
         status = (supply / "status").read_text().strip()
-        current = _number(supply / "current_now")  # negative on some devices while discharging
-        if status != "Discharging" or current == 0:
-            raise ValueError(f"{supply.name} is {status or 'silent'}, with {current} microamperes")
-        return abs(current) * _number(supply / "voltage_now") * 1e-12
+        # The current is negative on some devices while discharging.
+        power = abs(_number(supply / "current_now")) * _number(supply / "voltage_now") * 1e-12
+        if status != "Discharging" or power < LEAST_WATTS:
+            raise ValueError(f"{supply.name} is {status or 'silent'} and gives {power} W")
+        return power
 
     return watts

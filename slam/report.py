@@ -128,7 +128,10 @@ def _explanations(names: Sequence[str], frames: int) -> list[str]:
 
 def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     """Reports side by side, the first as the one that others are compared with. Keys are their names."""
-    letters = {name: chr(ord("A") + number % 26) for number, name in enumerate(reports)}
+    letters = {
+        name: chr(ord("A") + number % 26) + (str(number // 26) if number >= 26 else "")
+        for number, name in enumerate(reports)
+    }
     first = next(iter(reports.values()))
     width = 12
     lines = [f"{letters[name]} = {name}" for name in reports]

@@ -22,7 +22,7 @@ def plotly() -> ModuleType:
         import plotly.graph_objects as go
     except ImportError:
         raise MissingPlotlyError(
-            "figures need Plotly, which is not installed here: pip install plotly, or leave the HTML out"
+            "figures need Plotly, which is not installed here: pip install plotly"
         ) from None
     return go
 

@@ -114,6 +114,21 @@ def read_ply(path):
     return Mesh(vertices[:, :3], vertices[:, 3:], faces["corners"])
 
 
+def test_a_volume_is_read_back_in_any_slabs():
+    systems = []
+    configuration = {"compute_size_ratio": 8, "volume_resolution": 64, "integration_rate": 1}
+    run(configuration, open_sequence(LIVING_ROOM), frames=3, observe=lambda _, s: systems.append(s))
+    volume = systems[-1].volume
+    distances, weights = volume.read(0, 64)
+    assert distances.shape == weights.shape == (64, 64, 64)
+    assert (distances.min(), distances.max()) == (pytest.approx(-1, abs=0.05), 1)
+    assert set(np.unique(weights)) == {0, 1, 2, 3}
+    assert (distances[weights == 0] == 1).all()
+    part = volume.read(20, 31)
+    np.testing.assert_array_equal(part[0], distances[20:31])
+    np.testing.assert_array_equal(part[1], weights[20:31])
+
+
 def test_the_mesh_of_a_run_lies_where_its_views_do():
     systems = []
     configuration = {"compute_size_ratio": 4, "volume_resolution": 128, "integration_rate": 1}

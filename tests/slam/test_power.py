@@ -114,6 +114,13 @@ def test_a_battery_on_its_charger_tells_nothing(tmp_path):
     assert meter.joules(before, meter.read()) is None
 
 
+@pytest.mark.parametrize("current", [0, 250])  # an empty gauge, and one in milliamperes
+def test_a_gauge_that_cannot_be_right_tells_nothing(tmp_path, current):
+    battery = tmp_path / "class/power_supply/battery"
+    files(battery, type="Battery", status="Discharging", current_now=current, voltage_now=4_000_000)
+    assert not EnergyMeter(tmp_path).available
+
+
 def test_counters_of_the_processor_go_before_sensors_of_the_board(tmp_path):
     package(tmp_path, "0", 100)
     files(tmp_path / "class/hwmon/hwmon0", name="ina231", power1_input=1_500_000)
