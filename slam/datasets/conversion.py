@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -42,8 +42,20 @@ def write(
 ) -> list[str]:
     """Write `sequence` and return what was lost, a sentence each.
 
-    `colour` adds the pack of colour to a pack; the other forms take colour where there is any.
+    `colour` adds the pack of colour to a pack; the other forms take colour where there is any. When a frame
+    cannot be read nothing is left behind, unless the target held something before.
     """
+    fresh = form not in _FILES and not (target.exists() and any(target.iterdir()))
+    try:
+        _write(sequence, target, form, colour, progress)
+    except BaseException:
+        if fresh:
+            shutil.rmtree(target, ignore_errors=True)
+        raise
+    return _losses(sequence, form)
+
+
+def _write(sequence: Sequence, target: Path, form: str, colour: bool, progress: Progress | None) -> None:
     if form == "tum":
         tum.write(sequence, target, progress)
     elif form == "icl":
@@ -59,7 +71,6 @@ def write(
         written = pack.write(sequence, target, progress)
         if colour:
             pack.write_colour(sequence, written, target.with_name(target.name + "-colour"), progress)
-    return _losses(sequence, form)
 
 
 def _losses(sequence: Sequence, form: str) -> list[str]:
@@ -80,8 +91,12 @@ def _losses(sequence: Sequence, form: str) -> list[str]:
         steps = np.diff(sequence.timestamps)
         if not np.allclose(steps, 1 / 30, atol=0.002):
             losses.append("the form holds no stamps: frames count as 30 a second")
-    if form != "pack" and sequence.volume_size is not None and not math.isnan(sequence.volume_size):
-        losses.append("only packs hold volume size and start: give --volume-size and --initial-position")
+    if form != "pack" and sequence.volume_size is not None:
+        start = ",".join(f"{x:g}" for x in sequence.initial_position or ())
+        options = f"--volume-size {sequence.volume_size:g}" + (
+            f" --initial-position {start}" if start else ""
+        )
+        losses.append(f"only packs hold volume size and start: run it with {options}")
     return losses
 
 

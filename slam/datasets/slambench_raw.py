@@ -7,7 +7,6 @@ height, u8 red green blue. There are no intrinsics and no stamps; frames run at 
 from __future__ import annotations
 
 import hashlib
-import os
 import struct
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from slam.datasets.output import whole_file
 from slam.datasets.sequence import (
     Progress,
     Sequence,
@@ -95,12 +95,10 @@ def write(sequence: Sequence, path: Path, progress: Progress | None = None) -> N
     """Write any sequence as a `.raw` file; frames without colour get black. The file appears when whole."""
     size = _SIZE.pack(sequence.camera.width, sequence.camera.height)
     black = np.zeros((sequence.camera.height, sequence.camera.width, 3), np.uint8)
-    partial = path.with_name(path.name + ".partial")
-    with partial.open("wb") as file:
+    with whole_file(path) as file:
         for index in range(len(sequence)):
             colour = sequence.colour(index)
             file.write(size + sequence.depth(index).astype("<u2").tobytes())
             file.write(size + (black if colour is None else colour).tobytes())
             if progress:
                 progress(index + 1, len(sequence))
-    os.replace(partial, path)

@@ -9,7 +9,6 @@ takes the one by which the file adds up.
 from __future__ import annotations
 
 import hashlib
-import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
+from slam.datasets.output import whole_file
 from slam.datasets.sequence import (
     Progress,
     Sequence,
@@ -179,8 +179,7 @@ def write(
     """
     coloured = sequence.colour(0) is not None
     kinds = ["Depth"] + ["Camera"] * coloured + ["GroundTruthTrajectory"] * (sequence.truth is not None)
-    partial = path.with_name(path.name + ".partial")
-    with partial.open("wb") as file:
+    with whole_file(path) as file:
         file.write(MAGIC + struct.pack("<II", VERSION, len(kinds)))
         for number, kind in enumerate(kinds):
             file.write(pack_sensor(kind, number, sequence.camera, layout))
@@ -197,7 +196,6 @@ def write(
                 _write_frame(file, float(seconds), 1, colour.tobytes())
             if progress:
                 progress(index + 1, len(sequence))
-    os.replace(partial, path)
 
 
 def _write_frame(file: BinaryIO, seconds: float, sensor: int, payload: bytes) -> None:

@@ -142,6 +142,14 @@ def test_a_defect_is_one_line_and_nothing_is_written(tmp_path, kind, message):
     assert not target.exists()
 
 
+@pytest.mark.parametrize("form", FORMATS)
+def test_nothing_is_left_of_a_conversion_that_fails(tmp_path, form):
+    (source,) = broken(tmp_path, "cut")
+    with pytest.raises(SequenceError, match="cut short"):
+        write(open_sequence(source), tmp_path / "new", form)
+    assert [path.name for path in tmp_path.iterdir()] == ["room"]
+
+
 def test_a_truncated_raw_names_the_frame(tmp_path):
     path = tmp_path / "a.raw"
     slambench_raw.write(sequence(), path)

@@ -95,11 +95,16 @@ def test_the_camera_of_povray_becomes_a_pose(tmp_path):
     np.testing.assert_allclose(opened.truth[0], expected, atol=1e-12)
 
 
-def test_known_trajectories_have_slambenchs_volume_and_start(tmp_path):
-    original = tmp_path / "living_room_traj2_loop"
-    original.mkdir()
-    (original / "scene_00_0000.depth").write_text("1")
-    assert open_sequence(original).volume_size == 4.8
+@pytest.mark.parametrize(
+    ("name", "size"), [("living_room_traj2_loop", 4.8), ("icl-kt2-original", 4.8), ("bucket2", None)]
+)
+def test_known_trajectories_have_slambenchs_volume(tmp_path, name, size):
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "scene_00_0000.depth").write_text("1")
+    assert open_sequence(tmp_path / name).volume_size == size
+
+
+def test_known_trajectories_have_slambenchs_start(tmp_path):
     source = sequence()
     icl_nuim.write(source, tmp_path / "livingRoom1")
     again = open_sequence(tmp_path / "livingRoom1")

@@ -71,6 +71,14 @@ def test_lists_give_stamps_and_order(tmp_path, file, text):
     assert [int(sequence.depth(i)[0, 0]) for i in range(2)] == [1500, 1501]
 
 
+def test_stamps_written_without_a_point_are_frame_numbers_and_others_seconds(tmp_path):
+    path = folder(tmp_path, ["a.png", "b.png"])
+    for numbers, seconds in (("0 3", [0, 0.1]), ("0.0 3.0", [0, 3])):
+        first, second = numbers.split()
+        (path / "depth.txt").write_text(f"{first} depth/a.png\n{second} depth/b.png\n")
+        np.testing.assert_allclose(open_sequence(path).timestamps, seconds)
+
+
 def test_truth_is_matched_by_stamp_and_missing_frames_stay_unknown(tmp_path):
     path = folder(tmp_path, ["0.png", "1.png", "2.png"])
     (path / "groundtruth.txt").write_text("0.034 1 2 3 0 0 0 1\n0.2 9 9 9 0 0 0 1\n")
