@@ -20,7 +20,7 @@ class DistanceField(Protocol):
     resolution: int
     voxel_size: float
 
-    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
+    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Distances (positive in free space) and weights (0: never observed) of planes along z, (z, y, x)."""
 
 
@@ -94,7 +94,7 @@ def _slabs(
             yield keys, _positions(keys, distances, first, field.voxel_size), triangles
 
 
-def _triangles(distances: NDArray[np.float32], weights: NDArray[np.uint16], first: int) -> NDArray[np.int64]:
+def _triangles(distances: NDArray[np.float32], weights: NDArray[np.uint8], first: int) -> NDArray[np.int64]:
     """Triangles (m, 3) of the cells between planes; corners are keys of grid edges.
 
     A key is three times the index of the edge's lower voxel in the whole volume, plus the edge's axis.

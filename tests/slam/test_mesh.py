@@ -15,7 +15,7 @@ class ArrayField:
 
     def __init__(self, distances):
         self.distances = np.asarray(distances, np.float32)
-        self.weights = np.ones(self.distances.shape, np.uint16)
+        self.weights = np.ones(self.distances.shape, np.uint8)
         self.resolution = len(self.distances)
         self.voxel_size = 1 / self.resolution
 
