@@ -61,7 +61,7 @@ class _Frame:
 class SlamSequence(Sequence):
     """The first depth sensor, the first colour camera and the true trajectory of a file.
 
-    The lens distortion that a file may tell is not undone, as in SLAMBench itself.
+    The lens distortion that a file may tell is not undone.
     """
 
     def __init__(
@@ -175,8 +175,11 @@ def write(
     """Write any sequence: depth, colour if the first frame has any, and truth before all frames.
 
     Intrinsics and poses are kept as 32-bit floats. The file appears when whole. Raises SequenceError when a
-    frame has no colour though the first has.
+    frame has no colour though the first has, or a stamp does not fit 32 bits of seconds.
     """
+    first, last = sequence.timestamps.min(), sequence.timestamps.max()
+    if not (first >= 0 and last < 2**32 - 1):
+        raise SequenceError(f"stamps from {first} to {last} s: a .slam file holds 0 to {2**32 - 1} s")
     coloured = sequence.colour(0) is not None
     kinds = ["Depth"] + ["Camera"] * coloured + ["GroundTruthTrajectory"] * (sequence.truth is not None)
     with whole_file(path) as file:

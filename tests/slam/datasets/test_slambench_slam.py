@@ -181,6 +181,14 @@ def test_colour_that_ends_midway_is_refused(tmp_path):
     assert not (tmp_path / "a.slam").exists()
 
 
+@pytest.mark.parametrize("stamp", [-1.0, 2.0**32, float("nan")])
+def test_stamps_that_do_not_fit_are_refused(tmp_path, stamp):
+    source = sequence()
+    source.timestamps = np.array([0.0, stamp, 1.0])
+    with pytest.raises(SequenceError, match=r"a \.slam file holds"):
+        slambench_slam.write(source, tmp_path / "a.slam")
+
+
 def test_layouts_are_told_apart_by_their_fields():
     assert len(set(LAYOUTS)) == len(LAYOUTS) == 18
     assert Layout() == SLAMBENCH_2
