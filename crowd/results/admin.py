@@ -50,7 +50,8 @@ class RunAdmin(ReadOnlyAdmin):
     """Runs with their states; the frames are on the run's own page."""
 
     list_display = (
-        "uuid", "device", "configuration", "repeat", "status", "mean_ms", "largest_error", "state", "reason", "page"
+        "uuid", "device", "configuration", "repeat", "status", "mean_ms", "largest_error", "state", "reason",
+        "page",
     )  # fmt: skip
     list_filter = ("state", "reason", "status", "configuration__front", "session__backend")
     list_select_related = ("configuration__front", "session__device")
