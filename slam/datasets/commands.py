@@ -34,14 +34,14 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.set_defaults(execute=_make)
 
     parser = kinds.add_parser("convert", help="rewrite a sequence in another format")
-    parser.add_argument("source", type=Path)
-    parser.add_argument("target", type=Path)
+    parser.add_argument("source", type=Path, metavar="SRC")
+    parser.add_argument("target", type=Path, metavar="DST")
     parser.add_argument("--format", choices=FORMATS, help="default: by the target's suffix, otherwise pack")
     parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="where SRC has none")
     parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
     parser.add_argument("--volume-size", type=number, metavar="M", help="travels in a pack")
     parser.add_argument("--initial-position", type=three_numbers, metavar="x,y,z", help="travels in a pack")
-    parser.add_argument("--colour", action="store_true", help="also write the pack TARGET-colour")
+    parser.add_argument("--colour", action="store_true", help="also write the pack DST-colour")
     parser.set_defaults(execute=_convert)
 
     parser = kinds.add_parser("list", help="the packs in a folder")
@@ -50,7 +50,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
     parser = kinds.add_parser("info", help="describe a sequence")
     parser.add_argument("path", type=Path)
-    parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="for a .raw file")
+    parser.add_argument(
+        "--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="where the files hold none"
+    )
     parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
     parser.set_defaults(execute=_info)
 
