@@ -103,7 +103,12 @@ def _add_evaluate(subparsers: Commands[argparse.ArgumentParser]) -> None:
 def _add_run_options(parser: argparse.ArgumentParser, needs_sequence: bool = True) -> None:
     parser.add_argument("--system", choices=sorted(SYSTEMS), default="kfusion")
     parser.add_argument("--sequence", type=Path, required=needs_sequence, metavar="PATH")
-    parser.add_argument("--camera", type=four_numbers, metavar="fx,fy,cx,cy", help="for a .raw file")
+    parser.add_argument(
+        "--camera",
+        type=four_numbers,
+        metavar="fx,fy,cx,cy",
+        help="for a .raw file, or instead of what the folder or .slam file says",
+    )
     parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
     parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
     parser.add_argument("--volume-size", type=number, metavar="M", help="default: the sequence's, or 5 m")
