@@ -19,7 +19,8 @@ from slam import benchmark, opencl
 from slam.benchmark import Report
 from slam.datasets.sequence import Sequence, SequenceError
 from slam.opencl import NoDeviceError
-from slam.systems import STAGES, open_session
+from slam.system import STAGES
+from slam.systems import open_session
 
 SCHEMA_VERSION = 1
 LONGEST_FAILURE = 300

@@ -16,7 +16,8 @@ from slam.camera import Camera
 from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.opencl import Session, choose_device
 from slam.power import EnergyMeter
-from slam.systems import STAGES, Scene, System, create, open_session
+from slam.system import STAGES, Scene, System
+from slam.systems import create, open_session
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches

@@ -25,7 +25,8 @@ from slam.datasets import Sequence, open_sequence
 from slam.evaluation import evaluate
 from slam.opencl import Session, choose_device, list_devices
 from slam.render import Renderer
-from slam.systems import SYSTEMS, System, complete, open_session
+from slam.system import System
+from slam.systems import SYSTEMS, complete, open_session
 from slam.trajectory import MAXIMAL_STAMP_DIFFERENCE, Trajectory
 
 Commands = argparse._SubParsersAction  # of argparse.ArgumentParser

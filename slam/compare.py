@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from slam.benchmark import VALID_BELOW
 from slam.report import milliseconds
 from slam.report_page import escape, plotly
-from slam.systems import STAGES
+from slam.system import STAGES
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

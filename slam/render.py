@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.datasets.images import MissingDependencyError, write_colour
-from slam.systems import System, View
+from slam.system import System, View
 
 BACKGROUND = (22, 24, 30)  # red green blue, where no surface is seen
 SURFACE = np.array([235.0, 232.0, 225.0])

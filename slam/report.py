@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.benchmark import FIRST_COUNTED_FRAME, VALID_BELOW
-from slam.systems import STAGES
+from slam.system import STAGES
 
 NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}
 MEANINGS = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from slam.benchmark import Report
-from slam.systems import STAGES
+from slam.system import STAGES
 
 TIMES = ("acquisition", *STAGES, "rendering", "computation", "total")
 COLUMNS = ("frame", *TIMES, "X", "Y", "Z", "tracked", "integrated")

@@ -1,79 +1,35 @@
-"""What every SLAM system offers to the benchmark, and the systems that exist."""
+"""The SLAM systems that exist, by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from slam.camera import Camera
+from slam.kfusion import tuning
+from slam.kfusion.configuration import Configuration
+from slam.kfusion.pipeline import KFusion
+from slam.layout import Layout
 from slam.opencl import Device, Session
-
-STAGES = ("preprocessing", "tracking", "integration", "raycasting")
-
-
-@dataclass(frozen=True)
-class Frame:
-    """What a system says of one frame.
-
-    pose: float64 (4, 4), camera to world, after the frame. tracked: True, False (lost), or None where
-    tracking was not attempted. seconds: wall time of each of STAGES.
-    """
-
-    pose: NDArray[np.float64]
-    tracked: bool | None
-    integrated: bool
-    seconds: dict[str, float]
+from slam.system import Scene, System
 
 
 @dataclass(frozen=True)
-class View:
-    """The model as the camera sees it: float32 maps (height, width, 3), zero where there is nothing.
+class Definition:
+    """How a system is made: its whole configuration, the layout of its kernels, the system itself."""
 
-    vertices: metres in the system's world. normals: of unit length. eye: the camera's centre (3,).
-    """
-
-    vertices: NDArray[np.float32]
-    normals: NDArray[np.float32]
-    eye: NDArray[np.float32]
+    complete: Callable[[Mapping[str, Any]], dict[str, Any]]
+    layout_for: Callable[[Device], Layout]
+    create: Callable[[Mapping[str, Any], Scene, Session], System]
 
 
-class System(Protocol):
-    """A SLAM system that is fed depth images one by one."""
-
-    def process(self, depth: NDArray[np.uint16]) -> Frame:
-        """Take the next depth image, (height, width) in millimetres, 0 where nothing was measured."""
-
-    def configuration(self) -> dict[str, Any]:
-        """The parameters that this system runs with, by their names in the design space."""
-
-    def view(self) -> View | None:
-        """What the camera sees of the model at present; None before there is one."""
-
-
-@dataclass(frozen=True)
-class Scene:
-    """Where a system works: the camera and the cube that is reconstructed.
-
-    volume_size: side in metres. initial_position: the first camera centre as a fraction of the cube.
-    """
-
-    camera: Camera
-    volume_size: float
-    initial_position: tuple[float, float, float]
-
-
-def _kfusion(configuration: Mapping[str, Any], scene: Scene, session: Session) -> System:
-    from slam.kfusion.configuration import Configuration
-    from slam.kfusion.pipeline import KFusion
-
-    return KFusion(Configuration.from_mapping(configuration), scene, session)
-
-
-SYSTEMS: dict[str, Callable[[Mapping[str, Any], Scene, Session], System]] = {"kfusion": _kfusion}
+SYSTEMS = {
+    "kfusion": Definition(
+        complete=lambda values: Configuration.from_mapping(values).to_dict(),
+        layout_for=tuning.layout_for,
+        create=lambda values, scene, session: KFusion(Configuration.from_mapping(values), scene, session),
+    )
+}
 
 
 def complete(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
@@ -81,10 +37,7 @@ def complete(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
 
     Needs no device. Raises ValueError for an unknown name, ConfigurationError for a bad parameter.
     """
-    from slam.kfusion.configuration import Configuration
-
-    _known(name)
-    return Configuration.from_mapping(configuration).to_dict()
+    return _definition(name).complete(configuration)
 
 
 def open_session(name: str, device: Device) -> Session:
@@ -92,18 +45,15 @@ def open_session(name: str, device: Device) -> Session:
 
     Raises ValueError for an unknown name.
     """
-    from slam.kfusion.tuning import layout_for
-
-    _known(name)
-    return Session(device, layout_for(device))
+    return Session(device, _definition(name).layout_for(device))
 
 
 def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: Session) -> System:
     """The system `name`, ready for its first frame. Raises ValueError for an unknown name."""
-    _known(name)
-    return SYSTEMS[name](configuration, scene, session)
+    return _definition(name).create(configuration, scene, session)
 
 
-def _known(name: str) -> None:
+def _definition(name: str) -> Definition:
     if name not in SYSTEMS:
         raise ValueError(f"unknown system {name!r}: choose one of {', '.join(sorted(SYSTEMS))}")
+    return SYSTEMS[name]

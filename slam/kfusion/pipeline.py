@@ -14,7 +14,7 @@ from slam.kfusion.raycasting import Model
 from slam.kfusion.tracking import Tracking
 from slam.kfusion.volume import Volume
 from slam.opencl import Session
-from slam.systems import STAGES, Frame, Scene, View
+from slam.system import STAGES, Frame, Scene, View
 
 # The layout of `kernels/state.h`.
 STATE = np.dtype(
@@ -32,7 +32,7 @@ STATE = np.dtype(
 
 
 class KFusion:
-    """A `slam.systems.System`. The pose lives in the volume's frame, whose origin is a corner.
+    """A `slam.system.System`. The pose lives in the volume's frame, whose origin is a corner.
 
     Frames 0 to 3 are integrated where the camera starts; the first raycast follows frame 3, so frame 4
     is the first that can be tracked. A lost frame keeps the last pose and is not integrated.

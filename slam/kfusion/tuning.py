@@ -16,7 +16,7 @@ from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
 from slam.layout import Layout
 from slam.opencl import Device, OpenCLError, Session
-from slam.systems import Scene
+from slam.system import Scene
 
 KERNELS = Path(__file__).parent / "kernels"
 GROUPS = ((16, 8), (8, 8), (32, 4), (64, 2), (32, 8))

@@ -7,7 +7,7 @@ from slam.benchmark import run
 from slam.datasets import SequenceError, open_sequence
 from slam.kfusion.configuration import STANDARD, ConfigurationError
 from slam.opencl import NoDeviceError
-from slam.systems import STAGES
+from slam.system import STAGES
 from tests.slam.sequences import ArraySequence
 from tests.slam.shipped import LIVING_ROOM
 

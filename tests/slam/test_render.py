@@ -5,7 +5,7 @@ from slam.benchmark import run
 from slam.datasets import open_sequence
 from slam.datasets.images import read_colour
 from slam.render import BACKGROUND, Renderer, shade
-from slam.systems import View
+from slam.system import View
 from tests.slam.shipped import LIVING_ROOM
 
 

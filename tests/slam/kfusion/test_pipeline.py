@@ -12,7 +12,7 @@ from slam.kfusion.configuration import Configuration, ConfigurationError
 from slam.kfusion.pipeline import KFusion
 from slam.kfusion.reference import exponential
 from slam.opencl import DeviceMemoryError, Session
-from slam.systems import STAGES, Scene
+from slam.system import STAGES, Scene
 
 CAMERA = Camera(120.0, 120.0, 79.5, 59.5, 160, 120)
 SCENE = Scene(CAMERA, volume_size=3.2, initial_position=(0.5, 0.5, 0.1))
