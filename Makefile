@@ -13,11 +13,11 @@ export FRONTRUNNER_VAR := $(abspath $(DATA))
 
 install: $(VENV)/.installed
 
-$(VENV)/bin/python:
+$(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if v >= (3, 11) else f"Frontrunner needs Python 3.11 or newer, {sys.executable} is {v[0]}.{v[1]}: run make PYTHON=python3.11")'
 	@$(PYTHON) -m venv $(VENV) || { echo "Could not create $(VENV): Python needs its venv module (on Debian and Ubuntu, the package python3-venv)"; rm -rf $(VENV); exit 1; }
 
-$(VENV)/.installed: requirements.lock | $(VENV)/bin/python
+$(VENV)/.installed: requirements.lock | $(VENV)/bin/pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	@touch $@
 

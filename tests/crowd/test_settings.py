@@ -101,3 +101,10 @@ def test_a_data_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> 
     assert done.returncode == 1
     assert len(done.stderr.strip().splitlines()) == 1
     assert "FRONTRUNNER_VAR" in done.stderr
+
+
+def test_ctrl_c_ends_any_command_without_a_traceback(tmp_path: Path) -> None:
+    done = run("manage.py", "shell", "--no-imports", "-c", "raise KeyboardInterrupt", var=tmp_path)
+
+    assert done.returncode == 130
+    assert done.stderr == ""
