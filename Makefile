@@ -41,6 +41,12 @@ check: $(VENV)/.installed-development
 	$(BIN)/lint-imports
 	$(BIN)/python manage.py makemigrations --check --dry-run
 	$(BIN)/python manage.py check --deploy --fail-level WARNING
+	@report=$$($(BIN)/pip-audit --disable-pip --require-hashes --progress-spinner off -r requirements.lock 2>&1) || \
+	    case "$$report" in *"known vulnerabilit"*) echo "$$report"; exit 1;; esac; \
+	case "$$report" in \
+	    *"could not be audited"* | *Error*) echo "Dependency audit: no index answers";; \
+	    *) echo "Dependency audit: nothing known";; \
+	esac
 
 bench: bench-slam bench-pareto bench-crowd
 
