@@ -8,7 +8,7 @@ import msgspec
 from django.core.exceptions import PermissionDenied
 from django.db import OperationalError
 from django.http import Http404, HttpRequest, HttpResponse
-from django.views.defaults import server_error
+from django.views.defaults import bad_request, server_error
 from rest_framework import exceptions
 
 CONTENT_TYPE = "application/problem+json"
@@ -86,6 +86,13 @@ def handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  
                 503, "database_unavailable", "the database does not answer now", retry_after=RETRY_SECONDS
             ).response()
     return None
+
+
+def refused(request: HttpRequest, exception: Exception) -> HttpResponse:
+    """Django's handler400, such as for a host that FRONTRUNNER_HOSTS does not name."""
+    if not request.path.startswith("/api/"):
+        return bad_request(request, exception)
+    return Problem(400, "bad_request", str(exception) or "this request cannot be served").response()
 
 
 def unforeseen(request: HttpRequest) -> HttpResponse:

@@ -9,6 +9,7 @@ from crowd.fronts.views import chunk
 admin.site.site_header = admin.site.site_title = "Frontrunner"
 admin.site.index_title = "Administration"
 
+handler400 = "crowd.problems.refused"
 handler500 = "crowd.problems.unforeseen"
 
 urlpatterns = [

@@ -428,6 +428,13 @@ def test_a_cursor_that_is_none(client: Client, front: Any, cursor: str) -> None:
     assert problem(client.get(f"{API}/speedups?cursor={cursor}")) == (400, "invalid_cursor", "cursor")
 
 
+def test_a_host_that_is_not_served(client: Client) -> None:
+    response = client.get(f"{API}/manifest", headers={"Host": "other.example"})
+
+    assert problem(response)[:2] == (400, "bad_request")
+    assert client.get("/", headers={"Host": "other.example"}).status_code == 400
+
+
 def test_what_nobody_foresaw_is_a_problem_under_the_api_and_a_page_elsewhere(rf: RequestFactory) -> None:
     unforeseen = get_resolver().resolve_error_handler(500)
 
