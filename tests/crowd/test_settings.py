@@ -108,3 +108,10 @@ def test_ctrl_c_ends_any_command_without_a_traceback(tmp_path: Path) -> None:
 
     assert done.returncode == 130
     assert done.stderr == ""
+
+
+def test_the_first_administrator_can_be_made_before_anything_else(tmp_path: Path) -> None:
+    done = run("manage.py", "first_admin", var=tmp_path)
+
+    assert done.returncode == 0, done.stderr
+    assert "password" in done.stdout

@@ -4,13 +4,14 @@ from typing import Any
 
 from django.core.management.base import BaseCommand
 
-from crowd.first_run import ADMINISTRATOR, create_first_administrator
+from crowd.first_run import ADMINISTRATOR, create_first_administrator, migrate
 
 
 class Command(BaseCommand):
     help = "Make the administrator's account where there is none, and print its password."
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
+        migrate()
         password = create_first_administrator()
         if password is None:
             self.stdout.write(
