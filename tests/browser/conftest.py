@@ -18,7 +18,7 @@ from tests.dashboard import searches
 __all__ = ["pack"]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def chromium() -> Iterator[Any]:
     """The installed browser, started once; a skip with its reason where there is none."""
     # Playwright runs an event loop in this thread, under which Django would refuse to touch the database.
