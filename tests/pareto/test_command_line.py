@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pareto.__main__ import main
+from pareto.commands import main
 from pareto.errors import EvaluationError, ScenarioError, StateError
 from pareto.evaluation import from_command, from_table
 from pareto.folder import Folder
@@ -216,3 +216,12 @@ def test_the_feasible_column_decides_whether_a_row_counts(toy):
         evaluate({"x": 2, "mode": "c"})
     with pytest.raises(EvaluationError, match="not in the table"):
         evaluate({"x": 3, "mode": "c"})
+
+
+def test_an_installation_without_the_models_is_told_what_to_install():
+    hidden = (
+        "import runpy, sys; sys.modules['sklearn'] = None; runpy.run_module('pareto', run_name='__main__')"
+    )
+    ended = subprocess.run([sys.executable, "-c", hidden, "front"], capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert ended.stderr == "pareto: searching needs scipy: pip install 'frontrunner[explore]'\n"
