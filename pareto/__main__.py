@@ -5,9 +5,10 @@ import sys
 try:
     from pareto.commands import main
 except ModuleNotFoundError as missing:
-    if (missing.name or "").split(".")[0] == "pareto":
+    package = (missing.name or "").split(".")[0]
+    if package == "pareto":
         raise
-    sys.stderr.write(f"pareto: searching needs {missing.name}: pip install 'frontrunner[explore]'\n")
+    sys.stderr.write(f"pareto: searching needs {package}: pip install 'frontrunner[explore]'\n")
     sys.exit(2)
 
 if __name__ == "__main__":
