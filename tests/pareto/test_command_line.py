@@ -219,9 +219,7 @@ def test_the_feasible_column_decides_whether_a_row_counts(toy):
 
 
 def test_an_installation_without_the_models_is_told_what_to_install():
-    hidden = (
-        "import runpy, sys; sys.modules['scipy'] = None; runpy.run_module('pareto', run_name='__main__')"
-    )
+    hidden = "import runpy, sys; sys.modules['scipy'] = None; runpy.run_module('pareto', run_name='__main__')"
     ended = subprocess.run([sys.executable, "-c", hidden, "front"], capture_output=True, text=True)
     assert ended.returncode == 2
     assert ended.stderr == "pareto: searching needs scipy: pip install 'frontrunner[explore]'\n"
