@@ -5,7 +5,6 @@ DATA ?= var
 VENV := .venv
 BIN := $(VENV)/bin
 
-export PORT
 export FRONTRUNNER_PORT := $(PORT)
 export FRONTRUNNER_VAR := $(abspath $(DATA))
 

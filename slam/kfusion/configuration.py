@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 # Constants of SLAMBench's KinectFusion; lengths in metres.
-BILATERAL_RADIUS = 2
 BILATERAL_SPATIAL_SIGMA = 4.0  # pixels
 BILATERAL_RANGE_SIGMA = 0.1
 HALF_SAMPLE_RANGE = 0.3
