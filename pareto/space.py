@@ -109,6 +109,11 @@ class Space:
         """Return the indices of (n, parameters) value positions; the inverse of `codes`."""
         return np.ravel_multi_index(tuple(np.asarray(codes).T), self.shape).astype(np.int64, copy=False)
 
+    def allowed(self, indices: Iterable[int] | Indices) -> NDArray[np.bool_]:
+        """Return a mask of the `indices` whose configurations may be measured."""
+        flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)
+        return np.ones(len(flat), dtype=bool)
+
     def neighbours(self, index: int, reach: int | None = None) -> Indices:
         """Return every configuration that differs from `index` in exactly one parameter, ascending.
 
