@@ -12,6 +12,7 @@ a front.
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,12 +26,12 @@ CORNERS_AT_ONCE = 1 << 18  # a few MB of working memory, which the cache half ho
 class Boxes:
     """What to paint for a sum over trees: a box for each split, and one for each root.
 
-    Box i covers low[i] <= code < high[i] on every axis and adds value[plus[i]] - value[minus[i]], where the
-    last entry of `value` stands for nothing (a root has no left side to step from).
+    Box i covers low[i] <= code < high[i] on every axis and adds value[plus[i]] - value[minus[i]], nodes
+    of all trees; one past the last node stands for nothing (a root has no left side to step from).
     """
 
-    low: NDArray[np.int64]
-    high: NDArray[np.int64]
+    low: NDArray[np.int32]
+    high: NDArray[np.int32]
     plus: NDArray[np.int64]
     minus: NDArray[np.int64]
     value: NDArray[np.float64]
@@ -71,6 +72,20 @@ class Forest:
         """Return the mean over trees at (n, axes) codes."""
         return self.estimator.predict(np.asarray(codes, dtype=np.float32))
 
+    def predict_with_spread(
+        self, codes: NDArray[np.integer]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return mean and standard deviation over trees at (n, axes) codes."""
+        rows = np.asarray(codes, dtype=np.float32)
+        first, *others = [tree.predict(rows, check_input=False) for tree in self.estimator.estimators_]
+        # Welford 1962: one pass, and no difference of large squares.
+        mean, squares = first.copy(), np.zeros_like(first)
+        for number, value in enumerate(others, start=2):
+            step = value - mean
+            mean += step / number
+            squares += step * (value - mean)
+        return mean, np.sqrt(squares / (len(others) + 1))
+
     def predict_grid(self) -> NDArray[np.float64]:
         """Return the mean over trees for every point of the grid, in index order.
 
@@ -78,43 +93,80 @@ class Forest:
         wherever two points lie in the same leaves.
         """
         boxes = self.boxes()
-        offset, sums = _centred_sums(boxes, boxes.value, self.shape)
-        return sums / boxes.trees + offset
+        offset = _middle(boxes.value)
+        [mean] = _means(boxes, [boxes.value - offset], self.shape)
+        return mean + offset
 
     def predict_grid_with_spread(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return mean and standard deviation over trees for every point of the grid, in index order."""
+        """Return mean and standard deviation over trees for every point of the grid, in index order.
+
+        The mean as in `predict_grid`. The variance is a difference of squares: deviations below about 1e-7 of
+        the values' range are rounding, larger ones have nine digits and more.
+        """
         boxes = self.boxes()
-        offset, sums = _centred_sums(boxes, boxes.value, self.shape)
-        mean = sums / boxes.trees
-        base, squares = _centred_sums(boxes, (boxes.value - offset) ** 2, self.shape)
-        variance = squares / boxes.trees + base - mean**2
-        return mean + offset, np.sqrt(np.maximum(variance, 0.0))
+        offset = _middle(boxes.value)
+        centred = boxes.value - offset
+        mean, variance = _means(boxes, [centred, centred**2], self.shape)
+        variance -= mean**2
+        mean += offset
+        return mean, np.sqrt(np.maximum(variance, 0.0, out=variance), out=variance)
 
     def boxes(self) -> Boxes:
-        """Return the boxes of all trees."""
+        """Return the boxes of all trees.
+
+        By induction, a node's own box, painted with the value of its leftmost leaf, and the steps of the
+        splits below it add up to its subtree. The trees are walked together, a level at a time.
+        """
         trees = [estimator.tree_ for estimator in self.estimator.estimators_]
-        values = [tree.value[:, 0, 0] for tree in trees]
-        first_node = np.cumsum([0, *map(len, values)])
-        parts = [_boxes(tree, self.shape) for tree in trees]
-        low, high = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
-        plus = np.concatenate([part[2] + first for part, first in zip(parts, first_node, strict=False)])
-        minus = np.concatenate(
-            [
-                np.where(part[3] < 0, first_node[-1], part[3] + first)
-                for part, first in zip(parts, first_node, strict=False)
-            ]
+        first_node = np.cumsum([0, *(tree.node_count for tree in trees)])
+        roots, nodes = first_node[:-1], int(first_node[-1])
+        own_root = np.repeat(roots, np.diff(first_node))
+        left = np.concatenate([tree.children_left for tree in trees])
+        inner = left >= 0
+        left = np.where(inner, left + own_root, -1)
+        right = np.concatenate([tree.children_right for tree in trees]) + own_root
+        axis = np.concatenate([tree.feature for tree in trees])
+        # The first code that goes right:
+        bound = np.floor(np.concatenate([tree.threshold for tree in trees])).astype(np.int32) + 1
+
+        axes = len(self.shape)
+        sides = np.zeros((nodes, 2 * axes), dtype=np.int32)  # a node's low codes and, behind them, its high
+        sides[:, axes:] = self.shape
+        level = roots
+        while len(level := level[inner[level]]):
+            box, rows, split, at = sides[level], np.arange(len(level)), axis[level], bound[level]
+            high = box[rows, axes + split]
+            box[rows, axes + split] = at
+            sides[left[level]] = box
+            box[rows, axes + split] = high
+            box[rows, split] = at
+            sides[right[level]] = box
+            level = np.concatenate([left[level], right[level]])
+
+        leftmost = np.arange(nodes)
+        while len(higher := np.flatnonzero(inner[leftmost])):
+            leftmost[higher] = left[leftmost[higher]]
+        splits = np.flatnonzero(inner)
+        painted = np.concatenate([roots, right[splits]])
+        return Boxes(
+            low=sides[painted, :axes],
+            high=sides[painted, axes:],
+            plus=leftmost[painted],
+            minus=np.concatenate([np.full(len(trees), nodes), leftmost[left[splits]]]),
+            value=np.concatenate([tree.value[:, 0, 0] for tree in trees]),
+            trees=len(trees),
         )
-        return Boxes(low, high, plus, minus, np.concatenate([*values, [0.0]]), trees=len(trees))
 
 
 def paint(
-    low: NDArray[np.int64], high: NDArray[np.int64], value: NDArray[np.int64], shape: tuple[int, ...]
+    low: NDArray[np.integer], high: NDArray[np.integer], values: NDArray[np.int64], shape: tuple[int, ...]
 ) -> NDArray[np.int64]:
-    """Return, for every point of a grid of `shape`, the sum of `value` over the boxes that cover it.
+    """Return, for every point of a grid of `shape`, the sums of `values` over the boxes that cover it.
 
-    Boxes are low <= code < high on every axis; the answer is flat, in C order. Exact modulo 2**64.
+    Boxes are low <= code < high on every axis. `values` is (layers, boxes), the answer (layers, points) in
+    C order. Exact modulo 2**64.
     """
-    grid = np.zeros(math.prod(shape), dtype=np.int64)
+    grid = np.zeros((len(values), math.prod(shape)), dtype=np.int64)
     strides = np.array([math.prod(shape[axis + 1 :]) for axis in range(len(shape))])
     origin = low @ strides
     step = (high - low) * strides
@@ -123,18 +175,22 @@ def paint(
     closed_axes = closed.sum(axis=1)
     for axes in range(int(closed_axes.max(initial=0)) + 1):
         boxes = np.flatnonzero(closed_axes == axes)
-        sign = np.array([1], dtype=np.int64)
-        for _ in range(axes):
-            sign = np.concatenate([sign, -sign])
         at_once = max(1, CORNERS_AT_ONCE >> axes)
         for start in range(0, len(boxes), at_once):
             some = boxes[start : start + at_once]
             steps = step[some][closed[some]].reshape(len(some), axes)
-            corners = origin[some, None]
+            corners = np.empty((1 << axes, len(some)), dtype=np.int64)
+            signed = np.empty_like(corners)
+            corners[0] = origin[some]
             for column in range(axes):
-                corners = np.concatenate([corners, corners + steps[:, column, None]], axis=1)
-            np.add.at(grid, corners.ravel(), (value[some, None] * sign).ravel())
-    _accumulate(grid, shape)
+                np.add(corners[: 1 << column], steps[:, column], out=corners[1 << column : 2 << column])
+            for layer, value in zip(grid, values, strict=True):
+                signed[0] = value[some]
+                for column in range(axes):
+                    np.negative(signed[: 1 << column], out=signed[1 << column : 2 << column])
+                np.add.at(layer, corners.ravel(), signed.ravel())
+    with ThreadPoolExecutor(len(grid)) as threads:
+        list(threads.map(lambda layer: _accumulate(layer, shape), grid))
     return grid
 
 
@@ -149,42 +205,23 @@ def _accumulate(grid: NDArray[np.int64], shape: tuple[int, ...]) -> None:
                 view[:, code] += view[:, code - 1]
 
 
-def _centred_sums(
-    boxes: Boxes, value: NDArray[np.float64], shape: tuple[int, ...]
-) -> tuple[float, NDArray[np.float64]]:
-    """Return (offset, sums): at every point, sums + trees * offset is the sum of its leaves' values."""
-    offset = float((value[:-1].min() + value[:-1].max()) / 2)
-    largest = float(np.abs(value[:-1] - offset).max())
-    if largest == 0.0:
-        return offset, np.zeros(math.prod(shape))
+def _means(
+    boxes: Boxes, values: list[NDArray[np.float64]], shape: tuple[int, ...]
+) -> list[NDArray[np.float64]]:
+    """Return, for each of `values` (a number a node), its mean over trees at every point of the grid."""
     # The sum over trees must stay below 2**62; sums on the way there may wrap, which cancels out.
-    exponent = 61 - math.ceil(math.log2(boxes.trees)) - math.frexp(largest)[1]
-    fixed = np.rint(np.ldexp(np.append(value[:-1] - offset, 0.0), exponent)).astype(np.int64)
-    sums = paint(boxes.low, boxes.high, fixed[boxes.plus] - fixed[boxes.minus], shape)
-    return offset, np.ldexp(sums.astype(np.float64), -exponent)
+    ones = 2.0 ** (61 - math.ceil(math.log2(boxes.trees)))
+    fixed = np.empty((len(values), len(boxes.plus)), dtype=np.int64)
+    units = []
+    for row, value in zip(fixed, values, strict=True):
+        largest = float(np.abs(value).max()) or 1.0
+        scaled = np.append(np.rint(value / largest * ones), 0.0).astype(np.int64)
+        row[:] = scaled[boxes.plus] - scaled[boxes.minus]
+        units.append(largest / ones)
+    sums = paint(boxes.low, boxes.high, fixed, shape)
+    return [layer * (unit / boxes.trees) for layer, unit in zip(sums, units, strict=True)]
 
 
-def _boxes(tree: Any, shape: tuple[int, ...]) -> tuple[NDArray[np.int64], ...]:
-    """Return (low, high, plus, minus) of one tree; plus and minus are nodes, -1 for none.
-
-    By induction, a node's own box, painted with the value of its leftmost leaf, and the steps of the splits
-    below it add up to its subtree.
-    """
-    left, right, feature = tree.children_left, tree.children_right, tree.feature
-    bound = np.floor(tree.threshold).astype(np.int64) + 1  # the first code that goes right
-    low = np.zeros((tree.node_count, len(shape)), dtype=np.int64)
-    high = np.tile(np.array(shape, dtype=np.int64), (tree.node_count, 1))
-    level = np.array([0])
-    while len(level := level[left[level] >= 0]):
-        for children in (left[level], right[level]):
-            low[children], high[children] = low[level], high[level]
-        high[left[level], feature[level]] = bound[level]
-        low[right[level], feature[level]] = bound[level]
-        level = np.concatenate([left[level], right[level]])
-    leftmost = np.arange(tree.node_count)
-    while (inner := left[leftmost] >= 0).any():
-        leftmost[inner] = left[leftmost[inner]]
-    splits = np.flatnonzero(left >= 0)
-    painted = np.concatenate([[0], right[splits]])
-    minus = np.concatenate([[-1], leftmost[left[splits]]])
-    return low[painted], high[painted], leftmost[painted], minus
+def _middle(values: NDArray[np.float64]) -> float:
+    """Return the middle of the values' range: what lies around it has most digits in fixed point."""
+    return float((values.min() + values.max()) / 2)

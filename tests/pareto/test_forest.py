@@ -31,7 +31,22 @@ def test_the_whole_grid_is_predicted_like_scikit_learn(shape, extra):
     mean, spread = forest.predict_grid_with_spread()
     by_tree = np.array([tree.predict(everywhere.astype(np.float32)) for tree in forest.estimator.estimators_])
     np.testing.assert_allclose(mean, theirs, rtol=1e-9)
-    np.testing.assert_allclose(spread, by_tree.std(axis=0), rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
+    rounding = 1e-14 * np.abs(by_tree).max() ** 2
+    np.testing.assert_allclose(spread**2, by_tree.var(axis=0), rtol=1e-9, atol=rounding)
+    mean, spread = forest.predict_with_spread(everywhere)
+    np.testing.assert_allclose(mean, theirs, rtol=1e-9)
+    np.testing.assert_allclose(spread, by_tree.std(axis=0), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1e30])
+def test_one_tree_and_targets_of_any_size(size):
+    rng = np.random.default_rng(5)
+    codes = grid_codes((5, 4))
+    targets = size * rng.normal(size=20)
+    forest = Forest.grow(codes, targets, (5, 4), seed=0, trees=1)
+    mean, spread = forest.predict_grid_with_spread()
+    np.testing.assert_allclose(mean, forest.predict(codes), rtol=1e-9)
+    np.testing.assert_allclose(spread, 0.0, atol=1e-7 * size)
 
 
 def test_points_in_the_same_leaves_are_predicted_exactly_alike():
@@ -62,8 +77,9 @@ def test_painted_boxes_are_the_boxes_painted_one_by_one(seed):
     shape = tuple(rng.integers(1, 6, size=rng.integers(1, 5)).tolist())
     low = np.stack([rng.integers(0, size, 8) for size in shape], axis=1)
     high = np.stack([rng.integers(low[:, axis] + 1, size + 1) for axis, size in enumerate(shape)], axis=1)
-    value = rng.integers(-(2**40), 2**40, 8)
-    grid = np.zeros(shape, dtype=np.int64)
-    for box in range(8):
-        grid[tuple(slice(a, b) for a, b in zip(low[box], high[box], strict=True))] += value[box]
-    np.testing.assert_array_equal(paint(low, high, value, shape), grid.ravel())
+    values = rng.integers(-(2**40), 2**40, (2, 8))
+    grid = np.zeros((2, *shape), dtype=np.int64)
+    for layer, value in zip(grid, values, strict=True):
+        for box in range(8):
+            layer[tuple(slice(a, b) for a, b in zip(low[box], high[box], strict=True))] += value[box]
+    np.testing.assert_array_equal(paint(low, high, values, shape), grid.reshape(2, -1))
