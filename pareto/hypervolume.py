@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pareto.errors import ObjectiveError
 
@@ -44,3 +44,55 @@ def hypervolume(
     import moocore
 
     return float(moocore.hypervolume(table, ref=bounds))
+
+
+def reference_point(
+    points: ArrayLike, limits: Sequence[float | None] | None = None, maximise: Sequence[bool] | None = None
+) -> NDArray[np.float64]:
+    """Return where the volume of `points` (n, objectives) ends: at the limits, else at the worst value.
+
+    `limits` has a number or None for each objective. Rows with NaN do not count. Raises ObjectiveError when
+    no row is left, or on limits that do not fit.
+    """
+    table = np.asarray(points, dtype=np.float64)
+    if table.ndim != 2 or np.isnan(table).any(axis=1).all():
+        raise ObjectiveError("nothing was measured yet: there is no worst value to start from")
+    table = table[~np.isnan(table).any(axis=1)]
+    count = table.shape[1]
+    bounds = [None] * count if limits is None else list(limits)
+    if len(bounds) != count:
+        raise ObjectiveError(f"{len(bounds)} limits do not fit {count} objectives: one each, or None")
+    sign = np.where(np.zeros(count, dtype=bool) if maximise is None else np.asarray(maximise), -1.0, 1.0)
+    worst = (table * sign).max(axis=0) * sign
+    return np.array(
+        [value if bound is None else bound for value, bound in zip(worst, bounds, strict=True)],
+        dtype=np.float64,
+    )
+
+
+def hypervolume_growth(
+    points: ArrayLike, limits: Sequence[float | None] | None = None, maximise: Sequence[bool] | None = None
+) -> NDArray[np.float64]:
+    """Return the hypervolume after each of `points` (n, objectives), in the order they were measured.
+
+    All volumes end at one reference, `reference_point` of all the points, and are of logarithms where all
+    values and limits are positive; so the numbers never fall, and only their growth means something. A row
+    with NaN, a failure, adds nothing but has its place. Nothing measured has volume 0.
+    """
+    table = np.asarray(points, dtype=np.float64)
+    if table.size == 0 or np.isnan(table).any(axis=1).all():
+        return np.zeros(len(table))
+    reference = reference_point(table, limits, maximise)
+    log = bool(np.nanmin(table) > 0 and reference.min() > 0)
+    sign = np.where(np.zeros(len(reference), dtype=bool) if maximise is None else np.asarray(maximise), -1, 1)
+    minimised, bound = table * sign, reference * sign
+    volumes = np.zeros(len(table))
+    front: list[int] = []
+    for number, row in enumerate(minimised):
+        volumes[number] = volumes[number - 1] if number else 0.0
+        # Most measurements are beaten or out of bounds: only the others change the volume.
+        if not (row < bound).all() or (minimised[front] <= row).all(axis=1).any():
+            continue
+        front = [other for other in front if not (row <= minimised[other]).all()] + [number]
+        volumes[number] = max(volumes[number], hypervolume(table[front], reference, maximise, log))
+    return volumes
