@@ -116,6 +116,7 @@ def configurations(front: Front) -> list[Configuration]:
 
 def summary(front: Front) -> FrontSummary:
     """FRONT in a list."""
+    assert front.published_at is not None  # only what was published is shown
     return FrontSummary(
         front.slug, front.application, front.state, front.digest, front.published_at, len(front.points)
     )
@@ -123,6 +124,7 @@ def summary(front: Front) -> FrontSummary:
 
 def detail(front: Front) -> FrontDetail:
     """FRONT in full."""
+    assert front.published_at is not None  # only what was published is shown
     return FrontDetail(
         version=front.slug,
         application=front.application,

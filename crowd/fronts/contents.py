@@ -1,19 +1,36 @@
 """A front as a file: the shape of fixtures/fronts/<application>-<version>.json, read strictly."""
 
 import hashlib
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 
 from crowd.fronts.selectors import BEST, DEFAULT
+from slam.kfusion.configuration import Configuration as KFusionConfiguration
+from slam.kfusion.configuration import ConfigurationError
 
+A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
+REMEDIES = {
+    A_NAME: "lower-case letters, digits, - and _, starting with a letter or digit",
+    A_VERSION: "lower-case letters, digits, dots, - and _, starting with a letter or digit",
+    A_DIGEST: "a sha256 of 64 hexadecimal digits",
+}
+MISSING = re.compile(r"Object missing required field `(.+)`")
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
-Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=64)]
-Digest = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")]
+Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
+Digest = Annotated[str, msgspec.Meta(pattern=A_DIGEST)]
+# What each application can run; parameters of an application that is not here are taken as they are.
+PARAMETERS: dict[str, Callable[[Mapping[str, Any]], object]] = {"kfusion": KFusionConfiguration.from_mapping}
+LARGEST_FILE_BYTES = 4 << 20
 
 
 class InvalidFrontError(ValueError):
-    """A front file that is not one; the message says where and what would be right."""
+    """A front file that is not one; the message names the member and what would be right."""
 
 
 class Predicted(msgspec.Struct):
@@ -55,11 +72,38 @@ class Content(msgspec.Struct):
     """A whole front."""
 
     application: Name
-    version: Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9._-]*$", max_length=32)] | int
+    version: Annotated[str, msgspec.Meta(pattern=A_VERSION, max_length=32)] | int
     protocol: Protocol
     sequence: Sequence
     configurations: list[Point]
     provenance: dict[str, Any]
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The document in the JSON file PATH. Raises InvalidFrontError where it cannot be read."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InvalidFrontError(f"{path} cannot be read: {error.strerror}") from error
+    try:
+        return parse(content)
+    except InvalidFrontError as error:
+        raise InvalidFrontError(f"{path}: {error}") from error
+
+
+def parse(content: bytes) -> dict[str, Any]:
+    """The document in CONTENT. Raises InvalidFrontError where that is no JSON object, or too large."""
+    if len(content) > LARGEST_FILE_BYTES:
+        raise InvalidFrontError(
+            f"{len(content)} bytes are no front: one has at most {LARGEST_FILE_BYTES} bytes"
+        )
+    try:
+        document = json.loads(content)
+    except ValueError as error:
+        raise InvalidFrontError(f"cannot be read as JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise InvalidFrontError("not a front: the file must hold one JSON object with the front's members")
+    return document
 
 
 def check(document: dict[str, Any]) -> Content:
@@ -67,28 +111,76 @@ def check(document: dict[str, Any]) -> Content:
     try:
         content = msgspec.convert(document, Content)
     except msgspec.ValidationError as error:
-        raise InvalidFrontError(f"not a front: {error}") from error
-    names = [point.name for point in content.configurations]
-    protocol = content.protocol
-    for wrong, reason in (
-        (len(set(names)) < len(names), f"configurations: names repeat in {names}"),
-        (
-            DEFAULT not in names,
-            f"configurations: none is called {DEFAULT}, which every speedup is measured against",
-        ),
-        (BEST not in names, f"configurations: none is called {BEST}, which clients measure"),
-        (not set(protocol.order) <= set(names), f"protocol.order: {protocol.order} names no configuration"),
-        (DEFAULT not in protocol.order, f"protocol.order: {DEFAULT} is missing"),
-        (
-            protocol.first_counted_frame >= protocol.frames,
-            f"protocol.first_counted_frame: {protocol.first_counted_frame} is not below {protocol.frames}",
-        ),
-    ):
-        if wrong:
-            raise InvalidFrontError(f"not a front: {reason}")
+        raise InvalidFrontError(f"not a front: {_with_place(error)}") from error
+    for reason in _mistakes(content, document):
+        raise InvalidFrontError(f"not a front: {reason}")
     return content
 
 
+def canonical(document: dict[str, Any]) -> dict[str, Any]:
+    """What is kept of DOCUMENT, a front's file: members that a front does not have are left out."""
+    return {
+        "application": document["application"],
+        "version": str(document["version"]),
+        "protocol": document["protocol"],
+        "sequence": {name: document["sequence"][name] for name in ("name", "sha256")},
+        "configurations": [
+            {name: point[name] for name in ("name", "parameters", "predicted")}
+            for point in document["configurations"]
+        ],
+        "provenance": document["provenance"],
+    }
+
+
 def digest(document: dict[str, Any]) -> str:
-    """sha256 over the canonical JSON of DOCUMENT: the order of members and white space do not matter."""
-    return hashlib.sha256(msgspec.json.encode(document, order="sorted")).hexdigest()
+    """sha256 over the JSON of what is kept of DOCUMENT; order of members and white space do not matter."""
+    return hashlib.sha256(msgspec.json.encode(canonical(document), order="sorted")).hexdigest()
+
+
+def _with_place(error: msgspec.ValidationError) -> str:
+    """The member first, then what is wrong with it and what would be right."""
+    reason, _, place = str(error).partition(" - at `")
+    member = place.rstrip("`").removeprefix("$").removeprefix(".")
+    if missing := MISSING.fullmatch(reason):
+        member, reason = f"{member}.{missing[1]}".lstrip("."), "is missing, add it"
+    for pattern, remedy in REMEDIES.items():
+        if f"regex '{pattern}'" in reason:
+            reason = f"must be {remedy}"
+    return f"{member}: {reason} (docs/publishing.md shows a whole front)"
+
+
+def _mistakes(content: Content, document: dict[str, Any]) -> Iterator[str]:
+    """What a shape alone does not tell."""
+    names = [point.name for point in content.configurations]
+    protocol = content.protocol
+    if len(set(names)) < len(names):
+        yield f"configurations: names repeat in {names}: give each point its own"
+    if DEFAULT not in names:
+        yield f"configurations: none is called {DEFAULT}, which every speedup is measured against"
+    if BEST not in names:
+        yield f"configurations: none is called {BEST}, which clients measure"
+    if not set(protocol.order) <= set(names):
+        yield f"protocol.order: {protocol.order} names no configuration: choose among {names}"
+    if DEFAULT not in protocol.order:
+        yield f"protocol.order: {DEFAULT} is missing"
+    if protocol.first_counted_frame >= protocol.frames:
+        yield f"protocol.first_counted_frame: {protocol.first_counted_frame} is not below {protocol.frames}"
+    for place, point in enumerate(content.configurations):
+        try:
+            PARAMETERS.get(content.application, dict)(point.parameters)
+        except ConfigurationError as error:
+            yield f"configurations[{place}].parameters of {point.name}: {error}"
+    if (place := _not_finite(document)) is not None:
+        yield f"{place.removeprefix('.')}: must be a finite number"
+
+
+def _not_finite(value: Any, place: str = "") -> str | None:
+    """Where the first NaN or infinity is, which JSON cannot hold; None where there is none."""
+    if isinstance(value, float):
+        return None if math.isfinite(value) else place
+    inner: Iterator[tuple[str, Any]] = iter(())
+    if isinstance(value, dict):
+        inner = ((f"{place}.{name}", member) for name, member in value.items())
+    elif isinstance(value, list):
+        inner = ((f"{place}[{number}]", member) for number, member in enumerate(value))
+    return next((found for name, member in inner if (found := _not_finite(member, name)) is not None), None)

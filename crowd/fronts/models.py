@@ -11,21 +11,33 @@ NAME = RegexValidator(
     r"\A[a-z0-9][a-z0-9_-]*\Z", "lower-case letters, digits, - and _, starting with a letter or digit"
 )
 VERSION = RegexValidator(r"\A[a-z0-9][a-z0-9._-]*\Z", "lower-case letters, digits, dots, - and _")
-# What may still change once a version is out: whether clients are told to measure it.
-MUTABLE = frozenset({"state", "retired_at"})
+# What may still change once a version is out of draft: how far its publication has come.
+MUTABLE = frozenset({"state", "published_at", "retired_at"})
 
 
 class FrozenFrontError(ValidationError):
-    """An attempt to change or delete what is published; the remedy is a new version."""
+    """An attempt to change or delete what is out of draft; the remedy is a new version."""
 
     def __init__(self, front: str) -> None:
         super().__init__(
-            f"{front} is published and cannot change: publish a new version instead", code="frozen"
+            f"{front} is no draft any more and cannot change: make a new version instead", code="frozen"
         )
 
 
+class TransitionError(ValidationError):
+    """A step that a front's state does not allow; the message says which ones it does."""
+
+    def __init__(self, front: str, before: str, after: str) -> None:
+        allowed = ", ".join(sorted(PERMITTED[before])) or "nothing"
+        super().__init__(f"{front} is {before} and cannot become {after}: only {allowed}", code="transition")
+
+
 class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
-    """Holds published rows fixed against bulk statements too."""
+    """Holds rows that are out of draft fixed against bulk statements too."""
+
+    def released(self) -> "FrontVersionQuerySet":
+        """What was ever published: all that anybody outside of the administration may see."""
+        return self.filter(state__in=[FrontVersion.State.PUBLISHED, FrontVersion.State.RETIRED])
 
     def _refuse_frozen(self) -> None:
         frozen = self.exclude(state=FrontVersion.State.DRAFT).values_list("slug", flat=True).first()
@@ -33,8 +45,9 @@ class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
             raise FrozenFrontError(frozen)
 
     def update(self, **values: Any) -> int:
-        if not MUTABLE.issuperset(values):
-            self._refuse_frozen()
+        self._refuse_frozen()
+        if "state" in values:
+            raise ValidationError("a front's state changes row by row, so that each step is logged")
         return super().update(**values)
 
     def delete(self) -> tuple[int, dict[str, int]]:
@@ -43,12 +56,13 @@ class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
 
 
 class FrontVersion(models.Model):
-    """One version of an application's front: fixed, with its configurations, once it is published."""
+    """One version of an application's front: fixed, with its configurations, once it is out of draft."""
 
     class State(models.TextChoices):
-        DRAFT = "draft"
-        PUBLISHED = "published"
-        RETIRED = "retired"
+        DRAFT = "draft", "draft"
+        IN_REVIEW = "in-review", "in review"
+        PUBLISHED = "published", "published"
+        RETIRED = "retired", "retired"
 
     slug = models.CharField(
         max_length=97, unique=True, help_text="application-version, the name in every address"
@@ -70,11 +84,19 @@ class FrontVersion(models.Model):
 
     class Meta:
         ordering = ["-published_at", "-id"]
+        permissions = [
+            ("submit_frontversion", "Can make drafts and submit them for review"),
+            ("publish_frontversion", "Can publish and retire fronts"),
+        ]
         constraints = [
             models.UniqueConstraint(fields=["application", "version"], name="front_application_version"),
             models.CheckConstraint(
-                condition=models.Q(state="draft") | models.Q(published_at__isnull=False),
+                condition=models.Q(state__in=["draft", "in-review"]) | models.Q(published_at__isnull=False),
                 name="front_published_has_a_date",
+            ),
+            models.CheckConstraint(
+                condition=models.Q(state__in=["draft", "in-review", "published", "retired"]),
+                name="front_state_is_known",
             ),
         ]
 
@@ -82,33 +104,45 @@ class FrontVersion(models.Model):
         return self.slug
 
     def save(self, *args: Any, **kwargs: Any) -> None:
-        """Store; raises FrozenFrontError where a published row would change or become a draft again."""
-        if self.pk and self.frozen:
-            stored = FrontVersion.objects.get(pk=self.pk)
+        """Store; raises FrozenFrontError where content out of draft would change, and TransitionError."""
+        stored = FrontVersion.objects.filter(pk=self.pk).first() if self.pk else None
+        if stored is not None and self.state != stored.state and self.state not in PERMITTED[stored.state]:
+            raise TransitionError(self.slug, stored.state, self.state)
+        if stored is not None and stored.state != self.State.DRAFT:
             changed = {
                 field.attname
                 for field in self._meta.concrete_fields
                 if getattr(self, field.attname) != getattr(stored, field.attname)
             }
-            if not changed <= MUTABLE or self.state == self.State.DRAFT:
+            # The dates tell when a state was reached: they change together with it.
+            if not changed <= (MUTABLE if "state" in changed else frozenset()):
                 raise FrozenFrontError(self.slug)
         super().save(*args, **kwargs)
 
     def delete(self, *args: Any, **kwargs: Any) -> tuple[int, dict[str, int]]:
-        """Delete a draft; raises FrozenFrontError for anything published."""
+        """Delete a draft; raises FrozenFrontError for anything further."""
         if self.frozen:
             raise FrozenFrontError(self.slug)
         return super().delete(*args, **kwargs)
 
     @property
     def frozen(self) -> bool:
-        """Whether the row in the database is published or retired."""
+        """Whether the row in the database is out of draft."""
         stored = FrontVersion.objects.filter(pk=self.pk).values_list("state", flat=True).first()
         return stored is not None and stored != self.State.DRAFT
 
 
+# From each state to which: nothing that was published is ever unpublished, and a review may send back.
+PERMITTED: dict[str, frozenset[str]] = {
+    FrontVersion.State.DRAFT: frozenset({FrontVersion.State.IN_REVIEW}),
+    FrontVersion.State.IN_REVIEW: frozenset({FrontVersion.State.DRAFT, FrontVersion.State.PUBLISHED}),
+    FrontVersion.State.PUBLISHED: frozenset({FrontVersion.State.RETIRED}),
+    FrontVersion.State.RETIRED: frozenset(),
+}
+
+
 class ConfigurationQuerySet(models.QuerySet["Configuration"]):
-    """Holds the configurations of published fronts fixed against bulk statements too."""
+    """Holds the configurations of fronts out of draft fixed against bulk statements too."""
 
     def _refuse_frozen(self) -> None:
         frozen = (
@@ -154,17 +188,73 @@ class Configuration(models.Model):
         return f"{self.front.slug} {self.name}"
 
     def save(self, *args: Any, **kwargs: Any) -> None:
-        """Store; raises FrozenFrontError once the front is published."""
+        """Store; raises FrozenFrontError once the front is out of draft."""
         self.refuse_frozen()
         super().save(*args, **kwargs)
 
     def delete(self, *args: Any, **kwargs: Any) -> tuple[int, dict[str, int]]:
-        """Delete from a draft; raises FrozenFrontError once the front is published."""
+        """Delete from a draft; raises FrozenFrontError once the front is further."""
         self.refuse_frozen()
         return super().delete(*args, **kwargs)
 
     def refuse_frozen(self) -> None:
-        """Raise FrozenFrontError where this row's front is published."""
+        """Raise FrozenFrontError where this row's front is out of draft."""
         front = FrontVersion.objects.filter(pk=self.front_id).exclude(state=FrontVersion.State.DRAFT).first()
         if front is not None:
             raise FrozenFrontError(front.slug)
+
+
+class AuditEntryQuerySet(models.QuerySet["AuditEntry"]):
+    """Entries are added, never changed or deleted."""
+
+    def update(self, **values: Any) -> int:  # noqa: ARG002
+        raise AppendOnlyError
+
+    def delete(self) -> tuple[int, dict[str, int]]:
+        raise AppendOnlyError
+
+
+class AppendOnlyError(ValidationError):
+    """An attempt to change what was logged."""
+
+    def __init__(self) -> None:
+        super().__init__("the audit log is only ever added to", code="append_only")
+
+
+class AuditEntry(models.Model):
+    """One step of a front: who took it, when, from which state to which, and the content's digest then.
+
+    `front` is empty for drafts, which may be discarded; from the review on it keeps the front's row.
+    """
+
+    at = models.DateTimeField(auto_now_add=True)
+    actor = models.CharField(max_length=150, help_text="user name, or where the command was given")
+    action = models.CharField(max_length=32)
+    slug = models.CharField(max_length=97)
+    front = models.ForeignKey(
+        FrontVersion, on_delete=models.PROTECT, null=True, blank=True, related_name="audit"
+    )
+    from_state = models.CharField(max_length=16, blank=True)
+    to_state = models.CharField(max_length=16, blank=True)
+    digest = models.CharField(max_length=64)
+    note = models.TextField(blank=True)
+
+    objects = AuditEntryQuerySet.as_manager()
+
+    class Meta:
+        ordering = ["-id"]
+        verbose_name_plural = "audit log"
+        indexes = [models.Index(fields=["slug"], name="audit_entry_slug")]
+
+    def __str__(self) -> str:
+        return f"{self.slug}: {self.action} by {self.actor}"
+
+    def save(self, *args: Any, **kwargs: Any) -> None:
+        """Store a new entry; raises AppendOnlyError for one that is stored."""
+        if self.pk is not None:
+            raise AppendOnlyError
+        super().save(*args, **kwargs)
+
+    def delete(self, *args: Any, **kwargs: Any) -> tuple[int, dict[str, int]]:  # noqa: ARG002
+        """Raises AppendOnlyError."""
+        raise AppendOnlyError

@@ -24,14 +24,14 @@ class Point:
 
 @dataclass(frozen=True)
 class Front:
-    """A published (or retired) front with its points in published order."""
+    """A front with its points in published order; `published_at` is None as long as it is not."""
 
     slug: str
     application: str
     version: str
     state: str
     digest: str
-    published_at: datetime
+    published_at: datetime | None
     protocol: dict[str, Any]
     sequence: dict[str, Any]
     provenance: dict[str, Any]
@@ -43,7 +43,6 @@ class Front:
 
 
 def _front(row: FrontVersion) -> Front:
-    assert row.published_at is not None  # the database's constraint on rows that are not drafts
     return Front(
         slug=row.slug,
         application=row.application,
@@ -70,7 +69,7 @@ def _front(row: FrontVersion) -> Front:
 
 def fronts(application: str | None = None) -> tuple[Front, ...]:
     """Every front that was ever published, newest first. Two queries."""
-    rows = FrontVersion.objects.exclude(state=FrontVersion.State.DRAFT).prefetch_related("configurations")
+    rows = FrontVersion.objects.released().prefetch_related("configurations")
     if application is not None:
         rows = rows.filter(application=application)
     return tuple(_front(row) for row in rows)
@@ -78,13 +77,37 @@ def fronts(application: str | None = None) -> tuple[Front, ...]:
 
 def front(slug: str) -> Front | None:
     """The published or retired front called SLUG, None if there is none. Two queries."""
-    row = (
-        FrontVersion.objects.exclude(state=FrontVersion.State.DRAFT)
-        .prefetch_related("configurations")
-        .filter(slug=slug)
-        .first()
-    )
+    row = FrontVersion.objects.released().prefetch_related("configurations").filter(slug=slug).first()
     return None if row is None else _front(row)
+
+
+def any_front(key: int) -> Front:
+    """The front with that key in whatever state, for those who decide on it. Two queries.
+
+    Raises FrontVersion.DoesNotExist.
+    """
+    return _front(FrontVersion.objects.prefetch_related("configurations").get(pk=key))
+
+
+def document(front: Front) -> dict[str, Any]:
+    """FRONT in the shape of a front's file; its digest is the front's own."""
+    return {
+        "application": front.application,
+        "version": front.version,
+        "protocol": front.protocol,
+        "sequence": {name: front.sequence[name] for name in ("name", "sha256")},
+        "configurations": [
+            {"name": point.name, "parameters": point.parameters, "predicted": point.predicted}
+            for point in front.points
+        ],
+        "provenance": front.provenance,
+    }
+
+
+def next_version(application: str) -> str:
+    """One more than the highest whole number among the versions of APPLICATION."""
+    versions = FrontVersion.objects.filter(application=application).values_list("version", flat=True)
+    return str(max((int(version) for version in versions if version.isdecimal()), default=0) + 1)
 
 
 def current(application: str) -> Front | None:

@@ -1,102 +1,184 @@
-"""Writes of fronts: a draft, its publication, its retirement. Each is one transaction."""
+"""Writes of fronts: a draft, its review, publication and retirement. Each is one logged transaction."""
 
-import json
 from pathlib import Path
 from typing import Any
 
+from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.utils import timezone
 
-from crowd.fronts import contents, sequences
-from crowd.fronts.models import Configuration, FrontVersion
+from crowd.fronts import contents, selectors, sequences
+from crowd.fronts.models import AuditEntry, Configuration, FrontVersion, TransitionError
+
+State = FrontVersion.State
+COMMAND_LINE = "command line"
 
 
 class FrontConflictError(ValueError):
-    """Different content under a version that is already published; the remedy is a new version."""
+    """Different content under a version that is out of draft; the remedy is a new version."""
+
+
+REFUSALS = (contents.InvalidFrontError, sequences.SequenceError, FrontConflictError)
 
 
 @transaction.atomic
-def create_draft(document: dict[str, Any]) -> FrontVersion:
+def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
     """A draft with DOCUMENT's content (a front file's shape); an earlier draft of that version is replaced.
 
-    Raises InvalidFrontError, SequenceError, or FrontConflictError where the version is already published.
+    Raises InvalidFrontError, SequenceError, or FrontConflictError where the version is no draft any more.
     """
     content = contents.check(document)
-    version = str(content.version)
-    slug = f"{content.application}-{version}"
-    stored = FrontVersion.objects.filter(slug=slug).first()
-    if stored is not None and stored.state != FrontVersion.State.DRAFT:
-        raise FrontConflictError(f"{slug} is published: give this content another version")
-    if stored is not None:
-        stored.delete()
-    front = FrontVersion.objects.create(
-        slug=slug,
-        application=content.application,
-        version=version,
-        digest=contents.digest(document),
-        protocol=document["protocol"],
-        sequence=sequences.describe(content.sequence.name, content.sequence.sha256),
-        provenance=document["provenance"],
-    )
-    Configuration.objects.bulk_create(
-        Configuration(
-            front=front,
-            name=point["name"],
-            position=position,
-            parameters=point["parameters"],
-            predicted=point["predicted"],
+    document = contents.canonical(document)
+    slug = f"{content.application}-{document['version']}"
+    front = FrontVersion.objects.select_for_update().filter(slug=slug).first()
+    if front is not None and front.state != State.DRAFT:
+        raise FrontConflictError(f"{slug} is {front.get_state_display()}: give this content another version")
+    action = "drafted" if front is None else "draft replaced"
+    if front is None:
+        front = FrontVersion(
+            slug=slug, application=content.application, version=document["version"], state=State.DRAFT
         )
+    front.digest = contents.digest(document)
+    front.protocol = document["protocol"]
+    front.sequence = sequences.describe(content.sequence.name, content.sequence.sha256)
+    front.provenance = document["provenance"]
+    front.save()
+    front.configurations.all().delete()
+    Configuration.objects.bulk_create(
+        Configuration(front=front, position=position, **point)
         for position, point in enumerate(document["configurations"])
     )
+    _log(front, action, "", by, note)
     return front
 
 
 @transaction.atomic
-def publish(front: FrontVersion) -> FrontVersion:
-    """Make a draft what clients measure, for good. A front that is published already stays as it is."""
-    if front.state == FrontVersion.State.DRAFT:
-        front.state = FrontVersion.State.PUBLISHED
-        front.published_at = timezone.now()
-        front.save()
-    return front
+def discard(front: FrontVersion, by: str = COMMAND_LINE) -> None:
+    """Delete a draft that was never in review. Raises ValidationError for any other."""
+    if front.audit.exists():
+        raise ValidationError(f"{front.slug} was in review, so it is kept: correct it with a new draft of it")
+    AuditEntry.objects.create(
+        actor=by, action="discarded", slug=front.slug, from_state=front.state, digest=front.digest
+    )
+    front.delete()
 
 
-def retire(front: FrontVersion) -> FrontVersion:
-    """No client is told to measure it any more; its results stay, and late ones are still accepted."""
-    if front.state == FrontVersion.State.PUBLISHED:
-        front.state = FrontVersion.State.RETIRED
-        front.retired_at = timezone.now()
-        front.save()
-    return front
+def submit(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
+    """Hand a draft in for review: its content is fixed from here on. Raises TransitionError."""
+    return _move(front, State.IN_REVIEW, "submitted for review", by, note)
+
+
+def send_back(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
+    """Make what is in review a draft again. Raises TransitionError."""
+    return _move(front, State.DRAFT, "sent back", by, note)
+
+
+def publish(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
+    """Make what is in review what clients measure, for good. Raises TransitionError.
+
+    Its sequence must still be whole, or clients could not fetch it: raises SequenceError. Content that
+    does not fit its digest is not published: raises FrontConflictError.
+    """
+    if front.state == State.IN_REVIEW:
+        sequences.describe(front.sequence["name"], front.sequence["sha256"])
+        refuse_altered(selectors.any_front(front.pk))
+    return _move(front, State.PUBLISHED, "published", by, note)
+
+
+def retire(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
+    """No client is told to measure it any more; its results stay, and late ones are still accepted.
+
+    Raises TransitionError for what is not published.
+    """
+    return _move(front, State.RETIRED, "retired", by, note)
 
 
 @transaction.atomic
-def publish_content(document: dict[str, Any]) -> tuple[FrontVersion, bool]:
-    """Publish DOCUMENT, and whether that was new. The same content again changes nothing.
+def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
+    """Roll back: publish the content of an earlier FRONT as its application's next version.
 
-    Raises what create_draft raises.
+    Raises TransitionError for what was never published, and what publish raises.
+    """
+    if front.state not in (State.PUBLISHED, State.RETIRED):
+        raise TransitionError(front.slug, front.state, "published again")
+    content = selectors.document(selectors.any_front(front.pk))
+    content["version"] = selectors.next_version(front.application)
+    content["provenance"] = content["provenance"] | {"published_again_from": front.slug}
+    note = f"the content of {front.slug} again"
+    return publish(submit(create_draft(content, by, note), by, note), by, note)
+
+
+@transaction.atomic
+def publish_content(document: dict[str, Any], by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
+    """Publish DOCUMENT at once, and whether that was new. The same content again changes nothing.
+
+    Raises what create_draft raises, FrontConflictError too where the version has other content.
     """
     content = contents.check(document)
     stored = FrontVersion.objects.filter(
         application=content.application, version=str(content.version)
     ).first()
-    if stored is not None and stored.state != FrontVersion.State.DRAFT:
+    if stored is not None and stored.state in (State.PUBLISHED, State.RETIRED):
         if stored.digest != contents.digest(document):
             raise FrontConflictError(
                 f"{stored.slug} is published with other content (digest {stored.digest[:12]}...): "
                 "give the changed front another version"
             )
         return stored, False
-    return publish(create_draft(document)), True
+    return publish(submit(create_draft(document, by), by), by), True
 
 
-def publish_file(path: Path) -> tuple[FrontVersion, bool]:
+def publish_file(path: Path, by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
     """Publish the front in the JSON file PATH; raises InvalidFrontError also where it is no JSON."""
+    document = contents.read(path)
     try:
-        document = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise contents.InvalidFrontError(f"{path} cannot be read as JSON: {error}") from error
-    try:
-        return publish_content(document)
-    except (contents.InvalidFrontError, sequences.SequenceError, FrontConflictError) as error:
+        return publish_content(document, by)
+    except REFUSALS as error:
         raise type(error)(f"{path}: {error}") from error
+
+
+def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
+    """A draft of the front in the JSON file PATH. Raises what create_draft raises."""
+    document = contents.read(path)
+    try:
+        return create_draft(document, by, f"from the file {path.name}")
+    except REFUSALS as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def refuse_altered(front: selectors.Front) -> None:
+    """Raise FrontConflictError where what is stored of FRONT is not what its digest was made of."""
+    if contents.digest(selectors.document(front)) != front.digest:
+        raise FrontConflictError(
+            f"{front.slug} does not fit its digest {front.digest[:12]}...: somebody changed the database by "
+            "hand; restore it from a backup, or draft the front again"
+        )
+
+
+@transaction.atomic
+def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> FrontVersion:
+    stored = FrontVersion.objects.select_for_update().get(pk=front.pk)
+    before, stored.state = stored.state, state
+    if before == state:
+        raise TransitionError(front.slug, before, state)
+    if state == State.PUBLISHED:
+        stored.published_at = timezone.now()
+    if state == State.RETIRED:
+        stored.retired_at = timezone.now()
+    stored.save()
+    _log(stored, action, before, by, note)
+    front.refresh_from_db()
+    return front
+
+
+def _log(front: FrontVersion, action: str, before: str, by: str, note: str) -> None:
+    AuditEntry.objects.create(
+        actor=by,
+        action=action,
+        slug=front.slug,
+        front=None if action.startswith("draft") else front,
+        from_state=before,
+        to_state=front.state,
+        digest=front.digest,
+        note=note,
+    )

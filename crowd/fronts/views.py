@@ -1,9 +1,5 @@
 """The manifest that clients read, the fronts behind it, and the sequence's chunks."""
 
-import hashlib
-
-import msgspec
-from django.conf import settings
 from django.http import (
     FileResponse,
     Http404,
@@ -18,7 +14,7 @@ from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, page
-from crowd.fronts import answers, selectors, sequences
+from crowd.fronts import answers, manifests, selectors, sequences
 from crowd.problems import Problem, not_found
 
 DEFAULT_APPLICATION = "kfusion"
@@ -42,15 +38,8 @@ class ManifestView(Endpoint):
             raise Problem(
                 404, "no_front", f"no front of {application!r} is published here", field="application"
             )
-        content = msgspec.json.encode(
-            answers.manifest(
-                front,
-                consent_version=settings.FRONTRUNNER_CONSENT_VERSION,
-                minimum_app_version=settings.FRONTRUNNER_MINIMUM_APP_VERSION,
-                accepting=settings.FRONTRUNNER_ACCEPTING,
-            )
-        )
-        etag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
+        content = manifests.content(front)
+        etag = manifests.etag(content)
         full = HttpResponse(content, content_type="application/json")
         response = get_conditional_response(request._request, etag=etag, response=full) or full
         response["ETag"] = etag

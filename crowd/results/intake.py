@@ -91,7 +91,7 @@ def check(submission: schema.Submission, installation: Installation) -> Intake:
 
 
 def _fronts(slugs: set[str]) -> dict[str, Front]:
-    rows = FrontVersion.objects.filter(slug__in=slugs).exclude(state=FrontVersion.State.DRAFT)
+    rows = FrontVersion.objects.released().filter(slug__in=slugs)
     return {
         row.slug: Front(row, checks.Protocol.of(row.protocol), {c.name: c for c in row.configurations.all()})
         for row in rows.prefetch_related("configurations")

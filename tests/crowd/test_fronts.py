@@ -47,12 +47,13 @@ def test_a_draft_may_be_replaced_until_it_is_published(db: None, pack: dict[str,
     draft = services.create_draft(front_document(pack, provenance={"note": "better"}))
 
     assert selectors.current("kfusion") is None
-    services.publish(draft)
+    services.publish(services.submit(draft))
     assert FrontVersion.objects.get().provenance == {"note": "better"}
 
 
 @pytest.mark.parametrize(
-    ("member", "value"), [("protocol", {}), ("digest", "0" * 64), ("slug", "kfusion-2"), ("state", "draft")]
+    ("member", "value"),
+    [("protocol", {}), ("digest", "0" * 64), ("slug", "kfusion-2"), ("published_at", None)],
 )
 def test_a_published_front_cannot_be_saved_differently(front: FrontVersion, member: str, value: Any) -> None:
     setattr(front, member, value)

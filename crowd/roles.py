@@ -1,0 +1,45 @@
+"""Who may do what: editors prepare, publishers decide. Groups that exist after every migration."""
+
+from typing import Any
+
+from django.apps import AppConfig
+from django.apps import apps as installed
+from django.apps.registry import Apps
+from django.contrib.auth.management import create_permissions
+
+EDITOR, PUBLISHER = "editor", "publisher"
+
+# Permissions of both roles, by application; publishers may decide besides.
+_BOTH = {
+    "fronts": ("view_frontversion", "view_configuration", "view_auditentry", "submit_frontversion"),
+    "explorations": (
+        *("view_exploration", "add_exploration", "change_exploration", "view_evaluation"),
+        *("view_referencedevice", "add_referencedevice", "change_referencedevice"),
+    ),
+    "results": (
+        *("view_submission", "view_measurementsession", "view_run", "view_sessionsummary"),
+        "view_devicespeedup",
+    ),
+    "devices": ("view_devicemodel",),
+}
+_DECIDING = {"fronts": ("publish_frontversion",)}
+
+
+def grant(app_config: AppConfig, using: str = "default", apps: Apps = installed, **_: Any) -> None:
+    """Give the roles what they may do in one application. What an administrator added besides stays."""
+    label = app_config.label
+    if label not in _BOTH:
+        return
+    try:
+        group_model, permission_model = apps.get_model("auth", "Group"), apps.get_model("auth", "Permission")
+    except LookupError:  # a migration of some applications alone, before that of accounts
+        return
+    # Permissions come into being on the same signal, perhaps later.
+    create_permissions(app_config, verbosity=0, interactive=False, using=using, apps=apps)
+    groups, permissions = group_model.objects.using(using), permission_model.objects.using(using)
+    for role, codenames in (
+        (EDITOR, _BOTH[label]),
+        (PUBLISHER, _BOTH[label] + _DECIDING.get(label, ())),
+    ):
+        group, _created = groups.get_or_create(name=role)
+        group.permissions.add(*permissions.filter(content_type__app_label=label, codename__in=codenames))
