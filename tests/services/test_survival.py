@@ -1,7 +1,6 @@
 """kill -9 at bad moments, on the embedded default and on real services: nothing lost, nothing doubled."""
 
 import json
-import os
 import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -11,8 +10,9 @@ from typing import Any
 import pytest
 
 from tests.crowd.documents import front_document, session_document, submission_document, write_pack
+from tests.services.program import runs, until
 from tests.services.redis import Redis
-from tests.services.serving import Services, Serving, command, until
+from tests.services.serving import Services, Serving, command
 
 SUBMISSIONS = 12
 CLIENTS = 8
@@ -60,9 +60,9 @@ def test_killing_worker_and_web_server_loses_and_doubles_nothing(var: Path, serv
         client = threading.Thread(target=participate)
         client.start()
         until(lambda: len(sent) >= 2)
-        server.kill("celery")
+        server.kill_child("celery")
         until(lambda: len(sent) >= 4)
-        server.kill("granian")
+        server.kill_child("granian")
         client.join()
 
         assert until(lambda: server.waiting() == 0)
@@ -71,7 +71,7 @@ def test_killing_worker_and_web_server_loses_and_doubles_nothing(var: Path, serv
         assert own_runs(server, token) == sorted(r["id"] for d in documents for r in d["sessions"][0]["runs"])
         _, answer = server.call("GET", "/api/v1/speedups")
         assert answer["results"][0]["speedup"] == pytest.approx(8.0)
-        assert "starting it again" in server.output.read_text()
+        assert "starting it again" in server.said()
 
 
 def test_one_submission_sent_many_times_at_once_is_stored_once(var: Path, services: Services) -> None:
@@ -90,19 +90,19 @@ def test_one_submission_sent_many_times_at_once_is_stored_once(var: Path, servic
         assert sessions(server) == 1
 
 
-def test_a_broker_that_dies_with_all_its_messages_loses_nothing(tmp_path: Path, own_redis: Redis) -> None:
-    var, services = tmp_path / "var", {"CELERY_BROKER_URL": own_redis.url}
+def test_a_broker_that_dies_with_all_its_messages_loses_nothing(tmp_path: Path, redis: Redis) -> None:
+    var, services = tmp_path / "var", {"CELERY_BROKER_URL": redis.url}
     prepare(var, services)
     with Serving(var, services) as server:
         token = server.enrol()
-        own_redis.kill()
+        redis.kill()
 
         assert server.submit_until_accepted(token, submission_document()) == 202
 
         assert server.call("GET", "/readyz")[0] == 503
         assert server.waiting() == 1
-        own_redis.start()
-        server.kill("celery")  # a new worker sweeps at once; this one would at the next half minute
+        redis.start()
+        server.kill_child("celery")  # a new worker sweeps at once; this one would at the next half minute
         assert until(lambda: server.waiting() == 0)
         assert sessions(server) == 1
 
@@ -120,17 +120,9 @@ def test_killing_the_supervisor_takes_everything_along_and_a_new_one_goes_on(
     first.process.send_signal(signal.SIGKILL)
     first.process.wait()
 
-    until(lambda: not any(_runs(pid) for pid in children))
+    until(lambda: not any(runs(pid) for pid in children))
     with Serving(var, services) as second:
         assert until(lambda: second.waiting() == 0)
         second.submit_until_accepted(token, submission_document())
         assert until(lambda: second.waiting() == 0)
         assert sessions(second) == 2
-
-
-def _runs(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True

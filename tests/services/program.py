@@ -1,0 +1,124 @@
+"""Programs that a test starts, kills and starts again, and a look at the processes of this machine."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE_SECONDS = 60.0
+
+
+def free_port() -> int:
+    """A port of this machine that nothing uses now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def listens(port: int) -> bool:
+    """Whether something on this machine accepts connections at PORT."""
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def until(condition: Callable[[], Any], patience: float = PATIENCE_SECONDS) -> Any:
+    """What CONDITION gives as soon as that is true; AssertionError when PATIENCE is over."""
+    limit = time.monotonic() + patience
+    while not (value := condition()):
+        assert time.monotonic() < limit, f"waited {patience:.0f} s in vain"
+        time.sleep(0.05)
+    return value
+
+
+def children(*pids: int) -> dict[int, str]:
+    """The command lines of the running processes that one of PIDS started."""
+    listing = subprocess.run(
+        ["ps", "-A", "-o", "pid=,ppid=,stat=,command="], capture_output=True, text=True, check=True
+    )
+    rows = (line.split(None, 3) for line in listing.stdout.splitlines())
+    return {
+        int(pid): command
+        for pid, parent, state, command in rows
+        if int(parent) in pids and not state.startswith("Z")
+    }
+
+
+def family(pid: int) -> list[int]:
+    """PID and every running process that descends from it."""
+    found = generation = [pid]
+    while generation := list(children(*generation)):
+        found = found + generation
+    return found
+
+
+def runs(pid: int) -> bool:
+    """Whether there is such a process."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+class Program(ABC):
+    """A program with its log, in a with statement. What it keeps on disk outlives `kill`."""
+
+    process: subprocess.Popen[bytes]
+    folder: Path  # where it is started
+    log: Path
+    user: str | None = None  # another one than whoever runs the tests
+    _start_of_log = 0
+
+    @abstractmethod
+    def command(self) -> Sequence[str]:
+        """What to run."""
+
+    @abstractmethod
+    def ready(self) -> bool:
+        """Whether it does its work already."""
+
+    def environment(self) -> Mapping[str, str]:
+        """Its environment."""
+        return os.environ
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.kill()
+
+    def start(self) -> None:
+        """Start, and return as soon as it is ready. AssertionError with its words where it ends instead."""
+        with self.log.open("ab") as log:
+            self._start_of_log = log.tell()
+            self.process = subprocess.Popen(
+                self.command(),
+                env=self.environment(),
+                cwd=self.folder,
+                user=self.user,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+        until(lambda: self.process.poll() is not None or self.ready())
+        assert self.process.poll() is None, self.said()
+
+    def kill(self) -> None:
+        """kill -9, of whatever it started too: as when a machine runs out of memory."""
+        for pid in family(self.process.pid):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self.process.wait()
+
+    def said(self) -> str:
+        """What it printed since it was started."""
+        return self.log.read_bytes()[self._start_of_log :].decode(errors="replace")
