@@ -57,6 +57,11 @@ def centimetres(metres: float | None) -> str:
     return ABSENT if metres is None else f"{metres * 100:,.2f}{GAP}cm"
 
 
+def hypervolume(volume: float | None) -> str:
+    """Metres times seconds as centimetres times milliseconds, the units of the axes that it is an area of."""
+    return ABSENT if volume is None else f"{significant(volume * 1e5)}{GAP}cm{GAP}ms"
+
+
 def data_size(size: int | None) -> str:
     """Bytes in decimal units: kB, MB, GB."""
     if size is None:

@@ -18,6 +18,7 @@ from crowd.dashboard.protocols import first_counted_frame
 from crowd.dashboard.race import race
 from crowd.dashboard.searches import ate_limit, yield_of
 from crowd.dashboard.stages import StageTimes, frames, spread, stage_table, stage_times
+from crowd.dashboard.versions import UnknownVersionError, beside
 from crowd.explorations import selectors as searches
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
@@ -178,13 +179,27 @@ def fronts(request: HttpRequest) -> HttpResponse:
 
 @page
 def front(request: HttpRequest, slug: str) -> HttpResponse:
-    """One front: its points as the reference device predicts them and as the crowd measures them."""
+    """One front: its points as predicted and as the crowd measures them, and what another version had."""
     shown = _found(published.front(slug))
+    others = [version for version in published.fronts(shown.application) if version.slug != slug]
+    problem = ""
+    try:
+        difference = beside(shown, others, request.GET.get("against", ""))
+    except UnknownVersionError as error:
+        difference, problem = beside(shown, others, ""), str(error)
     crowd = results.speedups(SpeedupFilters(front=slug, application=shown.application, configuration=ALL))
     return render(
         request,
         "dashboard/front.html",
-        {"front": shown, "points": measured_points(shown, crowd.rows), "parameters": parameters_of(shown)},
+        {
+            "front": shown,
+            "points": measured_points(shown, crowd.rows),
+            "parameters": parameters_of(shown),
+            "others": others,
+            "difference": difference,
+            "problem": problem,
+        },
+        status=400 if problem else 200,
     )
 
 

@@ -21,6 +21,7 @@ FORMATS: dict[str, Callable[..., str]] = {
     "fps": formats.frames_per_second,
     "frames": formats.frames,
     "centimetres": formats.centimetres,
+    "hypervolume": formats.hypervolume,
     "data_size": formats.data_size,
     "count": formats.count,
     "percent": formats.percent,

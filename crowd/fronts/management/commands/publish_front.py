@@ -1,29 +1,17 @@
-"""manage.py publish_front FILE ...: publish fronts from files; what is published already stays as it is."""
+"""manage.py publish_front FILE ...: what `manage.py front publish FILE ...` is, under its earlier name."""
 
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandError, CommandParser
-
-from crowd.fronts import contents, sequences, services
+from django.core.management import call_command
+from django.core.management.base import BaseCommand, CommandParser
 
 
 class Command(BaseCommand):
-    help = "Publish the front of each FILE (fixtures/fronts/<application>-<version>.json)."
+    help = "Publish the front of each FILE, as `front publish` does."
 
     def add_arguments(self, parser: CommandParser) -> None:
         parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
 
     def handle(self, *args: Any, files: list[Path], **options: Any) -> None:  # noqa: ARG002
-        for path in files:
-            try:
-                front, new = services.publish_file(path)
-            except (
-                contents.InvalidFrontError,
-                sequences.SequenceError,
-                services.FrontConflictError,
-            ) as error:
-                raise CommandError(str(error)) from error
-            self.stdout.write(
-                f"{front.slug}: {'published' if new else 'was published before, nothing changed'}"
-            )
+        call_command("front", "publish", *map(str, files), stdout=self.stdout)

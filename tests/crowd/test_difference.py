@@ -1,0 +1,92 @@
+"""What a version gained and lost against another."""
+
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.fronts import selectors, services
+from crowd.fronts.difference import Difference, difference
+from tests.crowd.documents import STANDARD, front_document
+
+FASTER = {
+    "name": "best",
+    "parameters": STANDARD | {"compute_size_ratio": 8},
+    "predicted": {"runtime": 0.005, "ate_max": 0.02, "ate_mean": 0.01},
+}
+
+
+@pytest.fixture
+def compared(db: None, pack: dict[str, Any]) -> Difference:
+    """A second version with another best, whose default was measured anew, and without the accurate one."""
+    first = front_document(pack, version="1")
+    second = front_document(pack, version="2", provenance={"device": "another"})
+    default = first["configurations"][0] | {
+        "predicted": {"runtime": 0.07, "ate_max": 0.01, "ate_mean": 0.005}
+    }
+    was_best = first["configurations"][1] | {"name": "front-01"}
+    second["configurations"] = [default, FASTER, was_best]
+    second["protocol"] = second["protocol"] | {"frames": 50}
+    for document in (first, second):
+        services.publish_content(document)
+    old, new = selectors.front("kfusion-1"), selectors.front("kfusion-2")
+    assert old is not None
+    assert new is not None
+    return difference(old, new)
+
+
+def test_points_are_told_apart_by_their_parameters(compared: Difference) -> None:
+    assert [point.name for point in compared.gained] == ["best"]
+    assert [point.name for point in compared.lost] == ["accurate"]
+    assert [(pair.old.name, pair.new.name) for pair in compared.changed] == [
+        ("default", "default"),
+        ("best", "front-01"),
+    ]
+    (best,) = compared.renewed
+    assert best.name == "best"
+    assert best.parameters == {
+        "compute_size_ratio": (4, 8),
+        "volume_resolution": (128, 256),
+        "integration_rate": (20, 2),
+    }
+
+
+def test_both_volumes_are_measured_from_one_reference(compared: Difference) -> None:
+    assert compared.reference == (0.05, 0.08)
+    # default (1 cm, 80 ms: nothing left of the reference), best (4 cm, 10 ms), accurate (beyond it).
+    assert compared.old_volume == pytest.approx(0.01 * 0.07)
+    # default (1 cm, 70 ms), best (2 cm, 5 ms); what was best is dominated.
+    assert compared.new_volume == pytest.approx(0.04 * 0.01 + 0.03 * 0.065)
+    assert compared.growth == pytest.approx(compared.new_volume / compared.old_volume)
+
+
+def test_what_clients_would_meet_differently_is_listed(compared: Difference) -> None:
+    assert compared.members == {"protocol frames": (100, 50)}
+    assert compared.caveat == "measured with different devices"
+
+
+def test_a_version_against_itself_differs_in_nothing(compared: Difference) -> None:
+    same = difference(compared.new, compared.new)
+
+    assert (same.gained, same.lost, same.changed, same.renewed) == ((), (), (), ())
+    assert (same.members, same.caveat, same.growth) == ({}, "", 1.0)
+
+
+def test_the_page_of_a_front_compares_it_with_the_one_before(client: Client, compared: Difference) -> None:
+    page = client.get("/fronts/kfusion-2/").content.decode()
+
+    assert "Against kfusion-1" in page
+    assert "gained" in page
+    assert "measured with different devices" in page
+
+
+def test_the_first_version_is_compared_only_on_request(client: Client, compared: Difference) -> None:
+    assert "Nothing was published before" in client.get("/fronts/kfusion-1/").content.decode()
+    assert "Against kfusion-2" in client.get("/fronts/kfusion-1/?against=kfusion-2").content.decode()
+
+
+def test_comparing_with_an_unknown_version_says_which_there_are(client: Client, compared: Difference) -> None:
+    answer = client.get("/fronts/kfusion-2/?against=kfusion-7")
+
+    assert answer.status_code == 400
+    assert "there: kfusion-1" in answer.content.decode()

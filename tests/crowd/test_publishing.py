@@ -1,0 +1,326 @@
+"""From a draft to a published front and back: permitted steps, their log, and what holds content fixed."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.contrib.auth.models import Group
+from django.core.exceptions import ValidationError
+from django.core.management import CommandError, call_command
+from django.db import IntegrityError, connection, transaction
+from django.db.models import ProtectedError
+from django.test import Client
+
+from crowd.fronts import guards, manifests, selectors, services
+from crowd.fronts.models import AppendOnlyError, AuditEntry, FrontVersion, FrozenFrontError, TransitionError
+from tests.crowd.documents import front_document
+
+
+@pytest.fixture
+def draft(db: None, pack: dict[str, Any]) -> FrontVersion:
+    """A draft kappa of a front whose published version is not there."""
+    return services.create_draft(front_document(pack, version="1"), by="anna")
+
+
+def steps() -> list[tuple[str, str, str, str]]:
+    rows = AuditEntry.objects.order_by("pk")
+    return [(row.actor, row.action, row.from_state, row.to_state) for row in rows]
+
+
+def test_every_step_of_a_front_is_logged_with_who_and_which_content(draft: FrontVersion) -> None:
+    services.submit(draft, by="anna")
+    services.send_back(draft, by="paul", note="best is too slow")
+    services.submit(draft, by="anna")
+    services.publish(draft, by="paul")
+    services.retire(draft, by="paul")
+
+    assert steps() == [
+        ("anna", "drafted", "", "draft"),
+        ("anna", "submitted for review", "draft", "in-review"),
+        ("paul", "sent back", "in-review", "draft"),
+        ("anna", "submitted for review", "draft", "in-review"),
+        ("paul", "published", "in-review", "published"),
+        ("paul", "retired", "published", "retired"),
+    ]
+    assert {row.digest for row in AuditEntry.objects.all()} == {draft.digest}
+    assert AuditEntry.objects.get(action="sent back").note == "best is too slow"
+
+
+STEPS: dict[str, Callable[[FrontVersion], FrontVersion]] = {
+    "submit": services.submit,
+    "send_back": services.send_back,
+    "publish": services.publish,
+    "retire": services.retire,
+}
+
+
+@pytest.mark.parametrize(
+    ("reached", "refused"),
+    [
+        ([], ["send_back", "publish", "retire"]),
+        (["submit"], ["submit", "retire"]),
+        (["submit", "publish"], ["submit", "send_back", "publish"]),
+        (["submit", "publish", "retire"], ["submit", "send_back", "publish", "retire"]),
+    ],
+)
+def test_only_permitted_steps_are_taken(draft: FrontVersion, reached: list[str], refused: list[str]) -> None:
+    for step in reached:
+        STEPS[step](draft)
+    before = steps()
+
+    for step in refused:
+        with pytest.raises(TransitionError, match="cannot become"):
+            STEPS[step](FrontVersion.objects.get())
+
+    assert steps() == before
+
+
+def test_of_two_who_decide_at_once_the_second_hears_what_the_first_did(draft: FrontVersion) -> None:
+    services.submit(draft)
+    seen_by_the_other = FrontVersion.objects.get()
+    services.send_back(draft)
+
+    with pytest.raises(TransitionError, match="is draft and cannot become published"):
+        services.publish(seen_by_the_other)
+
+
+def test_nothing_of_a_draft_or_a_review_is_public(client: Client, draft: FrontVersion) -> None:
+    for state in ("draft", "in-review"):
+        assert FrontVersion.objects.get().state == state
+        assert client.get("/api/v1/manifest").status_code == 404
+        assert client.get("/api/v1/fronts").json()["results"] == []
+        assert client.get("/api/v1/fronts/kfusion-1").status_code == 404
+        assert client.get("/fronts/kfusion-1/").status_code == 404
+        assert client.get("/figures/fronts/kfusion-1.json").status_code == 404
+        assert "kfusion-1" not in client.get("/fronts/").content.decode()
+        if state == "draft":
+            services.submit(draft)
+
+
+def test_a_preview_is_what_clients_then_read(client: Client, draft: FrontVersion) -> None:
+    services.submit(draft)
+    preview = manifests.content(selectors.any_front(draft.pk))
+
+    services.publish(draft)
+
+    answer = client.get("/api/v1/manifest")
+    assert (answer.content, answer["ETag"]) == (preview, manifests.etag(preview))
+
+
+def test_content_is_fixed_from_the_review_on(draft: FrontVersion, pack: dict[str, Any]) -> None:
+    services.submit(draft)
+
+    with pytest.raises(services.FrontConflictError, match="another version"):
+        services.create_draft(front_document(pack, version="1", provenance={}))
+    draft.provenance = {}
+    with pytest.raises(FrozenFrontError):
+        draft.save()
+    with pytest.raises(ValidationError, match="row by row"):
+        FrontVersion.objects.filter(state="draft").update(state="published")
+
+
+def refused_by_the_database(statement: str) -> None:
+    with pytest.raises(IntegrityError), transaction.atomic(), connection.cursor() as cursor:
+        cursor.execute(statement)
+
+
+def test_the_database_itself_refuses_to_change_what_is_out_of_draft(draft: FrontVersion) -> None:
+    configuration = f"UPDATE {guards.CONFIGURATION} SET name = 'fastest' WHERE name = 'best'"
+    another = (
+        f"INSERT INTO {guards.CONFIGURATION} (front_id, name, position, parameters, predicted) "
+        f"VALUES ({draft.pk}, 'more', 9, '{{}}', '{{}}')"
+    )
+    with connection.cursor() as cursor:
+        cursor.execute(f"UPDATE {guards.FRONT} SET protocol = protocol")
+        cursor.execute(f"UPDATE {guards.CONFIGURATION} SET name = name")
+    refused_by_the_database(f"UPDATE {guards.FRONT} SET state = 'published', published_at = created_at")
+
+    services.submit(draft)
+
+    refused_by_the_database(f"UPDATE {guards.FRONT} SET digest = '0'")
+    refused_by_the_database(f"UPDATE {guards.FRONT} SET protocol = '{{}}'")
+    refused_by_the_database(f"UPDATE {guards.FRONT} SET state = 'retired', published_at = created_at")
+    refused_by_the_database(configuration)
+    refused_by_the_database(another)
+    refused_by_the_database(f"UPDATE {guards.AUDIT} SET actor = 'nobody'")
+
+
+def delete_past_the_models() -> None:
+    with connection.cursor() as cursor:
+        cursor.execute(f"DELETE FROM {guards.CONFIGURATION}")
+        cursor.execute(f"DELETE FROM {guards.FRONT}")
+    connection.check_constraints()
+
+
+def test_the_database_keeps_a_front_that_was_in_review(draft: FrontVersion) -> None:
+    services.submit(draft)
+    services.send_back(draft)
+
+    with pytest.raises(ValidationError, match="it is kept"):
+        services.discard(draft)
+    with pytest.raises(ProtectedError):
+        draft.delete()
+    with pytest.raises(IntegrityError), transaction.atomic():
+        delete_past_the_models()
+
+
+def test_a_draft_can_be_discarded_and_the_log_remembers_it(draft: FrontVersion) -> None:
+    services.discard(draft, by="anna")
+
+    assert not FrontVersion.objects.exists()
+    assert steps()[-1] == ("anna", "discarded", "draft", "")
+
+
+def test_the_log_is_only_added_to(draft: FrontVersion) -> None:
+    entry = AuditEntry.objects.get()
+    entry.actor = "nobody"
+
+    for change in (entry.save, entry.delete, AuditEntry.objects.all().delete):
+        with pytest.raises(AppendOnlyError):
+            change()
+    with pytest.raises(AppendOnlyError):
+        AuditEntry.objects.update(actor="nobody")
+    assert AuditEntry.objects.get().actor == "anna"
+
+
+def test_migrating_again_leaves_the_guards_in_place(draft: FrontVersion) -> None:
+    services.submit(draft)
+
+    call_command("migrate", verbosity=0)
+
+    refused_by_the_database(f"UPDATE {guards.FRONT} SET digest = '0'")
+
+
+def test_content_that_does_not_fit_its_digest_is_neither_published_nor_exported(draft: FrontVersion) -> None:
+    services.submit(draft)
+    with connection.cursor() as cursor:
+        cursor.execute(f"DELETE FROM {guards.CONFIGURATION} WHERE name = 'accurate'")
+
+    with pytest.raises(services.FrontConflictError, match="does not fit its digest"):
+        services.publish(draft)
+    with pytest.raises(CommandError, match="does not fit its digest"):
+        call_command("front", "export", "kfusion-1")
+    assert FrontVersion.objects.get().state == "in-review"
+
+
+def test_rolling_back_publishes_an_earlier_content_as_a_new_version(
+    draft: FrontVersion, pack: dict[str, Any]
+) -> None:
+    services.publish(services.submit(draft))
+    services.publish_content(front_document(pack, version="2", provenance={"note": "worse"}))
+
+    again = services.publish_again(FrontVersion.objects.get(slug="kfusion-1"), by="paul")
+
+    current, earlier = selectors.current("kfusion"), selectors.front("kfusion-1")
+    assert current is not None
+    assert earlier is not None
+    assert (again.slug, current.slug) == ("kfusion-3", "kfusion-3")
+    assert current.points == earlier.points
+    assert current.provenance == earlier.provenance | {"published_again_from": "kfusion-1"}
+    assert current.digest != earlier.digest
+    assert steps()[-1] == ("paul", "published", "in-review", "published")
+    assert AuditEntry.objects.first().note == "the content of kfusion-1 again"  # type: ignore[union-attr]
+
+
+def test_a_draft_is_no_earlier_version(draft: FrontVersion) -> None:
+    with pytest.raises(TransitionError):
+        services.publish_again(draft)
+
+
+def test_editors_prepare_and_publishers_decide(db: None) -> None:
+    def may(role: str) -> set[str]:
+        return set(Group.objects.get(name=role).permissions.values_list("codename", flat=True))
+
+    assert "submit_frontversion" in may("editor")
+    assert "publish_frontversion" not in may("editor")
+    assert may("publisher") == may("editor") | {"publish_frontversion"}
+    assert not [name for name in may("publisher") if name.startswith("delete_")]
+
+
+def test_an_exported_front_imports_as_the_same_content(
+    draft: FrontVersion, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "front.json"
+    digest = draft.digest
+    call_command("front", "export", "kfusion-1", out=path)
+    services.discard(draft)
+
+    call_command("front", "import", str(path))
+    call_command("front", "publish", "kfusion-1")
+    call_command("front", "retire", "kfusion-1")
+
+    assert capsys.readouterr().out.splitlines() == [
+        f"kfusion-1: {path}",
+        "kfusion-1: a draft now, manage.py front publish kfusion-1 makes clients measure it",
+        "kfusion-1: published",
+        "kfusion-1: retired",
+    ]
+    assert FrontVersion.objects.get().digest == digest
+    assert {row.actor for row in AuditEntry.objects.exclude(actor="anna")} == {"command line"}
+
+
+def test_members_that_a_front_does_not_have_are_not_kept(db: None, pack: dict[str, Any]) -> None:
+    plain = services.create_draft(front_document(pack))
+    digest = plain.digest
+
+    again = services.create_draft(front_document(pack, comment="learned elsewhere"))
+
+    assert (again.pk, again.digest) == (plain.pk, digest)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "complaint"),
+    [
+        ("protocol.frames", None, "protocol.frames: is missing, add it"),
+        ("protocol.frames", "many", "protocol.frames: Expected `int`, got `str`"),
+        ("version", "Version 1", "version: must be lower-case letters, digits, dots"),
+        ("sequence.sha256", "0", "sequence.sha256: must be a sha256 of 64 hexadecimal digits"),
+        ("configurations.1.predicted.runtime", -1, "configurations[1].predicted.runtime"),
+        ("configurations.1.predicted.ate_max", float("inf"), "ate_max: must be a finite number"),
+        (
+            "configurations.1.parameters.mu",
+            -1.0,
+            "configurations[1].parameters of best: mu=-1.0: must be above 0",
+        ),
+        ("configurations.1.parameters.nu", 1, "unknown parameter nu"),
+        ("protocol.order", ["default", "worst"], "protocol.order"),
+        ("provenance", None, "provenance: is missing, add it"),
+    ],
+)
+def test_a_bad_file_is_refused_in_one_line_that_names_the_member(
+    db: None, pack: dict[str, Any], tmp_path: Path, path: str, value: Any, complaint: str
+) -> None:
+    document = json.loads(json.dumps(front_document(pack)))
+    *parents, member = path.split(".")
+    place = document
+    for name in parents:
+        place = place[int(name)] if name.isdigit() else place[name]
+    if value is None:
+        del place[member]
+    else:
+        place[member] = value
+    file = tmp_path / "front.json"
+    file.write_text(json.dumps(document))
+
+    with pytest.raises(CommandError) as refused:
+        call_command("front", "import", str(file))
+
+    assert complaint in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert not FrontVersion.objects.exists()
+
+
+@pytest.mark.parametrize("content", [b"[]", b"\xff\xfe", b"", b"7"])
+def test_a_file_that_holds_no_object_is_refused(db: None, tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "front.json"
+    file.write_bytes(content)
+
+    with pytest.raises(CommandError, match=r"front\.json"):
+        call_command("front", "publish", str(file))
+
+
+def test_a_version_that_is_not_there_is_named_with_those_that_are(draft: FrontVersion) -> None:
+    with pytest.raises(CommandError, match=r"no front kfusion-9 \(there: kfusion-1\)"):
+        call_command("front", "publish", "kfusion-9")
