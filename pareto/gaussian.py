@@ -1,7 +1,13 @@
-"""Gaussian process regression for a few hundred points: Matern-5/2, one length scale a parameter.
+"""Gaussian process regression for a few hundred points: a smooth trend plus a rough remainder.
+
+The covariance is (1 - share) Matern-5/2 + share exponential of the city-block distance, with one length
+scale a parameter. The first is what smooth responses look like. The second (the product of Ornstein-
+Uhlenbeck kernels, the limit of Mondrian forests: Balog et al. 2016) follows steps and ridges along the
+axes, as tree ensembles do; how much of it there is, is learnt like everything else, so nobody has to know
+beforehand which kind of response a space has.
 
 Formulas: Rasmussen & Williams 2006, eq. 2.25, 2.26 (prediction), 5.9 (gradient of the likelihood). The
-signal variance is maximised in closed form, so the search runs over length scales and relative noise only.
+signal variance is maximised in closed form.
 """
 
 from __future__ import annotations
@@ -13,28 +19,56 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.linalg.lapack import dpotri
 from scipy.optimize import minimize
+from scipy.spatial.distance import cdist
 
 Array = NDArray[np.float64]
 
-# Log-normal priors keep the fit sane on few points: the unit cube's size for lengths, 1 % noise.
-LENGTH_PRIOR, LENGTH_SPREAD = math.log(0.7), 1.2
-NOISE_PRIOR, NOISE_SPREAD = math.log(1e-3), 2.0
-LENGTH_BOUNDS = (math.log(0.03), math.log(30.0))
-NOISE_BOUNDS = (math.log(1e-6), math.log(1.0))
+# Priors keep the fit sane on few points; the hyperparameters are, in this order, the logarithms of the
+# length scales (the unit cube's size), the rough part's lengths relative to them, the logit of its share,
+# and the logarithm of the noise relative to the signal (0.1 %).
+LENGTH = (math.log(0.7), 1.2, math.log(0.02), math.log(55.0))  # mean, deviation, least, largest
+STRETCH = (0.5, 1.0, -2.0, 4.0)
+SHARE = (-1.0, 2.0, -8.0, 6.0)
+NOISE = (math.log(1e-3), 2.0, math.log(1e-6), 0.0)
 SQRT5 = math.sqrt(5.0)
+
+
+class Kernel:
+    """The correlation between rows of features for given hyperparameters."""
+
+    def __init__(self, theta: Array, owner: NDArray[np.int64]) -> None:
+        lengths = np.exp(theta[:-3])
+        self._smooth = 1.0 / lengths[owner]
+        # Two categorical values differ in two columns, by 1/sqrt(2) each: together, city-block distance 1.
+        several = np.bincount(owner)[owner] > 1
+        self._rough = self._smooth / math.exp(theta[-3]) / np.where(several, math.sqrt(2.0), 1.0)
+        self._share = 1.0 / (1.0 + math.exp(-theta[-2]))
+        self.noise = math.exp(theta[-1])
+
+    def __call__(self, a: Array, b: Array) -> Array:
+        """Return (len(a), len(b)) correlations."""
+        squared = _squared_distances(a * self._smooth, b * self._smooth)
+        correlation = _matern(squared)
+        if self._share > 1e-3:
+            correlation *= 1.0 - self._share
+            rough = cdist(a * self._rough, b * self._rough, "cityblock")
+            np.negative(rough, out=rough)
+            np.exp(rough, out=rough)
+            rough *= self._share
+            correlation += rough
+        return correlation
 
 
 class GaussianProcess:
     """A fitted process on (n, columns) features; `owner[c]` is the length scale that column c uses."""
 
     def __init__(self, features: Array, targets: Array, owner: NDArray[np.int64], theta: Array) -> None:
-        self._owner = owner
-        self._theta = theta
+        self.theta = theta
+        self.kernel = Kernel(theta, owner)
         self._mean = float(targets.mean())
         self._features = features
-        self._scaled = features / np.exp(theta[:-1])[owner]
-        correlation = _matern(_squared_distances(self._scaled, self._scaled))
-        correlation[np.diag_indices_from(correlation)] += math.exp(theta[-1])
+        correlation = self.kernel(features, features)
+        correlation[np.diag_indices_from(correlation)] += self.kernel.noise
         self._lower = cholesky(correlation, lower=True, overwrite_a=True, check_finite=False)
         self._alpha = solve_triangular(
             self._lower, targets - self._mean, lower=True, check_finite=False
@@ -51,25 +85,22 @@ class GaussianProcess:
         points: int = 250,
         iterations: int = 30,
     ) -> GaussianProcess:
-        """Choose length scales and noise on at most `points` of the rows, then condition on all of them.
+        """Choose the hyperparameters on at most `points` of the rows, then condition on all of them.
 
         A constant target gives a flat process. Rows must be finite; at least one is needed.
         """
         lengths = int(owner.max()) + 1
-        start = np.array([LENGTH_PRIOR] * lengths + [NOISE_PRIOR])
+        mean, deviation, least, largest = np.array([LENGTH] * lengths + [STRETCH, SHARE, NOISE]).T
         if len(targets) < 3 or np.ptp(targets) == 0:
-            return cls(features, targets, owner, start)
+            return cls(features, targets, owner, mean)
         some = rng.permutation(len(targets))[:points]
-        x, y = features[some], targets[some] - targets.mean()
-        y = y / max(float(y.std()), 1e-12)
-        bounds = [LENGTH_BOUNDS] * lengths + [NOISE_BOUNDS]
+        likelihood = Likelihood(features[some], targets[some], owner, mean, deviation)
         found = minimize(
-            _negative_log_posterior,
-            start,
-            args=(x, y, owner),
+            likelihood,
+            mean,
             jac=True,
             method="L-BFGS-B",
-            bounds=bounds,
+            bounds=np.stack([least, largest], axis=1),
             options={"maxiter": iterations},
         )
         return cls(features, targets, owner, found.x)
@@ -83,12 +114,15 @@ class Posterior:
     """What a process says about a fixed list of candidates, and what it would say after further points."""
 
     def __init__(self, process: GaussianProcess, features: Array) -> None:
-        self._noise = math.exp(process._theta[-1])
+        self._kernel = process.kernel
         self._scale = process._scale
-        self._scaled = features / np.exp(process._theta[:-1])[process._owner]
-        cross = _matern(_squared_distances(process._scaled, self._scaled))
+        self._features = features
         self._solved = solve_triangular(
-            process._lower, cross, lower=True, overwrite_b=True, check_finite=False
+            process._lower,
+            self._kernel(process._features, features),
+            lower=True,
+            overwrite_b=True,
+            check_finite=False,
         )
         self.mean: Array = process._mean + process._alpha @ self._solved
         self._variance = np.maximum(1.0 - np.einsum("ij,ij->j", self._solved, self._solved), 1e-12)
@@ -97,26 +131,76 @@ class Posterior:
     def spread(self) -> Array:
         """The standard deviation of a measurement at each candidate: the function's and the noise's.
 
-        The noise counts, because much of it is not noise: what a smooth process cannot follow is different
+        The noise counts, because much of it is not noise: what a process cannot follow is different
         at each point yet the same at each visit, and a lucky point is a find.
         """
-        return np.sqrt(self._scale * (self._variance + self._noise))
+        return np.sqrt(self._scale * (self._variance + self._kernel.noise))
 
     def suppose(self, candidate: int) -> None:
         """Condition on candidate number `candidate` turning out exactly as expected.
 
         Means stay as they are; the spread shrinks around it (kriging believer).
         """
-        prior = _matern(_squared_distances(self._scaled[candidate : candidate + 1], self._scaled))[0]
+        prior = self._kernel(self._features[candidate : candidate + 1], self._features)[0]
         covariance = prior - self._solved[:, candidate] @ self._solved
-        row = covariance / math.sqrt(self._variance[candidate] + self._noise)
+        row = covariance / math.sqrt(self._variance[candidate] + self._kernel.noise)
         self._solved = np.concatenate([self._solved, row[None]])
         self._variance = np.maximum(self._variance - row**2, 1e-12)
 
     def keep(self, candidates: NDArray[np.integer]) -> None:
         """Forget all other candidates; `candidates` number the present ones."""
-        self._scaled, self._solved = self._scaled[candidates], self._solved[:, candidates]
+        self._features, self._solved = self._features[candidates], self._solved[:, candidates]
         self.mean, self._variance = self.mean[candidates], self._variance[candidates]
+
+
+class Likelihood:
+    """The negative logarithm of the hyperparameters' posterior density, and its gradient."""
+
+    def __init__(
+        self, features: Array, targets: Array, owner: NDArray[np.int64], mean: Array, deviation: Array
+    ) -> None:
+        centred = targets - targets.mean()
+        self._targets = centred / max(float(centred.std()), 1e-12)
+        self._mean, self._deviation = mean, deviation
+        count = len(targets)
+        squared = np.zeros((int(owner.max()) + 1, count, count))
+        for column, parameter in enumerate(owner):
+            squared[parameter] += (features[:, column, None] - features[:, column]) ** 2
+        self._squared = squared.reshape(len(squared), -1)  # (parameters, count^2) distances
+        self._distance = np.sqrt(self._squared)
+
+    def __call__(self, theta: Array) -> tuple[float, Array]:
+        count, targets = len(self._targets), self._targets
+        inverse_lengths = np.exp(-theta[:-3])
+        stretch, share = math.exp(theta[-3]), 1.0 / (1.0 + math.exp(-theta[-2]))
+        noise = math.exp(theta[-1])
+        r = SQRT5 * np.sqrt(inverse_lengths**2 @ self._squared)
+        decay = np.exp(-r)
+        smooth = decay * (1.0 + r + r * r / 3.0)
+        blocks = (inverse_lengths / stretch) @ self._distance
+        rough = np.exp(-blocks)
+        correlation = ((1.0 - share) * smooth + share * rough).reshape(count, count)
+        correlation[np.diag_indices_from(correlation)] += noise
+        lower = cholesky(correlation, lower=True, overwrite_a=True, check_finite=False)
+        half_log_det = np.log(np.diag(lower)).sum()
+        inverse, _ = dpotri(lower, lower=1)
+        inverse = np.tril(inverse) + np.tril(inverse, -1).T
+        weights = inverse @ targets
+        scale = max(float(targets @ weights) / count, 1e-12)
+        prior = (theta - self._mean) / self._deviation
+        value = 0.5 * count * math.log(scale) + half_log_det + 0.5 * float(prior @ prior)
+
+        outer = (inverse - np.outer(weights, weights) / scale).ravel()  # dL/dK, twice
+        gradient = prior / self._deviation
+        # d smooth / d log length = 5/3 (1 + r) exp(-r) (difference / length)^2, with r already times sqrt(5)
+        slope = outer * ((1.0 - share) * (5.0 / 3.0)) * (1.0 + r) * decay
+        gradient[:-3] += 0.5 * inverse_lengths**2 * (self._squared @ slope)
+        slope = outer * share * rough
+        gradient[:-3] += 0.5 * inverse_lengths / stretch * (self._distance @ slope)
+        gradient[-3] += 0.5 * float(slope @ blocks)
+        gradient[-2] += 0.5 * share * (1.0 - share) * float(outer @ (rough - smooth))
+        gradient[-1] += 0.5 * noise * float(outer[:: count + 1].sum())
+        return value, gradient
 
 
 def _squared_distances(a: Array, b: Array) -> Array:
@@ -130,35 +214,3 @@ def _matern(squared: Array) -> Array:
     correlation = np.exp(-r)
     correlation *= 1.0 + r + r * r / 3.0
     return correlation
-
-
-def _negative_log_posterior(
-    theta: Array, features: Array, targets: Array, owner: NDArray[np.int64]
-) -> tuple[float, Array]:
-    count = len(targets)
-    noise = math.exp(theta[-1])
-    scaled = features / np.exp(theta[:-1])[owner]
-    r = np.sqrt(5.0 * _squared_distances(scaled, scaled))
-    decay = np.exp(-r)
-    correlation = decay * (1.0 + r + r * r / 3.0)
-    correlation[np.diag_indices_from(correlation)] += noise
-    lower = cholesky(correlation, lower=True, overwrite_a=True, check_finite=False)
-    half_log_det = np.log(np.diag(lower)).sum()
-    inverse, _ = dpotri(lower, lower=1)
-    inverse = np.tril(inverse) + np.tril(inverse, -1).T
-    weights = inverse @ targets
-    scale = max(float(targets @ weights) / count, 1e-12)
-    prior = (theta - LENGTH_PRIOR) / LENGTH_SPREAD
-    prior[-1] = (theta[-1] - NOISE_PRIOR) / NOISE_SPREAD
-    value = 0.5 * count * math.log(scale) + half_log_det + 0.5 * float(prior @ prior)
-
-    outer = inverse - np.outer(weights, weights) / scale  # dL/dK, twice
-    # dk/d(log length) = 5/3 (1 + r) exp(-r) (difference / length)^2, with r already times sqrt(5)
-    slope = outer * ((5.0 / 3.0) * decay * (1.0 + r))
-    per_column = slope.sum(axis=1) @ scaled**2 - np.einsum("ic,ic->c", scaled, slope @ scaled)
-    gradient = np.empty_like(theta)
-    gradient[:-1] = np.bincount(owner, weights=per_column, minlength=len(theta) - 1)
-    gradient[-1] = 0.5 * noise * float(np.trace(outer))
-    gradient[:-1] += prior[:-1] / LENGTH_SPREAD
-    gradient[-1] += prior[-1] / NOISE_SPREAD
-    return value, gradient

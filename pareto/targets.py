@@ -61,11 +61,13 @@ def _complete(limits: Array, values: Array) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
 
     The slack is wide, since whatever lies beyond the reference is worth nothing and will not be looked for:
-    a front that is found from its middle must be able to grow outwards.
+    a front that is found from its middle must be able to grow outwards. Where the front is a single point (one
+    objective, or objectives that agree), it has no extent: the median of what was measured within the limits
+    is then the least that the reference lets in.
     """
     keep = (values <= limits).all(axis=1)
     inside = values[keep] if keep.any() else values
     front = inside[nondominated(inside)]
     low, high = front.min(axis=0), front.max(axis=0)
-    ends = high + SLACK * np.maximum(high - low, 1e-9)
+    ends = np.maximum(high + SLACK * np.maximum(high - low, 1e-9), np.median(inside, axis=0))
     return np.where(np.isfinite(limits), limits, ends)

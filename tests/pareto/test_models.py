@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import check_grad
 
 from pareto.errors import ObjectiveError
-from pareto.gaussian import GaussianProcess, _negative_log_posterior
+from pareto.gaussian import GaussianProcess, Kernel, Likelihood
 from pareto.hypervolume import hypervolume
 from pareto.improvement import expected_improvement
 
@@ -18,28 +18,51 @@ def some_data(count=40, seed=0):
     return features, np.sin(4 * features[:, 0]) + features[:, 1] ** 2 + 0.05 * rng.normal(size=count)
 
 
-def test_the_process_predicts_like_scikit_learns_with_the_same_kernel():
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import Matern
+def hyperparameters(lengths, stretch, share, noise):
+    return np.log([*lengths, stretch, share / (1 - share), noise])
 
+
+def matern_and_exponential(a, b, lengths, stretch, share):
+    """The covariance, one pair at a time; the last two of three columns share a length scale."""
+    table = np.empty((len(a), len(b)))
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            steps = [abs(x[0] - y[0]), np.hypot(x[1] - y[1], x[2] - y[2])]
+            r = np.sqrt(5 * sum((step / length) ** 2 for step, length in zip(steps, lengths, strict=True)))
+            smooth = (1 + r + r**2 / 3) * np.exp(-r)
+            blocks = [abs(x[0] - y[0]), (abs(x[1] - y[1]) + abs(x[2] - y[2])) / np.sqrt(2)]
+            rough = np.exp(-sum(s / length / stretch for s, length in zip(blocks, lengths, strict=True)))
+            table[i, j] = (1 - share) * smooth + share * rough
+    return table
+
+
+def test_the_process_predicts_as_the_textbook_says():
     features, targets = some_data()
-    theta = np.log([0.5, 0.8, 0.01])
-    ours = GaussianProcess(features, targets, OWNER, theta)
-    theirs = GaussianProcessRegressor(Matern([0.5, 0.8, 0.8], nu=2.5), alpha=0.01, optimizer=None)
-    theirs.fit(features, targets - targets.mean())
+    lengths, stretch, share, noise = [0.5, 0.8], 1.7, 0.3, 0.01
     elsewhere = np.random.default_rng(1).random((7, 3))
-    mean, deviation = theirs.predict(elsewhere, return_std=True)
-    posterior = ours.at(elsewhere)
-    np.testing.assert_allclose(posterior.mean, mean + targets.mean(), rtol=1e-9)
-    scale = posterior.spread**2 / (deviation**2 + 0.01)
+    process = GaussianProcess(features, targets, OWNER, hyperparameters(lengths, stretch, share, noise))
+    posterior = process.at(elsewhere)
+    known = matern_and_exponential(features, features, lengths, stretch, share) + noise * np.eye(40)
+    cross = matern_and_exponential(features, elsewhere, lengths, stretch, share)
+    centred = targets - targets.mean()
+    scale = centred @ np.linalg.solve(known, centred) / 40
+    variance = 1 - np.einsum("ij,ij->j", cross, np.linalg.solve(known, cross)) + noise
     np.testing.assert_allclose(
-        scale, scale[0], rtol=1e-6
-    )  # the signal variance, which scikit-learn leaves at 1
+        posterior.mean, targets.mean() + cross.T @ np.linalg.solve(known, centred), rtol=1e-8
+    )
+    np.testing.assert_allclose(posterior.spread, np.sqrt(scale * variance), rtol=1e-8)
+
+
+def test_two_values_of_a_category_are_as_far_apart_as_the_ends_of_an_axis():
+    kernel = Kernel(hyperparameters([0.5, 0.5], 1.7, 0.3, 0.01), OWNER)
+    ends, values = [[0.0, 0, 0], [1.0, 0, 0]], [[0, 0.5**0.5, 0], [0, 0, 0.5**0.5]]
+    axis, category = (kernel(np.array(rows), np.array(rows)) for rows in (ends, values))
+    np.testing.assert_allclose(axis, category, rtol=1e-12)
 
 
 def test_supposing_a_point_is_refitting_with_it():
     features, targets = some_data()
-    theta = np.log([0.5, 0.8, 0.01])
+    theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.01)
     elsewhere = np.random.default_rng(1).random((6, 3))
     posterior = GaussianProcess(features, targets, OWNER, theta).at(elsewhere)
     ratio = posterior.spread.copy()
@@ -57,14 +80,22 @@ def test_supposing_a_point_is_refitting_with_it():
 
 def test_the_likelihoods_gradient_is_its_slope():
     features, targets = some_data()
-    targets = targets - targets.mean()
-    for theta in (np.log([0.5, 0.8, 0.01]), np.log([2.0, 0.1, 0.3])):
-        error = check_grad(
-            lambda t: _negative_log_posterior(t, features, targets, OWNER)[0],
-            lambda t: _negative_log_posterior(t, features, targets, OWNER)[1],
-            theta,
-        )
+    middle, width = np.full(5, -0.5), np.full(5, 2.0)
+    likelihood = Likelihood(features, targets, OWNER, middle, width)
+    for theta in (hyperparameters([0.5, 0.8], 1.7, 0.3, 0.01), hyperparameters([2.0, 0.1], 0.6, 0.8, 0.3)):
+        error = check_grad(lambda t: likelihood(t)[0], lambda t: likelihood(t)[1], theta)
         assert error < 1e-3
+
+
+def test_the_share_of_the_rough_part_is_learnt():
+    rng = np.random.default_rng(3)
+    features = rng.random((200, 2))
+    smooth = np.sin(4 * features[:, 0]) + features[:, 1]
+    steps = np.floor(features[:, 0] * 7) % 3 + (features[:, 1] > 0.4)
+    share = {}
+    for name, targets in (("smooth", smooth), ("steps", steps)):
+        share[name] = GaussianProcess.fit(features, targets, np.array([0, 1]), rng).theta[-2]
+    assert share["smooth"] < -2 < 1 < share["steps"]  # logits
 
 
 def test_a_fitted_process_sees_which_parameter_matters():
