@@ -9,8 +9,16 @@ class SpaceError(ParetoError):
     """A space, or the file that describes it, is not well formed."""
 
 
+class ConstraintError(SpaceError):
+    """A constraint cannot be read, or forbids what must be allowed."""
+
+
 class ConfigurationError(ParetoError):
     """A configuration does not lie in its space."""
+
+
+class ForbiddenError(ConfigurationError):
+    """A configuration of the space breaks one of its constraints."""
 
 
 class ObjectiveError(ParetoError):

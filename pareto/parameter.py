@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from pareto.errors import ConfigurationError, SpaceError
+from pareto.spacing import MOST_VALUES, is_finite, is_number, spaced
 
 TYPES = ("ordinal", "categorical", "boolean", "integer", "real")
 Value = bool | int | float | str
@@ -34,6 +35,7 @@ class Parameter:
             raise SpaceError(f"parameter {self.name!r}: type {self.type!r} is not one of {', '.join(TYPES)}")
         if not self.values:
             raise SpaceError(f"parameter {self.name!r} has no values: give at least one")
+        self._require_values_of_type()
         if self.type != "categorical":
             self._require_order()
         if len(self._codes) != len(self.values):
@@ -50,7 +52,7 @@ class Parameter:
 
     @cached_property
     def _codes(self) -> dict[tuple[str, Value], int]:
-        return {_key(value): code for code, value in enumerate(self.values)}
+        return {key(value): code for code, value in enumerate(self.values)}
 
     def encode(self, value: object) -> int:
         """Return the position of `value`; numbers match to 1e-9, relative.
@@ -61,14 +63,14 @@ class Parameter:
         if self.type == "boolean" and isinstance(value, int) and value in (0, 1):
             value = bool(value)
         if isinstance(value, (bool, int, float, str)):
-            code = self._codes.get(_key(value))
+            code = self._codes.get(key(value))
             if code is not None:
                 return code
             if isinstance(value, float):
                 for code, mine in enumerate(self.values):
                     if not isinstance(mine, (str, bool)) and math.isclose(mine, value, rel_tol=1e-9):
                         return code
-        raise ConfigurationError(f"parameter {self.name!r}: {value!r} is not one of {self._some_values()}")
+        raise ConfigurationError(f"parameter {self.name!r}: {value!r} is not one of {self.some_values()}")
 
     def parse(self, text: str) -> Value:
         """Return the value that `text` (a CSV cell, a command line) stands for.
@@ -93,22 +95,28 @@ class Parameter:
     def from_dict(cls, description: Mapping[str, Any]) -> Parameter:
         """Read one parameter; the default value is the first one where none is given.
 
-        Booleans need no values, integers take `minimum`, `maximum` and `step` (1) instead of values, and
-        reals `minimum`, `maximum`, `count` and `scale` ("linear" or "log").
+        `values` lists the values. Booleans need none. Integers and reals may have `minimum` and `maximum`
+        instead, with a `step` (1 for integers), or with a `count` of values that are evenly spaced on a
+        `scale`, "linear" or "log"; those of integers are rounded, and equal ones are one value.
+
+        Raises SpaceError for a field that is unknown or does not go with the type, and for bad values.
         """
         name, kind = description.get("name", ""), description.get("type", "")
-        known = {"name", "type", "values", "default", "minimum", "maximum", "step", "count", "scale"}
-        if unknown := set(description) - known:
+        if unknown := set(description) - _FIELDS:
             raise SpaceError(
-                f"parameter {name!r}: unknown field {sorted(unknown)[0]!r}; known are {sorted(known)}"
+                f"parameter {name!r}: unknown field {sorted(map(str, unknown))[0]!r}; "
+                f"known are {', '.join(sorted(_FIELDS))}"
             )
+        if given := sorted(_RANGE & set(description)):
+            if kind not in ("integer", "real"):
+                raise SpaceError(f"parameter {name!r}: {given[0]} is for integers and reals, not {kind!r}")
+            if "values" in description:
+                raise SpaceError(f"parameter {name!r}: give values or {given[0]}, not both")
         values = description.get("values")
         if values is None and kind == "boolean":
             values = (False, True)
-        elif values is None and kind == "integer":
-            values = _integers(description)
-        elif values is None and kind == "real":
-            values = _reals(description)
+        elif values is None and kind in ("integer", "real"):
+            values = spaced(description)
         elif not isinstance(values, (list, tuple)):
             raise SpaceError(f"parameter {name!r}: values must be a list, not {values!r}")
         values = tuple(values)
@@ -117,62 +125,41 @@ class Parameter:
         default = description.get("default", values[0] if values else None)
         return cls(name=name, type=kind, values=values, default=default)
 
-    def _require_order(self) -> None:
-        if self.type == "boolean" and set(self.values) - {False, True}:
-            raise SpaceError(f"parameter {self.name!r}: a boolean is true or false, not {list(self.values)}")
-        numbers = [value for value in self.values if isinstance(value, (int, float))]
+    def _require_values_of_type(self) -> None:
+        if len(self.values) > MOST_VALUES:
+            raise SpaceError(
+                f"parameter {self.name!r} has {len(self.values):,} values: at most {MOST_VALUES:,}, "
+                "use a larger step"
+            )
+        numbers = [value for value in self.values if isinstance(value, (int, float)) and is_number(value)]
+        if bad := [number for number in numbers if not is_finite(number)]:
+            raise SpaceError(f"parameter {self.name!r}: values must be finite, not {bad[0]!r:.40}")
         if self.type in ("integer", "real") and len(numbers) != len(self.values):
             raise SpaceError(
-                f"parameter {self.name!r}: {self.type} values must be numbers: {self._some_values()}"
+                f"parameter {self.name!r}: {self.type} values must be numbers: {self.some_values()}"
             )
-        if any(not math.isfinite(number) for number in numbers):
-            raise SpaceError(f"parameter {self.name!r}: values must be finite, not {self._some_values()}")
-        if len(numbers) == len(self.values) and list(numbers) != sorted(numbers):
-            raise SpaceError(f"parameter {self.name!r}: give the numbers in ascending order")
+        if self.type == "integer" and (bad := [number for number in numbers if number != int(number)]):
+            raise SpaceError(f"parameter {self.name!r}: {bad[0]!r} is not a whole number")
+        if self.type == "boolean" and not all(isinstance(value, bool) for value in self.values):
+            raise SpaceError(f"parameter {self.name!r}: a boolean is true or false, not {list(self.values)}")
 
-    def _some_values(self) -> str:
+    def _require_order(self) -> None:
+        comparable = not any(isinstance(value, str) for value in self.values)
+        if comparable and list(self.values) != sorted(self.values):
+            raise SpaceError(f"parameter {self.name!r}: give the values in ascending order")
+
+    def some_values(self) -> str:
+        """Return the values as a message shows them: all, or the first and the last of many."""
         if len(self.values) <= 12:
             return str(list(self.values))
-        return f"{list(self.values[:5])} ... {self.values[-1]!r} ({len(self.values)} values)"
+        return f"{str(list(self.values[:5]))[:-1]}, ..., {self.values[-1]!r}] ({len(self.values):,} values)"
 
 
-def _key(value: Value) -> tuple[str, Value]:
-    # 1 and True are equal in Python, yet "1 thread" and "yes" are different values.
+def key(value: Value) -> tuple[str, Value]:
+    """Return what two values share exactly when they are one: 1 thread and "yes" differ, as 1 and "1" do."""
     kind = "boolean" if isinstance(value, bool) else "text" if isinstance(value, str) else "number"
     return kind, value
 
 
-def _bound(description: Mapping[str, Any], field: str) -> float:
-    number = description.get(field)
-    if isinstance(number, bool) or not isinstance(number, (int, float)) or not math.isfinite(number):
-        raise SpaceError(
-            f"parameter {description.get('name')!r}: give values, or a finite {field} ({number!r})"
-        )
-    return number
-
-
-def _integers(description: Mapping[str, Any]) -> range:
-    low, high, step = (_bound({"step": 1, **description}, field) for field in ("minimum", "maximum", "step"))
-    if step < 1 or high < low or any(number != int(number) for number in (low, high, step)):
-        raise SpaceError(
-            f"parameter {description.get('name')!r}: no whole numbers from {low} to {high} by {step}"
-        )
-    return range(int(low), int(high) + 1, int(step))
-
-
-def _reals(description: Mapping[str, Any]) -> list[float]:
-    low, high, count = (_bound(description, field) for field in ("minimum", "maximum", "count"))
-    scale = description.get("scale", "linear")
-    name = description.get("name")
-    if count < 2 or count != int(count) or high <= low:
-        raise SpaceError(f"parameter {name!r}: a real needs minimum < maximum and a whole count of 2 or more")
-    if scale not in ("linear", "log") or (scale == "log" and low <= 0):
-        raise SpaceError(
-            f"parameter {name!r}: scale must be linear, or log with a minimum above 0; not {scale!r}"
-        )
-    steps = int(count) - 1
-    if scale == "log":
-        values = [low * (high / low) ** (step / steps) for step in range(steps + 1)]
-    else:
-        values = [low + (high - low) * step / steps for step in range(steps + 1)]
-    return [*values[:-1], float(high)]
+_RANGE = {"minimum", "maximum", "step", "count", "scale"}
+_FIELDS = {"name", "type", "values", "default"} | _RANGE

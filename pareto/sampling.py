@@ -1,49 +1,76 @@
-"""Drawing distinct configurations from a space that may be too large to enumerate."""
+"""Drawing distinct allowed points from a space that may be too large to enumerate."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pareto.region import CHUNK, Region
 from pareto.space import Indices, Space
+
+PATIENCE = 2**25  # draws without a new point, after which a space counts as exhausted
 
 
 def sample(space: Space, count: int, rng: np.random.Generator, exclude: Collection[int] = ()) -> Indices:
-    """Return `count` distinct indices drawn uniformly, none of them in `exclude`, in random order.
+    """Return `count` distinct allowed indices drawn uniformly, none of them in `exclude`, in random order.
 
-    Fewer are returned only when the space has no more. Memory grows with `count` and `exclude`, never with
-    the space.
+    Fewer are returned only when the space has no more, or, where a constraint links too much to be tabulated
+    (see `Region`), when PATIENCE draws in a row found no more. Memory grows with `count` and `exclude`,
+    never with the space.
     """
-    taken = {int(index) for index in exclude if 0 <= index < len(space)}
-    free = len(space) - len(taken)
-    if count >= free or (count + len(taken)) * 2 > len(space):
-        # Most of the space is wanted or gone: the space itself is then no larger than the answer, roughly.
-        rest = np.setdiff1d(np.arange(len(space), dtype=np.int64), np.fromiter(taken, np.int64, len(taken)))
-        return rng.permutation(rest)[:count]
-    drawn: list[int] = []
-    while len(drawn) < count:
-        for index in rng.integers(0, len(space), size=2 * (count - len(drawn))).tolist():
-            if index not in taken:
-                taken.add(index)
-                drawn.append(index)
-    return np.array(drawn[:count], dtype=np.int64)
+    region = space.region
+    taken = np.unique(np.fromiter((i for i in exclude if 0 <= i < len(space)), dtype=np.int64))
+    if space.constraints:
+        taken = taken[space.allowed(taken)]
+    if count >= region.size - len(taken) or (count + len(taken)) * 2 > region.size:
+        # Most of the points are wanted or gone: there are then no more of them than in the answer, roughly.
+        every = region.at(np.arange(region.size, dtype=np.int64))
+        return rng.permutation(np.setdiff1d(every[region.keeps(every)], taken))[:count]
+    return _drawn(region, count, rng, taken)
 
 
 def spread_sample(
     space: Space, count: int, rng: np.random.Generator, exclude: Collection[int] = ()
 ) -> Indices:
-    """Return `count` distinct indices that cover every parameter's values evenly, none in `exclude`.
+    """Return `count` distinct allowed indices that cover every parameter's values evenly, none in `exclude`.
 
     A Latin hypercube: each parameter's values appear equally often, up to rounding, in independent random
-    orders. Duplicates and excluded points are replaced by uniform draws.
+    orders. Parameters that constraints link count as one, whose values are the allowed combinations.
+    Duplicates and excluded points are replaced by uniform draws.
     """
     columns = []
-    for size in space.shape:
+    for size in space.region.sizes:
         levels = (np.arange(count) + rng.random()) * size / max(count, 1)
         columns.append(rng.permutation(np.floor(levels).astype(np.int64) % size))
-    proposed = space.indices(np.stack(columns, axis=-1)).tolist()
+    proposed = space.region.join(np.stack(columns, axis=-1))
+    proposed = proposed[space.region.keeps(proposed)]
     taken = {int(index) for index in exclude}
-    kept = [index for index in dict.fromkeys(proposed) if index not in taken]
+    kept = [index for index in dict.fromkeys(proposed.tolist()) if index not in taken]
     filled = sample(space, count - len(kept), rng, exclude=taken | set(kept))
     return np.concatenate([np.array(kept, dtype=np.int64), filled])
+
+
+def _drawn(region: Region, count: int, rng: np.random.Generator, taken: Indices) -> Indices:
+    """Draw until `count` points are found that are neither `taken` (sorted) nor drawn before."""
+    drawn = np.empty(0, dtype=np.int64)
+    size, in_vain = 2 * count, 0
+    while len(drawn) < count and in_vain < PATIENCE:
+        fresh = region.at(rng.integers(0, region.size, size=size))
+        fresh = fresh[region.keeps(fresh)]
+        fresh = fresh[~_among(fresh, taken) & ~_among(fresh, np.sort(drawn))]
+        _, first = np.unique(fresh, return_index=True)
+        drawn = np.concatenate([drawn, fresh[np.sort(first)]])
+        in_vain = 0 if len(first) else in_vain + size
+        # Where few draws are allowed, more are made at a time.
+        size = min(16 * CHUNK, 2 * size) if region.open else 2 * max(count - len(drawn), 0)
+    return drawn[:count]
+
+
+def _among(indices: Indices, ordered: Indices) -> NDArray[np.bool_]:
+    """Return which `indices` are in `ordered`, by bisection: `ordered` may be far longer."""
+    if not len(ordered):
+        return np.zeros(len(indices), dtype=bool)
+    places = np.minimum(np.searchsorted(ordered, indices), len(ordered) - 1)
+    return ordered[places] == indices

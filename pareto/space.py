@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.errors import ConfigurationError, SpaceError
+from pareto.constraint import Constraint
+from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError
 from pareto.parameter import Parameter, Value
+from pareto.region import Count, Region, evaluate
 
 Configuration = dict[str, Value]
 Indices = NDArray[np.int64]
@@ -23,13 +25,19 @@ LARGEST = 2**62  # indices are int64, and sums of two of them must not overflow
 
 
 class Space:
-    """The full product of `parameters`.
+    """The full product of `parameters`, of which known `constraints` may allow a part only.
 
-    Every configuration has one index in 0 .. len(space) - 1. The first parameter varies slowest, as in a
-    C-ordered NumPy array of shape `space.shape`, so an array over the whole space reshapes to that grid.
+    Every configuration has one index in 0 .. len(space) - 1, forbidden ones too. The first parameter varies
+    slowest, as in a C-ordered NumPy array of shape `space.shape`, so an array over the whole space reshapes
+    to that grid. `allowed` tells which points keep all constraints.
+
+    Raises SpaceError, or ConstraintError for a constraint that cannot be read, for constraints that forbid
+    the default, and for constraints that allow nothing.
     """
 
-    def __init__(self, parameters: Sequence[Parameter], name: str = "space") -> None:
+    def __init__(
+        self, parameters: Sequence[Parameter], name: str = "space", constraints: Sequence[str] = ()
+    ) -> None:
         self.name = name
         self.parameters = tuple(parameters)
         if not self.parameters:
@@ -42,12 +50,16 @@ class Space:
             raise SpaceError(
                 f"{math.prod(self.shape):.1e} points are too many: at most 2**62, use coarser values"
             )
+        self.strides = tuple(math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape)))
+        self.constraints = tuple(Constraint(text, self.parameters) for text in constraints)
+        self._require_default()
 
     def __len__(self) -> int:
         return math.prod(self.shape)
 
     def __repr__(self) -> str:
-        return f"<Space {self.name!r}: {len(self.parameters)} parameters, {len(self):,} points>"
+        constraints = f", {len(self.constraints)} constraints" if self.constraints else ""
+        return f"<Space {self.name!r}: {len(self.parameters)} parameters, {len(self):,} points{constraints}>"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Space) and self.to_dict() == other.to_dict()
@@ -67,15 +79,29 @@ class Space:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the parameters, names and values: two spaces with one digest number alike."""
-        text = json.dumps(self.to_dict()["parameters"], sort_keys=True, separators=(",", ":"))
+        """SHA-256 of parameters and constraints: two spaces with one digest number and allow alike."""
+        described = self.to_dict()
+        del described["name"]
+        if not self.constraints:
+            described = described["parameters"]  # as before there were constraints: saved states name it
+        text = json.dumps(described, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def encode(self, configuration: Mapping[str, object]) -> int:
         """Return the index of `configuration`.
 
-        Raises ConfigurationError naming a missing or unknown parameter, or a value that it cannot take.
+        Raises ConfigurationError naming a missing or unknown parameter, or a value that it cannot take, and
+        ForbiddenError, which is one, naming the constraint that is broken.
         """
+        index = self.index_of(configuration)
+        for constraint in self.constraints:
+            if not evaluate(self, constraint.clauses, np.array([index]))[0]:
+                values = ", ".join(f"{name} = {configuration[name]!r}" for name in constraint.names)
+                raise ForbiddenError(f"{values} breaks the constraint {constraint.text!r}")
+        return index
+
+    def index_of(self, configuration: Mapping[str, object]) -> int:
+        """Return the index of `configuration`, whether constraints allow it or not; else as `encode`."""
         for name in configuration:
             if name not in self.names:
                 raise ConfigurationError(
@@ -110,25 +136,52 @@ class Space:
         return np.ravel_multi_index(tuple(np.asarray(codes).T), self.shape).astype(np.int64, copy=False)
 
     def allowed(self, indices: Iterable[int] | Indices) -> NDArray[np.bool_]:
-        """Return a mask of the `indices` whose configurations may be measured."""
+        """Return a mask of the `indices` that keep all constraints: all of them where there are none."""
         flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)
-        return np.ones(len(flat), dtype=bool)
+        clauses = [clause for constraint in self.constraints for clause in constraint.clauses]
+        return evaluate(self, clauses, flat)
+
+    @cached_property
+    def allowed_grid(self) -> NDArray[np.bool_]:
+        """`allowed` for every point in index order: len(space) bytes, read only, made once."""
+        grid = np.ones(self.shape, dtype=bool)
+        # An axis a parameter, as in an open grid: a constraint is evaluated on its own parameters only.
+        codes = dict(zip(self.names, np.ix_(*map(np.arange, self.shape)), strict=True))
+        for constraint in self.constraints:
+            for clause in constraint.clauses:
+                grid &= clause.holds(codes)
+        grid.flags.writeable = False
+        return grid.reshape(-1)
+
+    @cached_property
+    def region(self) -> Region:
+        """The allowed part, from which points are counted and drawn."""
+        return Region(self)
+
+    def count_allowed(self) -> Count:
+        """Return the number of allowed points: exact, or with its error where it could only be estimated.
+
+        It is exact whenever no constraint links more than about four million combinations of values.
+        """
+        return self.region.count
 
     def neighbours(self, index: int, reach: int | None = None) -> Indices:
-        """Return every configuration that differs from `index` in exactly one parameter, ascending.
+        """Return every allowed point that differs from `index` in exactly one parameter, ascending.
 
         `reach` bounds the step along ordered parameters (1: the next value up and down); None means any
         other value. Unordered parameters always take every other value.
         """
         [codes] = self.codes([index])
         found = []
-        for axis, (parameter, size) in enumerate(zip(self.parameters, self.shape, strict=True)):
-            steps = np.arange(size) - codes[axis]
+        for code, parameter, size, stride in zip(
+            codes, self.parameters, self.shape, self.strides, strict=True
+        ):
+            steps = np.arange(size) - code
             if reach is not None and parameter.ordered:
                 steps = steps[np.abs(steps) <= reach]
-            stride = math.prod(self.shape[axis + 1 :])
             found.append(index + steps[steps != 0] * stride)
-        return np.sort(np.concatenate(found)).astype(np.int64)
+        others = np.sort(np.concatenate(found)).astype(np.int64)
+        return others[self.allowed(others)]
 
     def features(self, indices: Iterable[int] | Indices) -> NDArray[np.float64]:
         """Return (n, columns) coordinates in the unit cube, for models that measure distances.
@@ -154,22 +207,39 @@ class Space:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plain-JSON description that `from_dict` reads."""
-        return {"name": self.name, "parameters": [parameter.to_dict() for parameter in self.parameters]}
+        described: dict[str, Any] = {
+            "name": self.name,
+            "parameters": [parameter.to_dict() for parameter in self.parameters],
+        }
+        if self.constraints:
+            described["constraints"] = [constraint.text for constraint in self.constraints]
+        return described
 
     @classmethod
     def from_dict(cls, description: Mapping[str, Any]) -> Space:
-        """Read `{"name": .., "parameters": [{"name", "type", "values", "default"}, ..]}`.
+        """Read `{"name": .., "parameters": [{"name", "type", ..}, ..], "constraints": [text, ..]}`.
 
-        Raises SpaceError for anything else; `Parameter.from_dict` lists the parameters' fields.
+        `spaces/space.schema.json` describes it; `Parameter.from_dict` lists the parameters' fields, and
+        `Constraint` what a constraint may say. Raises SpaceError for anything else.
         """
         parameters = description.get("parameters") if isinstance(description, Mapping) else None
         if not isinstance(parameters, list) or not all(isinstance(item, Mapping) for item in parameters):
             raise SpaceError(
                 'a space is {"name": .., "parameters": [{"name": .., "type": .., "values": [..]}, ..]}'
             )
-        return cls(
-            [Parameter.from_dict(item) for item in parameters], name=str(description.get("name", "space"))
-        )
+        if unknown := set(description) - {"$schema", "name", "parameters", "constraints"}:
+            raise SpaceError(
+                f"unknown field {sorted(map(str, unknown))[0]!r} of a space: "
+                "it has name, parameters and constraints"
+            )
+        name, constraints = description.get("name", "space"), description.get("constraints", [])
+        if not isinstance(name, str):
+            raise SpaceError(f"a space's name is a text, not {name!r}")
+        if not isinstance(constraints, list):
+            raise SpaceError(
+                f'constraints are a list of texts such as ["a * b <= 1024"], not {constraints!r}'
+            )
+        return cls([Parameter.from_dict(item) for item in parameters], name, constraints)
 
     @classmethod
     def load(cls, path: str | Path) -> Space:
@@ -185,3 +255,22 @@ class Space:
     def save(self, path: str | Path) -> None:
         """Write the space as JSON that `load` reads."""
         Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
+
+    def _require_default(self) -> None:
+        """Raise ConstraintError when the default is forbidden; naming what is allowed, if anything is."""
+        broken = [item for item in self.constraints if not self._keeps_default(item)]
+        if not broken:
+            return
+        texts = ", ".join(repr(constraint.text) for constraint in self.constraints)
+        if not self.region.size:
+            raise ConstraintError(f"no configuration keeps all of {texts}: they contradict each other")
+        nearest = self.region.nearest(self.index_of(self.default))
+        if nearest is None:
+            raise ConstraintError(f"no configuration was found that keeps all of {texts}")
+        good = {name: value for name, value in self.decode(nearest).items() if value != self.default[name]}
+        raise ConstraintError(
+            f"the default breaks the constraint {broken[0].text!r}: give other defaults, for example {good}"
+        )
+
+    def _keeps_default(self, constraint: Constraint) -> bool:
+        return bool(evaluate(self, constraint.clauses, np.array([self.index_of(self.default)]))[0])
