@@ -8,7 +8,7 @@ better in at least one; equal points do not dominate each other, so duplicates a
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -18,6 +18,7 @@ from pareto.errors import ObjectiveError
 
 Point = TypeVar("Point")
 BLOCK = 1024  # rows compared with each other at once; 3 boolean BLOCK x BLOCK arrays stay in the cache
+CELLS = 1 << 16  # of the coarse grid, half a MB that stays in the cache
 
 
 class NothingWithinLimitsError(ObjectiveError):
@@ -36,20 +37,16 @@ def nondominated(points: ArrayLike, maximise: Sequence[bool] | None = None) -> N
     table = _minimised(points, maximise)
     mask = np.zeros(len(table), dtype=bool)
     columns = np.ascontiguousarray(table.T)
-    missing = np.isnan(columns).any(axis=0)
-    rows = np.flatnonzero(~missing)
-    if len(rows) == 0:
-        return mask
-    if len(rows) < len(table):
+    rows = np.arange(len(table))
+    if np.isnan(columns).any():
+        rows = np.flatnonzero(~np.isnan(columns).any(axis=0))
         columns = columns[:, rows]
-    keep = _survivors_of_a_sample(columns)
-    rows, columns = rows[keep], columns[:, keep]
-    order = np.lexsort(columns[::-1])
-    columns = columns[:, order]
-    # Equal rows are neighbours now: decide for the first of each run and copy its answer to the others.
-    first = np.concatenate([[True], (columns[:, 1:] != columns[:, :-1]).any(axis=0)])
-    answer = _nondominated_sorted(columns[:, first])
-    mask[rows[order]] = answer[np.cumsum(first) - 1]
+    for scale in (np.asarray, _ordinal):
+        if len(rows) > 4 * BLOCK and len(columns) > 1:
+            keep = _not_ruled_out(columns, scale)
+            rows, columns = rows[keep], columns[:, keep]
+    if len(rows):
+        mask[rows] = _staircase(columns) if len(columns) <= 2 else _by_blocks(columns)
     return mask
 
 
@@ -126,59 +123,86 @@ def _minimised(points: ArrayLike, maximise: Sequence[bool] | None) -> NDArray[np
     return np.where(np.asarray(maximise, dtype=bool), -table, table)
 
 
-def _survivors_of_a_sample(columns: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return ascending positions of the columns' rows that a few good rows do not already rule out.
+def _not_ruled_out(
+    columns: NDArray[np.float64], scale: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> NDArray[np.int64]:
+    """Return ascending positions of the rows that a coarse grid does not already rule out.
 
-    Sorting is the dear part of the filter; a few comparisons first leave little to sort.
+    A row is beaten when the least last objective, among all cells that are nearer in every other objective,
+    is no greater than its own. That costs a few passes over the table and leaves little to sort, which is the
+    dear part of the filter. `scale` is any function that keeps the order of numbers; where the cells are
+    narrow decides how much is left, never what is right.
     """
-    rows = np.arange(columns.shape[1])
-    if len(rows) < 4 * BLOCK:
-        return rows
-    probe = columns[:, :: len(rows) // BLOCK]
-    pivots = probe[:, nondominated(probe.T)]
-    for _ in range(8):
-        # The pivot that rules out most of the sample rules out most of the table.
-        ruled_out = np.array([_dominated_by(pivot, probe).sum() for pivot in pivots.T])
-        best = int(np.argmax(ruled_out))
-        if ruled_out[best] < probe.shape[1] // 16 + 1:
-            break
-        keep = ~_dominated_by(pivots[:, best], columns)
-        rows, columns = rows[keep], columns[:, keep]
-        probe = probe[:, ~_dominated_by(pivots[:, best], probe)]
-    return rows
+    axes = len(columns) - 1
+    size = int(CELLS ** (1.0 / axes))
+    cell = np.zeros(columns.shape[1], dtype=np.intp)
+    for column in columns[:-1]:
+        cell *= size
+        cell += _cells(scale(column), size)
+    least = np.full((size,) * axes, np.inf)
+    np.minimum.at(least.reshape(-1), cell, columns[-1])
+    for axis in range(axes):
+        np.minimum.accumulate(least, axis=axis, out=least)
+    nearer = np.full_like(least, np.nan)  # nothing is nearer than the first cells, and NaN rules nothing out
+    nearer[(slice(1, None),) * axes] = least[(slice(None, -1),) * axes]
+    nearer[np.isinf(nearer) & (nearer > 0)] = np.nan
+    return np.flatnonzero(~(nearer.reshape(-1)[cell] <= columns[-1]))
 
 
-def _dominated_by(pivot: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.bool_]:
-    worse = columns[0] >= pivot[0]
-    for column, value in zip(columns[1:], pivot[1:], strict=True):
-        worse &= column >= value
-    ties = np.flatnonzero(worse & (columns[0] == pivot[0]))
-    worse[ties] = (columns[:, ties] != pivot[:, None]).any(axis=0)
-    return worse
+def _cells(numbers: NDArray[np.float64], size: int) -> NDArray[np.intp]:
+    """Return a cell in 0 .. size - 1 for each of the numbers: smaller numbers never in a higher cell."""
+    low, high = numbers.min(), numbers.max()
+    if math.isinf(low) or math.isinf(high):
+        finite = numbers[np.isfinite(numbers)]
+        low, high = (finite.min(), finite.max()) if len(finite) else (0.0, 0.0)
+        numbers = np.clip(numbers, low, high)
+    extent = float(high) - float(low)
+    if extent == 0 or math.isinf(extent):
+        return np.zeros(len(numbers), dtype=np.intp)
+    return np.minimum(((numbers - low) / extent * size).astype(np.intp), size - 1)
 
 
-def _nondominated_sorted(columns: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """The filter for distinct rows in lexicographic order: only earlier rows can dominate later ones."""
-    objectives, count = columns.shape
-    if objectives == 1:
-        return np.arange(count) == 0
-    if objectives == 2:
-        best_before = np.concatenate([[math.inf], np.minimum.accumulate(columns[1])[:-1]])
-        mask = columns[1] < best_before
-        mask[0] = True
-        return mask
-    mask = np.zeros(count, dtype=bool)
-    earlier = _Staircase() if objectives == 3 else _List(objectives - 1)
-    for start in range(0, count, BLOCK):
-        block = columns[1:, start : start + BLOCK]
+def _ordinal(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return each number's place among all floating-point numbers: about a logarithm, defined everywhere."""
+    bits = np.ascontiguousarray(numbers).view(np.int64)
+    # Negative numbers count downwards from minus zero, which shares its place with zero.
+    return np.where(bits < 0, np.iinfo(np.int64).min - bits, bits).astype(np.float64)
+
+
+def _staircase(columns: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """The filter for one and two objectives: in order of the first, each new least second is on the front."""
+    order = np.argsort(columns[0])
+    x, y = columns[0, order], columns[-1, order]
+    # Rows that share the first objective stand together: only the least of them can be on the front.
+    starts = np.flatnonzero(np.concatenate([[True], x[1:] != x[:-1]]))
+    least = np.minimum.reduceat(y, starts)
+    step = np.concatenate([[True], least[1:] < np.minimum.accumulate(least)[:-1]])
+    mask = np.empty(len(order), dtype=bool)
+    mask[order] = np.repeat(np.where(step, least, np.nan), np.diff(starts, append=len(x))) == y
+    return mask
+
+
+def _by_blocks(columns: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """The filter for three objectives and more: in lexicographic order only earlier rows can beat later."""
+    order = np.lexsort(columns[::-1])
+    columns = columns[:, order]
+    # Equal rows are neighbours now: decide for the first of each run and copy its answer to the others.
+    first = np.concatenate([[True], (columns[:, 1:] != columns[:, :-1]).any(axis=0)])
+    distinct = columns[1:, first]
+    winning = np.zeros(distinct.shape[1], dtype=bool)
+    earlier = _Staircase() if len(distinct) == 2 else _List(len(distinct))
+    for start in range(0, len(winning), BLOCK):
+        block = distinct[:, start : start + BLOCK]
         alive = np.flatnonzero(~earlier.weakly_dominates(block))
         block = block[:, alive]
         beaten = np.triu(np.ones((len(alive), len(alive)), dtype=bool), 1)  # [i, j]: i comes before j
         for column in block:
             beaten &= column[:, None] <= column
         winners = ~beaten.any(axis=0)
-        mask[start + alive[winners]] = True
+        winning[start + alive[winners]] = True
         earlier.add(block[:, winners])
+    mask = np.empty(len(order), dtype=bool)
+    mask[order] = winning[np.cumsum(first) - 1]
     return mask
 
 

@@ -42,8 +42,20 @@ def test_no_front_row_is_dominated_and_every_other_row_is(objectives, seed):
     assert all(any(dominates(a, b) for a in points[mask]) for b in points[~mask])
 
 
+@settings(max_examples=60)
+@given(st.integers(1, 4), st.integers(0, 2**32 - 1), st.lists(few_values, min_size=1))
+def test_a_large_table_with_ties_and_infinities_is_decided_like_its_distinct_rows(objectives, seed, values):
+    rng = np.random.default_rng(seed)
+    points = rng.choice(values, size=(5000, objectives))
+    points[rng.random(5000) < 0.1, 0] = np.nan
+    distinct, place = np.unique(points[~np.isnan(points[:, 0])], axis=0, return_inverse=True)
+    expected = np.zeros(5000, dtype=bool)
+    expected[~np.isnan(points[:, 0])] = by_definition(distinct)[place.reshape(-1)]
+    np.testing.assert_array_equal(nondominated(points), expected)
+
+
 @pytest.mark.parametrize("objectives", [2, 3, 4])
-@pytest.mark.parametrize("shape", ["cloud", "shell", "grid"])
+@pytest.mark.parametrize("shape", ["cloud", "shell", "grid", "skewed", "wide"])
 def test_large_tables_agree_with_a_slower_filter(objectives, shape):
     rng = np.random.default_rng(objectives)
     points = rng.random((20_000, objectives))
@@ -52,8 +64,19 @@ def test_large_tables_agree_with_a_slower_filter(objectives, shape):
         points = -points / np.linalg.norm(points, axis=1, keepdims=True)
     if shape == "grid":
         points = points.round(1)
+    if shape == "skewed":  # a few huge values squeeze all others into one cell of an even grid
+        points = np.exp(rng.normal(scale=8, size=points.shape))
+        points[:, 0] = 1 / points[:, 1] * (1 + points[:, 0] / points[:, 0].max())
+    if shape == "wide":  # the extent itself overflows
+        points = (points - 0.5) * 1.7e308 * 2
     moocore = pytest.importorskip("moocore")
     np.testing.assert_array_equal(nondominated(points), moocore.is_nondominated(points, keep_weakly=True))
+
+
+def test_zeros_of_both_signs_are_equal_in_a_large_table_too():
+    points = np.ones((5000, 2))
+    points[:, 0] = np.where(np.arange(5000) % 2, 0.0, -0.0)
+    assert nondominated(points).all()
 
 
 def test_rows_with_nan_are_neither_on_the_front_nor_in_its_way():
