@@ -1,34 +1,90 @@
-"""Fronts for administrators: drafts can be published, published ones retired, nothing edited."""
+"""Fronts for administrators: drafts, reviews, publications. Content comes from files and explorations."""
 
 from typing import Any
 
+from django import forms
 from django.contrib import admin, messages
+from django.core.exceptions import PermissionDenied, ValidationError
 from django.db.models import Count, QuerySet
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
+from django.template.response import TemplateResponse
+from django.urls import URLPattern, path, reverse
 
-from crowd.fronts import services
-from crowd.fronts.models import Configuration, FrontVersion
+from crowd.fronts import contents, manifests, selectors, services
+from crowd.fronts.difference import difference
+from crowd.fronts.models import AuditEntry, Configuration, FrontVersion
+from crowd.fronts.steps import PUBLISH, STEPS, SUBMIT, Step
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
 
 class ConfigurationInline(ReadOnlyInline):
     model = Configuration
     fields = ("position", "name", "parameters", "predicted")
+    show_change_link = False
+
+
+class ImportForm(forms.Form):
+    """A front's file, as `manage.py front export` writes it."""
+
+    file = forms.FileField(
+        help_text="fixtures/fronts/kfusion-1.json is one; docs/publishing.md tells the rest"
+    )
+
+
+@admin.register(AuditEntry)
+class AuditEntryAdmin(ReadOnlyAdmin):
+    """Who did what to which front."""
+
+    list_display = ("at", "actor", "action", "slug", "from_state", "to_state", "short_digest", "note")
+    list_filter = ("action", "actor")
+    search_fields = ("slug", "actor", "digest", "note")
+    date_hierarchy = "at"
+
+    @admin.display(description="digest")
+    def short_digest(self, row: AuditEntry) -> str:
+        return row.digest[:12]
 
 
 @admin.register(FrontVersion)
 class FrontVersionAdmin(ReadOnlyAdmin):
-    """Read-only: fronts come from files and explorations, and what is published stays."""
+    """Nothing is edited here; each step is a button of its own, for those who may take it."""
 
-    list_display = ("slug", "application", "state", "points", "published_at", "short_digest")
+    list_display = ("slug", "application", "state", "points", "created_at", "published_at", "short_digest")
     list_filter = ("application", "state")
     search_fields = ("slug", "digest")
-    date_hierarchy = "published_at"
+    date_hierarchy = "created_at"
+    ordering = ("-created_at",)
     inlines = (ConfigurationInline,)
     actions = ("publish", "retire")
 
+    def get_urls(self) -> list[URLPattern]:
+        def page(route: str, view: Any, name: str) -> URLPattern:
+            return path(route, self.admin_site.admin_view(view), name=f"fronts_frontversion_{name}")
+
+        return [
+            page("import/", self.import_page, "import"),
+            page("<int:key>/step/", self.step, "step"),
+            page("<int:key>/manifest/", self.manifest_page, "manifest"),
+            page("<int:key>/manifest.json", self.manifest, "manifest_json"),
+            page("<int:key>/compare/", self.compare_page, "compare"),
+            page("<int:key>/export/", self.export, "export"),
+            *super().get_urls(),
+        ]
+
     def get_queryset(self, request: HttpRequest) -> QuerySet[FrontVersion]:
         return super().get_queryset(request).annotate(points=Count("configurations"))
+
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
+        context = {"may_import": request.user.has_perm(SUBMIT)}
+        return super().changelist_view(request, context | (extra_context or {}))
+
+    def change_view(
+        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
+    ) -> HttpResponse:
+        front = self.get_object(request, object_id)
+        context = {} if front is None else {"steps": _offered(request, front), "log": _log(front)}
+        return super().change_view(request, object_id, form_url, context | (extra_context or {}))
 
     @admin.display(ordering="points")
     def points(self, row: Any) -> int:
@@ -38,20 +94,127 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def short_digest(self, row: FrontVersion) -> str:
         return row.digest[:12]
 
-    @admin.action(description="Publish the selected drafts", permissions=["publish"])
+    @admin.action(description="Publish those in review", permissions=["publish"])
     def publish(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> None:
-        for front in queryset.filter(state=FrontVersion.State.DRAFT):
-            services.publish(front)
-            self.message_user(request, f"{front.slug} is published: clients measure it now", messages.SUCCESS)
+        for front in queryset:
+            self._take(request, front, STEPS["publish"])
 
     @admin.action(description="Retire the selected fronts", permissions=["publish"])
     def retire(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> None:
-        for front in queryset.filter(state=FrontVersion.State.PUBLISHED):
-            services.retire(front)
-            self.message_user(
-                request, f"{front.slug} is retired: no client is told of it now", messages.SUCCESS
-            )
+        for front in queryset:
+            self._take(request, front, STEPS["retire"])
 
     def has_publish_permission(self, request: HttpRequest) -> bool:
-        """Whoever may change fronts may publish them; the form itself stays read-only."""
-        return bool(request.user.has_perm("fronts.change_frontversion"))
+        return bool(request.user.has_perm(PUBLISH))
+
+    def step(self, request: HttpRequest, key: int) -> HttpResponse:
+        """Take the step that the form names; 403 for those who may not."""
+        front, step = self._seen(request, key), STEPS.get(request.POST.get("step", ""))
+        if step is None or not request.user.has_perm(step.permission):
+            raise PermissionDenied
+        taken = self._take(request, front, step)
+        if taken is None:
+            return redirect("admin:fronts_frontversion_changelist")
+        return redirect("admin:fronts_frontversion_change", taken.pk)
+
+    def manifest_page(self, request: HttpRequest, key: int) -> HttpResponse:
+        """The manifest that clients would read, with its address for machines."""
+        front = self._seen(request, key)
+        manifest = manifests.content(selectors.any_front(key))
+        return self._page(
+            request,
+            "manifest",
+            front,
+            f"What clients read of {front.slug}",
+            manifest=manifests.indented(manifest),
+            bytes=len(manifest),
+            etag=manifests.etag(manifest),
+        )
+
+    def manifest(self, request: HttpRequest, key: int) -> HttpResponse:
+        """Those bytes."""
+        self._seen(request, key)
+        return HttpResponse(manifests.content(selectors.any_front(key)), content_type="application/json")
+
+    def compare_page(self, request: HttpRequest, key: int) -> HttpResponse:
+        """What this version gained and lost against another: the one clients measure now, unless named."""
+        front = self._seen(request, key)
+        others = FrontVersion.objects.filter(application=front.application).exclude(pk=key)
+        wanted = request.GET.get("with") or getattr(selectors.current(front.application), "slug", "")
+        other = others.filter(slug=wanted).first() or others.order_by("-created_at").first()
+        found = other and difference(selectors.any_front(other.pk), selectors.any_front(key))
+        title = f"{front.slug} against {other.slug}" if other else f"{front.slug} is the only version"
+        return self._page(request, "compare", front, title, difference=found, others=others)
+
+    def export(self, request: HttpRequest, key: int) -> HttpResponse:
+        """The front as a file that imports."""
+        front = self._seen(request, key)
+        text = contents.text(selectors.document(selectors.any_front(key)))
+        name = f'attachment; filename="{front.slug}.json"'
+        return HttpResponse(text, content_type="application/json", headers={"Content-Disposition": name})
+
+    def import_page(self, request: HttpRequest) -> HttpResponse:
+        """A draft from a file; a bad one is told in a line."""
+        if not request.user.has_perm(SUBMIT):
+            raise PermissionDenied
+        form = ImportForm(request.POST or None, request.FILES or None)
+        if request.method == "POST" and form.is_valid():
+            file = form.cleaned_data["file"]
+            try:
+                document = contents.parse(file.read(contents.LARGEST_FILE_BYTES + 1))
+                front = services.create_draft(document, _name(request), f"from the file {file.name}")
+            except services.REFUSALS as error:
+                form.add_error("file", str(error))
+            else:
+                self.message_user(request, f"Front {front.slug} is a draft", messages.SUCCESS)
+                return redirect("admin:fronts_frontversion_change", front.pk)
+        return self._page(request, "import", None, "Draft from a file", form=form)
+
+    def _seen(self, request: HttpRequest, key: int) -> FrontVersion:
+        """The front with that key. Raises PermissionDenied, also where there is none."""
+        front = self.get_object(request, str(key))
+        if front is None or not self.has_view_permission(request, front):
+            raise PermissionDenied
+        return front
+
+    def _take(self, request: HttpRequest, front: FrontVersion, step: Step) -> FrontVersion | None:
+        """FRONT, or what became of it, after STEP; a refusal is told as a message and changes nothing."""
+        note = {"note": request.POST["note"]} if request.POST.get("note") and step.notes else {}
+        try:
+            taken = step.take(front, by=_name(request), **note)
+        except (ValidationError, *services.REFUSALS) as error:
+            text = "; ".join(getattr(error, "messages", [str(error)]))
+            self.message_user(request, f"Nothing was done: {text}", messages.ERROR)
+            return front
+        self.message_user(request, step.done.format(taken or front), messages.SUCCESS)
+        return taken
+
+    def _page(
+        self, request: HttpRequest, name: str, front: FrontVersion | None, title: str, **context: Any
+    ) -> HttpResponse:
+        shown = self.admin_site.each_context(request) | {
+            "title": title,
+            "opts": self.opts,
+            "front": front,
+            "back": reverse("admin:fronts_frontversion_change", args=[front.pk]) if front else "",
+        }
+        return TemplateResponse(request, f"admin/fronts/frontversion/{name}.html", shown | context)
+
+
+def _offered(request: HttpRequest, front: FrontVersion) -> list[Step]:
+    """The steps that FRONT's state allows and its reader may take."""
+    return [
+        step
+        for step in STEPS.values()
+        if front.state in step.states
+        and request.user.has_perm(step.permission)
+        and not (step.name == "discard" and front.audit.exists())
+    ]
+
+
+def _log(front: FrontVersion) -> QuerySet[AuditEntry]:
+    return AuditEntry.objects.filter(slug=front.slug)
+
+
+def _name(request: HttpRequest) -> str:
+    return str(request.user.get_username())

@@ -132,6 +132,11 @@ def canonical(document: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def text(document: dict[str, Any]) -> str:
+    """DOCUMENT as a file that people can read too."""
+    return json.dumps(document, indent=2) + "\n"
+
+
 def digest(document: dict[str, Any]) -> str:
     """sha256 over the JSON of what is kept of DOCUMENT; order of members and white space do not matter."""
     return hashlib.sha256(msgspec.json.encode(canonical(document), order="sorted")).hexdigest()
@@ -170,8 +175,8 @@ def _mistakes(content: Content, document: dict[str, Any]) -> Iterator[str]:
             PARAMETERS.get(content.application, dict)(point.parameters)
         except ConfigurationError as error:
             yield f"configurations[{place}].parameters of {point.name}: {error}"
-    if (place := _not_finite(document)) is not None:
-        yield f"{place.removeprefix('.')}: must be a finite number"
+    if (member := _not_finite(document)) is not None:
+        yield f"{member.removeprefix('.')}: must be a finite number"
 
 
 def _not_finite(value: Any, place: str = "") -> str | None:

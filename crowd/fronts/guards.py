@@ -54,7 +54,7 @@ def _supported(connection: Any) -> bool:
 
 def _rules(vendor: str) -> dict[str, tuple[str, str, str, str]]:
     draft = FrontVersion.State.DRAFT.value
-    fixed = [field.column for field in FrontVersion._meta.concrete_fields if field.name not in MUTABLE]
+    fixed = [field.attname for field in FrontVersion._meta.concrete_fields if field.name not in MUTABLE]
     permitted = " OR ".join(
         f"(OLD.state = '{before}' AND NEW.state = '{after}')"
         for before, afters in PERMITTED.items()

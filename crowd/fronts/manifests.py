@@ -24,3 +24,8 @@ def content(front: Front) -> bytes:
 def etag(manifest: bytes) -> str:
     """Its ETag: clients that have this one are told that nothing changed."""
     return f'"{hashlib.sha256(manifest).hexdigest()[:32]}"'
+
+
+def indented(manifest: bytes) -> str:
+    """The same members for people to read."""
+    return msgspec.json.format(manifest, indent=2).decode()

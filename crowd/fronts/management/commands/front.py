@@ -1,6 +1,5 @@
 """manage.py front export | import | publish | retire: fronts from and to files, without a browser."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 from django.core.exceptions import ValidationError
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd.fronts import selectors, services
+from crowd.fronts import contents, selectors, services
 from crowd.fronts.models import FrontVersion
 
 
@@ -48,7 +47,7 @@ class Command(BaseCommand):
     def _export(self, version: str, out: Path | None) -> None:
         front = selectors.any_front(self._found(version).pk)
         services.refuse_altered(front)
-        text = json.dumps(selectors.document(front), indent=2) + "\n"
+        text = contents.text(selectors.document(front))
         if out is None:
             self.stdout.write(text, ending="")
             return

@@ -1,0 +1,62 @@
+"""What a person may do with a front: which steps its state allows, and which permission each needs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from crowd.fronts import services
+from crowd.fronts.models import FrontVersion
+
+State = FrontVersion.State
+SUBMIT, PUBLISH = "fronts.submit_frontversion", "fronts.publish_frontversion"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One button: what it is called, from which states it leads, who may press it, what it then says.
+
+    With `notes` the log takes a reason.
+    """
+
+    name: str
+    label: str
+    states: tuple[str, ...]
+    permission: str
+    take: Callable[..., FrontVersion | None]
+    done: str
+    notes: bool = False
+
+
+STEPS = {
+    step.name: step
+    for step in (
+        Step(
+            *("submit", "Submit for review", (State.DRAFT,), SUBMIT, services.submit),
+            "Front {} is in review: its content is fixed now",
+            notes=True,
+        ),
+        Step(
+            *("publish", "Publish", (State.IN_REVIEW,), PUBLISH, services.publish),
+            "Front {} is published: clients measure it now",
+            notes=True,
+        ),
+        Step(
+            *("send-back", "Send back to draft", (State.IN_REVIEW,), SUBMIT, services.send_back),
+            "Front {} is a draft again",
+            notes=True,
+        ),
+        Step(
+            *("retire", "Retire", (State.PUBLISHED,), PUBLISH, services.retire),
+            "Front {} is retired: no client is told of it now",
+            notes=True,
+        ),
+        Step(
+            *("publish-again", "Publish again as a new version", (State.PUBLISHED, State.RETIRED), PUBLISH),
+            services.publish_again,
+            "Front {} is published: clients measure it now",
+        ),
+        Step(
+            *("discard", "Discard this draft", (State.DRAFT,), SUBMIT, services.discard),
+            "The draft is gone; the log remembers it",
+        ),
+    )
+}
