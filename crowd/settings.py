@@ -14,6 +14,10 @@
 | FRONTRUNNER_ACCEPTING | 1 | 0 closes the intake of measurements: clients keep theirs and try later |
 | FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are told to update |
 | FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | accepted submissions of one installation |
+| FRONTRUNNER_LEASE_SECONDS | 90 | after so long without a heartbeat a measurement's worker counts as dead |
+| FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement |
+| FRONTRUNNER_REAP_SECONDS | 60 | between two searches for what dead workers and lost messages left behind |
+| FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS | 900 | after which a measurement counts as failed |
 """
 
 import os
@@ -36,6 +40,12 @@ FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
 FRONTRUNNER_MINIMUM_APP_VERSION = os.environ.get("FRONTRUNNER_MINIMUM_APP_VERSION", "0.1.0")
 FRONTRUNNER_SUBMISSIONS_PER_MINUTE = integer("FRONTRUNNER_SUBMISSIONS_PER_MINUTE", 60)
 FRONTRUNNER_CONSENT_VERSION = 1
+# What measures an evaluation of an exploration: any function like this one.
+FRONTRUNNER_EVALUATOR = "crowd.explorations.measurement.measure"
+FRONTRUNNER_LEASE_SECONDS = integer("FRONTRUNNER_LEASE_SECONDS", 90)
+FRONTRUNNER_HEARTBEAT_SECONDS = integer("FRONTRUNNER_HEARTBEAT_SECONDS", 15)
+FRONTRUNNER_REAP_SECONDS = integer("FRONTRUNNER_REAP_SECONDS", 60)
+FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS = integer("FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS", 900)
 # What one request may cost: the body as sent, and the body after gzip.
 FRONTRUNNER_MAX_BODY_BYTES = 1 << 20
 FRONTRUNNER_MAX_INFLATED_BYTES = 8 << 20
@@ -137,7 +147,10 @@ CELERY_WORKER_ENABLE_REMOTE_CONTROL = False
 CELERY_TIMEZONE = "UTC"
 CELERY_BEAT_SCHEDULE = {
     "summarise what no message reached": {"task": "crowd.results.tasks.sweep", "schedule": 30.0},
-    "measure what no message reached": {"task": "crowd.explorations.tasks.reap", "schedule": 60.0},
+    "measure what no message reached": {
+        "task": "crowd.explorations.tasks.reap",
+        "schedule": FRONTRUNNER_REAP_SECONDS,
+    },
 }
 
 AUTH_PASSWORD_VALIDATORS = [

@@ -66,14 +66,12 @@ class ExplorationAdmin(admin.ModelAdmin):
 
     def save_model(self, request: HttpRequest, obj: Exploration, form: Any, change: bool) -> None:  # noqa: ARG002
         """Store a new exploration and send its first measurements."""
-        services.create(obj)
-        for evaluation in services.waiting(obj):
-            tasks.send(evaluation)
+        tasks.dispatch(services.create(obj))
 
     @admin.action(description="Stop the selected explorations", permissions=["steer"])
     def stop(self, request: HttpRequest, queryset: QuerySet[Exploration]) -> None:
         for exploration in queryset:
-            services.stop(exploration)
+            services.cancel(exploration)
             self.message_user(request, f"Stopped {exploration}: it measures nothing more", messages.SUCCESS)
 
     @admin.action(description="Publish front", permissions=["steer"])

@@ -9,6 +9,7 @@ from django.db import models
 from pareto.errors import ParetoError
 from pareto.methods import DEFAULT, METHODS
 from pareto.space import Space
+from slam.isolated import FIRST_COUNTED_FRAME
 
 NAME = RegexValidator(
     r"\A[a-z0-9][a-z0-9_-]*\Z", "lower-case letters, digits, - and _, starting with a letter or digit"
@@ -24,12 +25,26 @@ def validate_space(description: Any) -> None:
 
 
 class ReferenceDevice(models.Model):
-    """A machine on which explorations measure: a Celery worker that listens on a queue of its own."""
+    """A kind of machine on which explorations measure, one configuration at a time on each.
+
+    It is served by Celery workers on a queue of its own, or over HTTP by whoever holds its token, of which
+    only the digest is kept.
+    """
 
     name = models.CharField(max_length=64, unique=True, validators=[NAME])
     queue = models.CharField(max_length=64, validators=[NAME], help_text="celery worker --queues QUEUE")
     opencl_device = models.CharField(
         max_length=200, blank=True, help_text="a part of an OpenCL device's description; empty: the best one"
+    )
+    machines = models.PositiveSmallIntegerField(
+        default=1,
+        validators=[MinValueValidator(1)],
+        help_text="equal machines that serve it: no more measurements than that run at once",
+    )
+    token_sha256 = models.CharField(max_length=64, null=True, unique=True, editable=False)  # noqa: DJ001
+    token_issued_at = models.DateTimeField(null=True, blank=True, editable=False)
+    seen_at = models.DateTimeField(
+        null=True, blank=True, editable=False, help_text="when a worker last asked for work or started"
     )
 
     class Meta:
@@ -43,13 +58,17 @@ class Exploration(models.Model):
     """A search over a space: what to minimise on which sequence, and how far it has come.
 
     `budget` configurations are searched in batches of `batch`; the application's known configurations are
-    measured besides. At the end up to `points` of the front are measured `repeats` times more.
+    measured besides. At the end up to `points` of the front are measured `repeats` times more, over the
+    whole sequence however few `frames` the search uses. A `synchronous` one measures a whole batch before
+    it asks for the next, so that equal seeds and values give equal searches; else it asks for more as soon
+    as half a batch is finished.
     """
 
     class State(models.TextChoices):
         RUNNING = "running"
+        PAUSED = "paused"
         DONE = "done"
-        STOPPED = "stopped"
+        CANCELLED = "cancelled"
 
     application = models.CharField(max_length=64, validators=[NAME], default="kfusion")
     space = models.JSONField(validators=[validate_space])
@@ -61,14 +80,34 @@ class Exploration(models.Model):
     objectives = models.JSONField(help_text="names, all minimised: runtime, ate_max, ...")
     limits = models.JSONField(default=dict, blank=True, help_text="upper bounds by objective")
     method = models.CharField(max_length=32, default=DEFAULT, choices=[(name, name) for name in METHODS])
+    options = models.JSONField(default=dict, blank=True, help_text="the method's own, such as initial: 200")
     seed = models.PositiveIntegerField(default=0)
+    frames = models.PositiveIntegerField(
+        null=True,
+        blank=True,
+        validators=[MinValueValidator(FIRST_COUNTED_FRAME + 1)],
+        help_text="frames that a measurement of the search runs; empty: all of the sequence",
+    )
+    synchronous = models.BooleanField(
+        default=True, help_text="measure a whole batch before the next is asked"
+    )
+    recheck = models.BooleanField(
+        default=True, help_text="measure again what lies far from what its neighbours lead to expect"
+    )
     budget = models.PositiveIntegerField(validators=[MinValueValidator(1)])
     batch = models.PositiveSmallIntegerField(default=8, validators=[MinValueValidator(1)])
     points = models.PositiveSmallIntegerField(default=12, validators=[MinValueValidator(2)])
     repeats = models.PositiveSmallIntegerField(default=3, validators=[MaxValueValidator(100)])
     command = models.TextField(blank=True, help_text="the command line that created it, if one did")
     state = models.CharField(max_length=16, choices=State.choices, default=State.RUNNING)
-    search = models.JSONField(default=dict, help_text="the explorer's own state")
+    warm_start_from = models.ForeignKey(
+        "self",
+        on_delete=models.SET_NULL,
+        null=True,
+        blank=True,
+        related_name="warm_starts",
+        help_text="an earlier exploration whose measurements are told as known",
+    )
     created_at = models.DateTimeField(auto_now_add=True)
     finished_at = models.DateTimeField(null=True, blank=True)
 
@@ -102,16 +141,34 @@ class Evaluation(models.Model):
         GIVEN = "given", "given (a known configuration)"
         RANDOM = "random"
         ACTIVE = "active", "active (learnt)"
+        CHECK = "check", "check (of an outlier)"
         REPEAT = "repeat", "repeat (against noise)"
+        KNOWN = "known", "known (from an earlier exploration)"
+        PRIOR = "prior", "prior (from another device or sequence)"
 
-    exploration = models.ForeignKey(Exploration, on_delete=models.CASCADE, related_name="evaluations")
+    exploration = models.ForeignKey(
+        Exploration,
+        on_delete=models.CASCADE,
+        related_name="evaluations",
+        db_index=False,  # the unique number's index begins with it
+    )
     number = models.PositiveIntegerField(help_text="order within the exploration, from 0")
     phase = models.CharField(max_length=16, choices=Phase.choices)
     label = models.CharField(max_length=64, blank=True, validators=[NAME], help_text="name, if it has one")
     configuration = models.JSONField()
     configuration_key = models.CharField(max_length=64, help_text="digest of the configuration")
+    index = models.BigIntegerField(null=True, help_text="of the configuration in its space, if it is there")
+    iteration = models.PositiveIntegerField(default=0, help_text="which time it was asked for more, from 1")
+    frames = models.PositiveIntegerField(null=True, blank=True, help_text="to run; empty: the whole sequence")
+    copied_from = models.ForeignKey(
+        "self", on_delete=models.SET_NULL, null=True, blank=True, related_name="copies"
+    )
     state = models.CharField(max_length=16, choices=State.choices, default=State.PENDING)
-    attempt = models.PositiveSmallIntegerField(default=0)
+    attempt = models.PositiveIntegerField(default=0, help_text="leases so far; never goes back")
+    losses = models.PositiveSmallIntegerField(default=0, help_text="leases that ran out")
+    worker = models.CharField(max_length=200, blank=True, help_text="who measures or measured it")
+    started_at = models.DateTimeField(null=True, blank=True)
+    heartbeat_at = models.DateTimeField(null=True, blank=True)
     lease_until = models.DateTimeField(null=True, blank=True)
     objectives = models.JSONField(null=True, blank=True, help_text="seconds a frame, metres")
     stages = models.JSONField(null=True, blank=True, help_text="mean seconds a frame by stage")
@@ -125,6 +182,11 @@ class Evaluation(models.Model):
         ordering = ["exploration_id", "number"]
         constraints = [
             models.UniqueConstraint(fields=["exploration", "number"], name="evaluation_number"),
+            models.UniqueConstraint(
+                fields=["exploration", "index"],
+                condition=models.Q(phase__in=["random", "active"]),
+                name="evaluation_searched_once",
+            ),
             models.CheckConstraint(
                 condition=~models.Q(state="done") | models.Q(objectives__isnull=False),
                 name="evaluation_done_has_objectives",
@@ -138,7 +200,10 @@ class Evaluation(models.Model):
                 name="evaluation_failed_has_a_reason",
             ),
         ]
-        indexes = [models.Index(fields=["state", "lease_until"], name="evaluation_leases")]
+        indexes = [
+            models.Index(fields=["state", "lease_until"], name="evaluation_leases"),
+            models.Index(fields=["exploration", "state"], name="evaluation_states"),
+        ]
 
     def __str__(self) -> str:
         return f"{self.exploration} #{self.number}"

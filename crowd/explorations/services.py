@@ -1,21 +1,20 @@
-"""Writes of explorations: create, advance, lease, record, reap. The row is the truth, messages are hints."""
+"""Writes of explorations: create, steer, go on. The row is the truth, messages are hints."""
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from datetime import timedelta
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
-from django.db.models import F, Q
+from django.db.models import Max, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import known, points, software
-from crowd.explorations.measurement import LeaseLostError, Measurement, MeasurementError, pack_of
+from crowd.explorations import known, points, search
+from crowd.explorations.measurement import MeasurementError, pack_of
 from crowd.explorations.models import Evaluation, Exploration
-from pareto import Explorer, Space
+from crowd.explorations.search import FINISHED, SEARCHED
+from pareto import Space
 from pareto.errors import ConfigurationError, ParetoError
 
 MEASURED = (
@@ -27,58 +26,139 @@ MEASURED = (
     "cpu_seconds",
     "peak_memory_bytes",
 )
-LEASE = timedelta(seconds=90)  # several heartbeats: a busy machine is not a dead one
-MOST_ATTEMPTS = 3
-FINISHED = (Evaluation.State.DONE, Evaluation.State.FAILED)
-SEARCHED = (Evaluation.Phase.RANDOM, Evaluation.Phase.ACTIVE)
+# Repeats change medians, and these what belongs to the front: it is looked at again, but not for ever.
+MOST_ROUNDS_OF_REPEATS = 3
+COPIED = (Evaluation.Phase.KNOWN, Evaluation.Phase.PRIOR)
+Wanted = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
 
 
 def check(exploration: Exploration) -> None:
     """Raise ValidationError where a new exploration cannot be run: its message says what would be right."""
-    exploration.full_clean(exclude=["search"])
+    exploration.full_clean()
     names = exploration.objectives
     if not isinstance(names, list) or not set(map(str, names)) <= set(MEASURED):
         raise ValidationError(f"objectives {names!r} must be a list of {', '.join(MEASURED)}")
     if not isinstance(exploration.limits, dict):
         raise ValidationError(f"limits {exploration.limits!r} must map objectives to upper bounds")
+    if not isinstance(exploration.options, dict):
+        raise ValidationError(f"options {exploration.options!r} must map the method's options to numbers")
+    earlier = exploration.warm_start_from
+    if earlier is not None and earlier.application != exploration.application:
+        raise ValidationError(f"{earlier} explores {earlier.application}: choose one of the same application")
     try:
-        _fresh_explorer(exploration)
-        pack_of(exploration)
+        search.fresh(exploration)
+        pack = json.loads((pack_of(exploration) / "pack.json").read_text())
     except (ParetoError, MeasurementError) as error:
         raise ValidationError(str(error)) from error
+    if exploration.frames is not None and exploration.frames > pack["frames"]:
+        raise ValidationError(f"frames {exploration.frames}: {pack['name']} has {pack['frames']}")
 
 
 @transaction.atomic
 def create(exploration: Exploration) -> Exploration:
-    """Store a new exploration and the measurements of its application's known configurations.
+    """Store a new exploration, what an earlier one knows, and the known configurations to be measured.
 
     Raises ValidationError where it cannot be run.
     """
     check(exploration)
-    space = Space.from_dict(exploration.space)
-    exploration.search = _fresh_explorer(exploration).state()
     exploration.save()
+    if exploration.warm_start_from is not None:
+        _copy(exploration, exploration.warm_start_from)
+    space = Space.from_dict(exploration.space)
+    given = known.configurations(exploration.application, space).items()
     _add(
         exploration,
-        [
-            (configuration, Evaluation.Phase.GIVEN, label)
-            for label, configuration in known.configurations(exploration.application, space).items()
-        ],
+        [(configuration, Evaluation.Phase.GIVEN, label) for label, configuration in given],
+        iteration=0,
     )
     return exploration
+
+
+def clone(exploration: Exploration, **changes: Any) -> Exploration:
+    """A new exploration with the same wishes but for CHANGES, not stored yet: `create` does that."""
+    kept = {
+        field.attname: getattr(exploration, field.attname)
+        for field in Exploration._meta.concrete_fields
+        if field.name not in {"id", "state", "command", "created_at", "finished_at"}
+    }
+    return Exploration(**(kept | changes))
+
+
+def pause(exploration: Exploration) -> None:
+    """Begin no further measurement until it is resumed; what is being measured now is finished."""
+    _move(exploration, (Exploration.State.RUNNING,), Exploration.State.PAUSED)
+
+
+def resume(exploration: Exploration) -> None:
+    """Go on with a paused exploration."""
+    _move(exploration, (Exploration.State.PAUSED,), Exploration.State.RUNNING)
+
+
+@transaction.atomic
+def cancel(exploration: Exploration) -> None:
+    """Measure nothing more of it, for good; what is measured stays, what is being measured is given up."""
+    unfinished = (Exploration.State.RUNNING, Exploration.State.PAUSED)
+    _move(exploration, unfinished, Exploration.State.CANCELLED, finished_at=timezone.now())
+    exploration.evaluations.filter(state=Evaluation.State.RUNNING).update(
+        state=Evaluation.State.PENDING, lease_until=None
+    )
+
+
+@transaction.atomic
+def raise_budget(exploration: Exploration, budget: int) -> None:
+    """Search up to BUDGET configurations in all; a finished exploration goes on."""
+    if budget <= exploration.budget:
+        raise ValidationError(f"budget {budget}: it is {exploration.budget} already, give a larger one")
+    _go_on(exploration, budget=budget)
+
+
+@transaction.atomic
+def retry_failures(exploration: Exploration) -> int:
+    """Measure once more what failed; how many evaluations that are. A finished exploration goes on."""
+    failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exclude(phase__in=COPIED)
+    count = failed.update(state=Evaluation.State.PENDING, losses=0, error="", finished_at=None)
+    if count:
+        _go_on(exploration)
+    return count
+
+
+@transaction.atomic
+def measure_again(
+    exploration: Exploration, configurations: Sequence[tuple[Mapping[str, Any], str]], times: int
+) -> list[Evaluation]:
+    """Ask for (configuration, label) TIMES more over the whole sequence, in turn; the new evaluations.
+
+    Round after round, so that a slow drift of the machine meets every one alike. A finished exploration
+    runs again until they are measured.
+    """
+    if times < 1 or not configurations:
+        raise ValidationError(
+            f"{times} times {len(configurations)} configurations: give at least one of each"
+        )
+    _go_on(exploration)
+    return _add(
+        exploration, _rounds([(configuration, label, times) for configuration, label in configurations])
+    )
 
 
 def advance(exploration_id: int) -> list[Evaluation]:
     """Learn from what was measured and ask for more; return the new evaluations, in order.
 
-    Nothing happens while something asked for is not finished. Asking takes seconds and is done outside of
-    the transaction: of two who ask at once one is heard.
+    Nothing happens while it is not `due`. Asking may take seconds and is done outside of the transaction: of
+    two who ask at once one is heard.
     """
     exploration = Exploration.objects.get(pk=exploration_id)
-    unfinished = exploration.evaluations.exclude(state__in=FINISHED)
-    if exploration.state != Exploration.State.RUNNING or unfinished.exists():
+    if exploration.state != Exploration.State.RUNNING or not due(exploration):
         return []
     return _ask(exploration, list(exploration.evaluations.all()))
+
+
+def due(exploration: Exploration) -> bool:
+    """Whether it can ask for more: all is finished, or half a batch where it is not synchronous."""
+    unfinished = unfinished_of(exploration)
+    if exploration.synchronous:
+        return not unfinished.exists()
+    return unfinished.count() <= exploration.batch // 2
 
 
 def waiting(exploration: Exploration) -> list[Evaluation]:
@@ -86,87 +166,9 @@ def waiting(exploration: Exploration) -> list[Evaluation]:
     return list(exploration.evaluations.filter(state=Evaluation.State.PENDING))
 
 
-@contextmanager
-def leased(evaluation_id: int) -> Iterator[Evaluation | None]:
-    """The evaluation, held for as long as it is measured; None where it is finished or someone else's.
-
-    A MeasurementError inside makes it a failed evaluation. Any other exception gives it back.
-    """
-    now = timezone.now()
-    free = Q(state=Evaluation.State.PENDING) | Q(state=Evaluation.State.RUNNING, lease_until__lt=now)
-    taken = Evaluation.objects.filter(
-        free, pk=evaluation_id, exploration__state=Exploration.State.RUNNING
-    ).update(state=Evaluation.State.RUNNING, attempt=F("attempt") + 1, lease_until=now + LEASE)
-    if not taken:
-        yield None
-        return
-    evaluation = Evaluation.objects.select_related("exploration__reference_device").get(pk=evaluation_id)
-    try:
-        yield evaluation
-    except MeasurementError as error:
-        fail(evaluation, str(error))
-    except LeaseLostError:
-        return
-    except BaseException:
-        _held(evaluation).update(state=Evaluation.State.PENDING, lease_until=None)
-        raise
-
-
-def renew(evaluation: Evaluation) -> bool:
-    """Hold the evaluation for longer; False where the lease is lost."""
-    return bool(_held(evaluation).update(lease_until=timezone.now() + LEASE))
-
-
-def record(evaluation: Evaluation, measurement: Measurement) -> bool:
-    """Store a measurement; False, and nothing stored, where the lease is lost."""
-    return bool(
-        _held(evaluation).update(
-            state=Evaluation.State.DONE,
-            lease_until=None,
-            finished_at=timezone.now(),
-            objectives=measurement.objectives,
-            stages=measurement.stages,
-            device=measurement.device,
-            software=software.version(),
-        )
-    )
-
-
-def fail(evaluation: Evaluation, reason: str) -> bool:
-    """Store that the configuration cannot be measured; False where the lease is lost."""
-    return bool(
-        _held(evaluation).update(
-            state=Evaluation.State.FAILED,
-            lease_until=None,
-            finished_at=timezone.now(),
-            error=reason or "no reason given",
-            software=software.version(),
-        )
-    )
-
-
-def reap() -> list[Exploration]:
-    """Give back evaluations whose holder is gone; return the explorations that run.
-
-    One that took down its worker MOST_ATTEMPTS times is failed, since it would do so again.
-    """
-    lost = Evaluation.objects.filter(state=Evaluation.State.RUNNING, lease_until__lt=timezone.now())
-    lost.filter(attempt__gte=MOST_ATTEMPTS).update(
-        state=Evaluation.State.FAILED,
-        lease_until=None,
-        finished_at=timezone.now(),
-        error=f"lost {MOST_ATTEMPTS} times: its worker died while measuring it",
-    )
-    lost.update(state=Evaluation.State.PENDING, lease_until=None)
-    running = Exploration.objects.filter(state=Exploration.State.RUNNING)
-    return list(running.order_by("pk"))
-
-
-def stop(exploration: Exploration) -> None:
-    """Measure nothing more of a running exploration; what is measured stays."""
-    Exploration.objects.filter(pk=exploration.pk, state=Exploration.State.RUNNING).update(
-        state=Exploration.State.STOPPED, finished_at=timezone.now()
-    )
+def unfinished_of(exploration: Exploration) -> QuerySet[Evaluation]:
+    """What is still to be measured, or being measured now."""
+    return exploration.evaluations.filter(state__in=(Evaluation.State.PENDING, Evaluation.State.RUNNING))
 
 
 def key(configuration: Mapping[str, Any]) -> str:
@@ -174,62 +176,75 @@ def key(configuration: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()
 
 
-def _ask(exploration: Exploration, evaluations: list[Evaluation]) -> list[Evaluation]:
-    """Everything asked for is finished: search on, measure the best again, or be done."""
-    explorer = Explorer.restore(Space.from_dict(exploration.space), exploration.search)
-    _tell(explorer, evaluations, exploration.objectives)
-    searched = sum(evaluation.phase in SEARCHED for evaluation in evaluations)
-    proposals = explorer.propose(min(exploration.batch, exploration.budget - searched))
-    wanted = [(proposal.configuration, proposal.phase, "") for proposal in proposals]
-    if not wanted and not any(evaluation.phase == Evaluation.Phase.REPEAT for evaluation in evaluations):
-        chosen = points.worth_publishing(exploration, evaluations)
-        # Round after round, so that a slow drift of the machine meets every point alike.
-        wanted = [
-            (point.configuration, Evaluation.Phase.REPEAT, point.label)
-            for _ in range(exploration.repeats)
-            for point in chosen
-        ]
+def _ask(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+    """Search on; then measure the best again; then be done."""
+    wanted = _search(exploration, evaluations)
+    unfinished = any(row.state not in FINISHED for row in evaluations)
+    if not wanted and not unfinished:
+        wanted = _repeats(exploration, evaluations)
     with transaction.atomic():
         present = Exploration.objects.select_for_update().get(pk=exploration.pk)
-        if present.search != exploration.search or present.state != Exploration.State.RUNNING:
+        # A number is never given back, so that their count tells whether someone else asked meanwhile.
+        if present.state != Exploration.State.RUNNING or _count(present) != len(evaluations):
             return []
         if wanted:
-            exploration.search = explorer.state()
-            exploration.save(update_fields=["search"])
             return _add(exploration, wanted)
-        exploration.state, exploration.finished_at = Exploration.State.DONE, timezone.now()
-        exploration.save(update_fields=["state", "finished_at"])
+        if not unfinished:
+            present.state, present.finished_at = Exploration.State.DONE, timezone.now()
+            present.save(update_fields=["state", "finished_at"])
         return []
 
 
-def _fresh_explorer(exploration: Exploration) -> Explorer:
-    return Explorer(
-        Space.from_dict(exploration.space),
-        exploration.objectives,
-        exploration.limits,
-        seed=exploration.seed,
-        method=exploration.method,
-    )
+def _search(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Wanted]:
+    """The next of the search, or outliers to be checked first; nothing once the budget is used up."""
+    if exploration.recheck and (far := search.outliers(exploration, evaluations)):
+        again = [(row.configuration, Evaluation.Phase.CHECK, row.label) for row in far]
+        return again * search.CHECKS
+    left = exploration.budget - sum(row.phase in SEARCHED for row in evaluations)
+    if left <= 0:
+        return []
+    unfinished = sum(row.state not in FINISHED for row in evaluations)
+    count = left if search.whole_rounds(exploration) else min(exploration.batch - unfinished, left)
+    proposals = search.explorer(exploration, evaluations).propose(count)
+    return [(proposal.configuration, proposal.phase, "") for proposal in proposals]
 
 
-def _tell(explorer: Explorer, evaluations: list[Evaluation], objectives: list[str]) -> None:
-    """Tell what the explorer does not know: what it asked for, and given configurations in its space."""
-    for evaluation in evaluations:
-        if evaluation.phase == Evaluation.Phase.REPEAT:
-            continue
-        try:
-            index = explorer.space.encode(evaluation.configuration)
-        except ConfigurationError:
-            continue  # a given configuration beside the grid
-        if index in explorer.history.told:
-            continue
-        found = evaluation.objectives or {}
-        values = {name: found[name] for name in objectives} if set(objectives) <= set(found) else None
-        explorer.tell([evaluation.configuration], [values], phase=evaluation.phase)
+def _repeats(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Wanted]:
+    """What is worth publishing and was not yet measured `repeats` times over the whole sequence."""
+    repeats = [row for row in evaluations if row.phase == Evaluation.Phase.REPEAT]
+    newest = max((row.iteration for row in evaluations if row.phase in SEARCHED), default=0)
+    rounds = {row.iteration for row in repeats if row.iteration > newest}
+    if len(rounds) >= MOST_ROUNDS_OF_REPEATS:
+        return []
+    own = [row for row in evaluations if row.phase != Evaluation.Phase.PRIOR]
+    missing = []
+    for point in points.worth_publishing(exploration, own):
+        wanted = key(point.configuration)
+        so_far = sum(row.configuration_key == wanted for row in repeats)
+        missing.append((point.configuration, point.label, exploration.repeats - so_far))
+    return _rounds(missing)
 
 
-def _add(exploration: Exploration, wanted: list[tuple[dict[str, Any], str, str]]) -> list[Evaluation]:
-    first = exploration.evaluations.count()
+def _rounds(missing: Iterable[tuple[Mapping[str, Any], str, int]]) -> list[Wanted]:
+    """Each (configuration, label, times) as often as it says, in turn with the others."""
+    missing = list(missing)
+    return [
+        (configuration, Evaluation.Phase.REPEAT, label)
+        for number in range(max((times for _, _, times in missing), default=0))
+        for configuration, label, times in missing
+        if number < times
+    ]
+
+
+def _add(
+    exploration: Exploration, wanted: Sequence[Wanted], iteration: int | None = None
+) -> list[Evaluation]:
+    """Store new evaluations, numbered on; repeats run over the whole sequence."""
+    space = Space.from_dict(exploration.space)
+    if iteration is None:
+        last = exploration.evaluations.aggregate(last=Max("iteration"))["last"]
+        iteration = 1 + (last or 0)
+    first = _count(exploration)
     return Evaluation.objects.bulk_create(
         Evaluation(
             exploration=exploration,
@@ -238,13 +253,64 @@ def _add(exploration: Exploration, wanted: list[tuple[dict[str, Any], str, str]]
             label=label,
             configuration=configuration,
             configuration_key=key(configuration),
+            index=_index(space, configuration),
+            iteration=iteration,
+            frames=None if phase == Evaluation.Phase.REPEAT else exploration.frames,
         )
         for place, (configuration, phase, label) in enumerate(wanted)
     )
 
 
-def _held(evaluation: Evaluation) -> Any:
-    """The row, if EVALUATION still holds its lease."""
-    return Evaluation.objects.filter(
-        pk=evaluation.pk, state=Evaluation.State.RUNNING, attempt=evaluation.attempt
+def _copy(exploration: Exploration, earlier: Exploration) -> None:
+    """What EARLIER measured is known: as if measured here where nothing differs, else as a prior."""
+    same = ("reference_device_id", "sequence_sha256", "frames")
+    alike = all(getattr(earlier, name) == getattr(exploration, name) for name in same)
+    space = Space.from_dict(exploration.space)
+    found = earlier.evaluations.filter(state__in=FINISHED).exclude(phase__in=COPIED)
+    rows = [row for row in found if row.frames == earlier.frames]
+    Evaluation.objects.bulk_create(
+        Evaluation(
+            exploration=exploration,
+            number=number,
+            phase=Evaluation.Phase.KNOWN if alike else Evaluation.Phase.PRIOR,
+            label=row.label,
+            configuration=row.configuration,
+            configuration_key=row.configuration_key,
+            index=_index(space, row.configuration),
+            frames=row.frames,
+            copied_from=row,
+            **{name: getattr(row, name) for name in ("state", "objectives", "stages", "device", "software")},
+            **{name: getattr(row, name) for name in ("error", "worker", "finished_at")},
+        )
+        for number, row in enumerate(rows)
     )
+
+
+def _index(space: Space, configuration: Mapping[str, Any]) -> int | None:
+    try:
+        return int(space.encode(configuration))
+    except ConfigurationError:
+        return None  # a known configuration beside the grid
+
+
+def _count(exploration: Exploration) -> int:
+    return exploration.evaluations.count()
+
+
+def _go_on(exploration: Exploration, **changes: Any) -> None:
+    """Let a finished exploration run again."""
+    kept = {Exploration.State.RUNNING, Exploration.State.PAUSED}
+    if exploration.state not in kept:
+        changes |= {"state": Exploration.State.RUNNING, "finished_at": None}
+    possible = (*kept, Exploration.State.DONE)
+    _move(exploration, possible, changes.pop("state", exploration.state), **changes)
+
+
+def _move(exploration: Exploration, possible: Iterable[str], state: str, **changes: Any) -> None:
+    """Give the exploration another state. Raises ValidationError where it is in none of the POSSIBLE ones."""
+    moved = Exploration.objects.filter(pk=exploration.pk, state__in=possible).update(state=state, **changes)
+    exploration.refresh_from_db()
+    if not moved:
+        raise ValidationError(
+            f"{exploration} is {exploration.state}: this needs one that is {' or '.join(possible)}"
+        )

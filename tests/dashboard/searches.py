@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pareto
-from crowd.explorations import services
+from crowd.explorations import leases, services
 from crowd.explorations.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
@@ -38,10 +38,10 @@ def measure(search: Exploration, results: Iterable[tuple[float, float] | None]) 
     """Measure the waiting evaluations: (max ATE in metres, seconds a frame), or None for a failure."""
     services.advance(search.pk)
     for waiting, result in zip(services.waiting(search), results, strict=True):
-        with services.leased(waiting.pk) as evaluation:
+        with leases.leased(waiting.pk) as evaluation:
             assert isinstance(evaluation, Evaluation)
             if result is None:
                 raise MeasurementError("the process ended with signal 6")
             ate, runtime = result
             objectives = {"runtime": runtime, "ate_max": ate, "ate_mean": ate / 2}
-            services.record(evaluation, Measurement(objectives, {"computation": runtime}, {"name": "test"}))
+            leases.record(evaluation, Measurement(objectives, {"computation": runtime}, {"name": "test"}))

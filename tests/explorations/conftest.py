@@ -3,15 +3,13 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from crowd.explorations import services
+from crowd.explorations import leases, services
 from crowd.explorations.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
-from slam.datasets import open_sequence, pack
-from tests.slam.sequences import ArraySequence
-from tests.slam.shipped import LIVING_ROOM
+from slam.datasets import open_sequence
+from tests.slam.tiny import write_tiny_pack
 
 SPACE = {
     "name": "small",
@@ -26,21 +24,8 @@ SPACE = {
 
 @pytest.fixture(scope="session")
 def tiny_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The first 12 frames of the shipped sequence, a quarter as wide and as high."""
-    whole = open_sequence(LIVING_ROOM)
-    depth = np.stack([whole.depth(frame)[::4, ::4] for frame in range(12)])
-    assert whole.truth is not None
-    tiny = ArraySequence(
-        depth,
-        truth=whole.truth[:12],
-        name="tiny",
-        volume_size=whole.volume_size,
-        initial_position=whole.initial_position,
-    )
-    tiny.camera = whole.camera.scaled(4)
-    folder = tmp_path_factory.mktemp("sequences") / "tiny"
-    pack.write(tiny, folder)
-    return folder
+    """A sequence that is measured in a moment."""
+    return write_tiny_pack(tmp_path_factory.mktemp("sequences"))
 
 
 @pytest.fixture
@@ -83,9 +68,9 @@ def measurement(configuration: dict[str, Any]) -> Measurement:
 def finish(evaluations: list[Evaluation]) -> None:
     """Record a measurement for each."""
     for waiting in evaluations:
-        with services.leased(waiting.pk) as evaluation:
+        with leases.leased(waiting.pk) as evaluation:
             assert evaluation is not None
-            assert services.record(evaluation, measurement(evaluation.configuration))
+            assert leases.record(evaluation, measurement(evaluation.configuration))
 
 
 def run_to_the_end(exploration: Exploration) -> Exploration:

@@ -8,7 +8,7 @@ from django.core.exceptions import ValidationError
 from django.db import IntegrityError
 from django.utils import timezone
 
-from crowd.explorations import services
+from crowd.explorations import leases, search, services
 from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from tests.explorations.conftest import finish, measurement, run_to_the_end
@@ -98,19 +98,19 @@ def test_a_measured_evaluation_is_stored_whole(exploration: Exploration) -> None
 
 def test_an_evaluation_is_measured_by_one_at_a_time(exploration: Exploration) -> None:
     row = services.waiting(exploration)[0]
-    with services.leased(row.pk) as mine:
-        with services.leased(row.pk) as theirs:
+    with leases.leased(row.pk) as mine:
+        with leases.leased(row.pk) as theirs:
             assert theirs is None
         assert mine is not None
-        services.record(mine, measurement(mine.configuration))
+        leases.record(mine, measurement(mine.configuration))
 
-    with services.leased(row.pk) as again:
+    with leases.leased(row.pk) as again:
         assert again is None
 
 
 def test_a_failed_measurement_keeps_its_reason_and_the_search_goes_on(exploration: Exploration) -> None:
     for row in services.waiting(exploration):
-        with services.leased(row.pk):
+        with leases.leased(row.pk):
             raise MeasurementError("killed by SIGABRT: out of resources")
 
     row.refresh_from_db()
@@ -120,7 +120,7 @@ def test_a_failed_measurement_keeps_its_reason_and_the_search_goes_on(exploratio
 
 def test_any_other_error_gives_the_evaluation_back(exploration: Exploration) -> None:
     row = services.waiting(exploration)[0]
-    with pytest.raises(KeyboardInterrupt), services.leased(row.pk):
+    with pytest.raises(KeyboardInterrupt), leases.leased(row.pk):
         raise KeyboardInterrupt
 
     row.refresh_from_db()
@@ -129,17 +129,17 @@ def test_any_other_error_gives_the_evaluation_back(exploration: Exploration) -> 
 
 def test_an_evaluation_whose_worker_died_is_given_to_another(exploration: Exploration) -> None:
     row = services.waiting(exploration)[0]
-    with services.leased(row.pk) as dead:
+    with leases.leased(row.pk) as dead:
         assert dead is not None
         let_leases_run_out()
-        assert [found.pk for found in services.reap()] == [exploration.pk]
-        with services.leased(row.pk) as alive:
+        assert [found.pk for found in leases.reap()] == [exploration.pk]
+        with leases.leased(row.pk) as alive:
             assert alive is not None
-            assert not services.renew(dead)
-            assert not services.record(dead, measurement(dead.configuration))
-            assert not services.fail(dead, "too late")
-            assert services.renew(alive)
-            assert services.record(alive, measurement(alive.configuration))
+            assert not leases.renew(dead)
+            assert not leases.record(dead, measurement(dead.configuration))
+            assert not leases.fail(dead, "too late")
+            assert leases.renew(alive)
+            assert leases.record(alive, measurement(alive.configuration))
 
     row.refresh_from_db()
     assert (row.state, row.attempt) == ("done", 2)
@@ -149,43 +149,43 @@ def test_a_lease_that_ran_out_may_be_taken_over_even_before_the_reaper_comes(
     exploration: Exploration,
 ) -> None:
     row = services.waiting(exploration)[0]
-    with services.leased(row.pk):
+    with leases.leased(row.pk):
         let_leases_run_out()
-        with services.leased(row.pk) as other:
+        with leases.leased(row.pk) as other:
             assert other is not None
-            services.record(other, measurement(other.configuration))
+            leases.record(other, measurement(other.configuration))
 
 
 def test_what_kills_its_worker_three_times_is_failed(exploration: Exploration) -> None:
     row = services.waiting(exploration)[0]
     Evaluation.objects.filter(pk=row.pk).update(
-        state="running", attempt=services.MOST_ATTEMPTS, lease_until=timezone.now() - LONG_AGO
+        state="running", losses=leases.MOST_LOSSES - 1, lease_until=timezone.now() - LONG_AGO
     )
 
-    services.reap()
+    leases.reap()
 
     row.refresh_from_db()
     assert row.state == "failed"
     assert "lost 3 times" in row.error
 
 
-def test_a_stopped_exploration_measures_nothing_more(exploration: Exploration) -> None:
-    services.stop(exploration)
+def test_a_cancelled_exploration_measures_nothing_more(exploration: Exploration) -> None:
+    services.cancel(exploration)
 
-    with services.leased(services.waiting(exploration)[0].pk) as evaluation:
+    with leases.leased(services.waiting(exploration)[0].pk) as evaluation:
         assert evaluation is None
     assert services.advance(exploration.pk) == []
-    assert services.reap() == []
+    assert leases.reap() == []
 
 
 def test_the_default_method_learns_from_given_configurations_in_its_space(unsaved: Exploration) -> None:
-    unsaved.method, unsaved.budget, unsaved.batch = "two-stage", 50, 10
+    unsaved.method, unsaved.budget, unsaved.batch, unsaved.recheck = "two-stage", 50, 10, False
     exploration = run_to_the_end(services.create(unsaved))
 
     phases = set(exploration.evaluations.values_list("phase", flat=True))
     assert phases == {"given", "random", "active", "repeat"}
-    exploration.refresh_from_db()
-    assert len(exploration.search["observations"]) == 50
+    explorer = search.explorer(exploration, list(exploration.evaluations.all()))
+    assert len(explorer.history.told) == 50
 
 
 @pytest.mark.parametrize(

@@ -7,62 +7,11 @@ from typing import Any
 import pytest
 from django.core.management import CommandError, call_command
 
-from crowd.explorations import measurement, services, tasks
-from crowd.explorations.measurement import LeaseLostError, MeasurementError, read_report, run
+from crowd.explorations import services, tasks
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_file
 from tests.explorations.conftest import SPACE, finish
-
-FAST = {"compute_size_ratio": 4, "volume_resolution": 32}
-
-
-def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> None:
-    result = run("kfusion", FAST, tiny_pack)
-
-    assert 0 < result.objectives["runtime"] < 5
-    assert 0 <= result.objectives["ate_mean"] <= result.objectives["ate_max"] < 1
-    assert result.stages["computation"] == pytest.approx(result.objectives["runtime"])
-    parts = [result.stages[stage] for stage in ("preprocessing", "tracking", "integration", "raycasting")]
-    assert sum(parts) == pytest.approx(result.stages["computation"])
-    assert result.device["name"]
-
-
-@pytest.mark.parametrize(
-    ("configuration", "device", "reason"),
-    [
-        ({"mu": -1.0}, "", "exit code 2: .*mu=-1.0"),
-        ({"nonsense": 1}, "", "exit code 2: .*nonsense"),
-        (FAST, "no such device", "exit code 2: .*no such device"),
-    ],
-)
-def test_what_cannot_run_is_a_failure_with_its_reason(
-    tiny_pack: Path, configuration: dict[str, Any], device: str, reason: str
-) -> None:
-    with pytest.raises(MeasurementError, match=reason):
-        run("kfusion", configuration, tiny_pack, device)
-
-
-def test_a_measurement_that_takes_too_long_is_ended(tiny_pack: Path) -> None:
-    with pytest.raises(MeasurementError, match=r"no result after 0\.01 s"):
-        run("kfusion", FAST, tiny_pack, timeout=0.01)
-
-
-def test_a_measurement_whose_lease_is_lost_is_ended(tiny_pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measurement, "HEARTBEAT_SECONDS", 0.01)
-    with pytest.raises(LeaseLostError):
-        run("kfusion", FAST, tiny_pack, heartbeat=lambda: False)
-
-
-def test_a_process_that_aborts_is_named_by_its_signal() -> None:
-    assert measurement._reason(-6, "pocl: out of memory\n") == "killed by SIGABRT: pocl: out of memory"
-    assert measurement._reason(-11, "") == "killed by SIGSEGV: nothing on its error output"
-    assert measurement._reason(1, "first\nlast") == "exit code 1: last"
-
-
-def test_a_sequence_without_truth_teaches_nothing() -> None:
-    with pytest.raises(MeasurementError, match="no true trajectory"):
-        read_report({"ate": None})
 
 
 def command(pack: Path, tmp_path: Path, *more: str) -> list[str]:

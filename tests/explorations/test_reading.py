@@ -190,7 +190,7 @@ def test_the_administrator_publishes_a_front(administrator: Client, exploration:
 def test_the_administrator_stops_an_exploration(administrator: Client, exploration: Exploration) -> None:
     act(administrator, exploration, "stop")
     exploration.refresh_from_db()
-    assert exploration.state == "stopped"
+    assert exploration.state == "cancelled"
 
 
 def form(exploration: Exploration, **changes: Any) -> dict[str, Any]:
@@ -224,5 +224,4 @@ def test_the_administrator_creates_an_exploration_whose_measurements_are_sent(
     created = Exploration.objects.get()
     with app.connection_for_read() as broker, broker.SimpleQueue("bench") as queue:
         sent = [queue.get(block=False).payload[0] for _ in range(queue.qsize())]
-    assert sent == [[row.pk] for row in services.waiting(created)]
-    assert len(sent) == 5
+    assert sent == [[services.waiting(created)[0].pk]]  # as many as the device has machines

@@ -10,8 +10,8 @@ from django.core.exceptions import ValidationError
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from crowd import first_run
-from crowd.explorations import publishing, services
-from crowd.explorations.measurement import measure
+from crowd.explorations import leases, publishing, services
+from crowd.explorations.measurement import evaluator
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts import contents
 from pareto.errors import ParetoError
@@ -117,9 +117,9 @@ class Command(BaseCommand):
                 self._measure(evaluation)
 
     def _measure(self, waiting: Evaluation) -> None:
-        with services.leased(waiting.pk) as evaluation:
+        with leases.leased(waiting.pk) as evaluation:
             if evaluation is not None:
-                services.record(evaluation, measure(evaluation, lambda: services.renew(evaluation)))
+                leases.record(evaluation, evaluator()(evaluation, lambda: leases.renew(evaluation)))
         waiting.refresh_from_db()
         self.stdout.write(f"{waiting.number:4} {waiting.phase:7} {waiting.label:9}{self._outcome(waiting)}")
         self.stdout.flush()

@@ -1,0 +1,257 @@
+"""Who measures what: leases on evaluations, taken in one transaction, renewed, and lost with their worker.
+
+A device never has more live leases than machines, so that nobody disturbs another's timings. Clocks of
+machines that share a database must agree to within a fraction of a lease.
+"""
+
+import logging
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from typing import Any, TypeVar
+
+from django.conf import settings
+from django.db import Error, InterfaceError, OperationalError, connection, transaction
+from django.db.models import F, Q, QuerySet
+from django.utils import timezone
+
+from crowd.explorations import software
+from crowd.explorations.measurement import LeaseLostError, Measurement, MeasurementError
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+
+MOST_LOSSES = 3
+RECORD_AGAIN_SECONDS = 0.5
+T = TypeVar("T")
+
+log = logging.getLogger(__name__)
+
+
+def here() -> str:
+    """This process as a holder of leases."""
+    return f"{socket.gethostname()}:{os.getpid()}"
+
+
+@contextmanager
+def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
+    """The evaluation, held for as long as it is measured; None where it is not to be had, as in `take`.
+
+    Any exception of the measurement makes it a failed evaluation with its reason. Where the process is asked
+    to end it is given back; trouble with the database leaves it to whoever finds the lease run out.
+    """
+    evaluation = take(evaluation_id, worker or here())
+    if evaluation is None:
+        yield None
+        return
+    try:
+        yield evaluation
+    except MeasurementError as error:
+        fail(evaluation, str(error))
+    except LeaseLostError:
+        log.warning("%s is measured by someone else by now, or no longer wanted", evaluation)
+    except Error:
+        raise
+    except Exception as error:
+        log.exception("%s could not be measured", evaluation)
+        fail(evaluation, f"{type(error).__name__}: {error}")
+    except BaseException:
+        give_back(evaluation)
+        raise
+
+
+def take(evaluation_id: int, worker: str) -> Evaluation | None:
+    """Lease the evaluation; None where it is finished, someone else's, not wanted now, or its device busy."""
+    with transaction.atomic():
+        evaluation = (
+            Evaluation.objects.select_for_update(of=("self", "exploration__reference_device"))
+            .select_related("exploration__reference_device")
+            .filter(_free(timezone.now()), pk=evaluation_id, exploration__state=Exploration.State.RUNNING)
+            .first()
+        )
+        if evaluation is None or free_machines(evaluation.exploration.reference_device) < 1:
+            return None
+        return _lease(evaluation, worker)
+
+
+def take_next(device: ReferenceDevice, worker: str) -> Evaluation | None:
+    """Lease what waits longest for DEVICE; None where nothing does, or all its machines are busy."""
+    with transaction.atomic():
+        locked = ReferenceDevice.objects.select_for_update().get(pk=device.pk)
+        ReferenceDevice.objects.filter(pk=device.pk).update(seen_at=timezone.now())
+        if free_machines(locked) < 1:
+            return None
+        evaluation = waiting(locked).select_related("exploration__reference_device").first()
+        return None if evaluation is None else _lease(evaluation, worker)
+
+
+def waiting(device: ReferenceDevice) -> QuerySet[Evaluation]:
+    """What is to be measured on DEVICE and nobody measures, the oldest exploration's first."""
+    return Evaluation.objects.filter(
+        state=Evaluation.State.PENDING,
+        exploration__state=Exploration.State.RUNNING,
+        exploration__reference_device=device,
+    ).order_by("exploration_id", "number")
+
+
+def free_machines(device: ReferenceDevice) -> int:
+    """How many machines of DEVICE hold no live lease."""
+    held = Evaluation.objects.filter(
+        state=Evaluation.State.RUNNING,
+        lease_until__gte=timezone.now(),
+        exploration__reference_device=device,
+    ).count()
+    return device.machines - held
+
+
+def renew(evaluation: Evaluation) -> bool:
+    """Hold the evaluation for longer; False where the lease is lost.
+
+    While the database does not answer nothing is lost yet: whoever comes back finds out at the next renewal.
+    """
+    now = timezone.now()
+    try:
+        return bool(_held(evaluation).update(lease_until=now + _duration(), heartbeat_at=now))
+    except (OperationalError, InterfaceError) as error:
+        log.warning("the lease on %s cannot be renewed now: %s", evaluation, error)
+        connection.close()
+        return True
+
+
+def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = "") -> bool:
+    """Store a measurement; False, and nothing stored, where the lease is lost.
+
+    MEASURED_BY is the software's version where it is not this process's own.
+    """
+    return _finish(
+        evaluation,
+        state=Evaluation.State.DONE,
+        objectives=measurement.objectives,
+        stages=measurement.stages,
+        device=measurement.device,
+        software=measured_by or software.version(),
+    )
+
+
+def fail(evaluation: Evaluation, reason: str, measured_by: str = "") -> bool:
+    """Store that the configuration cannot be measured; False where the lease is lost."""
+    return _finish(
+        evaluation,
+        state=Evaluation.State.FAILED,
+        error=reason or "no reason given",
+        software=measured_by or software.version(),
+    )
+
+
+def give_back(evaluation: Evaluation) -> bool:
+    """Let another measure it; False where the lease is lost anyway."""
+    return bool(_held(evaluation).update(state=Evaluation.State.PENDING, lease_until=None))
+
+
+def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
+    """The evaluation of DEVICE whose lease number ATTEMPT is held still, None where it is gone."""
+    return (
+        Evaluation.objects.select_related("exploration__reference_device")
+        .filter(
+            pk=evaluation_id,
+            attempt=attempt,
+            state=Evaluation.State.RUNNING,
+            exploration__reference_device=device,
+        )
+        .first()
+    )
+
+
+def reap() -> list[Exploration]:
+    """Give back evaluations whose holder is gone; return the explorations that run.
+
+    One that was lost MOST_LOSSES times is failed, since it would take down its next worker too.
+    """
+    return _reap(Q(lease_until__lt=timezone.now()))
+
+
+def reap_after_restart() -> list[Exploration]:
+    """As `reap`, and at once what a process of this machine held that is no longer alive."""
+    running = Evaluation.objects.filter(
+        state=Evaluation.State.RUNNING, worker__startswith=f"{socket.gethostname()}:"
+    )
+    dead = [row.pk for row in running.only("worker") if not _alive(row.worker.rpartition(":")[2])]
+    return _reap(Q(lease_until__lt=timezone.now()) | Q(pk__in=dead))
+
+
+def _reap(gone: Q) -> list[Exploration]:
+    lost = Evaluation.objects.filter(gone, state=Evaluation.State.RUNNING)
+    lost.filter(losses__gte=MOST_LOSSES - 1).update(
+        state=Evaluation.State.FAILED,
+        losses=F("losses") + 1,
+        lease_until=None,
+        finished_at=timezone.now(),
+        error=f"lost {MOST_LOSSES} times: its worker died while measuring it",
+    )
+    lost.update(state=Evaluation.State.PENDING, lease_until=None, losses=F("losses") + 1)
+    running = Exploration.objects.filter(state=Exploration.State.RUNNING)
+    return list(running.select_related("reference_device").order_by("pk"))
+
+
+def _lease(evaluation: Evaluation, worker: str) -> Evaluation:
+    now = timezone.now()
+    if evaluation.state == Evaluation.State.RUNNING:
+        evaluation.losses += 1
+    evaluation.state = Evaluation.State.RUNNING
+    evaluation.attempt += 1
+    evaluation.worker = worker[:200]
+    evaluation.started_at = evaluation.heartbeat_at = now
+    evaluation.lease_until = now + _duration()
+    fields = ("state", "attempt", "losses", "worker", "started_at", "heartbeat_at", "lease_until")
+    Evaluation.objects.filter(pk=evaluation.pk).update(**{name: getattr(evaluation, name) for name in fields})
+    return evaluation
+
+
+def _finish(evaluation: Evaluation, **values: Any) -> bool:
+    def write() -> bool:
+        return bool(_held(evaluation).update(lease_until=None, finished_at=timezone.now(), **values))
+
+    return _patiently(write, _duration())
+
+
+def _patiently(write: Callable[[], T], patience: timedelta) -> T:
+    """What WRITE gives, tried again while the database does not answer: what was measured took minutes."""
+    limit = time.monotonic() + patience.total_seconds()
+    while True:
+        try:
+            return write()
+        except (OperationalError, InterfaceError) as error:
+            # Within somebody's transaction nothing can be tried again.
+            if connection.in_atomic_block or time.monotonic() > limit:
+                raise
+            log.warning("a result cannot be stored now, it is kept and tried again: %s", error)
+            connection.close()
+            time.sleep(RECORD_AGAIN_SECONDS)
+
+
+def _held(evaluation: Evaluation) -> QuerySet[Evaluation]:
+    """The row, if EVALUATION still holds its lease."""
+    return Evaluation.objects.filter(
+        pk=evaluation.pk, state=Evaluation.State.RUNNING, attempt=evaluation.attempt
+    )
+
+
+def _free(now: datetime) -> Q:
+    return Q(state=Evaluation.State.PENDING) | Q(state=Evaluation.State.RUNNING, lease_until__lt=now)
+
+
+def _duration() -> timedelta:
+    return timedelta(seconds=settings.FRONTRUNNER_LEASE_SECONDS)
+
+
+def _alive(pid: str) -> bool:
+    if not pid.isdecimal():
+        return True
+    try:
+        os.kill(int(pid), 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

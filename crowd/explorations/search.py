@@ -1,0 +1,145 @@
+"""The explorer as its rows tell it: nothing else is kept of a search, so that none can be restored wrongly.
+
+Equal rows give equal proposals. A synchronous exploration tells its measurements in the order of their
+numbers, any other in the order in which they were finished.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from math import log2
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from crowd.explorations.models import Evaluation, Exploration
+from pareto import Explorer, Space
+from pareto.methods import METHODS
+
+Phase, State = Evaluation.Phase, Evaluation.State
+FINISHED = (State.DONE, State.FAILED)
+SEARCHED = (Phase.RANDOM, Phase.ACTIVE)
+# Below this number of measurements nothing can be called an outlier; it is looked for whenever their number
+# has doubled since.
+FIRST_LOOK = 50
+OUTLIER_DEVIATIONS = 6.0
+LEAST_OUTLIER = 1.5  # times more or less: nearer than that is none, however well the others agree
+MOST_OUTLIERS = 0.05  # of the measurements: where more lie far off, the forest is wrong and not they
+CHECKS = 2  # with the first measurement three, of which the median counts
+
+
+def fresh(exploration: Exploration, **more: Any) -> Explorer:
+    """The explorer of a search that knows nothing yet. Raises ParetoError where there can be none."""
+    return Explorer(
+        Space.from_dict(exploration.space),
+        exploration.objectives,
+        exploration.limits,
+        seed=exploration.seed,
+        method=exploration.method,
+        **exploration.options,
+        **more,
+    )
+
+
+def explorer(exploration: Exploration, evaluations: Sequence[Evaluation]) -> Explorer:
+    """The explorer that knows all of EVALUATIONS, those of the exploration in the order of their numbers."""
+    rows = [row for row in evaluations if row.index is not None]
+    found = fresh(exploration, **_prior(exploration, rows))
+    finished = [row for row in rows if row.state in FINISHED and _counts(exploration, row)]
+    if not exploration.synchronous:
+        finished.sort(key=_finished)
+    unfinished = [row for row in rows if row.state not in FINISHED and row.phase in (*SEARCHED, Phase.GIVEN)]
+    groups: dict[int, list[Evaluation]] = {}
+    for row in finished:
+        groups.setdefault(row.index, []).append(row)  # type: ignore[arg-type]
+    state = found.state() | {
+        "asks": len({row.iteration for row in evaluations if row.phase in SEARCHED}),
+        "observations": [
+            [index, group[0].phase, [_values(group, exploration.objectives)]]
+            for index, group in groups.items()
+        ],
+        "pending": [[row.index, row.phase] for row in unfinished if row.index not in groups],
+    }
+    return Explorer.restore(found.space, state)
+
+
+def outliers(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+    """Single measurements to be made again, since they lie far from what the others lead to expect.
+
+    The others' word is a random forest's out-of-bag prediction, in logarithms where all values are positive.
+    Far is beyond OUTLIER_DEVIATIONS robust standard deviations (1.4826 times the median absolute one) of all
+    such residuals, and more than LEAST_OUTLIER times more or less; at most MOST_OUTLIERS of all, the
+    farthest. Looked for whenever the number of finished searched evaluations passed FIRST_LOOK, twice that,
+    four times that, ...: not every batch, as it takes a second.
+    """
+    searched = [row for row in evaluations if row.phase in SEARCHED and row.state in FINISHED]
+    newest = max((row.iteration for row in searched), default=0)
+    before = sum(row.iteration < newest for row in searched)
+    looked = any(row.phase == Phase.CHECK and row.iteration > newest for row in evaluations)
+    if looked or _looks(len(searched)) == _looks(before):
+        return []
+    checked = {row.index for row in evaluations if row.phase == Phase.CHECK}
+    done = [row for row in searched if row.objectives is not None and row.index not in checked]
+    space = Space.from_dict(exploration.space)
+    indices = np.array([row.index for row in done], dtype=np.int64)
+    far = np.zeros(len(done))
+    for name in exploration.objectives:
+        far = np.maximum(far, _far(space, indices, _column(done, name)))
+    farthest = np.argsort(-far, kind="stable")[: int(MOST_OUTLIERS * len(done))]
+    return [done[place] for place in sorted(farthest) if far[place] > OUTLIER_DEVIATIONS]
+
+
+def whole_rounds(exploration: Exploration) -> bool:
+    """Whether the method asks for all of a round at once: to deal it out it would have to remember it."""
+    return exploration.method == "algorithm1"
+
+
+def _far(space: Space, indices: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """How many robust standard deviations each of VALUES lies off, 0 for what is too little to matter."""
+    from pareto.prediction import predictions  # scikit-learn takes a second to import
+
+    far = np.zeros(len(indices))
+    prediction = predictions(space, indices, values)
+    if prediction is None:
+        return far
+    scale = np.log if prediction.log else np.asarray
+    residual = scale(prediction.measured) - scale(prediction.predicted)
+    deviation = np.abs(residual - np.median(residual))
+    spread = max(1.4826 * float(np.median(deviation)), np.finfo(float).tiny)
+    least = np.log(LEAST_OUTLIER) if prediction.log else (LEAST_OUTLIER - 1) * np.abs(prediction.predicted)
+    far[prediction.rows] = np.where(deviation > least, deviation / spread, 0.0)
+    return far
+
+
+def _looks(measurements: int) -> int:
+    return 0 if measurements < FIRST_LOOK else 1 + int(log2(measurements / FIRST_LOOK))
+
+
+def _column(rows: Iterable[Evaluation], name: str) -> np.ndarray:
+    return np.array([(row.objectives or {}).get(name, np.nan) for row in rows], dtype=np.float64)
+
+
+def _counts(exploration: Exploration, row: Evaluation) -> bool:
+    """Whether the explorer is told: what another device measured, or other frames, are no values of this."""
+    return row.phase != Phase.PRIOR and row.frames == exploration.frames
+
+
+def _values(group: Sequence[Evaluation], objectives: Sequence[str]) -> list[float] | None:
+    """Of several measurements of one configuration the median counts; None where all of them failed."""
+    found = [row.objectives for row in group if row.objectives and set(objectives) <= set(row.objectives)]
+    if not found:
+        return None
+    return [float(median(row[name] for row in found)) for name in objectives]
+
+
+def _finished(row: Evaluation) -> tuple[float, int]:
+    return (row.finished_at.timestamp() if row.finished_at else 0.0, row.number)
+
+
+def _prior(exploration: Exploration, rows: Sequence[Evaluation]) -> dict[str, Any]:
+    """What other devices say, for methods that can use it."""
+    told: list[tuple[Mapping[str, Any], Mapping[str, float] | None]] = [
+        (row.configuration, row.objectives) for row in rows if row.phase == Phase.PRIOR
+    ]
+    if not told or not getattr(METHODS[exploration.method], "uses_prior", False):
+        return {}
+    return {"prior": told}

@@ -1,0 +1,184 @@
+"""One measurement in a process of its own: `python -m slam run` as those start it who must outlive it.
+
+OpenCL hangs in a forked child, a driver may abort its process, and a large volume may exhaust the memory.
+Each such end is a MeasurementError with its reason. On Linux the process ends with the one that started it,
+even when that is killed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+PROGRAM = (sys.executable, "-m", "slam", "run")
+TIMEOUT_SECONDS = 900.0
+HEARTBEAT_SECONDS = 15.0
+FIRST_COUNTED_FRAME = 10
+STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
+REASON_LENGTH = 500
+PR_SET_PDEATHSIG = 1
+
+
+class MeasurementError(RuntimeError):
+    """A configuration that could not be measured; the message is the reason that is kept."""
+
+
+class LeaseLostError(RuntimeError):
+    """Nobody waits for this measurement any more."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """`objectives`: runtime in seconds a frame, ate_* in metres; `stages`: mean seconds a frame."""
+
+    objectives: dict[str, float]
+    stages: dict[str, float]
+    device: dict[str, Any]
+
+
+def measure(
+    system: str,
+    configuration: Mapping[str, Any],
+    sequence: Path,
+    *,
+    device: str = "",
+    frames: int | None = None,
+    heartbeat: Callable[[], bool] | None = None,
+    heartbeat_seconds: float = HEARTBEAT_SECONDS,
+    timeout: float = TIMEOUT_SECONDS,
+) -> Measurement:
+    """Run CONFIGURATION over the first FRAMES of SEQUENCE (all where None) and return what was measured.
+
+    HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers
+    False. Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds or
+    reports no finite values.
+    """
+    command = [*PROGRAM, "--system", system, "--sequence", str(sequence.absolute())]
+    for name, value in configuration.items():
+        command += ["--set", f"{name}={int(value) if isinstance(value, bool) else value!r}"]
+    if device:
+        command += ["--device", device]
+    if frames is not None:
+        command += ["--frames", str(frames)]
+    with tempfile.TemporaryDirectory(prefix="frontrunner-", ignore_cleanup_errors=True) as folder:
+        report, errors = Path(folder) / "report.json", Path(folder) / "errors.txt"
+        with errors.open("wb") as stream:
+            process = subprocess.Popen(
+                [*command, "--json", str(report)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=stream,
+                cwd=ROOT,
+                start_new_session=True,
+                preexec_fn=dies_with_parent(signal.SIGKILL, first_to_go=True),
+            )
+        try:
+            code = _wait(process, heartbeat, heartbeat_seconds, timeout)
+        finally:
+            _end(process)
+        if code != 0:
+            raise MeasurementError(_reason(code, errors.read_text(errors="replace")))
+        try:
+            return read_report(json.loads(report.read_text()))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            what = f"the report cannot be read: {type(error).__name__}: {error}"
+            raise MeasurementError(what[:REASON_LENGTH]) from error
+
+
+def read_report(report: Mapping[str, Any]) -> Measurement:
+    """The measurement in a report of `python -m slam run --json`.
+
+    Raises MeasurementError where the trajectory error is unknown or a value is not finite: nothing can be
+    learnt from it.
+    """
+    if report["ate"] is None:
+        raise MeasurementError("the sequence has no true trajectory, so the error is unknown")
+    counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
+    frames = len(report["frames"])
+    objectives = {
+        "runtime": report["runtime"],
+        **{f"ate_{name}": value for name, value in report["ate"].items()},
+    }
+    objectives["cpu_seconds"] = report["cpu_seconds"] / frames
+    if report["peak_memory_bytes"] is not None:
+        objectives["peak_memory_bytes"] = report["peak_memory_bytes"]
+    if report.get("energy_joules") is not None:
+        objectives["energy_joules"] = report["energy_joules"] / frames
+    stages = {stage: sum(frame[stage] for frame in counted) / len(counted) for stage in STAGES}
+    for name, value in (objectives | stages).items():
+        if not math.isfinite(value):
+            raise MeasurementError(f"{name} is {value}: the program measured nothing finite")
+    return Measurement(objectives, stages, dict(report["device"]))
+
+
+def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> Callable[[], None] | None:
+    """What a child runs before its program, so that this process's death sends it WITH_SIGNAL.
+
+    FIRST_TO_GO makes it what the system ends when memory runs out. Linux alone has both: elsewhere None.
+    """
+    if not sys.platform.startswith("linux"):
+        return None
+    parent = os.getpid()
+    libc = ctypes.CDLL(None, use_errno=True)
+
+    def in_child() -> None:
+        libc.prctl(PR_SET_PDEATHSIG, with_signal)
+        if os.getppid() != parent:  # it died before the line above
+            os._exit(1)
+        if first_to_go:
+            with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as file:
+                file.write("1000")
+
+    return in_child
+
+
+def _wait(
+    process: subprocess.Popen[bytes],
+    heartbeat: Callable[[], bool] | None,
+    heartbeat_seconds: float,
+    timeout: float,
+) -> int:
+    limit = time.monotonic() + timeout
+    while True:
+        left = limit - time.monotonic()
+        if left <= 0:
+            raise MeasurementError(f"no result after {timeout:g} s")
+        try:
+            return process.wait(min(heartbeat_seconds, left))
+        except subprocess.TimeoutExpired:
+            if heartbeat is not None and not heartbeat():
+                raise LeaseLostError from None
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if hasattr(os, "killpg"):
+        # The group, so that nothing the program started is left behind.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()
+    process.wait()
+
+
+def _reason(code: int, errors: str) -> str:
+    lines = errors.strip().splitlines()
+    last = lines[-1] if lines else "nothing on its error output"
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            name = signal.Signals(-code).name
+            likely = " (as the system does when memory runs out)" if name == "SIGKILL" else ""
+            return f"killed by {name}{likely}: {last}"[:REASON_LENGTH]
+    return f"exit code {code}: {last}"[:REASON_LENGTH]

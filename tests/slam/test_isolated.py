@@ -1,0 +1,144 @@
+"""A measurement in a process of its own: whatever happens there ends as a value or as a reason."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from slam import isolated
+from slam.isolated import LeaseLostError, MeasurementError, measure, read_report
+from tests.slam.tiny import write_tiny_pack
+
+FAST = {"compute_size_ratio": 4, "volume_resolution": 32}
+
+
+@pytest.fixture(scope="session")
+def tiny_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tiny_pack(tmp_path_factory.mktemp("sequences"))
+
+
+def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> None:
+    result = measure("kfusion", FAST, tiny_pack)
+
+    assert 0 < result.objectives["runtime"] < 5
+    assert 0 <= result.objectives["ate_mean"] <= result.objectives["ate_max"] < 1
+    assert result.stages["computation"] == pytest.approx(result.objectives["runtime"])
+    parts = [result.stages[stage] for stage in ("preprocessing", "tracking", "integration", "raycasting")]
+    assert sum(parts) == pytest.approx(result.stages["computation"])
+    assert result.device["name"]
+
+
+@pytest.mark.parametrize(
+    ("configuration", "device", "reason"),
+    [
+        ({"mu": -1.0}, "", "exit code 2: .*mu=-1.0"),
+        ({"nonsense": 1}, "", "exit code 2: .*nonsense"),
+        (FAST, "no such device", "exit code 2: .*no such device"),
+    ],
+)
+def test_what_cannot_run_is_a_failure_with_its_reason(
+    tiny_pack: Path, configuration: dict[str, Any], device: str, reason: str
+) -> None:
+    with pytest.raises(MeasurementError, match=reason):
+        measure("kfusion", configuration, tiny_pack, device=device)
+
+
+def test_a_measurement_that_takes_too_long_is_ended(tiny_pack: Path) -> None:
+    with pytest.raises(MeasurementError, match=r"no result after 0\.01 s"):
+        measure("kfusion", FAST, tiny_pack, timeout=0.01)
+
+
+def test_a_measurement_that_nobody_waits_for_is_ended(tiny_pack: Path) -> None:
+    with pytest.raises(LeaseLostError):
+        measure("kfusion", FAST, tiny_pack, heartbeat=lambda: False, heartbeat_seconds=0.01)
+
+
+def test_a_sequence_without_truth_teaches_nothing() -> None:
+    with pytest.raises(MeasurementError, match="no true trajectory"):
+        read_report({"ate": None})
+
+
+def test_only_the_wanted_frames_are_run(tiny_pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[dict[str, Any]] = []
+    monkeypatch.setattr(isolated, "read_report", seen.append)
+
+    measure("kfusion", FAST, tiny_pack, frames=11)
+
+    assert len(seen[0]["frames"]) == 11
+
+
+def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    """SCRIPT runs in place of slam; its last argument is where the report belongs."""
+    monkeypatch.setattr(isolated, "PROGRAM", (sys.executable, "-c", script))
+
+
+@pytest.mark.parametrize(
+    ("script", "reason"),
+    [
+        ("import os; os.abort()", "killed by SIGABRT: nothing on its error output"),
+        ("import os; os.kill(os.getpid(), 9)", "killed by SIGKILL .as the system does when memory runs out"),
+        ("raise MemoryError('no buffer of 512 MiB')", "exit code 1: MemoryError: no buffer of 512 MiB"),
+        ("import time; time.sleep(60)", "no result after 2 s"),
+        ("pass", "the report cannot be read: FileNotFoundError"),
+        ("import sys; open(sys.argv[-1], 'w').write('<html>')", "the report cannot be read: JSONDecodeError"),
+        ("import sys; open(sys.argv[-1], 'w').write('[]')", "the report cannot be read: TypeError"),
+        ("import sys; open(sys.argv[-1], 'w').write('{}')", "the report cannot be read: KeyError"),
+    ],
+)
+def test_a_program_that_breaks_is_a_failure_with_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, reason: str
+) -> None:
+    program(monkeypatch, script)
+    with pytest.raises(MeasurementError, match=reason):
+        measure("kfusion", FAST, tmp_path, timeout=2)
+
+
+def test_values_that_are_not_finite_are_no_measurement() -> None:
+    frame = dict.fromkeys(isolated.STAGES, 0.1)
+    report = {"ate": {"max": float("nan")}, "frames": [frame], "runtime": 0.1, "cpu_seconds": 0.1}
+    with pytest.raises(MeasurementError, match="ate_max is nan"):
+        read_report(report | {"peak_memory_bytes": None, "device": {}})
+
+
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="Linux alone tells a child that its parent died"
+)
+def test_killing_the_one_who_measures_ends_what_it_started(tmp_path: Path) -> None:
+    pid = tmp_path / "pid"
+    child = f"import os, time; open({str(pid)!r}, 'w').write(str(os.getpid())); time.sleep(600)"
+    worker = f"""
+import sys
+from pathlib import Path
+from slam import isolated
+isolated.PROGRAM = (sys.executable, "-c", {child!r})
+isolated.measure("kfusion", {json.dumps(FAST)}, Path("."))
+"""
+    process = subprocess.Popen([sys.executable, "-c", worker])
+    measuring = int(until(lambda: pid.exists() and pid.read_text()))
+
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+
+    until(lambda: not _runs(measuring))
+
+
+def until(condition: Any) -> Any:
+    limit = time.monotonic() + 30
+    while not (value := condition()):
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+    return value
+
+
+def _runs(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"  # whoever adopted it has not looked at it yet
