@@ -15,9 +15,11 @@ from django.core.management import call_command
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
+from crowd.explorations.models import ReferenceDevice
 from crowd.fronts import contents, sequences, services
 
 ADMINISTRATOR = "admin"
+THIS_MACHINE = "this-machine"  # the reference device that every server is, and its queue
 
 
 def migrate() -> None:
@@ -42,6 +44,11 @@ def publish_shipped_fronts() -> Iterator[str]:
 def _in_order(path: Path) -> list[int | str]:
     """Version 10 comes after version 9."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
+
+
+def create_this_machine() -> ReferenceDevice:
+    """The reference device that this machine is, made where it is missing."""
+    return ReferenceDevice.objects.get_or_create(name=THIS_MACHINE, defaults={"queue": THIS_MACHINE})[0]
 
 
 def create_first_administrator() -> str | None:

@@ -5,17 +5,16 @@ when the supervisor dies, even by kill -9.
 """
 
 import contextlib
-import ctypes
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-PR_SET_PDEATHSIG = 1
+from slam.isolated import dies_with_parent
+
 FIRST_PAUSE_SECONDS = 0.5
 LONGEST_PAUSE_SECONDS = 30.0
 # A child that ran this long was well: its next death starts with a short pause again.
@@ -53,7 +52,7 @@ class Child:
                 env=self.environment,
                 cwd=self.folder,
                 start_new_session=True,
-                preexec_fn=_dies_with(os.getpid()),
+                preexec_fn=dies_with_parent(signal.SIGTERM),
             )
         self.started = time.monotonic()
 
@@ -78,13 +77,18 @@ class Child:
 class Supervisor:
     """Keeps CHILDREN alive. `say` hears in a line what happens to them."""
 
-    children: Sequence[Child]
+    children: list[Child]
     say: Callable[[str], None]
 
     def start(self) -> None:
         """Start all children."""
         for child in self.children:
             child.start()
+
+    def add(self, child: Child) -> None:
+        """Start one more child."""
+        self.children.append(child)
+        child.start()
 
     def watch(self) -> None:
         """Start again every child that died; a child that keeps dying is tried less and less often."""
@@ -129,17 +133,3 @@ class Supervisor:
             except subprocess.TimeoutExpired:
                 self.say(f"The {child.name} does not end by itself: killed")
             child.end_group()
-
-
-def _dies_with(parent: int) -> Callable[[], None] | None:
-    """What a child runs before its program, so that PARENT's death sends it SIGTERM. Linux alone has that."""
-    if not sys.platform.startswith("linux"):
-        return None
-    libc = ctypes.CDLL(None, use_errno=True)
-
-    def in_child() -> None:
-        libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-        if os.getppid() != parent:  # it died before the line above
-            os._exit(1)
-
-    return in_child

@@ -12,13 +12,11 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from crowd import first_run
 from crowd.explorations import leases, publishing, services
 from crowd.explorations.measurement import evaluator
-from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts import contents
 from pareto.errors import ParetoError
 from pareto.methods import DEFAULT, METHODS
 from pareto.space import Space
-
-THIS_MACHINE = "this-machine"
 
 
 class Command(BaseCommand):
@@ -84,9 +82,7 @@ class Command(BaseCommand):
             pack = json.loads((options["sequence"] / "pack.json").read_text())
         except (ParetoError, OSError, ValueError) as error:
             raise CommandError(str(error)) from error
-        device, _ = ReferenceDevice.objects.get_or_create(
-            name=THIS_MACHINE, defaults={"queue": THIS_MACHINE, "opencl_device": options["device"]}
-        )
+        device = first_run.create_this_machine()
         if device.opencl_device != options["device"]:
             device.opencl_device = options["device"]
             device.save()

@@ -51,6 +51,8 @@ class Command(BaseCommand):
             self._wait_until_it_answers(supervisor)
             if measure:
                 self._measure(supervisor)
+            # Only now: nothing that explorations measure here shall disturb the session above.
+            supervisor.add(self._worker(first_run.THIS_MACHINE))
             self._say(f"Dashboard: {self._address()}   API: {self._address()}api/v1/docs   (Ctrl-C ends)")
             supervisor.wait(lambda: False)
         except Stopped:
@@ -82,26 +84,37 @@ class Command(BaseCommand):
                 ) from error
 
     def _children(self) -> list[Child]:
-        var = Path(settings.FRONTRUNNER_VAR)
-        environment = os.environ | {"FRONTRUNNER_VAR": str(var)}
         web = [
             *(sys.executable, "-m", "granian", "--interface", "wsgi", "--host", self.host),
             *("--port", str(self.port), "--workers", "1", "--blocking-threads", str(BLOCKING_THREADS)),
             *("--respawn-failed-workers", "--workers-kill-timeout", "5", "--no-ws", "--log-level", "warning"),
             "crowd.wsgi:application",
         ]
-        worker = [
+        schedule = str(Path(settings.FRONTRUNNER_VAR) / "beat")
+        return [
+            self._child("web server", "web.log", web),
+            self._worker(settings.CELERY_TASK_DEFAULT_QUEUE, "--beat", "--schedule", schedule),
+        ]
+
+    def _worker(self, queue: str, *more: str) -> Child:
+        """A Celery worker that does one thing after another."""
+        command = [
             *(sys.executable, "-m", "celery", "--app", "crowd", "worker", "--pool", "solo"),
-            *("--beat", "--schedule", str(var / "beat"), "--queues", settings.CELERY_TASK_DEFAULT_QUEUE),
+            *("--queues", queue, "--hostname", f"{queue}@%h", *more),
             *("--without-gossip", "--without-mingle", "--without-heartbeat", "--loglevel", "INFO"),
         ]
-        return [
-            Child("web server", web, var / "logs" / "web.log", environment, settings.BASE_DIR),
-            Child("worker", worker, var / "logs" / "worker.log", environment, settings.BASE_DIR),
-        ]
+        if queue == settings.CELERY_TASK_DEFAULT_QUEUE:
+            return self._child("worker", "worker.log", command)
+        return self._child(f"worker of {queue}", f"worker-{queue}.log", command)
+
+    def _child(self, name: str, log: str, command: list[str]) -> Child:
+        var = Path(settings.FRONTRUNNER_VAR)
+        environment = os.environ | {"FRONTRUNNER_VAR": str(var)}
+        return Child(name, command, var / "logs" / log, environment, settings.BASE_DIR)
 
     def _prepare(self) -> None:
         first_run.migrate()
+        first_run.create_this_machine()
         for line in first_run.publish_shipped_fronts():
             self._say(line)
         if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
