@@ -10,7 +10,7 @@ much to be tabulated stays open: draws from the product are tested against it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -27,6 +27,7 @@ LARGEST_JOIN = 2**22  # rows: 32 MiB of indices, and well below a second
 CHUNK = 2**16  # points evaluated at once, whose columns the cache holds
 DRAWS = 2**22  # for an estimate, and at a time
 HITS = 10_000  # which bound an estimate to about 1 %
+FIXED = 1000.0  # what a step of a parameter costs that should stay as it is
 
 
 @dataclass(frozen=True)
@@ -114,28 +115,28 @@ class Region:
         error = math.sqrt(max(share * (1 - share), 1 / drawn) / drawn)
         return Count(round(self.size * share), math.ceil(self.size * error))
 
-    def nearest(self, index: int) -> int | None:
+    def nearest(self, index: int, movable: Collection[str]) -> int | None:
         """Return an allowed point near `index`, or None where none is found.
 
-        Nearest in the sum over parameters of the steps between values as a share of their range; among some
-        drawn points only where a clause is open.
+        Nearest in the sum over parameters of the steps between values as a share of their range, where
+        parameters that are not `movable` weigh far more; among some drawn points only where a clause is open.
         """
+        space = self.space
+        ranges = np.maximum(np.array(space.shape) - 1, 1)
+        weights = np.array([1.0 if name in movable else FIXED for name in space.names]) / ranges
+        [codes] = space.codes([index])
+
+        def closest(indices: Indices) -> int:
+            # Parameters outside a factor have code 0 in all of its offsets: a constant that changes no order.
+            return int(np.argmin((np.abs(space.codes(indices) - codes) * weights).sum(axis=1)))
+
         if not self.size:
             return None
-        [codes] = self.space.codes([index])
-        rows = np.array([[int(np.argmin(self._distance(codes, factor)))] for factor in self.factors]).T
-        found = self.join(rows)
+        found = self.join(np.array([[closest(factor) for factor in self.factors]]))
         if not self.keeps(found).all():
             drawn = self.at(np.random.default_rng(0).integers(0, self.size, size=DRAWS // 4))
             found = drawn[self.keeps(drawn)]
-        if not len(found):
-            return None
-        return int(found[np.argmin(self._distance(codes, found))])
-
-    def _distance(self, codes: NDArray[np.int64], indices: Indices) -> NDArray[np.float64]:
-        # Parameters outside a factor have code 0 in all of its offsets: a constant that changes no order.
-        ranges = np.maximum(np.array(self.space.shape) - 1, 1)
-        return (np.abs(self.space.codes(indices) - codes) / ranges).sum(axis=1)
+        return int(found[closest(found)]) if len(found) else None
 
 
 def evaluate(space: Space, clauses: Sequence[Clause], indices: Indices) -> NDArray[np.bool_]:

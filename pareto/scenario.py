@@ -11,15 +11,19 @@ from typing import Any
 from pareto.errors import ScenarioError
 from pareto.objective import Objective, read_objectives
 from pareto.parameter import Parameter
+from pareto.scenario_fields import notes_on
 from pareto.space import Space
+from pareto.spacing import is_number
 
 
 @dataclass(frozen=True)
 class Scenario:
     """What a scenario file asks for.
 
-    `feasible` is the column that tells whether an evaluation counts and the text it then holds;
-    `initial` and `iterations` are the evaluations before and after learning begins, None where not given.
+    `feasible` is the column that tells whether an evaluation counts and the text it then holds; `initial`
+    and `iterations` are the evaluations before learning begins and the rounds after it, of `batch`
+    evaluations each, and `table` the file of an exhaustive search; None where not given. `notes` are
+    sentences on what was read differently from how it is written, or has no effect here.
     """
 
     space: Space
@@ -27,6 +31,16 @@ class Scenario:
     feasible: tuple[str, str] | None = None
     initial: int | None = None
     iterations: int | None = None
+    batch: int | None = None
+    table: str | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def budget(self) -> int | None:
+        """Evaluations in all, None unless both `initial` and `iterations` are given."""
+        if self.initial is None or self.iterations is None:
+            return None
+        return self.initial + self.iterations * (self.batch or 1)
 
     @classmethod
     def load(cls, path: str | Path, real_count: int = 33) -> Scenario:
@@ -41,29 +55,47 @@ class Scenario:
 
     @classmethod
     def from_dict(cls, description: Mapping[str, Any], real_count: int = 33) -> Scenario:
-        """Read `application_name`, `input_parameters`, `optimization_objectives`, `feasible_output`, counts.
+        """Read all that describes the problem; what describes HyperMapper's own workings becomes `notes`.
 
-        Real parameters become `real_count` evenly spaced values. Priors, models and output files are other
-        programs' concern and ignored. A parameter without a default takes its middle value, as HyperMapper's
-        users leave it out when they have no better guess.
+        Real parameters become `real_count` values, evenly spaced, or on a log scale where their `transform`
+        is "log"; a real default becomes the nearest of them. A parameter without a default takes its middle
+        value, as HyperMapper's users leave it out when they have no better guess; where constraints forbid
+        that, an allowed one near it. Constraints of a parameter (of HyperMapper's later versions) become
+        constraints of the space.
 
         Raises ScenarioError when parameters or objectives are missing or of an unknown type, SpaceError when
-        a parameter's values are not well formed.
+        a parameter's values or constraints are not well formed.
         """
         if not is_scenario(description):
             raise ScenarioError("a scenario has input_parameters and optimization_objectives")
         inputs = description["input_parameters"]
         if not isinstance(inputs, Mapping) or not inputs:
             raise ScenarioError("input_parameters must map names to parameters")
-        parameters = [_parameter(name, item, real_count) for name, item in inputs.items()]
-        space = Space(parameters, name=str(description.get("application_name") or "scenario"))
-        design = description.get("design_of_experiment") or {}
+        objectives = description["optimization_objectives"]
+        if not isinstance(objectives, list) or not all(isinstance(name, str) for name in objectives):
+            raise ScenarioError(f"optimization_objectives must be a list of names, not {objectives!r}")
+        for name, item in inputs.items():
+            if not isinstance(item, Mapping):
+                raise ScenarioError(f"input parameter {name!r} must have a type and values, not {item!r}")
+        notes = notes_on(description)
+        if reals := [name for name, item in inputs.items() if item.get("parameter_type") == "real"]:
+            notes.append(f"real parameters take {real_count} values: {', '.join(reals)}")
+        parameters = [_parameter(name, item, real_count, notes) for name, item in inputs.items()]
+        design = _section(description, "design_of_experiment")
+        mode = _section(description, "hypermapper_mode")
+        title = str(description.get("application_name") or "scenario")
         return cls(
-            space=space,
-            objectives=read_objectives(description["optimization_objectives"]),
-            feasible=_feasible(description.get("feasible_output")),
+            space=_space(parameters, inputs, title, notes),
+            objectives=read_objectives(objectives),
+            feasible=_feasible(_section(description, "feasible_output")),
             initial=_count(design.get("number_of_samples"), "number_of_samples"),
             iterations=_count(description.get("optimization_iterations"), "optimization_iterations"),
+            batch=_count(
+                description.get("evaluations_per_optimization_iteration"),
+                "evaluations_per_optimization_iteration",
+            ),
+            table=mode.get("exhaustive_search_file"),
+            notes=tuple(notes),
         )
 
 
@@ -74,41 +106,73 @@ def is_scenario(description: object) -> bool:
     )
 
 
-def _parameter(name: str, item: Mapping[str, Any], real_count: int) -> Parameter:
+def _space(parameters: list[Parameter], inputs: Mapping[str, Any], title: str, notes: list[str]) -> Space:
+    constraints: list[str] = []
+    for name, item in inputs.items():
+        own = item.get("constraints") or []
+        if not isinstance(own, list):
+            raise ScenarioError(f"input parameter {name!r}: constraints are a list of texts, not {own!r}")
+        constraints += own
+    free = [name for name, item in inputs.items() if "parameter_default" not in item]
+    space = Space(parameters, title, constraints, movable=free)
+    if moved := [item.name for item in parameters if space.default[item.name] != item.default]:
+        notes.append(f"constraints forbid the middle of {', '.join(moved)}: a value near it is the default")
+    return space
+
+
+def _parameter(name: str, item: Mapping[str, Any], real_count: int, notes: list[str]) -> Parameter:
     kind, values = item.get("parameter_type"), item.get("values")
+    if kind not in ("real", "integer", "ordinal", "categorical"):
+        raise ScenarioError(
+            f"input parameter {name!r}: type {kind!r} is not real, integer, ordinal or categorical"
+        )
     if not isinstance(values, list) or not values:
         raise ScenarioError(f"input parameter {name!r} needs a list of values, not {values!r}")
     read: dict[str, Any] = {"name": name, "type": kind}
     if kind in ("integer", "real"):
         if len(values) != 2:
             raise ScenarioError(f"input parameter {name!r}: values must be [minimum, maximum], not {values}")
-        read |= {"minimum": values[0], "maximum": values[1]} | (
-            {"count": real_count} if kind == "real" else {}
-        )
-    elif kind == "ordinal":
+        read |= {"minimum": values[0], "maximum": values[1]}
+        if kind == "real":
+            logarithmic = item.get("transform") == "log"
+            read |= {"count": real_count, "scale": "log" if logarithmic else "linear"}
+    elif kind == "ordinal" and all(is_number(value) for value in values):
         read["values"] = sorted(values)
-    elif kind == "categorical":
-        read["values"] = values
     else:
-        raise ScenarioError(
-            f"input parameter {name!r}: type {kind!r} is not real, integer, ordinal or categorical"
-        )
+        read["values"] = values
     parameter = Parameter.from_dict(read)
     default = item.get("parameter_default", parameter.values[len(parameter.values) // 2])
     if kind == "real":
-        # The default of a real rarely lies on our grid: the nearest value stands for it.
-        default = min(parameter.values, key=lambda value: abs(float(value) - float(default)))
+        default = _nearest(parameter, default, notes)
     return Parameter(name, parameter.type, parameter.values, default)
 
 
-def _feasible(output: Mapping[str, Any] | None) -> tuple[str, str] | None:
+def _nearest(parameter: Parameter, default: object, notes: list[str]) -> float:
+    """Return the value that stands for a real default, which rarely lies on our grid."""
+    if not is_number(default):
+        raise ScenarioError(f"input parameter {parameter.name!r}: default {default!r} is not a number")
+    low, high = float(parameter.values[0]), float(parameter.values[-1])
+    if not low <= float(default) <= high:  # type: ignore[arg-type]
+        raise ScenarioError(
+            f"input parameter {parameter.name!r}: default {default} is not in {low} .. {high}"
+        )
+    value = min(map(float, parameter.values), key=lambda value: abs(value - float(default)))  # type: ignore[arg-type]
+    if value != default:
+        notes.append(f"{parameter.name}: its default {default} becomes the nearest value, {value:g}")
+    return value
+
+
+def _feasible(output: Mapping[str, Any]) -> tuple[str, str] | None:
     if not output:
         return None
-    if "name" not in output:
-        raise ScenarioError(
-            "feasible_output needs a name: the column that tells whether an evaluation counts"
-        )
-    return str(output["name"]), str(output.get("true_value", "true"))
+    return str(output.get("name", "Valid")), str(output.get("true_value", "true"))
+
+
+def _section(description: Mapping[str, Any], field: str) -> Mapping[str, Any]:
+    section = description.get(field) or {}
+    if not isinstance(section, Mapping):
+        raise ScenarioError(f"{field} must be an object, not {section!r}")
+    return section
 
 
 def _count(number: object, field: str) -> int | None:

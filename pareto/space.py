@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -29,14 +30,19 @@ class Space:
 
     Every configuration has one index in 0 .. len(space) - 1, forbidden ones too. The first parameter varies
     slowest, as in a C-ordered NumPy array of shape `space.shape`, so an array over the whole space reshapes
-    to that grid. `allowed` tells which points keep all constraints.
+    to that grid. `allowed` tells which points keep all constraints. A default that is forbidden moves to an
+    allowed point near it, if the parameters named `movable`, whose default nobody chose, are enough for that.
 
     Raises SpaceError, or ConstraintError for a constraint that cannot be read, for constraints that forbid
     the default, and for constraints that allow nothing.
     """
 
     def __init__(
-        self, parameters: Sequence[Parameter], name: str = "space", constraints: Sequence[str] = ()
+        self,
+        parameters: Sequence[Parameter],
+        name: str = "space",
+        constraints: Sequence[str] = (),
+        movable: Collection[str] = (),
     ) -> None:
         self.name = name
         self.parameters = tuple(parameters)
@@ -52,7 +58,7 @@ class Space:
             )
         self.strides = tuple(math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape)))
         self.constraints = tuple(Constraint(text, self.parameters) for text in constraints)
-        self._require_default()
+        self._allow_default(movable)
 
     def __len__(self) -> int:
         return math.prod(self.shape)
@@ -220,7 +226,8 @@ class Space:
         """Read `{"name": .., "parameters": [{"name", "type", ..}, ..], "constraints": [text, ..]}`.
 
         `spaces/space.schema.json` describes it; `Parameter.from_dict` lists the parameters' fields, and
-        `Constraint` what a constraint may say. Raises SpaceError for anything else.
+        `Constraint` what a constraint may say. Where constraints forbid the default, the values of parameters
+        without one are moved. Raises SpaceError for anything else.
         """
         parameters = description.get("parameters") if isinstance(description, Mapping) else None
         if not isinstance(parameters, list) or not all(isinstance(item, Mapping) for item in parameters):
@@ -239,7 +246,9 @@ class Space:
             raise SpaceError(
                 f'constraints are a list of texts such as ["a * b <= 1024"], not {constraints!r}'
             )
-        return cls([Parameter.from_dict(item) for item in parameters], name, constraints)
+        read = [Parameter.from_dict(item) for item in parameters]
+        movable = [item["name"] for item in parameters if "default" not in item]
+        return cls(read, name, constraints, movable)
 
     @classmethod
     def load(cls, path: str | Path) -> Space:
@@ -256,21 +265,27 @@ class Space:
         """Write the space as JSON that `load` reads."""
         Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
 
-    def _require_default(self) -> None:
-        """Raise ConstraintError when the default is forbidden; naming what is allowed, if anything is."""
-        broken = [item for item in self.constraints if not self._keeps_default(item)]
+    def _allow_default(self, movable: Collection[str]) -> None:
+        """Move a forbidden default in `movable` parameters, or raise ConstraintError."""
+        default = {parameter.name: parameter.default for parameter in self.parameters}
+        index = self.index_of(default)
+        broken = [
+            item.text for item in self.constraints if not evaluate(self, item.clauses, np.array([index]))
+        ]
         if not broken:
             return
         texts = ", ".join(repr(constraint.text) for constraint in self.constraints)
         if not self.region.size:
             raise ConstraintError(f"no configuration keeps all of {texts}: they contradict each other")
-        nearest = self.region.nearest(self.index_of(self.default))
+        nearest = self.region.nearest(index, movable)
         if nearest is None:
             raise ConstraintError(f"no configuration was found that keeps all of {texts}")
-        good = {name: value for name, value in self.decode(nearest).items() if value != self.default[name]}
-        raise ConstraintError(
-            f"the default breaks the constraint {broken[0].text!r}: give other defaults, for example {good}"
+        moved = {name: value for name, value in self.decode(nearest).items() if value != default[name]}
+        if moved.keys() - set(movable):
+            raise ConstraintError(
+                f"the default breaks the constraint {broken[0]!r}: give other defaults, such as {moved}"
+            )
+        self.parameters = tuple(
+            replace(parameter, default=moved.get(parameter.name, parameter.default))
+            for parameter in self.parameters
         )
-
-    def _keeps_default(self, constraint: Constraint) -> bool:
-        return bool(evaluate(self, constraint.clauses, np.array([self.index_of(self.default)]))[0])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pareto.errors import ScenarioError, SpaceError
+from pareto.errors import ConstraintError, ScenarioError, SpaceError
 from pareto.scenario import Scenario
 
 SCENARIO = {
@@ -52,12 +52,113 @@ def test_a_scenario_gives_space_objectives_feasibility_and_budgets():
             "minimum < maximum",
         ),
         ({"optimization_iterations": "many"}, ScenarioError, "whole number"),
-        ({"feasible_output": {"true_value": "x"}}, ScenarioError, "needs a name"),
+        ({"feasible_output": "Valid"}, ScenarioError, "feasible_output must be an object"),
+        ({"design_of_experiment": [10]}, ScenarioError, "design_of_experiment must be an object"),
+        ({"optimization_objectives": 5}, ScenarioError, "list of names, not 5"),
+        ({"optimization_objectives": [["Value"]]}, ScenarioError, "list of names"),
+        ({"input_parameters": {"x": [1, 2]}}, ScenarioError, "'x' must have a type and values"),
+        (
+            {
+                "input_parameters": {
+                    "x": {"parameter_type": "ordinal", "values": [1, 2], "constraints": "x>1"}
+                }
+            },
+            ScenarioError,
+            "list of texts",
+        ),
+        (
+            {
+                "input_parameters": {
+                    "x": {"parameter_type": "ordinal", "values": [1], "constraints": ["z > 1"]}
+                }
+            },
+            SpaceError,
+            "unknown parameter 'z'",
+        ),
+        (
+            {
+                "input_parameters": {
+                    "x": {"parameter_type": "real", "values": [0, 1], "parameter_default": "a"}
+                }
+            },
+            ScenarioError,
+            "default 'a' is not a number",
+        ),
+        (
+            {"input_parameters": {"x": {"parameter_type": "real", "values": [0, 1], "parameter_default": 3}}},
+            ScenarioError,
+            "default 3 is not in 0.0 .. 1.0",
+        ),
     ],
 )
 def test_a_scenario_that_cannot_be_read_says_why(change, error, message):
     with pytest.raises(error, match=message):
         Scenario.from_dict({**SCENARIO, **change})
+
+
+def test_what_has_no_effect_is_said_and_why():
+    scenario = Scenario.from_dict({**SCENARIO, "time_budget": 5, "models": {}, "log_file": "a", "colour": 1})
+    notes = "\n".join(scenario.notes)
+    assert "time_budget has no effect: the budget counts evaluations" in notes
+    assert "models has no effect" in notes
+    assert "colour has no effect: no such field is known" in notes
+    assert "prior of x1 has no effect" in notes
+    assert "real parameters take 33 values: x2" in notes
+    assert "x2: its default 3.9 becomes the nearest value, 4" in notes
+    assert not [note for note in scenario.notes if "design_of_experiment" in note or "feasible" in note]
+
+
+def test_a_scenario_without_surprises_has_no_notes():
+    inputs = {
+        "x": {"parameter_type": "integer", "values": [1, 9], "parameter_default": 2, "prior": "uniform"}
+    }
+    scenario = Scenario.from_dict({"optimization_objectives": ["a"], "input_parameters": inputs})
+    assert scenario.notes == ()
+    assert scenario.budget is None
+
+
+def test_the_budget_is_the_design_and_every_round_of_the_search():
+    assert Scenario.from_dict(SCENARIO).budget == 60
+    batches = {**SCENARIO, "evaluations_per_optimization_iteration": 4}
+    assert Scenario.from_dict(batches).budget == 10 + 4 * 50
+
+
+def test_an_exhaustive_scenario_names_its_table():
+    mode = {"mode": "exhaustive", "exhaustive_search_file": "all.csv"}
+    assert Scenario.from_dict({**SCENARIO, "hypermapper_mode": mode}).table == "all.csv"
+
+
+def test_feasibility_has_hypermappers_own_defaults():
+    scenario = Scenario.from_dict({**SCENARIO, "feasible_output": {"enable_feasible_predictor": True}})
+    assert scenario.feasible == ("Valid", "true")
+
+
+def test_constraints_of_parameters_become_those_of_the_space_and_move_defaults_nobody_gave():
+    inputs = {
+        "stride": {"parameter_type": "ordinal", "values": [1, 2, 4, 8], "transform": "log"},
+        "size": {
+            "parameter_type": "ordinal",
+            "values": [1, 2, 4, 8, 16],
+            "parameter_default": 2,
+            "constraints": ["size % stride == 0", "(size > 1) & (stride < 8)"],
+            "dependencies": ["stride"],
+        },
+    }
+    scenario = Scenario.from_dict({"optimization_objectives": ["a"], "input_parameters": inputs})
+    assert [item.text for item in scenario.space.constraints] == inputs["size"]["constraints"]
+    assert scenario.space.default == {"stride": 2, "size": 2}
+    assert scenario.notes == ("constraints forbid the middle of stride: a value near it is the default",)
+    inputs["stride"]["parameter_default"] = 4
+    with pytest.raises(ConstraintError, match="the default breaks"):
+        Scenario.from_dict({"optimization_objectives": ["a"], "input_parameters": inputs})
+
+
+def test_a_logarithmic_real_parameter_is_spaced_so():
+    inputs = {"mu": {"parameter_type": "real", "values": [0.001, 1], "transform": "log"}}
+    scenario = Scenario.from_dict(
+        {"optimization_objectives": ["a"], "input_parameters": inputs}, real_count=4
+    )
+    assert scenario.space.parameters[0].values == pytest.approx((0.001, 0.01, 0.1, 1.0))
 
 
 def test_a_space_is_not_mistaken_for_a_scenario():
