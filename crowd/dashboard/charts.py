@@ -15,16 +15,21 @@ from django.views.decorators.http import require_safe
 from plotly import graph_objects as go
 
 from crowd.dashboard.comparison import InvalidComparisonError, compared, labelled, parse_devices
-from crowd.dashboard.figures.explorations import exploration_plane
+from crowd.dashboard.figures.explorations import (
+    exploration_plane,
+    hypervolume_line,
+    importance_bars,
+    prediction_plane,
+)
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.speedups import speedup_bars
 from crowd.dashboard.palette import LIGHT, THEMES, Theme
 from crowd.dashboard.protocols import first_counted_frame, max_ate
-from crowd.dashboard.searches import ate_limit
+from crowd.dashboard.searches import ate_limit, growth_of
 from crowd.dashboard.stages import stage_times
-from crowd.explorations import selectors as searches
-from crowd.explorations.points import measured
+from crowd.explorations.insights import insight
+from crowd.explorations.watching import found, watch
 from crowd.fronts import selectors as published
 from crowd.results import selectors as results
 from crowd.results.filters import InvalidFilterError, SpeedupFilters
@@ -98,9 +103,38 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
 @require_safe
 def exploration(request: HttpRequest, key: int) -> HttpResponseBase:
     """Everything that an exploration measured, and its front."""
-    detail = _found(searches.exploration(key))
-    points, limit = measured(detail.evaluations), ate_limit(detail.progress.exploration)
-    return _answer(request, lambda theme: exploration_plane(points, detail.front, limit, theme))
+    seen = _found(watch(key))
+    have, limit = found(seen), ate_limit(seen.exploration)
+    return _answer(request, lambda theme: exploration_plane(have.points, have.front, limit, theme))
+
+
+@gzip_page
+@require_safe
+def exploration_hypervolume(request: HttpRequest, key: int) -> HttpResponseBase:
+    """How the hypervolume grew with each searched configuration."""
+    seen = _found(watch(key))
+    growth, random = growth_of(seen), seen.phases["random"]
+    return _answer(request, lambda theme: hypervolume_line(growth, random, theme))
+
+
+@gzip_page
+@require_safe
+def exploration_importance(request: HttpRequest, key: int) -> HttpResponseBase:
+    """Which parameters matter to which objective."""
+    learnt = insight(_found(watch(key)))
+    return _answer(request, lambda theme: importance_bars(learnt.shares if learnt else {}, theme))
+
+
+@gzip_page
+@require_safe
+def exploration_predictions(request: HttpRequest, key: int, objective: str) -> HttpResponseBase:
+    """What a model foretold of one objective, against what was measured."""
+    seen = _found(watch(key))
+    if objective not in seen.exploration.objectives:
+        raise Http404
+    learnt = insight(seen)
+    prediction = learnt.predictions[objective] if learnt else None
+    return _answer(request, lambda theme: prediction_plane(objective, prediction, theme))
 
 
 def _found(row: Row | None) -> Row:

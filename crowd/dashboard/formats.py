@@ -119,6 +119,35 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+# What the objectives of explorations are called, and how many of the unit shown one SI unit is.
+OBJECTIVES = {
+    "runtime": ("runtime, ms a frame", 1e3),
+    "ate_max": ("maximum trajectory error, cm", 100.0),
+    "ate_mean": ("mean trajectory error, cm", 100.0),
+    "ate_rmse": ("RMSE of the trajectory, cm", 100.0),
+    "ate_rmse_aligned": ("RMSE of the aligned trajectory, cm", 100.0),
+    "cpu_seconds": ("CPU time, s", 1.0),
+    "peak_memory_bytes": ("peak memory, MB", 1e-6),
+}
+
+
+def objective(name: str) -> str:
+    """An exploration's objective and its unit, as charts and tables call it."""
+    return OBJECTIVES.get(name, (words(name), 1.0))[0]
+
+
+def duration(seconds: float | None) -> str:
+    """A time to wait, as coarse as it is uncertain: 40 s, 12 min, 3 h 20 min."""
+    if seconds is None:
+        return ABSENT
+    if seconds < 90:
+        return f"{max(round(seconds), 1)}{GAP}s"
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return f"{minutes}{GAP}min"
+    return f"{minutes // 60}{GAP}h {minutes % 60}{GAP}min"
+
+
 def hour(moment: datetime | None) -> str:
     """A public time: rounded down to the hour, so that it tells nothing about one person's day."""
     return ABSENT if moment is None else moment.strftime("%Y-%m-%d %H:00 UTC")

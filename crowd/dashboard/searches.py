@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from crowd.explorations.models import Exploration
-from crowd.explorations.points import Point, default, measured
-from crowd.explorations.selectors import Detail
+from crowd.explorations.points import Point, default
+from crowd.explorations.watching import Found, Watch, found
 from crowd.results.statistics import MAX_ATE
+from pareto.hypervolume import hypervolume_growth
 
 
 @dataclass(frozen=True)
@@ -26,20 +29,33 @@ def ate_limit(exploration: Exploration) -> float:
     return float(exploration.limits.get("ate_max", MAX_ATE))
 
 
-def yield_of(detail: Detail) -> Yield:
-    """What DETAIL's evaluations come to."""
-    points = measured(detail.evaluations)
-    limit = ate_limit(detail.progress.exploration)
+def yield_of(exploration: Exploration, have: Found) -> Yield:
+    """What the measurements of EXPLORATION come to."""
+    limit = ate_limit(exploration)
     valid = [
-        point for point in points if "runtime" in point.values and point.values.get("ate_max", limit) < limit
+        point
+        for point in have.points
+        if "runtime" in point.values and point.values.get("ate_max", limit) < limit
     ]
     fastest = min(valid, key=lambda point: point.values["runtime"], default=None)
-    baseline = default(points)
+    baseline = default(have.points)
     return Yield(
-        measured=len(points),
+        measured=len(have.points),
         valid=len(valid),
         fastest=fastest,
         speedup=baseline.values["runtime"] / fastest.values["runtime"]
         if fastest and baseline and fastest.values["runtime"]
         else None,
     )
+
+
+def growth_of(seen: Watch) -> list[float]:
+    """The hypervolume after each configuration that the search measured, failures included, in that order.
+
+    Where objectives have no limit, it ends at the worst value measured so far.
+    """
+    names = seen.exploration.objectives
+    values = [[(row or {}).get(name) for name in names] for row in found(seen).values]
+    table = np.array(values, dtype=np.float64).reshape(-1, len(names))
+    limits = [seen.exploration.limits.get(name) for name in names]
+    return hypervolume_growth(table, limits).tolist()

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from crowd.dashboard import charts, views
+from crowd.dashboard import charts, downloads, views
 
 app_name = "dashboard"
 
@@ -17,6 +17,9 @@ urlpatterns = [
     path("fronts/<str:slug>/", views.front, name="front"),
     path("explorations/", views.explorations, name="explorations"),
     path("explorations/<int:key>/", views.exploration, name="exploration"),
+    path("explorations/<int:key>/live/", views.exploration_live, name="exploration-live"),
+    path("explorations/<int:key>/evaluations.csv", downloads.evaluations_csv, name="evaluations-csv"),
+    path("explorations/<int:key>/evaluations.json", downloads.evaluations_json, name="evaluations-json"),
     path("data/", views.data, name="data"),
     path("about/", views.about, name="about"),
     path("figures/speedups.json", charts.speedups, name="speedups-figure"),
@@ -25,5 +28,20 @@ urlpatterns = [
     path("figures/sessions/<uuid:uuid>/stages.json", charts.session_stages, name="session-stages-figure"),
     path("figures/runs/<uuid:uuid>/stages.json", charts.run_stages, name="run-stages-figure"),
     path("figures/explorations/<int:key>.json", charts.exploration, name="exploration-figure"),
+    path(
+        "figures/explorations/<int:key>/hypervolume.json",
+        charts.exploration_hypervolume,
+        name="exploration-hypervolume-figure",
+    ),
+    path(
+        "figures/explorations/<int:key>/importance.json",
+        charts.exploration_importance,
+        name="exploration-importance-figure",
+    ),
+    path(
+        "figures/explorations/<int:key>/predictions/<slug:objective>.json",
+        charts.exploration_predictions,
+        name="exploration-predictions-figure",
+    ),
     path("figures/fronts/<str:slug>.json", charts.front, name="front-figure"),
 ]

@@ -1,12 +1,15 @@
 """Pages: each parses, asks a selector, and renders."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 from uuid import UUID
 
 from django.core.paginator import Paginator
-from django.http import Http404, HttpRequest, HttpResponse, QueryDict
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, QueryDict
 from django.shortcuts import render
+from django.utils import timezone
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
 from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
 
@@ -20,6 +23,9 @@ from crowd.dashboard.searches import ate_limit, yield_of
 from crowd.dashboard.stages import StageTimes, frames, spread, stage_table, stage_times
 from crowd.dashboard.versions import UnknownVersionError, beside
 from crowd.explorations import selectors as searches
+from crowd.explorations.insights import milestone
+from crowd.explorations.models import Evaluation
+from crowd.explorations.watching import Watch, found, watch
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
@@ -32,7 +38,7 @@ PAGE = 100
 EVALUATIONS = 50
 
 Row = TypeVar("Row")
-View = TypeVar("View", bound=Callable[..., HttpResponse])
+View = TypeVar("View", bound=Callable[..., HttpResponseBase])
 
 
 def page(view: View) -> View:
@@ -211,21 +217,21 @@ def explorations(request: HttpRequest) -> HttpResponse:
 
 @page
 def exploration(request: HttpRequest, key: int) -> HttpResponse:
-    """One search: what it measured, the front of it, and every evaluation."""
-    detail = _found(searches.exploration(key))
-    return render(
-        request,
-        "dashboard/exploration.html",
-        {
-            "detail": detail,
-            "progress": detail.progress,
-            "exploration": detail.progress.exploration,
-            "yield": yield_of(detail),
-            "limit": ate_limit(detail.progress.exploration),
-            "parameters": tuple(detail.front[0].configuration) if detail.front else (),
-            "part": Paginator(detail.evaluations, EVALUATIONS).get_page(request.GET.get("page")),
-        },
-    )
+    """One search: how far it is, what it found, and every evaluation."""
+    return render(request, "dashboard/exploration.html", _exploration(request, _found(watch(key))))
+
+
+@page
+def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
+    """The part of an exploration's page that changes while it runs; 304 where the caller has it."""
+    seen = _found(watch(key))
+    etag = quote_etag(seen.version)
+    if (unchanged := get_conditional_response(request, etag=etag)) is not None:
+        return unchanged
+    response = render(request, "dashboard/exploration_live.html", _exploration(request, seen))
+    response["ETag"] = etag
+    response["Cache-Control"] = "no-cache"
+    return response
 
 
 @page
@@ -241,6 +247,22 @@ def about(request: HttpRequest) -> HttpResponse:
     return render(
         request, "dashboard/about.html", {"front": front, "protocol": front.protocol if front else {}}
     )
+
+
+def _exploration(request: HttpRequest, seen: Watch) -> dict[str, Any]:
+    have = found(seen)
+    evaluations = seen.exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
+    return {
+        "seen": seen,
+        "have": have,
+        "exploration": seen.exploration,
+        "yield": yield_of(seen.exploration, have),
+        "limit": ate_limit(seen.exploration),
+        "parameters": tuple(have.front[0].configuration) if have.front else (),
+        "part": Paginator(evaluations, EVALUATIONS).get_page(request.GET.get("page")),
+        "learnt": milestone(len(have.indices)),
+        "now": timezone.now(),
+    }
 
 
 def _without_page(query: QueryDict) -> str:

@@ -1,13 +1,30 @@
 """Pages and figures of searches."""
 
+import csv
+import io
+import json
+from datetime import timedelta
 from typing import Any
 
+import numpy as np
 import pytest
 from django.test import Client
+from django.utils import timezone
 
-from crowd.dashboard.figures.explorations import exploration_plane
+from crowd.dashboard.figures.explorations import (
+    MOST_DRAWN,
+    exploration_plane,
+    hypervolume_line,
+    importance_bars,
+    prediction_plane,
+)
 from crowd.dashboard.palette import LIGHT
+from crowd.explorations import leases, services
+from crowd.explorations.insights import milestone
+from crowd.explorations.models import Evaluation, ReferenceDevice
 from crowd.explorations.points import Point
+from crowd.explorations.watching import watch
+from pareto.prediction import Prediction
 from tests.dashboard.reading import read
 from tests.dashboard.searches import KNOWN, exploration, measure
 
@@ -34,7 +51,7 @@ def test_a_search_shows_what_it_measured_and_gained(client: Client, pack: dict[s
     page = read(client, f"/explorations/{search.pk}/")
 
     assert f"kfusion {search.pk} running" in listed
-    assert "Configurations measured 8 in 8 measurements; 1 failed" in page
+    assert "Configurations measured 8 in 9 measurements, of which 1 failed" in page
     assert "Valid among them 5" in page
     assert "On the front 5" in page
     assert "Fastest valid over the default, on the reference device 10.0x 10.0 ms a frame" in page
@@ -44,16 +61,135 @@ def test_a_search_shows_what_it_measured_and_gained(client: Client, pack: dict[s
 
 
 @pytest.mark.django_db
-def test_a_search_that_has_measured_nothing_yet_has_a_page_without_a_chart(
+def test_a_search_that_has_measured_nothing_yet_says_so(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+
+    page = read(client, f"/explorations/{search.pk}/")
+
+    assert "running 0 of 4 configurations searched." in page
+    assert "waiting 5" in page
+    assert "nothing valid yet" in page
+    for name in ("", "/hypervolume", "/importance", "/predictions/runtime"):
+        figure = client.get(f"/figures/explorations/{search.pk}{name}.json").json()
+        assert not figure["data"]
+        assert figure["layout"]["annotations"][0]["text"] in {
+            "Nothing measured yet",
+            "Too few measurements to tell",
+        }
+
+
+@pytest.mark.django_db
+def test_what_failed_is_told_by_reason(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+    measure(search, [None] * len(KNOWN))
+
+    page = read(client, f"/explorations/{search.pk}/")
+
+    assert "Why 5 measurements failed Times Reason First 5 the process ended with signal 6 0" in page
+
+
+@pytest.mark.django_db
+def test_who_measures_is_shown_and_a_queue_without_a_worker_says_how_to_start_one(
     client: Client, pack: dict[str, Any]
 ) -> None:
     search = exploration(pack)
+    assert "celery -A crowd worker -Q test-board -c 1" in read(client, f"/explorations/{search.pk}/")
 
-    response = client.get(f"/explorations/{search.pk}/")
+    with leases.leased(services.waiting(search)[0].pk, "board:77"):
+        page = read(client, f"/explorations/{search.pk}/")
 
-    assert response.status_code == 200
-    assert b"<figure" not in response.content
-    assert "nothing valid yet" in read(client, f"/explorations/{search.pk}/")
+    assert "celery -A crowd worker" not in page
+    assert "Being measured now Number Phase Worker For Last heard of Attempt 0 given default board:77" in page
+
+
+@pytest.mark.django_db
+def test_a_device_that_was_heard_of_lately_has_a_worker(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+    ReferenceDevice.objects.update(seen_at=timezone.now())
+
+    assert "celery -A crowd worker" not in read(client, f"/explorations/{search.pk}/")
+
+
+@pytest.mark.django_db
+def test_the_time_left_is_judged_by_the_last_measurements(pack: dict[str, Any]) -> None:
+    search = exploration(pack, budget=40)
+    measure(search, KNOWN)
+    now = timezone.now()
+    Evaluation.objects.filter(finished_at__isnull=False).update(
+        started_at=now - timedelta(seconds=30), finished_at=now
+    )
+
+    seen = watch(search.pk)
+
+    assert seen is not None
+    assert seen.seconds_left == 40 * 30.0
+    services.pause(search)
+    paused = watch(search.pk)
+    assert paused is not None
+    assert paused.seconds_left is None
+    assert paused.active
+
+
+@pytest.mark.django_db
+def test_the_live_part_is_sent_again_only_when_something_changed(
+    client: Client, pack: dict[str, Any]
+) -> None:
+    search = exploration(pack)
+    address = f"/explorations/{search.pk}/live/"
+    etag = client.get(address)["ETag"]
+
+    assert client.get(address, headers={"If-None-Match": etag}).status_code == 304
+    measure(search, KNOWN)
+
+    changed = client.get(address, headers={"If-None-Match": etag})
+    assert changed.status_code == 200
+    assert "<html" not in changed.content.decode()
+    assert "data-still" not in changed.content.decode()
+
+
+@pytest.mark.django_db
+def test_a_finished_search_is_not_asked_about_again(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+    services.cancel(search)
+
+    assert "data-live" not in client.get(f"/explorations/{search.pk}/").content.decode()
+    assert "data-still" in client.get(f"/explorations/{search.pk}/live/").content.decode()
+
+
+@pytest.mark.django_db
+def test_every_evaluation_can_be_downloaded(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+    measure(search, KNOWN)
+
+    response = client.get(f"/explorations/{search.pk}/evaluations.csv")
+    lines = list(csv.DictReader(io.StringIO(response.getvalue().decode())))
+    objects = client.get(f"/explorations/{search.pk}/evaluations.json")
+
+    assert response["Content-Disposition"] == f'attachment; filename="exploration-{search.pk}.csv"'
+    assert [line["state"] for line in lines] == ["done"] * 4 + ["failed"]
+    assert (lines[0]["label"], lines[0]["volume_resolution"]) == ("default", "256")
+    assert (float(lines[0]["runtime"]), float(lines[0]["ate_max"])) == (0.1, 0.02)
+    assert lines[4]["error"] == "the process ended with signal 6"
+    assert [row["number"] for row in json.loads(objects.getvalue())] == [0, 1, 2, 3, 4]
+    assert client.get("/explorations/77/evaluations.csv").status_code == 404
+
+
+@pytest.mark.django_db
+def test_a_large_search_costs_no_more_queries_than_a_small_one(
+    client: Client, pack: dict[str, Any], django_assert_max_num_queries: Any
+) -> None:
+    search = exploration(pack, budget=30)
+    measure(search, KNOWN)
+    measure(search, [(0.01 * (number % 7 + 1), 0.01 + 0.001 * number) for number in range(30)])
+
+    with django_assert_max_num_queries(9):
+        page = read(client, f"/explorations/{search.pk}/")
+    with django_assert_max_num_queries(7):
+        client.get(f"/explorations/{search.pk}/live/", headers={"If-None-Match": '"other"'})
+
+    assert "of the first 29 configurations" in page
+    bars = client.get(f"/figures/explorations/{search.pk}/importance.json").json()["data"]
+    assert [bar["name"] for bar in bars] == ["runtime, ms a frame", "maximum trajectory error, cm"]
 
 
 @pytest.mark.django_db
@@ -90,10 +226,75 @@ def test_errors_beyond_the_axis_are_drawn_at_its_ends_and_told_in_full() -> None
     (trace,) = exploration_plane([point(0.0, 0.1), point(31.0, 0.1)], [], 0.05, LIGHT).data
 
     assert list(trace.x) == [0.01, 100.0]
-    assert "3,100.00" in trace.customdata[1]
+    assert "3,100.00" in trace.customdata[1][2]
 
 
 def test_a_configuration_without_an_error_is_left_out() -> None:
     lost = Point({}, "", "random", {"runtime": 0.1}, 1, 0)
 
     assert not exploration_plane([lost], [], 0.05, LIGHT).data
+
+
+def test_of_very_many_points_a_selection_is_drawn_and_the_figure_says_so() -> None:
+    points = [point(0.01, 0.01 + 1e-6 * number) for number in range(2 * MOST_DRAWN)]
+    points[1] = point(0.01, 0.2, "given", "default")
+
+    figure = exploration_plane(points, [], 0.05, LIGHT)
+
+    assert sum(len(trace.x) for trace in figure.data) == MOST_DRAWN + 1
+    assert figure.data[0].name == f"random samples ({2 * MOST_DRAWN - 1:,})"
+    assert "5,001 of 10,000 points drawn" in [label.text for label in figure.layout.annotations]
+
+
+def test_hovering_tells_every_parameter_of_a_point() -> None:
+    (trace,) = exploration_plane(
+        [Point({"mu": 0.1, "<b>": 2}, "", "random", {"ate_max": 1, "runtime": 1}, 1, 0)], [], 0.05, LIGHT
+    ).data
+
+    assert "mu %{customdata[3]}<br>&lt;b&gt; %{customdata[4]}" in trace.hovertemplate
+    assert trace.customdata[0][3:] == ["0.1", "2"]
+
+
+def test_the_growth_is_a_staircase_that_says_where_learning_began() -> None:
+    figure = hypervolume_line([0.0, 1.0, 1.0, 2.0], 2, LIGHT)
+
+    assert list(figure.data[0].y) == [0.0, 1.0, 1.0, 2.0]
+    assert [label.text for label in figure.layout.annotations] == ["active learning begins"]
+    assert not hypervolume_line([0.0, 1.0], 2, LIGHT).layout.shapes
+
+
+def test_a_long_growth_is_drawn_by_its_corners() -> None:
+    growth = np.repeat(np.arange(10.0), MOST_DRAWN).tolist()
+
+    (line,) = hypervolume_line(growth, 0, LIGHT).data
+
+    assert len(line.x) == 11
+    assert (line.x[-1], line.y[-1]) == (10 * MOST_DRAWN, 9.0)
+
+
+def test_what_matters_most_stands_on_top() -> None:
+    shares = {
+        "runtime": {"mu": 0.1, "volume_resolution": 0.7},
+        "ate_max": {"mu": 0.9, "volume_resolution": 0.2},
+    }
+
+    figure = importance_bars(shares | {"cpu_seconds": None}, LIGHT)
+
+    assert [list(bar.y) for bar in figure.data] == [["volume resolution", "mu"]] * 2
+    assert list(figure.data[1].x) == [20.0, 90.0]
+
+
+def test_predictions_are_drawn_in_the_units_of_the_pages() -> None:
+    prediction = Prediction(np.arange(2), np.array([0.01, 0.02]), np.array([0.02, 0.02]), 0.5, 0.1, log=True)
+
+    diagonal, marks = prediction_plane("runtime", prediction, LIGHT).data
+
+    assert list(diagonal.x) == list(diagonal.y) == [10.0, 20.0]
+    assert (list(marks.x), list(marks.y)) == ([10.0, 20.0], [20.0, 20.0])
+
+
+@pytest.mark.parametrize(
+    ("measurements", "answer"), [(0, 0), (19, 0), (20, 20), (21, 20), (22, 22), (31, 29), (10_000, 9_807)]
+)
+def test_models_learn_again_when_there_is_a_tenth_more(measurements: int, answer: int) -> None:
+    assert milestone(measurements) == answer

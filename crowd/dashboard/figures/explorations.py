@@ -1,7 +1,8 @@
-"""An exploration in the plane of error and runtime: everything that was measured, and the front of it."""
+"""Figures of an exploration: what was measured and its front, how it grew, what a model makes of it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from plotly import graph_objects as go
 
@@ -9,12 +10,19 @@ from crowd.dashboard import formats
 from crowd.dashboard.figures import layout
 from crowd.dashboard.palette import Theme
 from crowd.explorations.points import Point
+from pareto.prediction import Prediction
 
 # Metres between which errors are drawn. 0 has no place on a logarithmic axis, and how far a lost camera
 # has drifted tells nothing, but would squeeze the rest into a corner.
 LEAST_ATE, MOST_ATE = 1e-4, 1.0
 # Phases in the order in which they are drawn: later ones lie on top.
-PHASES = {"random": "random samples", "active": "active learning", "given": "known before"}
+PHASES = {
+    "known": "earlier exploration",
+    "random": "random samples",
+    "active": "active learning",
+    "given": "known before",
+}
+MOST_DRAWN = 5000  # beyond that a browser becomes slow
 
 
 def exploration_plane(
@@ -24,14 +32,17 @@ def exploration_plane(
 
     Random samples are circles, those of active learning discs, configurations known before diamonds with
     their names. Points without an error (tracking was lost at once) are left out, errors above MOST_ATE are
-    drawn there. Both axes are logarithmic.
+    drawn there; of more than MOST_DRAWN a regular selection is drawn, and the figure says so. Both axes are
+    logarithmic.
     """
     figure = layout.blank(theme, 520)
-    drawn = placed(points)
+    every = placed(points)
+    drawn = decimated(every)
     looks = {
         "random": {"symbol": "circle-open", "color": theme.limit, "size": 7},
         "active": {"symbol": "circle", "color": theme.ink, "size": 6},
         "given": {"symbol": "diamond", "color": theme.default, "size": 10},
+        "known": {"symbol": "square-open", "color": theme.default, "size": 7},
     }
     for phase, name in PHASES.items():
         members = [point for point in drawn if point.phase == phase]
@@ -40,10 +51,9 @@ def exploration_plane(
                 x=_errors(members),
                 y=_runtimes(members),
                 mode="markers",
-                name=f"{name} ({len(members)})",
+                name=f"{name} ({sum(point.phase == phase for point in every):,})",
                 marker=looks[phase],
-                customdata=[_detail(point) for point in members],
-                hovertemplate="%{customdata}<extra></extra>",
+                **_told(members),
             )
     stairs = sorted(placed(front), key=lambda point: point.values["ate_max"])
     if stairs:
@@ -54,20 +64,142 @@ def exploration_plane(
             name=f"front ({len(stairs)})",
             line={"shape": "hv", "color": theme.best, "width": 2},
             marker={"color": theme.best, "size": 8},
-            customdata=[_detail(point) for point in stairs],
-            hovertemplate="%{customdata}<extra></extra>",
+            **_told(stairs),
         )
     for point in drawn:
         if point.label:
             _add_label(figure, point, theme)
     if drawn:
         layout.limit_line(figure, max_ate * 100, theme, log=True)
+    else:
+        layout.note(figure, "Nothing measured yet", theme)
+    if len(drawn) < len(every):
+        layout.corner(figure, f"{len(drawn):,} of {len(every):,} points drawn", theme)
     return figure.update_layout(
         xaxis=layout.log_axis("maximum trajectory error, cm (log)"),
         yaxis=layout.log_axis("runtime, ms a frame (log)"),
         legend={"y": 1.05},
         margin={"t": 56},
+        uirevision="stays",
     )
+
+
+def hypervolume_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure:
+    """The hypervolume after each searched measurement; the first RANDOM of them were random samples.
+
+    Only its growth means something: it ends where the limits are, or at the worst value measured so far.
+    """
+    figure = layout.blank(theme, 320)
+    figure.update_layout(
+        xaxis={"title": {"text": "configurations searched"}, "rangemode": "tozero"},
+        yaxis={"title": {"text": "hypervolume"}, "rangemode": "tozero"},
+    )
+    if not growth:
+        return layout.note(figure, "Nothing measured yet", theme)
+    rows = range(len(growth)) if len(growth) <= MOST_DRAWN else _corners(growth)
+    figure.add_scatter(
+        x=[row + 1 for row in rows],
+        y=layout.rounded([growth[row] for row in rows]),
+        mode="lines",
+        line={"shape": "hv", "color": theme.best, "width": 2},
+        hovertemplate="after %{x:,} configurations: %{y}<extra></extra>",
+        showlegend=False,
+    )
+    if 0 < random < len(growth):
+        figure.add_shape(
+            type="line",
+            x0=random,
+            x1=random,
+            yref="paper",
+            y0=0,
+            y1=1,
+            line={"color": theme.muted, "dash": "dot"},
+        )
+        figure.add_annotation(
+            x=random,
+            yref="paper",
+            y=1,
+            yanchor="bottom",
+            text="active learning begins",
+            font={"color": theme.muted},
+            showarrow=False,
+        )
+    return figure
+
+
+def importance_bars(shares: Mapping[str, Mapping[str, float] | None], theme: Theme) -> go.Figure:
+    """How much each parameter matters to each objective, parameters that matter most on top."""
+    told = {objective: share for objective, share in shares.items() if share is not None}
+    names = sorted(
+        {name for share in told.values() for name in share},
+        key=lambda name: max(share[name] for share in told.values()),
+    )
+    figure = layout.blank(theme, importance_height(len(names)))
+    for colour, (objective, share) in zip(theme.series, told.items(), strict=False):
+        figure.add_bar(
+            x=layout.rounded([share[name] * 100 for name in names]),
+            y=[formats.words(name) for name in names],
+            orientation="h",
+            name=formats.objective(objective),
+            marker={"color": colour},
+            hovertemplate="%{y}: %{x:.3g} %<extra>%{fullData.name}</extra>",
+        )
+    if not told:
+        layout.note(figure, "Too few measurements to tell", theme)
+    return figure.update_layout(
+        xaxis={"title": {"text": "share of the variance, %"}, "rangemode": "tozero"},
+        bargap=0.35,
+        legend={"traceorder": "normal"},
+    )
+
+
+def importance_height(parameters: int) -> int:
+    """Pixels that the bars of so many parameters need."""
+    return 120 + 44 * max(parameters, 3)
+
+
+def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme) -> go.Figure:
+    """What a model foretold of each measurement that it had not seen, against what was measured."""
+    figure = layout.blank(theme, 420)
+    if prediction is None:
+        return layout.note(figure, "Too few measurements to tell", theme)
+    scale = formats.OBJECTIVES.get(objective, ("", 1.0))[1]
+    measured, foretold = prediction.measured * scale, prediction.predicted * scale
+    ends = [float(min(measured.min(), foretold.min())), float(max(measured.max(), foretold.max()))]
+    figure.add_scatter(
+        x=ends,
+        y=ends,
+        mode="lines",
+        line={"color": theme.line, "width": 2},
+        hoverinfo="skip",
+        showlegend=False,
+    )
+    figure.add_scatter(
+        x=layout.rounded(measured),
+        y=layout.rounded(foretold),
+        mode="markers",
+        marker={"color": theme.ink, "size": 5, "opacity": 0.6},
+        hovertemplate="measured %{x:.4g}, predicted %{y:.4g}<extra></extra>",
+        showlegend=False,
+    )
+    name = formats.objective(objective)
+    if prediction.log:
+        axes = layout.log_axis(f"measured: {name}"), layout.log_axis(f"predicted: {name}")
+    else:
+        axes = {"title": {"text": f"measured: {name}"}}, {"title": {"text": f"predicted: {name}"}}
+    return figure.update_layout(xaxis=axes[0], yaxis=axes[1])
+
+
+def decimated(points: Sequence[Point]) -> list[Point]:
+    """At most about MOST_DRAWN of POINTS: those with a name, and of the others every n-th."""
+    every = math.ceil(len(points) / MOST_DRAWN)
+    return [point for number, point in enumerate(points) if point.label or number % max(every, 1) == 0]
+
+
+def _corners(growth: Sequence[float]) -> list[int]:
+    """Positions in GROWTH at which it changes, and its ends: the staircase through them is the same."""
+    inner = range(1, len(growth) - 1)
+    return [0, *(row for row in inner if growth[row] != growth[row - 1]), len(growth) - 1]
 
 
 def placed(points: Sequence[Point]) -> list[Point]:
@@ -100,12 +232,21 @@ def _runtimes(points: Sequence[Point]) -> list[float | None]:
     return layout.rounded([point.values["runtime"] * 1e3 for point in points])
 
 
-def _detail(point: Point) -> str:
-    runtime, ate = point.values["runtime"], point.values["ate_max"]
-    head = [f"<b>{layout.text(point.label)}</b>"] if point.label else []
-    figures = f"{formats.milliseconds(runtime)} a frame, max ATE {formats.centimetres(ate)}"
-    parameters = [
-        f"{layout.text(formats.words(name))} {formats.parameter(value)}"
-        for name, value in point.configuration.items()
+def _told(points: Sequence[Point]) -> dict[str, Any]:
+    """What hovering over POINTS tells: the names stand in the template once, the values with each point."""
+    names = list(dict.fromkeys(name for point in points for name in point.configuration))
+    rows = [
+        [
+            f"<b>{layout.text(point.label)}</b><br>" if point.label else "",
+            formats.milliseconds(point.values["runtime"]),
+            formats.centimetres(point.values["ate_max"]),
+            *(layout.text(formats.parameter(point.configuration.get(name))) for name in names),
+        ]
+        for point in points
     ]
-    return layout.lines([*head, figures, *parameters])
+    parameters = [
+        f"{layout.text(formats.words(name))} %{{customdata[{column}]}}"
+        for column, name in enumerate(names, 3)
+    ]
+    head = "%{customdata[0]}%{customdata[1]} a frame, max ATE %{customdata[2]}"
+    return {"customdata": rows, "hovertemplate": layout.lines([head, *parameters]) + "<extra></extra>"}

@@ -139,6 +139,29 @@ def limit_line(figure: go.Figure, centimetres: float, theme: Theme, log: bool = 
     )
 
 
+def note(figure: go.Figure, words: str, theme: Theme) -> go.Figure:
+    """FIGURE with WORDS in its middle, where there is nothing to draw."""
+    return figure.add_annotation(
+        xref="paper", yref="paper", x=0.5, y=0.5, text=words, font={"color": theme.muted}, showarrow=False
+    )
+
+
+def corner(figure: go.Figure, words: str, theme: Theme) -> go.Figure:
+    """FIGURE with WORDS at its lower right: what a reader must know of how it was drawn."""
+    return figure.add_annotation(
+        xref="paper",
+        yref="paper",
+        x=1,
+        y=0,
+        xanchor="right",
+        yanchor="bottom",
+        text=words,
+        font={"color": theme.muted, "size": 12},
+        bgcolor=theme.surface,
+        showarrow=False,
+    )
+
+
 def text(raw: str) -> str:
     """RAW as plotly shows it literally: it reads a small HTML in every text."""
     return html.escape(raw, quote=False)

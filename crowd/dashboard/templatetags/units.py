@@ -1,6 +1,7 @@
 """Template filters over crowd.dashboard.formats: every number on a page passes through one of them."""
 
 from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
 from functools import wraps
 from typing import Any
 
@@ -29,6 +30,8 @@ FORMATS: dict[str, Callable[..., str]] = {
     "plural": formats.plural,
     "parameter": formats.parameter,
     "words": formats.words,
+    "objective": formats.objective,
+    "duration": formats.duration,
     "hour": formats.hour,
     "day": formats.day,
 }
@@ -58,6 +61,12 @@ def interval(low: float | None, high: float | None) -> str:
 def max_drift() -> str:
     """How much slower a repeat may be before its session is suspect."""
     return formats.change(MAX_DRIFT)
+
+
+@register.filter
+def since(moment: datetime | None, now: datetime) -> str:
+    """How long ago MOMENT was."""
+    return formats.duration((now - moment).total_seconds() if moment else None)
 
 
 @register.filter

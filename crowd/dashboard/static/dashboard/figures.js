@@ -38,3 +38,4 @@ function wire(figure, plot) {
 const figures = [...document.querySelectorAll("figure[data-figure]")];
 figures.forEach(draw);
 dark.addEventListener("change", () => figures.forEach(draw));
+document.addEventListener("frontrunner:changed", () => figures.forEach(draw));

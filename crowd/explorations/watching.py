@@ -1,0 +1,189 @@
+"""Reads for whoever watches an exploration: how far it is, who measures, what failed, what was found.
+
+`watch` is cheap, a few counts, and tells by its digests whether anything changed; `found` reads every
+measurement, so what it answers is kept until there is another.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from functools import lru_cache
+from statistics import median
+from typing import Any
+
+from django.db.models import Count, F, Max, Min
+from django.utils import timezone
+
+from crowd.explorations import points
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.points import Point
+
+State, Phase = Evaluation.State, Evaluation.Phase
+SEARCHED = (Phase.RANDOM, Phase.ACTIVE)
+COPIED = (Phase.KNOWN, Phase.PRIOR)  # measured by another exploration
+RECENT = 50  # measurements from which the time left is judged
+SILENT = timedelta(minutes=2)  # a device unheard of for so long has no worker
+MOST_REASONS = 10
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A reason why configurations could not be measured, how often, and the first evaluation it struck."""
+
+    reason: str
+    count: int
+    example: int
+
+
+@dataclass(frozen=True)
+class Watch:
+    """An exploration as it is now.
+
+    `phases` counts the finished measurements of each phase, failed ones too; `searched` and `budget` are
+    configurations that the search chose. `waiting` is asked for and not begun. `seconds_left` is the median
+    duration of the last measurements times what is still to do (None: nothing to judge by, or it does not
+    run). `unserved` says that work waits and no worker of the device was heard of lately. `version` changes
+    with anything that a page shows, `results` with what was measured only.
+    """
+
+    exploration: Exploration
+    phases: dict[str, int]
+    finished: int
+    failed: int
+    searched: int
+    waiting: int
+    running: tuple[Evaluation, ...]
+    failures: tuple[Failure, ...]
+    seconds_left: float | None
+    unserved: bool
+    version: str
+    results: str
+
+    @property
+    def active(self) -> bool:
+        """Whether a page should look again: only what is done or cancelled for good stands still."""
+        return self.exploration.state in (Exploration.State.RUNNING, Exploration.State.PAUSED) or bool(
+            self.running
+        )
+
+
+@dataclass(frozen=True)
+class Found:
+    """What an exploration measured: its points and front, and the search's measurements in order.
+
+    `indices` places each searched evaluation in the space, `values` has its objectives (None: it failed),
+    both in the order in which they were finished.
+    """
+
+    points: tuple[Point, ...]
+    front: tuple[Point, ...]
+    indices: tuple[int, ...]
+    values: tuple[dict[str, float] | None, ...]
+
+
+def watch(key: int) -> Watch | None:
+    """The exploration with that key as it is now, None if there is none. Five queries."""
+    exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
+    if exploration is None:
+        return None
+    own = Evaluation.objects.filter(exploration_id=key).exclude(phase__in=COPIED)
+    groups = list(
+        own.values("phase", "state")
+        .annotate(rows=Count("pk"), last=Max("finished_at"))
+        .order_by("phase", "state")
+    )
+    counts = {(group["phase"], group["state"]): group["rows"] for group in groups}
+    running = tuple(own.filter(state=State.RUNNING).order_by("started_at"))
+    phases = {
+        phase.value: sum(counts.get((phase, state), 0) for state in (State.DONE, State.FAILED))
+        for phase in Phase
+        if phase not in COPIED
+    }
+    searched = sum(phases[phase] for phase in SEARCHED)
+    waiting = sum(rows for (_, state), rows in counts.items() if state == State.PENDING)
+    failed = sum(rows for (_, state), rows in counts.items() if state == State.FAILED)
+    return Watch(
+        exploration=exploration,
+        phases=phases,
+        finished=sum(phases.values()),
+        failed=failed,
+        searched=searched,
+        waiting=waiting,
+        running=running,
+        failures=_failures(key) if failed else (),
+        seconds_left=_seconds_left(exploration, phases, searched),
+        unserved=_unserved(exploration, waiting, running),
+        version=_digest(
+            [*_setting(exploration), *groups, *((row.pk, row.attempt, row.heartbeat_at) for row in running)]
+        ),
+        results=_digest([*_setting(exploration), *(group for group in groups if group["last"])]),
+    )
+
+
+def found(seen: Watch) -> Found:
+    """What the exploration SEEN had measured then. Two queries, unless it was asked before."""
+    return _found(seen.exploration.pk, seen.results)
+
+
+@lru_cache(maxsize=4)
+def _found(key: int, results: str) -> Found:  # noqa: ARG001
+    exploration = Exploration.objects.get(pk=key)
+    own = exploration.evaluations.exclude(phase=Phase.PRIOR)
+    rows = own.defer("stages", "device", "error").filter(state__in=(State.DONE, State.FAILED))
+    evaluations = list(rows.order_by("number"))
+    known = points.measured(evaluations)
+    searched = sorted(
+        (row for row in evaluations if row.index is not None and row.phase in SEARCHED),
+        key=lambda row: (row.finished_at or row.created_at, row.number),
+    )
+    return Found(
+        points=tuple(known),
+        front=tuple(points.front(exploration, known)),
+        indices=tuple(row.index for row in searched if row.index is not None),
+        values=tuple(row.objectives for row in searched),
+    )
+
+
+def _failures(key: int) -> tuple[Failure, ...]:
+    rows = (
+        Evaluation.objects.filter(exploration_id=key, state=State.FAILED)
+        .order_by()
+        .values("error")
+        .annotate(rows=Count("pk"), first=Min("number"))
+        .order_by("-rows", "first")
+    )
+    return tuple(Failure(row["error"], row["rows"], row["first"]) for row in rows[:MOST_REASONS])
+
+
+def _seconds_left(exploration: Exploration, phases: dict[str, int], searched: int) -> float | None:
+    if exploration.state != Exploration.State.RUNNING:
+        return None
+    last = Evaluation.objects.filter(exploration=exploration, started_at__isnull=False).order_by(
+        F("finished_at").desc(nulls_last=True)
+    )
+    durations = [
+        (finished - started).total_seconds()
+        for started, finished in last.values_list("started_at", "finished_at")[:RECENT]
+        if finished is not None
+    ]
+    if not durations:
+        return None
+    repeats = max(0, exploration.points * exploration.repeats - phases[Phase.REPEAT])
+    to_do = max(0, exploration.budget - searched) + repeats
+    return median(durations) * to_do / exploration.reference_device.machines
+
+
+def _unserved(exploration: Exploration, waiting: int, running: Sequence[Evaluation]) -> bool:
+    if exploration.state != Exploration.State.RUNNING or running or not waiting:
+        return False
+    seen = exploration.reference_device.seen_at
+    return seen is None or timezone.now() - seen > SILENT
+
+
+def _setting(exploration: Exploration) -> list[Any]:
+    return [exploration.pk, exploration.state, exploration.budget, exploration.reference_device.machines]
+
+
+def _digest(facts: list[Any]) -> str:
+    return hashlib.sha256(repr(facts).encode()).hexdigest()[:32]
