@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import os
 import sys
 import time
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from client_kit.server import Server, ServerError
 from client_kit.spool import QUEUED, Item, Spool
 
 INTERRUPTED = 130
+TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -71,6 +73,20 @@ def _parser() -> argparse.ArgumentParser:
 
     erase = commands.add_parser("erase", help="erase what was sent and what is kept here")
     erase.set_defaults(command=_erase)
+
+    evaluate = commands.add_parser(
+        "evaluate", help="serve as a reference device: measure what the server's explorations ask for"
+    )
+    evaluate.add_argument("--server", required=True, metavar="URL", help="address of the Frontrunner server")
+    evaluate.add_argument("--device", required=True, metavar="NAME", help="the reference device's name there")
+    evaluate.add_argument(
+        "--token",
+        default=os.environ.get(TOKEN_VARIABLE),
+        metavar="T",
+        help=f"its token, which an administrator issues (else from {TOKEN_VARIABLE})",
+    )
+    evaluate.add_argument("--until-idle", action="store_true", help="end as soon as nothing waits")
+    evaluate.set_defaults(command=_evaluate)
 
     choose = commands.add_parser("choose", help="the configuration to run on this device")
     choose.add_argument(
@@ -169,6 +185,14 @@ def _erase(_options: argparse.Namespace, home: Home, console: Console) -> None:
     console.lines(delivered.lines())
     if len(delivered.erased) < len(servers):
         console.say("The request to erase is kept and goes with the next `run` or `send`.")
+
+
+def _evaluate(options: argparse.Namespace, home: Home, console: Console) -> None:
+    from client_kit.evaluation import serve
+
+    if not options.token:
+        raise UsageError(f"--token is missing: an administrator issues one ({TOKEN_VARIABLE} works too)")
+    serve(Server(options.server), options.device, options.token, home, console, options.until_idle)
 
 
 def _choose(options: argparse.Namespace, home: Home, console: Console) -> None:

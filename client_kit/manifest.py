@@ -178,7 +178,7 @@ def _parse(document: Mapping[str, Any]) -> Manifest:
         front_version=document["front_version"],
         configurations=by_name,
         protocol=_protocol(document["protocol"], by_name),
-        chunks=tuple(_chunk(chunk) for chunk in sequence["chunks"]),
+        chunks=tuple(read_chunk(chunk) for chunk in sequence["chunks"]),
         sequence=sequence,
         consent_version=document["consent_version"],
         minimum_app_version=str(document["minimum_app_version"]),
@@ -211,7 +211,8 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     )
 
 
-def _chunk(chunk: Mapping[str, Any]) -> Chunk:
+def read_chunk(chunk: Mapping[str, Any]) -> Chunk:
+    """CHUNK of a sequence, checked. Raises KeyError, TypeError or ValueError for one that cannot be."""
     digest, size = str(chunk["sha256"]), int(chunk["bytes"])
     # The digest becomes a file's name.
     if not DIGEST.fullmatch(digest) or size <= 0:

@@ -3,16 +3,27 @@
 import hashlib
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any, Protocol
 
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home, write_file
-from client_kit.manifest import Chunk, Manifest
+from client_kit.manifest import Chunk
 from client_kit.server import ProblemError, Server, UnreachableError
 
 ATTEMPTS = 4
 FIRST_PAUSE_SECONDS = 1.0
+
+
+class Download(Protocol):
+    """Whatever names a sequence and its parts: a manifest, or a lease."""
+
+    @property
+    def sequence(self) -> Mapping[str, Any]: ...
+
+    @property
+    def chunks(self) -> tuple[Chunk, ...]: ...
 
 
 class CorruptChunkError(CannotMeasureError):
@@ -21,7 +32,7 @@ class CorruptChunkError(CannotMeasureError):
 
 def fetch(
     server: Server,
-    manifest: Manifest,
+    manifest: Download,
     home: Home,
     progress: Callable[[int, int], None] | None = None,
     pause: Callable[[float], None] = time.sleep,
@@ -47,7 +58,7 @@ def fetch(
     return folder
 
 
-def at_hand(manifest: Manifest, home: Home) -> Path | None:
+def at_hand(manifest: Download, home: Home) -> Path | None:
     """The folder of the manifest's sequence if it was downloaded whole before, else None."""
     folder = home.sequence(str(manifest.sequence["sha256"]))
     if not (folder / "pack.json").is_file():
@@ -88,7 +99,7 @@ def _is_whole(path: Path, chunk: Chunk) -> bool:
         return False
 
 
-def _pack_description(manifest: Manifest) -> bytes:
+def _pack_description(manifest: Download) -> bytes:
     chunks = [
         {key: value for key, value in chunk.items() if key != "url"} for chunk in manifest.sequence["chunks"]
     ]

@@ -127,6 +127,21 @@ class Server:
         """Have everything of this installation erased."""
         self._call("DELETE", "/me", token=token)
 
+    def lease(self, token: str, device: str, worker: str) -> dict[str, Any] | None:
+        """The next evaluation for a reference device; None where none waits."""
+        body = json.dumps({"device": device, "worker": worker}).encode()
+        answer = self._call("POST", "/leases", token=token, body=body)
+        return None if answer.status == 204 else answer.json()
+
+    def heartbeat(self, token: str, lease: str) -> None:
+        """Hold a lease for longer. Raises ProblemError 410 where it is gone."""
+        self._call("POST", f"/leases/{urllib.parse.quote(lease, safe='')}/heartbeat", token=token, body=b"{}")
+
+    def finish(self, token: str, lease: str, result: Mapping[str, Any]) -> None:
+        """Tell what became of an evaluation. Raises ProblemError 410 where the lease is gone."""
+        path = f"/leases/{urllib.parse.quote(lease, safe='')}/result"
+        self._call("POST", path, token=token, body=json.dumps(result).encode())
+
     def download(self, address: str, size: int) -> bytes:
         """A file of exactly `size` bytes at an address that the manifest gave, relative or absolute."""
         request = urllib.request.Request(urllib.parse.urljoin(f"{self.url}/", address))

@@ -23,6 +23,7 @@ from crowd.explorations.measurement import LeaseLostError, Measurement, Measurem
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
 MOST_LOSSES = 3
+UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
 RECORD_AGAIN_SECONDS = 0.5
 T = TypeVar("T")
 
@@ -120,7 +121,7 @@ def renew(evaluation: Evaluation) -> bool:
 
 
 def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = "") -> bool:
-    """Store a measurement; False, and nothing stored, where the lease is lost.
+    """Store a measurement; False, and nothing stored, where another holds or has finished the evaluation.
 
     MEASURED_BY is the software's version where it is not this process's own.
     """
@@ -135,7 +136,7 @@ def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = 
 
 
 def fail(evaluation: Evaluation, reason: str, measured_by: str = "") -> bool:
-    """Store that the configuration cannot be measured; False where the lease is lost."""
+    """Store that the configuration cannot be measured; False as for `record`."""
     return _finish(
         evaluation,
         state=Evaluation.State.FAILED,
@@ -150,13 +151,13 @@ def give_back(evaluation: Evaluation) -> bool:
 
 
 def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
-    """The evaluation of DEVICE whose lease number ATTEMPT is held still, None where it is gone."""
+    """The evaluation of DEVICE whose latest lease is number ATTEMPT and that is not finished, else None."""
     return (
         Evaluation.objects.select_related("exploration__reference_device")
         .filter(
             pk=evaluation_id,
             attempt=attempt,
-            state=Evaluation.State.RUNNING,
+            state__in=UNFINISHED,
             exploration__reference_device=device,
         )
         .first()
@@ -209,8 +210,11 @@ def _lease(evaluation: Evaluation, worker: str) -> Evaluation:
 
 
 def _finish(evaluation: Evaluation, **values: Any) -> bool:
+    # A lease that ran out and that nobody took since loses nothing: what was measured is as good as ever.
+    row = Evaluation.objects.filter(pk=evaluation.pk, state__in=UNFINISHED, attempt=evaluation.attempt)
+
     def write() -> bool:
-        return bool(_held(evaluation).update(lease_until=None, finished_at=timezone.now(), **values))
+        return bool(row.update(lease_until=None, finished_at=timezone.now(), **values))
 
     return _patiently(write, _duration())
 

@@ -198,7 +198,7 @@ def _ask(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Ev
 def _search(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Wanted]:
     """The next of the search, or outliers to be checked first; nothing once the budget is used up."""
     if exploration.recheck and (far := search.outliers(exploration, evaluations)):
-        again = [(row.configuration, Evaluation.Phase.CHECK, row.label) for row in far]
+        again: list[Wanted] = [(row.configuration, Evaluation.Phase.CHECK, row.label) for row in far]
         return again * search.CHECKS
     left = exploration.budget - sum(row.phase in SEARCHED for row in evaluations)
     if left <= 0:

@@ -7,4 +7,7 @@ from crowd.explorations import views
 urlpatterns = [
     path("explorations", views.ExplorationsView.as_view()),
     path("explorations/<int:key>", views.ExplorationView.as_view()),
+    path("leases", views.LeasesView.as_view()),
+    path("leases/<int:key>-<int:attempt>/heartbeat", views.HeartbeatView.as_view()),
+    path("leases/<int:key>-<int:attempt>/result", views.ResultView.as_view()),
 ]

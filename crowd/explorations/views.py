@@ -1,12 +1,15 @@
-"""Explorations, for everybody to read."""
+"""Explorations, for everybody to read; and work for machines that serve as a reference device over HTTP."""
 
 from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.api import Endpoint, answer, page
-from crowd.explorations import answers, selectors
+from crowd.api import Endpoint, answer, body, page
+from crowd.explorations import answers, leasing, selectors
+from crowd.explorations.authentication import DeviceEndpoint, device_asking
 from crowd.problems import not_found
+
+ASK_AGAIN_SECONDS = 5
 
 
 class ExplorationsView(Endpoint):
@@ -36,3 +39,49 @@ class ExplorationView(Endpoint):
         if found is None:
             raise not_found(f"no exploration {key}: GET /api/v1/explorations lists them")
         return answer(answers.detail(found))
+
+
+class LeasesView(DeviceEndpoint):
+    """Work for a reference device."""
+
+    @extend_schema(
+        operation_id="lease",
+        summary="Take an evaluation to measure",
+        description="204 where none waits for this device or all its machines are busy: ask again later.",
+        request={"application/json": leasing.Wish},
+        responses={201: leasing.Lease, 204: None},
+    )
+    def post(self, request: Request) -> HttpResponse:
+        wish = body(request) if request._request.body else b""
+        lease = leasing.begin(device_asking(request), wish)
+        if lease is None:
+            return HttpResponse(status=204, headers={"Retry-After": str(ASK_AGAIN_SECONDS)})
+        return answer(lease, 201, {"Cache-Control": "no-store"})
+
+
+class HeartbeatView(DeviceEndpoint):
+    """A measurement goes on."""
+
+    @extend_schema(
+        operation_id="heartbeat",
+        summary="Hold a lease for longer",
+        description="410 where it is gone: stop measuring, someone else does.",
+        request=None,
+        responses={200: leasing.Held},
+    )
+    def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
+        return answer(leasing.renew(device_asking(request), key, attempt))
+
+
+class ResultView(DeviceEndpoint):
+    """A measurement has ended."""
+
+    @extend_schema(
+        operation_id="result",
+        summary="Tell what was measured, why it failed, or give it back",
+        description="410 where the lease is gone. The same result told again is answered as before.",
+        request={"application/json": leasing.Result},
+        responses={200: leasing.Stored},
+    )
+    def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
+        return answer(leasing.finish(device_asking(request), key, attempt, body(request)))

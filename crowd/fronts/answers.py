@@ -1,5 +1,6 @@
 """Shapes of the answers about fronts."""
 
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
@@ -84,28 +85,32 @@ class FrontPage(msgspec.Struct):
 
 def manifest(front: Front, *, consent_version: int, minimum_app_version: str, accepting: bool) -> Manifest:
     """FRONT as clients are told of it."""
-    sequence = front.sequence
     return Manifest(
         application=front.application,
         front_version=front.slug,
         configurations=configurations(front),
         protocol=front.protocol,
-        sequence=Sequence(
-            name=sequence["name"],
-            sha256=sequence["sha256"],
-            width=sequence["width"],
-            height=sequence["height"],
-            frames=sequence["frames"],
-            volume_size=sequence.get("volume_size"),
-            initial_position=sequence.get("initial_position"),
-            chunks=[
-                Chunk(chunk["sha256"], chunk["bytes"], f"/sequences/{chunk['sha256']}")
-                for chunk in sequence["chunks"]
-            ],
-        ),
+        sequence=sequence(front.sequence),
         consent_version=consent_version,
         minimum_app_version=minimum_app_version,
         accepting=accepting,
+    )
+
+
+def sequence(pack: Mapping[str, Any]) -> Sequence:
+    """What a client needs to download the sequence that PACK, a pack.json, describes."""
+    return Sequence(
+        name=pack["name"],
+        sha256=pack["sha256"],
+        width=pack["width"],
+        height=pack["height"],
+        frames=pack["frames"],
+        volume_size=pack.get("volume_size"),
+        initial_position=pack.get("initial_position"),
+        chunks=[
+            Chunk(chunk["sha256"], chunk["bytes"], f"/sequences/{chunk['sha256']}")
+            for chunk in pack["chunks"]
+        ],
     )
 
 

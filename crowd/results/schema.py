@@ -4,23 +4,19 @@ Runs stay undecoded at first, so that one with a wrong type costs nothing but it
 ignored: a newer client may send more.
 """
 
-import re
 from datetime import datetime
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 import msgspec
 
+from crowd.decoding import decoded
 from crowd.problems import Problem
 
-T = TypeVar("T")
 SCHEMA_VERSION = 1
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Version = Annotated[str, msgspec.Meta(max_length=32)]
 Small = Annotated[int, msgspec.Meta(ge=0, le=32_767)]
-WHERE = re.compile(r" - at `\$(?P<path>[^`]*)`$")
-OFFSET = re.compile(r"\(byte (?P<offset>\d+)\)$")
-NOT_FINITE = re.compile(rb"-?(NaN|Infinity|inf)", re.IGNORECASE)
 
 
 class Run(msgspec.Struct):
@@ -96,17 +92,23 @@ def submission(body: bytes) -> Submission:
 
     Raises Problem: malformed_json, not_finite, null_character, unknown_schema_version or invalid_field.
     """
-    return _decoded(_SUBMISSION, body)
+    try:
+        return decoded(_SUBMISSION, body)
+    except Problem as problem:
+        if problem.field != "schema_version":
+            raise
+        readable = f"this server reads schema_version {SCHEMA_VERSION}"
+        raise Problem(400, "unknown_schema_version", readable, field=problem.field) from problem
 
 
 def enrolment(body: bytes) -> Enrolment:
     """BODY as an enrolment. Raises Problem as `submission` does."""
-    return _decoded(_ENROLMENT, body)
+    return decoded(_ENROLMENT, body)
 
 
 def run(raw: msgspec.Raw) -> Run:
     """RAW as a run. Raises Problem with the member in `field`, from the run on (`frame_us[3]`)."""
-    return _decoded(_RUN, bytes(raw))
+    return decoded(_RUN, bytes(raw))
 
 
 def id_of(raw: msgspec.Raw) -> str | None:
@@ -116,39 +118,3 @@ def id_of(raw: msgspec.Raw) -> str | None:
     except (msgspec.DecodeError, RecursionError):
         return None
     return name if isinstance(name, str) and len(name) <= 64 else None
-
-
-def _decoded(decoder: "msgspec.json.Decoder[T]", body: bytes) -> T:
-    # PostgreSQL stores no NUL in text, and no device's name has one.
-    if b"\\u0000" in body:
-        raise Problem(400, "null_character", "a text holds the character NUL (\\u0000): leave it out")
-    try:
-        return decoder.decode(body)
-    except msgspec.ValidationError as error:
-        raise _wrong_type(str(error)) from error
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise _malformed(str(error), body) from error
-
-
-def _wrong_type(message: str) -> Problem:
-    where = WHERE.search(message)
-    field = where["path"].lstrip(".") if where else None
-    text = message[: where.start()] if where else message
-    if field == "schema_version":
-        return Problem(
-            400, "unknown_schema_version", f"this server reads schema_version {SCHEMA_VERSION}", field=field
-        )
-    if text == "Number out of range":
-        return Problem(400, "not_finite", f"{text}: infinite numbers are not JSON", field=field)
-    return Problem(400, "invalid_field", text, field=field)
-
-
-def _malformed(message: str, body: bytes) -> Problem:
-    offset = OFFSET.search(message)
-    if offset and NOT_FINITE.match(body, int(offset["offset"])):
-        return Problem(
-            400,
-            "not_finite",
-            f"NaN and infinite numbers are not JSON; write null, or leave it out ({message})",
-        )
-    return Problem(400, "malformed_json", message)
