@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from pareto.errors import StateError
+from pareto.errors import MethodError, StateError
 from pareto.history import History
-from pareto.methods import DEFAULT, create
+from pareto.methods import DEFAULT, METHODS, create
 from pareto.objective import Objective, read_limits, read_objectives, read_values
 from pareto.space import Configuration, Space
+from pareto.transfer import Prior
 
 VERSION = 1  # of the saved state
 
@@ -33,7 +34,11 @@ class Explorer:
     maximised ones, from below. Equal seeds, options and histories give equal proposals. Further `options`
     are the method's; `pareto.methods` lists both.
 
-    Raises ObjectiveError, or MethodError for an unknown method or option.
+    `prior` is what another device measured, as (configuration, values or None for a failure) pairs: it guides
+    the search as far as the measurements told here bear it out, and never counts as told. What was measured
+    on this very device is told instead.
+
+    Raises ObjectiveError, or MethodError for an unknown method or option or one that heeds no prior.
     """
 
     def __init__(
@@ -44,6 +49,7 @@ class Explorer:
         *,
         seed: int = 0,
         method: str = DEFAULT,
+        prior: Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]] = (),
         **options: Any,
     ) -> None:
         self.space = space
@@ -55,6 +61,7 @@ class Explorer:
         self.history = History(space, self.objectives, self.limits)
         self._options = options
         self._method = create(method, options)
+        self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
         self._asks = 0
 
     def ask(self, count: int = 1, repeats: bool = False) -> list[Configuration]:
@@ -125,7 +132,7 @@ class Explorer:
 
     def state(self) -> dict[str, Any]:
         """Return everything as plain JSON, from which `restore` goes on exactly as this explorer would."""
-        return {
+        state = {
             "version": VERSION,
             "space": self.space.digest,
             "objectives": [{"name": item.name, "maximise": item.maximise} for item in self.objectives],
@@ -135,13 +142,13 @@ class Explorer:
             "options": self._options,
             "asks": self._asks,
             "finished": self.finished,
-            "observations": [
-                [index, self.history.phases[index], [None if v is None else list(v) for v in values]]
-                for index, values in self.history.told.items()
-            ],
+            "observations": _observations(self.history),
             "pending": [[index, phase] for index, phase in self.history.pending.items()],
             "memory": self._method.memory(),
         }
+        if self.history.prior is not None:
+            state["prior"] = _observations(self.history.prior.source)
+        return state
 
     @classmethod
     def restore(cls, space: Space, state: Mapping[str, Any]) -> Explorer:
@@ -165,9 +172,10 @@ class Explorer:
             )
             explorer._asks = int(state["asks"])
             explorer.finished = bool(state["finished"])
-            for index, phase, measurements in state["observations"]:
-                for values in measurements:
-                    explorer.history.record(int(index), None if values is None else tuple(values), phase)
+            prior = Prior(space, explorer.objectives, explorer.limits)
+            _record(prior.source, state.get("prior", []))
+            explorer._take_prior(prior)
+            _record(explorer.history, state["observations"])
             for index, phase in state["pending"]:
                 explorer.history.expect(int(index), phase)
             explorer._method.recall(state["memory"])
@@ -175,8 +183,29 @@ class Explorer:
             raise StateError(f"the state is damaged: {error!r}") from error
         return explorer
 
+    def _take_prior(self, prior: Prior) -> None:
+        if not prior.source.told:
+            return
+        if not self._method.uses_prior:
+            heeding = ", ".join(name for name, kind in METHODS.items() if kind.uses_prior)
+            raise MethodError(f"method {self.method!r} heeds no prior: {heeding} does")
+        self.history.prior = prior
+
     def _repeats(self, count: int) -> list[tuple[int, str]]:
         indices, _ = self.history.front()
         waiting = [int(index) for index in indices if int(index) not in self.history.pending]
         waiting.sort(key=lambda index: len(self.history.told[index]))
         return [(index, "repeat") for index in waiting[:count]]
+
+
+def _observations(history: History) -> list[list[Any]]:
+    return [
+        [index, history.phases[index], [None if v is None else list(v) for v in values]]
+        for index, values in history.told.items()
+    ]
+
+
+def _record(history: History, observations: Iterable[Sequence[Any]]) -> None:
+    for index, phase, measurements in observations:
+        for values in measurements:
+            history.record(int(index), None if values is None else tuple(values), phase)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from pareto.front import nondominated
 from pareto.objective import Objective
 from pareto.space import Indices, Space
 
+if TYPE_CHECKING:
+    from pareto.transfer import Prior
+
 Values = tuple[float, ...]
 
 
@@ -18,7 +22,8 @@ class History:
     """Measured values by index, in the order they first arrived, and the indices still pending.
 
     A configuration may be measured more than once: its value is the mean of its successful measurements,
-    and it counts as failed only while all of them failed.
+    and it counts as failed only while all of them failed. `prior` is what another device measured, which is
+    known and yet not told.
     """
 
     def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
@@ -28,6 +33,7 @@ class History:
         self.told: dict[int, list[Values | None]] = {}
         self.phases: dict[int, str] = {}
         self.pending: dict[int, str] = {}
+        self.prior: Prior | None = None
 
     def expect(self, index: int, phase: str) -> None:
         """Note that `index` is being measured."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,8 +34,17 @@ class Screening:
     chance: Array
 
 
-def screen(history: History, targets: Targets, trees: int, rng: np.random.Generator) -> Screening:
-    """Predict every point of the space that is neither measured nor pending, or a sample of a huge one."""
+def screen(
+    history: History,
+    targets: Targets,
+    trend: Callable[[Indices], Array],
+    trees: int,
+    rng: np.random.Generator,
+) -> Screening:
+    """Predict every point of the space that is neither measured nor pending, or a sample of a huge one.
+
+    The trees learn what `trend` leaves over of the targets.
+    """
     space = history.space
     failed = history.failed()
     taken = np.fromiter(history.taken(), dtype=np.int64)
@@ -53,7 +63,8 @@ def screen(history: History, targets: Targets, trees: int, rng: np.random.Genera
         forest = Forest.grow(space.codes(indices), values, space.shape, seed=seed, trees=trees)
         return forest.predict_grid()[pool] if whole else forest.predict(space.codes(pool))
 
-    predicted = np.stack([predict(targets.indices, column) for column in targets.winsorised().T])
+    rest = targets.winsorised() - trend(targets.indices)
+    predicted = np.stack([predict(targets.indices, column) for column in rest.T]) + trend(pool).T
     if len(failed):
         labels = np.concatenate([np.ones(len(targets.indices)), np.zeros(len(failed))])
         chance = predict(np.concatenate([targets.indices, failed]), labels)

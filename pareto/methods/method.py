@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,8 +17,11 @@ class Method:
     """Proposes what to measure next from what is known.
 
     A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps
-    nothing between proposals but its `memory`.
+    nothing between proposals but its `memory`. `uses_prior` tells whether it heeds what another device
+    measured.
     """
+
+    uses_prior: ClassVar[bool] = False
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return up to `count` (index, phase) pairs, distinct and not taken; fewer to wait or to end."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample, spread_sample
 from pareto.screening import candidates, screen
 from pareto.targets import Targets
+from pareto.transfer import Trend, trusted
 
 Array = NDArray[np.float64]
 
@@ -31,7 +33,12 @@ class TwoStage(Method):
     measured one go to Matern-5/2 Gaussian processes fitted to at most `points` measurements near the front;
     points are taken greedily by expected hypervolume improvement times the chance to be measurable. One in
     `explore` of the batch is drawn at random instead, so that exploration never dries up.
+
+    With a prior, every other of the first configurations is one that did well on the other device, and the
+    models learn what the trend between the two devices leaves over.
     """
+
+    uses_prior: ClassVar[bool] = True
 
     initial: int = 40
     trees: int = 64
@@ -44,7 +51,7 @@ class TwoStage(Method):
         taken = history.taken()
         count = min(count, len(history.space) - len(taken))
         first = min(self.initial - len(taken), count)
-        chosen = [(index, RANDOM) for index in self._first(history, first, rng)] if first > 0 else []
+        chosen = self._first(history, first, rng) if first > 0 else []
         count -= len(chosen)
         measured, _ = history.measured()
         exploring = int(rng.binomial(count, 1.0 / self.explore)) if len(measured) and count else count
@@ -57,29 +64,38 @@ class TwoStage(Method):
         exclude = taken | {index for index, _ in chosen}
         return chosen + [(index, RANDOM) for index in sample(history.space, missing, rng, exclude).tolist()]
 
-    def _first(self, history: History, count: int, rng: np.random.Generator) -> list[int]:
+    def _first(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         taken = history.taken()
         default = history.space.encode(history.space.default)
         first = [] if default in taken else [default]
-        rest = spread_sample(history.space, count - len(first), rng, exclude=taken | {default})
-        return [*first, *rest.tolist()]
+        proven: list[int] = []
+        if history.prior and trusted(history):
+            proven = history.prior.promising((count - len(first)) // 2, taken | {default}).tolist()
+        exclude = taken | {default, *proven}
+        rest = spread_sample(history.space, count - len(first) - len(proven), rng, exclude)
+        spread = [(index, RANDOM) for index in [*first, *rest.tolist()]]
+        return spread + [(index, ACTIVE) for index in proven]
 
     def _best(
         self, history: History, count: int, also_taken: set[int], rng: np.random.Generator
     ) -> list[tuple[int, str]]:
         space = history.space
         targets = Targets.of(history)
-        screening = screen(history, targets, self.trees, rng)
+        trend = Trend.of(history, targets)
+        screening = screen(history, targets, trend, self.trees, rng)
         taken = history.taken() | also_taken
         found = candidates(screening, targets, space, taken, self.candidates, rng)
         waiting = np.array([*history.pending, *also_taken], dtype=np.int64)
-        features = space.features(np.concatenate([found, waiting]))
+        indices = np.concatenate([found, waiting])
+        features = space.features(indices)
         near = _near_the_front(targets, self.points, rng)
         train = space.features(targets.indices[near])
         posteriors = [
             GaussianProcess.fit(train, column, space.feature_owner, rng).at(features)
-            for column in targets.winsorised()[near].T
+            for column in (targets.winsorised() - trend(targets.indices))[near].T
         ]
+        for posterior, expected in zip(posteriors, trend(indices).T, strict=True):
+            posterior.mean += expected
         chance = _chance(history, targets, features, self.points, rng)
         picked = _greedy(posteriors, chance, len(found), targets, count, rng)
         return [(int(found[number]), ACTIVE) for number in picked]

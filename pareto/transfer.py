@@ -1,0 +1,170 @@
+"""What another device measured, as knowledge to start from: which of its points to try, and what to expect.
+
+Devices rarely agree in their values and often in their order, so only a straight line is assumed between the
+(log) values of the two, objective by objective. Its slope is learnt from what is measured here and shrunk by
+its own uncertainty: a source that says nothing gets a slope of zero and is ignored, one that is reversed a
+negative slope. The models of the search then learn what the line leaves over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.forest import Forest
+from pareto.front import nondominated
+from pareto.history import History
+from pareto.objective import Objective, read_values
+from pareto.screening import LARGEST_GRID
+from pareto.space import Indices, Space
+from pareto.targets import Targets
+
+Array = NDArray[np.float64]
+
+TREES = 100
+ENOUGH = 8  # measurements on this device, before which a source is trusted unseen
+
+
+class Prior:
+    """Measurements of the same space by another device, the source; none of them counts as measured here."""
+
+    def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
+        """Start empty. `limits` are this device's: they tell what is promising and rule nothing out."""
+        self.source = History(space, objectives, limits={})
+        self._limits = dict(limits)
+        self._grid: Array | None = None
+
+    @classmethod
+    def read(
+        cls,
+        space: Space,
+        objectives: tuple[Objective, ...],
+        limits: Mapping[str, float],
+        pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]],
+    ) -> Prior:
+        """Take (configuration, values or None for a failure) pairs; those of one configuration average.
+
+        Raises ConfigurationError or ObjectiveError for what `Explorer.tell` would refuse.
+        """
+        prior = cls(space, objectives, limits)
+        for configuration, values in pairs:
+            read = None if values is None else read_values(objectives, values)
+            prior.source.record(space.encode(configuration), read)
+        return prior
+
+    def __bool__(self) -> bool:
+        """Whether the source measured anything that did not fail."""
+        return len(self.source.measured()[0]) > 0
+
+    def promising(self, count: int, exclude: Collection[int] = ()) -> Indices:
+        """Return up to `count` configurations of the source, the most promising first, none in `exclude`.
+
+        Those that keep more of the limits on the source come first, since a limit in its values may be out of
+        its reach; then front after front, what is left when the one before is taken away; and within a front
+        each next one is the farthest, in log values, from those before it.
+        """
+        indices, values = self.source.measured()
+        keep = ~np.isin(indices, np.fromiter(exclude, dtype=np.int64))
+        indices, values = indices[keep], values[keep]
+        if len(indices) == 0:
+            return indices
+        scaled = Targets.of(self.source).values[keep]
+        broken = np.zeros(len(indices), dtype=np.int64)
+        for column, objective in enumerate(self.source.objectives):
+            limit = self._limits.get(objective.name, np.inf * objective.sign)
+            broken += values[:, column] * objective.sign > limit * objective.sign
+        chosen: list[int] = []
+        for number in np.unique(broken):
+            left = np.flatnonzero(broken == number)
+            while len(left) and len(chosen) < count:
+                front = nondominated(scaled[left])
+                chosen += left[front][_farthest_first(scaled[left[front]], count - len(chosen))].tolist()
+                left = left[~front]
+        return indices[chosen]
+
+    def expected(self, indices: Indices) -> Array:
+        """Return (n, objectives) of what the source measured or its model predicts there.
+
+        In the units of `Targets.winsorised`: minimised, logarithms where all values are positive.
+        """
+        if len(self.source.space) > LARGEST_GRID:
+            codes = self.source.space.codes(indices)
+            return np.stack([forest.predict(codes) for forest in self._forests()], axis=1)
+        if self._grid is None:
+            self._grid = np.stack([forest.predict_grid() for forest in self._forests()], axis=1)
+        return self._grid[indices]
+
+    def _forests(self) -> list[Forest]:
+        # Extra trees are grown on all rows to purity: they return a measured value as it was measured.
+        targets = Targets.of(self.source)
+        space = self.source.space
+        codes = space.codes(targets.indices)
+        return [
+            Forest.grow(codes, column, space.shape, seed=0, trees=TREES) for column in targets.winsorised().T
+        ]
+
+
+class Trend:
+    """What a prior lets expect here, as far as the measurements here bear it out; zero without a prior.
+
+    `slope` holds, for each objective, that of this device's values over the source's.
+    """
+
+    def __init__(self, prior: Prior | None, slope: Array, centre: Array) -> None:
+        self._prior = prior
+        self.slope = slope
+        self._centre = centre
+
+    @classmethod
+    def of(cls, history: History, targets: Targets) -> Trend:
+        """Fit a line for each objective to what was measured here."""
+        nothing = np.zeros(targets.values.shape[1])
+        if not history.prior:
+            return cls(None, nothing, nothing)
+        expected = history.prior.expected(targets.indices)
+        columns = zip(expected.T, targets.winsorised().T, strict=True)
+        slope = np.array([_shrunk_slope(theirs, ours) for theirs, ours in columns])
+        return cls(history.prior if slope.any() else None, slope, expected.mean(axis=0))
+
+    def __call__(self, indices: Indices) -> Array:
+        """Return (n, objectives) targets, up to a constant for each objective."""
+        if self._prior is None:
+            return np.zeros((len(indices), len(self.slope)))
+        return self.slope * (self._prior.expected(indices) - self._centre)
+
+
+def trusted(history: History) -> bool:
+    """Return whether the source's points are worth trying: at first, and while all slopes rise."""
+    indices, _ = history.measured()
+    return len(indices) < ENOUGH or bool((Trend.of(history, Targets.of(history)).slope > 0).all())
+
+
+def _shrunk_slope(x: Array, y: Array) -> float:
+    """Return the least-squares slope of y over x, times max(0, 1 - 2 / t^2) for its t statistic.
+
+    The factor is the positive-part shrinkage of James & Stein 1961, here for one coefficient: a slope that is
+    no larger than chance would make it is zero.
+    """
+    x, y = x - x.mean(), y - y.mean()
+    power = float(x @ x)
+    if len(x) < 4 or power <= 1e-12 or not y.any():
+        return 0.0
+    slope = float(x @ y) / power
+    rest = y - slope * x
+    variance = float(rest @ rest) / (len(x) - 2) / power
+    return slope * max(0.0, 1.0 - 2.0 * variance / max(slope**2, 1e-300))
+
+
+def _farthest_first(points: Array, count: int) -> NDArray[np.int64]:
+    """Return positions of up to `count` rows: the best compromise, then each time the farthest from all."""
+    scaled = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-12)
+    order = [int(np.argmin(scaled.sum(axis=1)))]
+    distance = np.full(len(points), np.inf)
+    while len(order) < min(count, len(points)):
+        distance = np.minimum(distance, np.abs(scaled - scaled[order[-1]]).max(axis=1))
+        distance[order] = -1.0
+        order.append(int(np.argmax(distance)))
+    return np.array(order)
