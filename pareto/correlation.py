@@ -1,0 +1,138 @@
+"""How alike two devices rank and scale the same configurations: Pearson and Spearman with intervals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import rankdata
+
+from pareto.errors import ObjectiveError
+
+Array = NDArray[np.float64]
+
+MINIMUM = 5  # common configurations; the coverage of both intervals was tried from 5 upwards
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A correlation coefficient in -1 .. 1 and its confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Of `count` configurations measured on both devices: `pearson` of the values, `spearman` of their ranks.
+
+    Pearson asks whether one device's values predict the other's up to a factor and an offset, or, of
+    logarithms, up to a factor and a power; Spearman only whether both put the configurations in one order.
+    """
+
+    count: int
+    pearson: Estimate
+    spearman: Estimate
+
+
+def correlate(
+    first: ArrayLike, second: ArrayLike, *, log: bool = False, level: float = 0.95, minimum: int = MINIMUM
+) -> Correlation | None:
+    """Return the correlation of two devices' values (n,) of the same n configurations in one order.
+
+    A pair with NaN, a configuration that either device did not measure, is left out. None when fewer than
+    `minimum` pairs remain or when one device's values are all equal: nothing honest can be said then. With
+    `log`, Pearson is that of the logarithms, which suits times; Spearman is the same either way. `level` is
+    how often the intervals cover the truth, for pairs drawn independently and, for Pearson, jointly normal.
+
+    Raises ObjectiveError on shapes that do not fit, infinities, or values without a logarithm.
+    """
+    if not 0.0 < level < 1.0:
+        raise ObjectiveError(f"level = {level!r} must lie between 0 and 1: 0.95, for example")
+    x, y = (np.asarray(values, dtype=np.float64) for values in (first, second))
+    if x.ndim != 1 or x.shape != y.shape:
+        raise ObjectiveError(f"values of shapes {x.shape} and {y.shape} are not pairs: give one row each")
+    both = ~(np.isnan(x) | np.isnan(y))
+    x, y = x[both], y[both]
+    if np.isinf(x).any() or np.isinf(y).any():
+        raise ObjectiveError("an infinite value has no correlation: use NaN where nothing was measured")
+    if log and min(x.min(initial=1.0), y.min(initial=1.0)) <= 0:
+        raise ObjectiveError("only positive values have a logarithm: use log=False")
+    if len(x) < max(minimum, 4) or np.ptp(x) == 0 or np.ptp(y) == 0:
+        return None
+    pearson = _pearson(np.log(x), np.log(y)) if log else _pearson(x, y)
+    return Correlation(
+        len(x),
+        _fisher(pearson, len(x), level),
+        _bonett_wright(_pearson(rankdata(x), rankdata(y)), len(x), level),
+    )
+
+
+def correlation_matrix(
+    values: ArrayLike, *, log: bool = False, level: float = 0.95, minimum: int = MINIMUM
+) -> list[list[Correlation | None]]:
+    """Return the correlation of every two rows of `values` (devices, configurations), NaN where unmeasured.
+
+    Symmetric; None on the diagonal, and where `correlate` has nothing to say.
+    """
+    table = np.asarray(values, dtype=np.float64)
+    if table.ndim != 2:
+        raise ObjectiveError(f"values of shape {table.shape} are not (devices, configurations)")
+    matrix: list[list[Correlation | None]] = [[None] * len(table) for _ in table]
+    for row in range(len(table)):
+        for column in range(row):
+            answer = correlate(table[row], table[column], log=log, level=level, minimum=minimum)
+            matrix[row][column] = matrix[column][row] = answer
+    return matrix
+
+
+def ranks_of_best(values: ArrayLike, maximise: bool = False) -> NDArray[np.float64]:
+    """Return (devices, devices) ranks: entry [i, j] is where device i's best configuration comes on device j.
+
+    `values` is (devices, configurations), lower better unless `maximise`, NaN where unmeasured. A rank is
+    counted among what both devices measured: 1 is best, and ties share the mean of their places, so the
+    diagonal is 1 unless the best is tied. NaN where the two have nothing in common.
+    """
+    table = np.asarray(values, dtype=np.float64) * (-1 if maximise else 1)
+    ranks = np.full((len(table), len(table)), np.nan)
+    for i, reference in enumerate(table):
+        for j, other in enumerate(table):
+            both = np.flatnonzero(~(np.isnan(reference) | np.isnan(other)))
+            if len(both):
+                ranks[i, j] = rankdata(other[both])[np.argmin(reference[both])]
+    return ranks
+
+
+def _pearson(x: Array, y: Array) -> float:
+    x, y = x - x.mean(), y - y.mean()
+    # Scaled first: squares of tiny or huge values would leave the range of a double.
+    x, y = x / np.abs(x).max(), y / np.abs(y).max()
+    return float(np.clip(x @ y / math.sqrt(float(x @ x) * float(y @ y)), -1.0, 1.0))
+
+
+def _fisher(value: float, count: int, level: float) -> Estimate:
+    """Fisher 1921: artanh(r) is about normal with variance 1 / (n - 3)."""
+    if abs(value) == 1.0:
+        return Estimate(value, value, value)
+    return _interval(value, value, math.sqrt(1.0 / (count - 3)), level)
+
+
+def _bonett_wright(value: float, count: int, level: float) -> Estimate:
+    """Bonett & Wright 2000: artanh(rs) is about normal with variance (1 + rs^2 / 2) / (n - 3).
+
+    Perfect order in a sample is no proof of perfect order: the interval is then centred half a step, of those
+    that rs can take, away from it.
+    """
+    half_step = 6.0 / (count * (count**2 - 1))
+    centre = math.copysign(min(abs(value), 1.0 - half_step), value)
+    estimate = _interval(value, centre, math.sqrt((1.0 + value**2 / 2) / (count - 3)), level)
+    return Estimate(value, min(estimate.low, value), max(estimate.high, value))
+
+
+def _interval(value: float, centre: float, error: float, level: float) -> Estimate:
+    reach = NormalDist().inv_cdf(0.5 + level / 2) * error
+    return Estimate(value, math.tanh(math.atanh(centre) - reach), math.tanh(math.atanh(centre) + reach))
