@@ -165,7 +165,7 @@ def _seconds_left(exploration: Exploration, phases: dict[str, int], searched: in
     durations = [
         (finished - started).total_seconds()
         for started, finished in last.values_list("started_at", "finished_at")[:RECENT]
-        if finished is not None
+        if started is not None and finished is not None
     ]
     if not durations:
         return None

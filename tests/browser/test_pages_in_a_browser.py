@@ -7,8 +7,10 @@ from typing import Any
 import pytest
 
 from crowd.dashboard.palette import DARK, LIGHT
+from crowd.explorations import services
 from crowd.explorations.models import Exploration
 from tests.browser.visitor import Visitor
+from tests.dashboard import searches
 
 Visit = Callable[..., Visitor]
 
@@ -134,6 +136,27 @@ def test_filters_change_the_address_and_the_chart(visit: Visit) -> None:
 
     assert "gpu=T4" in page.url
     assert page.locator(".barlayer .point").count() == 1
+
+
+def test_an_exploration_s_page_follows_it_without_loading_again(visit: Visit) -> None:
+    visitor = visit()
+    search = Exploration.objects.get()
+    page = visitor.open(f"/explorations/{search.pk}/")
+    page.evaluate("window.loadedOnce = true")
+    page.get_by_text("0 of 4 configurations searched").wait_for()
+    marks = page.locator("#plane ~ figure .points path").count()
+
+    searches.measure(search, [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), None])
+
+    page.get_by_text("4 of 4 configurations searched").wait_for(timeout=15_000)
+    page.get_by_text("Why 2 measurements failed").wait_for()
+    page.wait_for_function(
+        "marks => document.querySelectorAll('#plane ~ figure .points path').length > marks", arg=marks
+    )
+    services.cancel(search)
+    page.locator(".state-cancelled").wait_for(timeout=15_000)
+    assert page.evaluate("window.loadedOnce")
+    assert visitor.complaints == []
 
 
 def test_pages_make_sense_to_a_screen_reader_and_a_keyboard(

@@ -1,17 +1,17 @@
-// Keeps the part of a page that names its own address up to date, and has the figures drawn again when it changed.
+// Keeps the parts of a page that change up to date, and has the figures drawn again when they did.
 "use strict";
 
 const EVERY = 3000;
 const AT_MOST = 60000;
 
-const region = document.querySelector("[data-live]");
 let shown = null;
 let pause = EVERY;
 
 async function refresh() {
   try {
+    const { live } = document.querySelector("[data-live]").dataset;
     // The server answers 304 while nothing changed, and the browser hands on what it holds.
-    const answer = await fetch(region.dataset.live + window.location.search, { cache: "no-cache" });
+    const answer = await fetch(live + window.location.search, { cache: "no-cache" });
     if (!answer.ok) throw new Error(`${answer.status}`);
     const text = await answer.text();
     if (shown !== null && text !== shown) replace(text);
@@ -20,22 +20,26 @@ async function refresh() {
   } catch {
     pause = Math.min(2 * pause, AT_MOST);
   }
-  schedule();
+  // What is finished no longer says where to ask.
+  if (document.querySelector("[data-live]")) window.setTimeout(ready, pause);
 }
 
-// Who reads a table stays where they are: scrolled as far, and on the same link.
 function replace(text) {
-  const places = () => [...region.querySelectorAll("a, [tabindex]")];
-  const focused = places().indexOf(document.activeElement);
-  const scrolled = places().map((place) => place.scrollLeft);
-  region.innerHTML = text;
-  places().forEach((place, number) => (place.scrollLeft = scrolled[number] ?? 0));
-  if (focused >= 0) places()[focused]?.focus({ preventScroll: true });
+  const fresh = document.createElement("template");
+  fresh.innerHTML = text;
+  for (const part of [...fresh.content.children]) keepingPlace(document.getElementById(part.id), part);
   document.dispatchEvent(new Event("frontrunner:changed"));
 }
 
-function schedule() {
-  if (!region.querySelector("[data-still]")) window.setTimeout(ready, pause);
+// Who reads a table stays where they are: scrolled as far, and on the same link.
+function keepingPlace(old, part) {
+  const places = (element) => [...element.querySelectorAll("a, [tabindex]")];
+  const before = places(old);
+  const focused = before.indexOf(document.activeElement);
+  const scrolled = before.map((place) => place.scrollLeft);
+  old.replaceWith(part);
+  places(part).forEach((place, number) => (place.scrollLeft = scrolled[number] ?? 0));
+  if (focused >= 0) places(part)[focused]?.focus({ preventScroll: true });
 }
 
 function ready() {
