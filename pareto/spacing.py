@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from decimal import Decimal
 from typing import Any
 
 from pareto.errors import SpaceError
@@ -47,14 +48,13 @@ def spaced(description: Mapping[str, Any]) -> list[int] | list[float]:
     step = _number(description, "step") if "step" in description else 1
     if step <= 0 or (whole and step != int(step)):
         raise SpaceError(f"parameter {name!r}: a step of {step} from {low} to {high} is not possible")
-    steps = math.floor((high - low) / step * (1 + 1e-12) + 1e-12)
-    _require_few(name, steps + 1)
     if whole:
-        return [int(low) + number * int(step) for number in range(steps + 1)]
-    return [
-        float(high) if _same(low + number * step, high) else low + number * step
-        for number in range(steps + 1)
-    ]
+        _require_few(name, (int(high) - int(low)) // int(step) + 1)
+        return list(range(int(low), int(high) + 1, int(step)))
+    _require_few(name, (high - low) / step + 1)
+    # In decimals, as they are written: three steps of 0.1 are 0.3, and the maximum is not missed by rounding.
+    start, stop, stride = (Decimal(repr(number)) for number in (low, high, step))
+    return [float(start + number * stride) for number in range(int((stop - start) // stride) + 1)]
 
 
 def _by_count(description: Mapping[str, Any], low: float, high: float) -> list[float]:
@@ -92,7 +92,3 @@ def _require_few(name: object, count: float) -> None:
         raise SpaceError(
             f"parameter {name!r} would have {count:,} values: at most {MOST_VALUES:,}, use a larger step"
         )
-
-
-def _same(one: float, other: float) -> bool:
-    return math.isclose(one, other, rel_tol=1e-12, abs_tol=1e-12)

@@ -19,7 +19,7 @@ SPACE = Space.from_dict(
             {"name": "tiling", "type": "categorical", "values": ["none", "rows", "blocks"]},
             {"name": "fast", "type": "boolean"},
             {"name": "cache", "type": "categorical", "values": [1, "auto", True]},
-            {"name": "mu", "type": "real", "minimum": 0, "maximum": 1, "step": 0.1},
+            {"name": "mu", "type": "real", "values": [0.1 * step for step in range(11)]},
             {"name": "lanes/warp", "type": "integer", "minimum": 0, "maximum": 3},
         ]
     }

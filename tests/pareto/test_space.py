@@ -64,6 +64,17 @@ def test_the_published_defaults_are_the_references():
     assert (elasticfusion["icp_weight"], elasticfusion["relocalisation"]) == (10, True)
 
 
+@pytest.mark.parametrize(
+    ("name", "digest"),
+    [
+        ("kfusion", "1551e711780698f80c98fff7ab27a405bd2c6af3773389231b986b002a2cad32"),
+        ("elasticfusion", "e1ac92401ed84df72eead90a74a1693d7feda3bffc8156dc74372bb82086af3f"),
+    ],
+)
+def test_the_published_spaces_keep_their_digest_which_saved_states_name(name, digest):
+    assert Space.load(SPACES / f"{name}.json").digest == digest
+
+
 @settings(deadline=None)
 @given(spaces(), st.data())
 def test_every_index_decodes_to_a_configuration_that_encodes_back(space, data):
@@ -146,11 +157,55 @@ def test_a_missing_parameter_and_a_wrong_index_are_named():
         ({"name": "a", "type": "integer", "minimum": 3, "maximum": 1}, "no whole numbers"),
         ({"name": "a", "type": "ordinal", "values": [1], "deafult": 1}, "'deafult'"),
         ({"name": "", "type": "ordinal", "values": [1]}, "name"),
+        ({"name": "a", "type": "ordinal", "values": [1, float("inf")]}, "finite"),
+        ({"name": "a", "type": "categorical", "values": ["x", float("nan")]}, "finite"),
+        ({"name": "a", "type": "ordinal", "values": [10**400]}, "finite"),
+        ({"name": "a", "type": "ordinal", "values": [1], "minimum": 1}, "minimum is for integers and reals"),
+        ({"name": "a", "type": "integer", "values": [1], "step": 1}, "give values or step, not both"),
+        ({"name": "a", "type": "integer", "values": [1, 1.5]}, "1.5 is not a whole number"),
+        ({"name": "a", "type": "boolean", "values": [0, 1]}, "a boolean is true or false"),
+        ({"name": "a", "type": "integer", "minimum": 0, "maximum": 10**12}, "1,000,000,000,001 values"),
+        ({"name": "a", "type": "integer", "minimum": 0, "maximum": 9, "step": 2, "count": 3}, "not both"),
+        ({"name": "a", "type": "integer", "minimum": 0, "maximum": 9, "scale": "log"}, "needs a count"),
+        ({"name": "a", "type": "real", "minimum": 0, "maximum": 1, "count": 10**12}, "use a larger step"),
+        ({"name": "a", "type": "real", "minimum": 0, "maximum": 1, "step": -0.1}, "step of -0.1"),
     ],
 )
 def test_a_malformed_parameter_is_refused_with_the_reason(parameter, message):
     with pytest.raises(SpaceError, match=message):
         Space.from_dict({"parameters": [parameter]})
+
+
+@pytest.mark.parametrize(
+    ("parameter", "values"),
+    [
+        ({"type": "integer", "minimum": 1, "maximum": 8, "step": 3}, (1, 4, 7)),
+        (
+            {"type": "integer", "minimum": 1, "maximum": 64, "count": 7, "scale": "log"},
+            (1, 2, 4, 8, 16, 32, 64),
+        ),
+        ({"type": "integer", "minimum": 1, "maximum": 4, "count": 9}, (1, 2, 3, 4)),
+        ({"type": "integer", "minimum": 3, "maximum": 3}, (3,)),
+        ({"type": "real", "minimum": 0, "maximum": 1, "step": 0.25}, (0, 0.25, 0.5, 0.75, 1.0)),
+        ({"type": "real", "minimum": 0.5, "maximum": 1.2, "step": 0.5}, (0.5, 1.0)),
+        ({"type": "real", "minimum": 0.01, "maximum": 1, "count": 3, "scale": "log"}, (0.01, 0.1, 1.0)),
+    ],
+)
+def test_a_range_is_cut_into_values_by_step_or_count(parameter, values):
+    [read] = Space.from_dict({"parameters": [{"name": "a", **parameter}]}).parameters
+    assert read.values == pytest.approx(values)
+    assert all(isinstance(value, int) for value in read.values) == (parameter["type"] == "integer")
+
+
+def test_steps_are_decimal_so_that_values_are_as_written_and_the_maximum_is_reached():
+    described = {"name": "a", "type": "real", "minimum": -0.3, "maximum": 0.3, "step": 0.1}
+    [read] = Space.from_dict({"parameters": [described]}).parameters
+    assert read.values == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
+
+
+def test_a_misspelt_field_of_a_space_is_refused():
+    with pytest.raises(SpaceError, match="unknown field 'constraint' of a space"):
+        Space.from_dict({"parameters": [{"name": "a", "type": "boolean"}], "constraint": ["a"]})
 
 
 def test_a_file_that_is_no_space_is_refused(tmp_path):
