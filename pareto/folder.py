@@ -6,6 +6,8 @@ import csv
 import io
 import json
 import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +15,18 @@ from pareto.errors import StateError
 from pareto.explorer import Explorer
 from pareto.space import Configuration, Space
 
-EVALUATIONS, FRONT, STATE = "evaluations.csv", "front.csv", "state.json"
+EVALUATIONS, FRONT, STATE, SPACE, LOCK = (
+    "evaluations.csv",
+    "front.csv",
+    "state.json",
+    "space.json",
+    ".lock",
+)
+IMPORTED = "told"  # the phase of measurements that an earlier run made
 
 
 class Folder:
-    """Keeps `evaluations.csv`, `front.csv` and `state.json` of one exploration.
+    """Keeps `evaluations.csv`, `front.csv`, `state.json` and `space.json` of one exploration.
 
     The state is replaced whenever something was asked; measurements go to the CSV file only. After a crash
     at any moment the state and the rows it does not know yet give the explorer back as it was.
@@ -26,21 +35,57 @@ class Folder:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
 
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes from exploring here; the lock ends with the process, however it ends.
+
+        Raises StateError when another one is at work.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        with (self.path / LOCK).open("a") as file:
+            _lock(file.fileno(), self.path)
+            yield
+
+    def space(self) -> Space:
+        """Return the space that is explored here. Raises StateError where nothing is."""
+        if not (self.path / SPACE).exists():
+            raise StateError(f"{self.path} holds no exploration: there is no {SPACE}")
+        return Space.load(self.path / SPACE)
+
     def resume(self, space: Space) -> Explorer | None:
-        """Return the explorer that was at work here, or None when there was none.
+        """Return the explorer that was at work here, ready to go on, or None when there was none.
 
         Raises StateError when the folder holds another space's exploration or a damaged file.
         """
+        explorer = self.read(space)
+        path = self.path / EVALUATIONS
+        if explorer is not None and path.exists():
+            # A row half written in a crash would run into the next one; it will be measured again.
+            _, length = _whole_rows(path)
+            with path.open("r+b") as file:
+                file.truncate(length)
+        return explorer
+
+    def read(self, space: Space) -> Explorer | None:
+        """Return the explorer as `resume` does, but touch nothing: another process may be at work."""
         try:
-            state = json.loads((self.path / STATE).read_text(encoding="utf-8"))
+            text = (self.path / STATE).read_text(encoding="utf-8")
         except FileNotFoundError:
             return None
+        # The rows are read after the state: a process at work adds to the rows first.
+        rows = self.rows()
+        try:
+            explorer = Explorer.restore(space, json.loads(text))
+        except StateError:
+            raise
         except ValueError as error:
             raise StateError(f"{self.path / STATE} is damaged: {error}") from error
-        explorer = Explorer.restore(space, state)
-        self._drop_torn_line()
-        known = sum(len(measurements) for measurements in explorer.history.told.values())
-        for row in self.rows()[known:]:
+        known = _measurements(explorer)
+        if len(rows) < known:
+            raise StateError(
+                f"rows are lost: {self.path / EVALUATIONS} has {len(rows)} of the {known} that {STATE} knows"
+            )
+        for row in rows[known:]:
             configuration, values = self._read(space, explorer, row)
             explorer.tell([configuration], [values], phase=row[1])
         return explorer
@@ -48,6 +93,8 @@ class Folder:
     def asked(self, explorer: Explorer) -> None:
         """Save the state: before a batch is measured, so that it can be finished after a crash."""
         self.path.mkdir(parents=True, exist_ok=True)
+        if not (self.path / SPACE).exists():
+            self._replace(SPACE, json.dumps(explorer.space.to_dict(), indent=2) + "\n")
         self._replace(STATE, json.dumps(explorer.state()) + "\n")
 
     def append(
@@ -55,43 +102,37 @@ class Folder:
         explorer: Explorer,
         configuration: Configuration,
         values: dict[str, float] | None,
-        seconds: float,
-        error: str,
+        seconds: float | None = None,
+        error: str = "",
     ) -> None:
-        """Write one measurement to `evaluations.csv`, safely on disk when this returns."""
+        """Write the measurement told last to `evaluations.csv`, safely on disk when this returns."""
         path = self.path / EVALUATIONS
         fresh = not path.exists() or path.stat().st_size == 0
         names = [objective.name for objective in explorer.objectives]
-        number = sum(len(measurements) for measurements in explorer.history.told.values())
-        index = explorer.space.encode(configuration)
+        phase = explorer.history.phases[explorer.space.encode(configuration)]
         with path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             if fresh:
                 writer.writerow(["number", "phase", *explorer.space.names, *names, "measured_in", "failure"])
             measured = ["" if values is None else repr(values[name]) for name in names]
-            phase = explorer.history.phases[index]
+            taken = "" if seconds is None else f"{seconds:.3f}"
             reason = " ".join(error.split())
-            writer.writerow([number, phase, *configuration.values(), *measured, f"{seconds:.3f}", reason])
+            writer.writerow(
+                [_measurements(explorer), phase, *configuration.values(), *measured, taken, reason]
+            )
             file.flush()
             os.fsync(file.fileno())
 
     def rows(self) -> list[list[str]]:
         """Return the rows of `evaluations.csv` below its header; there may be none yet."""
         path = self.path / EVALUATIONS
-        if not path.exists():
-            return []
-        with path.open(newline="", encoding="utf-8") as file:
-            return list(csv.reader(file))[1:]
+        return _whole_rows(path)[0][1:] if path.exists() else []
 
     def write_front(self, explorer: Explorer) -> None:
         """Write the present front to `front.csv`, by the first objective."""
         names = [objective.name for objective in explorer.objectives]
-        text = io.StringIO(newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow([*explorer.space.names, *names])
-        for point, values in explorer.front():
-            writer.writerow([*point.values(), *(repr(values[name]) for name in names)])
-        self._replace(FRONT, text.getvalue())
+        rows = [[*point.values(), *(values[name] for name in names)] for point, values in explorer.front()]
+        self._replace(FRONT, table([*explorer.space.names, *names], rows))
 
     @staticmethod
     def _read(space: Space, explorer: Explorer, row: list[str]) -> tuple[Configuration, Any]:
@@ -109,13 +150,6 @@ class Folder:
             raise StateError(f"{EVALUATIONS}, number {row[0] if row else None}: {error}") from error
         return configuration, values
 
-    def _drop_torn_line(self) -> None:
-        # A line half written in a crash would run into the next one; its measurement will be made again.
-        path = self.path / EVALUATIONS
-        if path.exists():
-            with path.open("r+b") as file:
-                file.truncate(file.read().rfind(b"\n") + 1)
-
     def _replace(self, name: str, text: str) -> None:
         fresh = self.path / f"{name}.new"
         with fresh.open("w", newline="", encoding="utf-8") as file:
@@ -123,3 +157,54 @@ class Folder:
             file.flush()
             os.fsync(file.fileno())
         fresh.replace(self.path / name)
+
+
+def made_here(explorer: Explorer) -> int:
+    """Return how many measurements were made in this exploration, failed ones and repeats included."""
+    history = explorer.history
+    return sum(len(values) for index, values in history.told.items() if history.phases[index] != IMPORTED)
+
+
+def table(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return CSV text; floating-point numbers are written so that they read back exactly."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
+    return text.getvalue()
+
+
+def _measurements(explorer: Explorer) -> int:
+    return sum(map(len, explorer.history.told.values()))
+
+
+def _whole_rows(path: Path) -> tuple[list[list[str]], int]:
+    """Return the rows of a CSV file that were written to their end, and where in the file that is."""
+    data = path.read_bytes()
+    data = data[: data.rfind(b"\n") + 1]
+    lines = [line + b"\n" for line in data.split(b"\n")[:-1]]
+    rows: list[list[str]] = []
+    ends: list[int] = []
+    try:
+        reader = csv.reader(line.decode() for line in lines)
+        for row in reader:
+            rows.append(row)
+            ends.append(reader.line_num)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise StateError(f"{path} is damaged after line {ends[-1] if ends else 0}: {error}") from error
+    if rows and len(rows[-1]) < len(rows[0]):  # a line break within a value
+        rows, ends = rows[:-1], ends[:-1]
+    return rows, sum(map(len, lines[: ends[-1]])) if ends else 0
+
+
+def _lock(file: int, folder: Path) -> None:
+    try:
+        import fcntl
+    except ImportError:  # Windows: two explorations of one folder are the user's to avoid
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise StateError(
+            f"another process is exploring in {folder}: wait for it, or use another --out"
+        ) from None

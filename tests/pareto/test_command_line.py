@@ -1,54 +1,18 @@
-"""python -m pareto, run the way its user runs it."""
+"""python -m pareto explore, run the way its user runs it."""
 
-import csv
+import io
 import json
-import os
-import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from pareto.commands import main
-from pareto.errors import EvaluationError, ScenarioError, StateError
-from pareto.evaluation import from_command, from_table
-from pareto.folder import Folder
-from pareto.objective import read_objectives
+from pareto.explorer import Explorer
+from pareto.hypervolume import hypervolume_growth
+from pareto.progress import Progress, duration, present_volume
 from pareto.space import Space
-
-ROOT = Path(__file__).parents[2]
-SPACE = {
-    "name": "toy",
-    "parameters": [
-        {"name": "x", "type": "integer", "minimum": 1, "maximum": 20},
-        {"name": "mode", "type": "categorical", "values": ["a,b", "c"]},
-    ],
-}
-
-
-@pytest.fixture
-def toy(tmp_path):
-    (tmp_path / "space.json").write_text(json.dumps(SPACE))
-    with (tmp_path / "table.csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["x", "mode", "error", "seconds", "note"])
-        for x in range(1, 20):  # x = 20 is missing
-            for mode in ("a,b", "c"):
-                error = "failed" if x == 7 else 1 / x + (mode == "c")
-                writer.writerow([x, mode, error, x, "-"])
-    return tmp_path
-
-
-def explore(toy, *more, source=None, out="out"):
-    source = source or ["--table", str(toy / "table.csv")]
-    space = ["--space", str(toy / "space.json"), "--objectives", "error,seconds"]
-    return main(["explore", *space, *source, "--method", "random", "--out", str(toy / out), *more])
-
-
-def rows(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
+from tests.pareto.conftest import SPACE, explore, rows
 
 
 def test_exploring_a_table_writes_evaluations_front_state_and_picture(toy, capsys):
@@ -63,10 +27,11 @@ def test_exploring_a_table_writes_evaluations_front_state_and_picture(toy, capsy
     front = rows(toy / "out" / "front.csv")
     assert [int(row["x"]) for row in front] == [x for x in range(19, 0, -1) if x != 7]
     assert {row["mode"] for row in front} == {"a,b"}
-    assert "18 points on the front" in capsys.readouterr().out
-    html = (toy / "out" / "front.html").read_text()
-    assert "toy: 36 measured, 4 failed, 18 on the front" in html
-    assert 'src="http' not in html
+    assert Space.load(toy / "out" / "space.json") == Space.from_dict(SPACE)
+    assert (toy / "out" / "front.html").exists()
+    output = capsys.readouterr()
+    assert "18 points on the front" in output.out
+    assert output.err.splitlines()[-1].startswith("40/40 measured, 4 failed, 18 on the front, hypervolume ")
 
 
 def test_a_second_run_goes_on_where_the_first_ended(toy):
@@ -79,65 +44,72 @@ def test_a_second_run_goes_on_where_the_first_ended(toy):
     assert parts[:7] == whole[:7]
 
 
-def test_a_run_killed_between_any_two_writes_is_finished_by_the_next(toy):
-    explore(toy, "--budget", "30", "--batch", "10", out="whole")
-    explore(toy, "--budget", "20", "--batch", "10")
-    out = toy / "out"
-    state = json.loads((out / "state.json").read_text())
-    lines = (out / "evaluations.csv").read_text().splitlines(keepends=True)
-    # As if it had died while it wrote the 15th row: the state is the one saved before that batch began.
-    second_batch = state["observations"][10:]
-    state["observations"] = state["observations"][:10]
-    state["pending"] = [[index, phase] for index, phase, _ in second_batch]
-    (out / "state.json").write_text(json.dumps(state))
-    (out / "evaluations.csv").write_text("".join(lines[:15]) + lines[15][:5])
-    explore(toy, "--budget", "30", "--batch", "10")
-    strip = [
-        [row[name] for name in ("number", "x", "mode", "phase")] for row in rows(out / "evaluations.csv")
-    ]
-    whole = [
-        [row[name] for name in ("number", "x", "mode", "phase")]
-        for row in rows(toy / "whole" / "evaluations.csv")
-    ]
-    assert strip == whole
+def test_a_method_that_has_nothing_more_to_ask_says_so(toy, capsys):
+    assert explore(toy, "--budget", "50") == 0
+    assert "stopped after 40 of 50: random has nothing more to ask" in capsys.readouterr().err
 
 
-def test_an_interrupted_run_keeps_what_it_measured(toy):
-    (toy / "program.py").write_text('print(\'{"error": 1, "seconds": 2}\')')
-    command = [sys.executable, "-m", "pareto", "explore", "--space", str(toy / "space.json")]
-    command += ["--objectives", "error,seconds", "--command", f"{sys.executable} {toy / 'program.py'}"]
-    command += ["--method", "random", "--budget", "40", "--out", str(toy / "out")]
-    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as running:
-        evaluations = toy / "out" / "evaluations.csv"
-        while running.poll() is None and not (evaluations.exists() and len(rows(evaluations)) >= 3):
-            os.sched_yield()
-        running.send_signal(signal.SIGINT)
-        _, errors = running.communicate()
-    assert running.returncode == 130
-    assert "interrupted" in errors
-    resumed = Folder(toy / "out").resume(Space.from_dict(SPACE))
-    assert len(resumed.history.told) == len(rows(evaluations)) >= 3
+def test_when_nothing_succeeds_the_reason_is_told(toy, capsys):
+    false = [sys.executable, "-c", "raise SystemExit('no GPU')"]
+    assert explore(toy, "--budget", "3", source=["--command", subprocess.list2cmdline(false)]) == 0
+    output = capsys.readouterr()
+    assert "no measurement succeeded; 3 times the reason was: exit code 1: no GPU" in output.err
+    assert "0 points on the front" in output.out
 
 
-def test_front_and_plot_work_from_the_folder_alone(toy, capsys):
-    explore(toy, "--budget", "20")
-    for name in ("front.csv", "front.html"):
-        (toy / "out" / name).unlink()
-    capsys.readouterr()
-    for command in ("front", "plot"):
-        assert main([command, "--space", str(toy / "space.json"), "--out", str(toy / "out")]) == 0
-    assert capsys.readouterr().out == (toy / "out" / "front.csv").read_text()
-    assert (toy / "out" / "front.html").exists()
+def test_when_nothing_keeps_the_limits_that_is_told(toy, capsys):
+    assert explore(toy, "--budget", "10", "--limits", "error=0.001,seconds=5") == 0
+    assert "nothing that was measured keeps the limits" in capsys.readouterr().err
+
+
+def test_random_measurements_come_first_as_many_as_asked_for(toy):
+    options = ["--method", "algorithm1", "--random", "12", "--budget", "16", "--batch", "4"]
+    assert explore(toy, *options) == 0
+    phases = [row["phase"] for row in rows(toy / "out" / "evaluations.csv")]
+    assert phases[:12] == ["random"] * 12
+    assert phases[12:] == ["active"] * 4
+
+
+def test_a_scenario_brings_objectives_and_budget(toy, capsys):
+    scenario = {
+        "application_name": "toy",
+        "optimization_objectives": ["error", "seconds"],
+        "feasible_output": {"name": "note", "true_value": "-"},
+        "design_of_experiment": {"number_of_samples": 6},
+        "optimization_iterations": 3,
+        "input_parameters": {
+            "x": {"parameter_type": "integer", "values": [1, 19]},
+            "mode": {"parameter_type": "categorical", "values": ["a,b", "c"]},
+        },
+    }
+    (toy / "scenario.json").write_text(json.dumps(scenario))
+    command = ["explore", "--space", str(toy / "scenario.json"), "--table", str(toy / "table.csv")]
+    assert main([*command, "--method", "algorithm1", "--out", str(toy / "out")]) == 0
+    evaluations = rows(toy / "out" / "evaluations.csv")
+    assert [row["phase"] for row in evaluations][:7] == ["random"] * 6 + ["active"]
+    assert len(evaluations) <= 9
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--budget", "5", "--seed", "9"], "seed 0, not 9"),
+        (["--budget", "5", "--limits", "error=3"], "limits {}, not {'error': 3.0}"),
         (["--budget", "5", "--limits", "error:3"], "name=number"),
-        (["--budget", "5", "--limits", "power=3"], "'power'"),
+        (["--budget", "5", "--limit", "power=3"], "'power'"),
         (["--budget", "5", "--maximise", "power"], "'power'"),
-        (["--budget", "0"], "1 or more"),
+        (["--budget", "0"], "'0' is not a whole number of 1 or more"),
+        (["--budget", "5", "--batch", "1.5"], "'1.5' is not a whole number"),
+        (["--budget", "5", "--seed", "one"], "--seed: invalid int value: 'one'"),
+        (["--budget", "5", "--method", "best"], "invalid choice: 'best'"),
+        (["--budget", "5", "--timeout", "3"], "--timeout is for --command"),
+        (["--budget", "5", "--timeout", "nan"], "'nan' is not a number of seconds above 0"),
+        (["--budget", "5", "--command", "true"], "not allowed with argument --table"),
+        (["--budget", "5", "--objectives", "error"], "objectives"),
+        (["--budget", "5", "--objectives", "error,error"], "different names"),
+        (["--budget", "5", "--space", "/"], "cannot read the space /"),
+        (["--budget", "5", "--no-such-option"], "--no-such-option"),
+        ([], "--budget is missing"),
     ],
 )
 def test_a_wrong_argument_is_one_line_and_exit_code_2(toy, capsys, arguments, message):
@@ -146,76 +118,87 @@ def test_a_wrong_argument_is_one_line_and_exit_code_2(toy, capsys, arguments, me
     assert explore(toy, *arguments) == 2
     error = capsys.readouterr().err
     assert message in error
+    assert error.startswith("pareto: ")
     assert error.count("\n") == 1
 
 
-def test_a_folder_without_or_with_another_exploration_is_named(toy, capsys):
-    assert main(["front", "--space", str(toy / "space.json"), "--out", str(toy / "none")]) == 2
-    assert "no exploration" in capsys.readouterr().err
-    explore(toy, "--budget", "2")
-    with pytest.raises(StateError, match="another space"):
-        Folder(toy / "out").resume(Space.from_dict({"parameters": SPACE["parameters"][:1]}))
-    (toy / "out" / "state.json").write_text("{")
-    with pytest.raises(StateError, match="damaged"):
-        Folder(toy / "out").resume(Space.from_dict(SPACE))
+@pytest.mark.parametrize("text", ["", "{", "[]", "3", '{"parameters": 3}', '{"parameters": []}', "[" * 10**5])
+def test_a_file_that_is_no_space_is_one_line_and_exit_code_2(toy, capsys, text):
+    (toy / "space.json").write_text(text)
+    assert explore(toy, "--budget", "2") == 2
+    assert capsys.readouterr().err.count("\n") == 1
 
 
-OBJECTIVES = read_objectives(["error", "seconds"])
+def test_a_folder_that_cannot_be_written_is_named(toy, capsys):
+    (toy / "out").write_text("a file")
+    assert explore(toy, "--budget", "2") == 2
+    error = capsys.readouterr().err
+    assert str(toy / "out") in error
+    assert error.count("\n") == 1
 
 
-def python(code):
-    return f'{sys.executable} -c "{code}" {{config}} {{x}}'
+class Terminal(io.StringIO):
+    """A stream that says it is one."""
+
+    def isatty(self) -> bool:
+        return True
 
 
-def test_a_command_is_given_the_configuration_and_its_last_line_is_read():
-    code = "import json, sys; c = json.loads(sys.argv[1]); print(1); "
-    code += "print(json.dumps(dict(error=c['x'], seconds=int(sys.argv[2]))))"
-    evaluate = from_command(python(code), OBJECTIVES)
-    assert evaluate({"x": 3, "mode": "{x} 'quoted'"}) == {"error": 3.0, "seconds": 3.0}
-
-
-@pytest.mark.parametrize(
-    ("code", "reason"),
-    [
-        ("raise SystemExit('out of memory')", "exit code 1: out of memory"),
-        ("import os; os.abort()", "exit code -6"),
-        ("print('done')", "last line"),
-        ("print('{}')", "'error' is missing"),
-        ("while True: pass", "no answer after 0.3 s"),
-    ],
-)
-def test_a_command_that_fails_is_a_failed_evaluation_with_its_reason(code, reason):
-    with pytest.raises(EvaluationError, match=reason):
-        from_command(python(code), OBJECTIVES, timeout=0.3 if "while" in code else None)({"x": 1})
-
-
-def test_a_program_that_does_not_exist_is_named():
-    with pytest.raises(EvaluationError, match="no-such-program"):
-        from_command("no-such-program", OBJECTIVES)({"x": 1})
-    for command in ("", "echo 'unclosed"):
-        with pytest.raises(ScenarioError, match="--command"):
-            from_command(command, OBJECTIVES)
-
-
-def test_a_table_that_does_not_fit_the_space_is_refused(toy):
+def test_progress_is_written_over_on_a_terminal_and_kept_short_elsewhere():
     space = Space.from_dict(SPACE)
-    with pytest.raises(ScenarioError, match="no column 'power'"):
-        from_table(toy / "table.csv", space, read_objectives(["power"]))
-    (toy / "bad.csv").write_text("x,mode,error,seconds\n1,c,1,1\n99,c,1,1\n")
-    with pytest.raises(ScenarioError, match="line 3: parameter 'x'"):
-        from_table(toy / "bad.csv", space, OBJECTIVES)
-    with pytest.raises(ScenarioError, match="cannot read"):
-        from_table(toy / "none.csv", space, OBJECTIVES)
+    for stream, written in (
+        (Terminal(), ["\r1/9 m", "\r4/9 m", "\r9/9 m"]),
+        (io.StringIO(), ["1/9 m", "9/9 m"]),
+    ):
+        explorer = Explorer(space, ["error"], method="random")
+        now = 100.0
+        progress = Progress(explorer, 9, stream, clock=lambda: now)  # noqa: B023
+        for configuration in explorer.ask(9):
+            now += 0.04
+            explorer.tell([configuration], [{"error": 2.0}])
+            progress.tell()
+        progress.end()
+        text = stream.getvalue()
+        found = [text.index(start) for start in written]
+        assert found == sorted(found)
+        assert text.endswith("\n")
+        assert text.count("\n") == (1 if stream.isatty() else 2)
 
 
-def test_the_feasible_column_decides_whether_a_row_counts(toy):
-    (toy / "t.csv").write_text("x,mode,error,seconds,Valid\n1,c,1,1,TRUE\n2,c,1,1,false\n")
-    evaluate = from_table(toy / "t.csv", Space.from_dict(SPACE), OBJECTIVES, feasible=("Valid", "true"))
-    assert evaluate({"x": 1, "mode": "c"}) == {"error": 1.0, "seconds": 1.0}
-    with pytest.raises(EvaluationError, match="Valid is false"):
-        evaluate({"x": 2, "mode": "c"})
-    with pytest.raises(EvaluationError, match="not in the table"):
-        evaluate({"x": 3, "mode": "c"})
+def test_time_left_is_the_mean_so_far_times_what_is_missing():
+    explorer = Explorer(Space.from_dict(SPACE), ["error"], method="random")
+    now = 0.0
+    stream = io.StringIO()
+    progress = Progress(explorer, 20, stream, clock=lambda: now)
+    for values in ({"error": 1.0}, None):
+        now += 60.0
+        explorer.tell(explorer.ask(1), [values])
+        progress.tell()
+    assert stream.getvalue().splitlines() == [
+        "1/20 measured, 1 on the front, hypervolume 0, 19:00 min left",
+        "2/20 measured, 1 failed, 1 on the front, hypervolume 0, 18:00 min left",
+    ]
+    assert [duration(seconds) for seconds in (0.4, 99.4, 100, 5999, 6000, 90_000)] == [
+        "0 s",
+        "99 s",
+        "1:40 min",
+        "99:59 min",
+        "1:40 h",
+        "25:00 h",
+    ]
+
+
+def test_the_volume_told_is_where_its_curve_ends():
+    explorer = Explorer(
+        Space.from_dict(SPACE), ["error", "seconds"], {"seconds": 9.0}, method="random", seed=3
+    )
+    assert present_volume(explorer) == 0.0
+    batch = explorer.ask(20)
+    told = [{"error": 1 / point["x"], "seconds": float(point["x"])} for point in batch]
+    explorer.tell(batch, told)
+    growth = hypervolume_growth([[item["error"], item["seconds"]] for item in told], [None, 9.0])
+    assert present_volume(explorer) == pytest.approx(growth[-1])
+    assert growth[-1] > 0
 
 
 def test_an_installation_without_the_models_is_told_what_to_install():

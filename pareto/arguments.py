@@ -1,0 +1,98 @@
+"""What the commands of `python -m pareto` share: reading arguments, and saying what is wrong with them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NoReturn
+
+from pareto.errors import ObjectiveError, ParetoError, SpaceError
+from pareto.objective import Objective
+from pareto.scenario import Scenario, is_scenario
+from pareto.space import Space
+
+
+class UsageError(ParetoError):
+    """The command line cannot be understood."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is an error like all others: one line, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise UsageError."""
+        raise UsageError(f"{message} ({self.prog} --help tells more)")
+
+
+def add_objectives(command: argparse.ArgumentParser, objectives: str) -> None:
+    """Add --objectives (with its help text), --maximise and --limits."""
+    command.add_argument("--objectives", help=objectives)
+    command.add_argument("--maximise", default="", help="those of the objectives that are maximised")
+    command.add_argument(
+        "--limits", "--limit", action="append", default=[], metavar="NAME=VALUE", help="separated by commas"
+    )
+
+
+def read_objectives(names: str | None, maximise: str, otherwise: Iterable[Objective]) -> list[Objective]:
+    """Return the objectives that the arguments name, `otherwise` where they name none.
+
+    Raises ObjectiveError for a maximised one that is no objective.
+    """
+    upwards = split(maximise)
+    wanted = [Objective(name, name in upwards) for name in split(names)] or list(otherwise)
+    for name in upwards:
+        if name not in {objective.name for objective in wanted}:
+            raise ObjectiveError(f"--maximise {name!r} is not an objective")
+    return wanted
+
+
+def read_limits(texts: Iterable[str]) -> dict[str, float]:
+    """Return the limits of NAME=VALUE texts, several in one separated by commas."""
+    limits = {}
+    for item in split(",".join(texts)):
+        name, _, value = item.partition("=")
+        try:
+            limits[name.strip()] = float(value)
+        except ValueError:
+            raise ObjectiveError(f"--limits {item!r}: write name=number, separated by commas") from None
+    return limits
+
+
+def read_space(path: Path) -> tuple[Space, Scenario | None]:
+    """Return the space of a JSON file, and the scenario where the file is one."""
+    try:
+        description = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return Space.load(path), None  # which says what is wrong with the file
+    except RecursionError:
+        raise SpaceError(f"{path} is nested too deeply to be a space") from None
+    if is_scenario(description):
+        scenario = Scenario.from_dict(description)
+        return scenario.space, scenario
+    return Space.from_dict(description), None
+
+
+def split(text: str | None) -> list[str]:
+    """Return the names in a text that separates them by commas."""
+    return [item.strip() for item in (text or "").split(",") if item.strip()]
+
+
+def count(text: str) -> int:
+    """A whole number of 1 or more, for argparse."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of 1 or more")
+    return int(text)
+
+
+def seconds(text: str) -> float:
+    """A time above 0, for argparse."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
+    return number

@@ -1,0 +1,203 @@
+"""python -m pareto explore: measure configurations until the budget is spent, and lose none on the way."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from pareto.arguments import add_objectives, count, read_limits, read_objectives, read_space, seconds
+from pareto.errors import EvaluationError, ScenarioError
+from pareto.evaluation import Evaluate, from_table
+from pareto.explorer import Explorer
+from pareto.folder import FRONT, Folder, made_here
+from pareto.methods import DEFAULT, METHODS
+from pareto.program import from_command
+from pareto.progress import Progress
+from pareto.scenario import Scenario
+
+BATCH = 20
+
+
+def add_explore(commands: Any) -> None:
+    """Register the command with argparse's `commands`."""
+    explore = commands.add_parser("explore", help="measure configurations until the budget is spent")
+    explore.add_argument(
+        "--space", type=Path, required=True, help="a space, or a HyperMapper scenario, as JSON"
+    )
+    add_objectives(explore, "names, separated by commas; a scenario brings its own")
+    source = explore.add_mutually_exclusive_group(required=True)
+    source.add_argument("--table", type=Path, help="look values up in a CSV file")
+    source.add_argument("--command", help="run a program: {config} becomes JSON, {name} a parameter's value")
+    explore.add_argument("--timeout", type=seconds, help="seconds a program may take")
+    explore.add_argument(
+        "--budget", type=count, help="measurements, those of earlier runs in this folder included"
+    )
+    explore.add_argument("--batch", type=count, help=f"proposals a round ({BATCH})")
+    explore.add_argument(
+        "--random", type=count, metavar="N", help="random measurements before learning begins"
+    )
+    explore.add_argument("--method", default=DEFAULT, choices=list(METHODS))
+    explore.add_argument("--seed", type=int, default=0)
+    explore.add_argument(
+        "--out", type=Path, required=True, help="folder; a second run goes on where it ended"
+    )
+    explore.set_defaults(act=explore_folder)
+
+
+def explore_folder(options: argparse.Namespace) -> int:
+    """Explore into the folder; 0 done, 130 interrupted with everything saved."""
+    space, scenario = read_space(options.space)
+    for note in scenario.notes if scenario else ():
+        sys.stderr.write(f"pareto: {note}\n")
+    objectives = read_objectives(
+        options.objectives, options.maximise, scenario.objectives if scenario else ()
+    )
+    if not objectives:
+        raise ScenarioError("--objectives is missing: a,b")
+    budget = options.budget or (scenario and scenario.budget)
+    if not budget:
+        raise ScenarioError("--budget is missing: how many measurements?")
+    if options.timeout and not options.command:
+        raise ScenarioError("--timeout is for --command: a table answers at once")
+    fresh = Explorer(
+        space,
+        objectives,
+        read_limits(options.limits),
+        seed=options.seed,
+        method=options.method,
+        **_method_options(options, scenario),
+    )
+    feasible = scenario.feasible if scenario else None
+    evaluate = (
+        from_table(options.table, space, fresh.objectives, feasible)
+        if options.table
+        else from_command(options.command, fresh.objectives, options.timeout, feasible)
+    )
+    folder = Folder(options.out)
+    with folder.locked():
+        explorer = folder.resume(space) or fresh
+        _require_same(fresh, explorer)
+        batch = options.batch or BATCH
+        reasons = _measure(explorer, folder, evaluate, budget, batch)
+        _report(explorer, options.out, budget, reasons)
+    return 0
+
+
+def _measure(explorer: Explorer, folder: Folder, evaluate: Evaluate, budget: int, batch: int) -> Counter[str]:
+    """Measure until the budget is spent or the method has nothing to ask; return the reasons of failures."""
+    reasons: Counter[str] = Counter()
+    progress = Progress(explorer, budget, sys.stderr)
+    queue = explorer.pending()
+    with _interrupts() as interrupts:
+        try:
+            while (done := made_here(explorer)) < budget:
+                if not queue:
+                    queue = explorer.ask(min(batch, budget - done))
+                    folder.asked(explorer)
+                if not queue:
+                    break
+                configuration = queue.pop(0)
+                started, error = time.monotonic(), ""
+                try:
+                    values: dict[str, float] | None = evaluate(configuration)
+                except EvaluationError as failure:
+                    values, error = None, str(failure)
+                    reasons[error] += 1
+                with interrupts.held():  # what was measured is written down first
+                    explorer.tell([configuration], [values])
+                    folder.append(explorer, configuration, values, time.monotonic() - started, error)
+                progress.tell()
+            folder.asked(explorer)
+        except KeyboardInterrupt:
+            progress.end()
+            folder.write_front(explorer)
+            raise KeyboardInterrupt(
+                f"interrupted after {made_here(explorer)} of {budget} measurements, all of them saved in "
+                f"{folder.path}; the same command goes on from there"
+            ) from None
+    progress.end()
+    return reasons
+
+
+def _report(explorer: Explorer, out: Path, budget: int, reasons: Counter[str]) -> None:
+    """Write front and picture, and say what was found and what was not."""
+    from pareto.plot import save
+
+    Folder(out).write_front(explorer)
+    save(explorer, out / "front.html")
+    done, front = made_here(explorer), len(explorer.front())
+    if done < budget:
+        sys.stderr.write(
+            f"pareto: stopped after {done} of {budget}: {explorer.method} has nothing more to ask\n"
+        )
+    if reasons and len(explorer.history.measured()[0]) == 0:
+        reason, times = reasons.most_common(1)[0]
+        sys.stderr.write(f"pareto: no measurement succeeded; {times} times the reason was: {reason}\n")
+    elif not front:
+        sys.stderr.write("pareto: nothing that was measured keeps the limits: loosen them, or go on\n")
+    sys.stdout.write(f"{front} points on the front: {out / FRONT}\n")
+
+
+def _method_options(options: argparse.Namespace, scenario: Scenario | None) -> dict[str, Any]:
+    """Return `initial`: what --random says, or the scenario, but that only with the scenario's own budget."""
+    if options.random:
+        return {"initial": options.random}  # a method that has no such option says so
+    known = "initial" in METHODS[options.method].defaults()
+    initial = scenario.initial if scenario and not options.budget and known else None
+    return {"initial": initial} if initial else {}
+
+
+def _require_same(fresh: Explorer, found: Explorer) -> None:
+    """Raise ScenarioError when the folder's exploration is not the one asked for."""
+    asked, had = fresh.state(), found.state()
+    for field in ("objectives", "limits", "seed", "method", "options"):
+        if asked[field] != had[field]:
+            raise ScenarioError(
+                f"this folder's exploration has {field} {had[field]}, not {asked[field]}: use another --out"
+            )
+
+
+class _Interrupts:
+    """SIGINT and SIGTERM as KeyboardInterrupt, which waits while it is held."""
+
+    def __init__(self) -> None:
+        self._holding = self._waiting = False
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        self._holding = True
+        try:
+            yield
+        finally:
+            self._holding = False
+        if self._waiting:
+            raise KeyboardInterrupt
+
+    def take(self, _signal: int, _frame: FrameType | None) -> None:
+        if self._holding:
+            self._waiting = True
+        else:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def _interrupts() -> Iterator[_Interrupts]:
+    interrupts = _Interrupts()
+    if threading.current_thread() is not threading.main_thread():  # where Python takes no signals
+        yield interrupts
+        return
+    before = {number: signal.signal(number, interrupts.take) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield interrupts
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,199 @@
+"""python -m pareto front: the front of explorations or tables, and which of its points to run."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pareto.arguments import add_objectives, count, read_limits, read_objectives, read_space, split
+from pareto.attainment import attainment
+from pareto.errors import ObjectiveError, ScenarioError
+from pareto.explorer import Explorer
+from pareto.folder import FRONT, STATE, Folder, table
+from pareto.front import choose, knee, nondominated
+from pareto.objective import Objective
+
+Point = tuple[dict[str, Any], dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Source:
+    """What was measured in one place: points (columns, values by objective) without those that failed."""
+
+    objectives: list[Objective]
+    limits: dict[str, float]
+    points: list[Point]
+    failed: int
+
+
+def add_front(commands: Any) -> None:
+    """Register the command with argparse's `commands`."""
+    front = commands.add_parser("front", help="print the non-dominated points, or the best one for a purpose")
+    front.add_argument("source", nargs="*", type=Path, help="folders of explorations, or CSV files")
+    front.add_argument("--out", type=Path, help="one more exploration's folder")
+    front.add_argument("--space", type=Path, help="the folders' space, where it is not kept beside them")
+    add_objectives(front, "columns of CSV files; of an exploration, its own by default")
+    which = front.add_mutually_exclusive_group()
+    which.add_argument(
+        "--prefer", metavar="NAME", help="only the point within --limits that is best in this objective"
+    )
+    which.add_argument("--knee", action="store_true", help="only the point with the best compromise")
+    which.add_argument(
+        "--attained", type=count, metavar="K", help="what at least K of the sources reach, each one run"
+    )
+    front.add_argument("--format", choices=["csv", "json"], default="csv")
+    front.add_argument("--output", type=Path, help="a file, in place of printing")
+    front.set_defaults(act=print_front)
+
+
+def print_front(options: argparse.Namespace) -> int:
+    """Print or write the front. A folder's own front.csv is written anew when nothing else was asked for."""
+    paths = [*options.source, *([options.out] if options.out else [])]
+    if not paths:
+        raise ScenarioError("front of what? Give an exploration's folder, or a CSV file and --objectives")
+    sources = [_read(path, options) for path in paths]
+    objectives, limits = sources[0].objectives, sources[0].limits
+    for path, source in zip(paths, sources, strict=True):
+        if source.objectives != objectives:
+            raise ScenarioError(f"{path} has other objectives than {paths[0]}: name them with --objectives")
+    points = _select(sources, objectives, limits, options)
+    if not points:
+        measured, failed = sum(len(item.points) for item in sources), sum(item.failed for item in sources)
+        sys.stderr.write(f"pareto: no point within the limits: {measured} measured, {failed} failed\n")
+    text = _text(points, objectives, options.format)
+    if options.output:
+        options.output.write_text(text, encoding="utf-8")
+    else:
+        sys.stdout.write(text)
+    if len(paths) == 1 and _is_plain(options) and paths[0].is_dir():
+        (paths[0] / FRONT).write_text(_text(points, objectives, "csv"), encoding="utf-8")
+    return 0
+
+
+def read_exploration(path: Path, space: Path | None) -> Explorer:
+    """Return the explorer of a folder. Raises ScenarioError where there is none."""
+    folder = Folder(path)
+    explorer = folder.read(read_space(space)[0] if space else folder.space()) if path.is_dir() else None
+    if explorer is None:
+        raise ScenarioError(f"{path} holds no exploration: there is no {STATE}")
+    return explorer
+
+
+def _read(path: Path, options: argparse.Namespace) -> Source:
+    if path.is_file():
+        return _read_table(path, options)
+    explorer = read_exploration(path, options.space)
+    objectives = read_objectives(options.objectives, options.maximise, explorer.objectives)
+    own = {objective.name for objective in explorer.objectives}
+    if unknown := [objective.name for objective in objectives if objective.name not in own]:
+        raise ObjectiveError(f"{path} did not measure {unknown[0]!r}: it has {', '.join(sorted(own))}")
+    limits = read_limits(options.limits) or explorer.limits
+    names = [objective.name for objective in explorer.objectives]
+    indices, values = explorer.history.measured()
+    points: list[Point] = [
+        (dict(explorer.space.decode(int(index))), dict(zip(names, row, strict=True)))
+        for index, row in zip(indices, values.tolist(), strict=True)
+    ]
+    return Source(objectives, _known(limits, own), points, len(explorer.history.failed()))
+
+
+def _read_table(path: Path, options: argparse.Namespace) -> Source:
+    objectives = read_objectives(options.objectives, options.maximise, ())
+    if not objectives:
+        raise ScenarioError(f"{path} is a table: name its objectives with --objectives a,b")
+    limits = read_limits(options.limits)
+    needed = dict.fromkeys([*(item.name for item in objectives), *limits, *split(options.prefer)])
+    points: list[Point] = []
+    failed = 0
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, restval="")
+            columns = list(reader.fieldnames or [])
+            if missing := [name for name in needed if name not in columns]:
+                raise ObjectiveError(f"{path} has no column {missing[0]!r}: it has {', '.join(columns)}")
+            for row in reader:
+                values = {name: _number(row[name]) for name in needed}
+                if any(map(math.isnan, values.values())):
+                    failed += 1
+                else:
+                    points.append(({name: row[name] for name in columns if name not in needed}, values))
+    except OSError as error:
+        raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ScenarioError(f"{path} is no CSV file in UTF-8: {error}") from error
+    return Source(objectives, limits, points, failed)
+
+
+def _select(
+    sources: Sequence[Source],
+    objectives: Sequence[Objective],
+    limits: dict[str, float],
+    options: argparse.Namespace,
+) -> list[Point]:
+    maximised = {objective.name for objective in objectives if objective.maximise}
+    upwards = [objective.maximise for objective in objectives]
+    names = [objective.name for objective in objectives]
+    if options.prefer:
+        everything = [point for source in sources for point in source.points]
+        return [choose(everything, limits, options.prefer, maximised)]  # type: ignore[list-item]
+    within = [[point for point in source.points if _keeps(point[1], limits, maximised)] for source in sources]
+    if options.attained:
+        runs = [np.array([[values[name] for name in names] for _, values in points]) for points in within]
+        surface = attainment(runs, options.attained, upwards)
+        return [({}, dict(zip(names, row, strict=True))) for row in surface.tolist()]
+    points = [point for some in within for point in some]
+    costs = np.array([[values[name] for name in names] for _, values in points]).reshape(-1, len(names))
+    if options.knee:
+        return [points[knee(costs, upwards)]] if points else []
+    kept = np.flatnonzero(nondominated(costs, upwards))
+    signed = costs[kept] * np.where(upwards, -1.0, 1.0)
+    return [points[row] for row in kept[np.lexsort(signed.T[::-1])]]
+
+
+def _text(points: Sequence[Point], objectives: Sequence[Objective], form: str) -> str:
+    if form == "json":
+        return (
+            json.dumps([{"configuration": point, "values": values} for point, values in points], indent=2)
+            + "\n"
+        )
+    columns = list(points[0][0]) if points else []
+    names = list(points[0][1]) if points else [objective.name for objective in objectives]
+    rows = [[*point.values(), *(values[name] for name in names)] for point, values in points]
+    return table([*columns, *names], rows)
+
+
+def _keeps(values: dict[str, float], limits: dict[str, float], maximised: set[str]) -> bool:
+    return all(
+        values[name] >= limit if name in maximised else values[name] <= limit
+        for name, limit in limits.items()
+    )
+
+
+def _known(limits: dict[str, float], names: set[str]) -> dict[str, float]:
+    for name in limits:
+        if name not in names:
+            raise ObjectiveError(
+                f"limit on {name!r}, which was not measured: {', '.join(sorted(names))} were"
+            )
+    return limits
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _is_plain(options: argparse.Namespace) -> bool:
+    asked = (options.objectives, options.maximise, options.limits, options.prefer, options.knee)
+    return not any(asked) and not options.attained and not options.output

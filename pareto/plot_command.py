@@ -1,0 +1,34 @@
+"""python -m pareto plot: the pictures of an exploration."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from pareto.errors import ScenarioError
+from pareto.front_command import read_exploration
+
+
+def add_plot(commands: Any) -> None:
+    """Register the command with argparse's `commands`."""
+    plot = commands.add_parser("plot", help="draw an exploration as one HTML file that needs no network")
+    plot.add_argument("source", nargs="?", type=Path, help="the exploration's folder")
+    plot.add_argument("--out", type=Path, help="the same, as explore calls it")
+    plot.add_argument("--space", type=Path, help="its space, where it is not kept in the folder")
+    plot.add_argument("--output", type=Path, help="the HTML file; front.html in the folder by default")
+    plot.set_defaults(act=draw)
+
+
+def draw(options: argparse.Namespace) -> int:
+    """Write the page and tell where it is."""
+    from pareto.plot import save
+
+    path = options.source or options.out
+    if path is None:
+        raise ScenarioError("plot what? Give an exploration's folder")
+    target = options.output or path / "front.html"
+    save(read_exploration(path, options.space), target)
+    sys.stdout.write(f"{target}\n")
+    return 0

@@ -1,0 +1,44 @@
+"""A small space and its table, for everything that is run from the command line."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from pareto.commands import main
+
+SPACE = {
+    "name": "toy",
+    "parameters": [
+        {"name": "x", "type": "integer", "minimum": 1, "maximum": 20},
+        {"name": "mode", "type": "categorical", "values": ["a,b", "c"]},
+    ],
+}
+
+
+@pytest.fixture
+def toy(tmp_path: Path) -> Path:
+    """A folder with space.json and table.csv: x lowers error and costs seconds; 7 failed, 20 is missing."""
+    (tmp_path / "space.json").write_text(json.dumps(SPACE))
+    with (tmp_path / "table.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["x", "mode", "error", "seconds", "note"])
+        for x in range(1, 20):
+            for mode in ("a,b", "c"):
+                error = "failed" if x == 7 else 1 / x + (mode == "c")
+                writer.writerow([x, mode, error, x, "-"])
+    return tmp_path
+
+
+def explore(toy: Path, *more: str, source: list[str] | None = None, out: str = "out") -> int:
+    """Run the command at random over the table into a folder of `toy`; return its exit code."""
+    source = source or ["--table", str(toy / "table.csv")]
+    space = ["--space", str(toy / "space.json"), "--objectives", "error,seconds"]
+    return main(["explore", *space, *source, "--method", "random", "--out", str(toy / out), *more])
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file."""
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
