@@ -7,17 +7,20 @@ from django.db.models import Count, Q, QuerySet
 from crowd.explorations import points
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
+from crowd.explorations.search import FINISHED, SEARCHED
+from crowd.explorations.watching import COPIED
 
 
 @dataclass(frozen=True)
 class Progress:
-    """An exploration with the numbers of its evaluations by state."""
+    """An exploration with the numbers of its own evaluations by state; `searched`: finished ones it chose."""
 
     exploration: Exploration
     pending: int
     running: int
     done: int
     failed: int
+    searched: int
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,16 @@ class Detail:
 
 
 def counted() -> QuerySet[Exploration]:
-    """Explorations annotated with pending, running, done and failed, and their device."""
+    """Explorations annotated with pending, running, done, failed and searched, and their device."""
+    own = ~Q(evaluations__phase__in=COPIED)
     numbers = {
-        state.value: Count("evaluations", filter=Q(evaluations__state=state)) for state in Evaluation.State
+        state.value: Count("evaluations", filter=own & Q(evaluations__state=state))
+        for state in Evaluation.State
     }
-    return Exploration.objects.select_related("reference_device").annotate(**numbers)
+    searched = Q(evaluations__phase__in=SEARCHED, evaluations__state__in=FINISHED)
+    return Exploration.objects.select_related("reference_device").annotate(
+        **numbers, searched=Count("evaluations", filter=searched)
+    )
 
 
 def explorations() -> tuple[Progress, ...]:
@@ -52,4 +60,4 @@ def exploration(key: int) -> Detail | None:
 
 
 def _progress(row: Exploration) -> Progress:
-    return Progress(row, *(getattr(row, state.value) for state in Evaluation.State))
+    return Progress(row, *(getattr(row, name) for name in (*Evaluation.State.values, "searched")))

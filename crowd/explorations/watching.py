@@ -18,9 +18,9 @@ from django.utils import timezone
 from crowd.explorations import points
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
+from crowd.explorations.search import FINISHED, SEARCHED
 
 State, Phase = Evaluation.State, Evaluation.Phase
-SEARCHED = (Phase.RANDOM, Phase.ACTIVE)
 COPIED = (Phase.KNOWN, Phase.PRIOR)  # measured by another exploration
 RECENT = 50  # measurements from which the time left is judged
 SILENT = timedelta(minutes=2)  # a device unheard of for so long has no worker
@@ -96,7 +96,7 @@ def watch(key: int) -> Watch | None:
     counts = {(group["phase"], group["state"]): group["rows"] for group in groups}
     running = tuple(own.filter(state=State.RUNNING).order_by("started_at"))
     phases = {
-        phase.value: sum(counts.get((phase, state), 0) for state in (State.DONE, State.FAILED))
+        phase.value: sum(counts.get((phase, state), 0) for state in FINISHED)
         for phase in Phase
         if phase not in COPIED
     }
@@ -130,7 +130,7 @@ def found(seen: Watch) -> Found:
 def _found(key: int, results: str) -> Found:  # noqa: ARG001
     exploration = Exploration.objects.get(pk=key)
     own = exploration.evaluations.exclude(phase=Phase.PRIOR)
-    rows = own.defer("stages", "device", "error").filter(state__in=(State.DONE, State.FAILED))
+    rows = own.defer("stages", "device", "error").filter(state__in=FINISHED)
     evaluations = list(rows.order_by("number"))
     known = points.measured(evaluations)
     searched = sorted(
