@@ -126,7 +126,7 @@ class Trend:
             return cls(None, nothing, nothing)
         expected = history.prior.expected(targets.indices)
         columns = zip(expected.T, targets.winsorised().T, strict=True)
-        slope = np.array([_shrunk_slope(theirs, ours) for theirs, ours in columns])
+        slope = np.array([shrunk_slope(theirs, ours) for theirs, ours in columns])
         return cls(history.prior if slope.any() else None, slope, expected.mean(axis=0))
 
     def __call__(self, indices: Indices) -> Array:
@@ -142,7 +142,7 @@ def trusted(history: History) -> bool:
     return len(indices) < ENOUGH or bool((Trend.of(history, Targets.of(history)).slope > 0).all())
 
 
-def _shrunk_slope(x: Array, y: Array) -> float:
+def shrunk_slope(x: Array, y: Array) -> float:
     """Return the least-squares slope of y over x, times max(0, 1 - 2 / t^2) for its t statistic.
 
     The factor is the positive-part shrinkage of James & Stein 1961, here for one coefficient: a slope that is

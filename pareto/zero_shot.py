@@ -1,0 +1,110 @@
+"""Another device's front, ordered by what it promises on this one after few measurements here, or none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.errors import ObjectiveError
+from pareto.history import History
+from pareto.objective import Objective, read_limits, read_objectives, read_values
+from pareto.space import Configuration, Space
+from pareto.transfer import shrunk_slope
+
+Array = NDArray[np.float64]
+Pairs = Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]]
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A configuration of the source's front: what it measured there and what to expect here.
+
+    `expected` is what was measured here where `measured` says so; `within` tells whether it keeps the limits.
+    """
+
+    configuration: Configuration
+    source: dict[str, float]
+    expected: dict[str, float]
+    measured: bool
+    within: bool
+
+
+def promises(
+    space: Space,
+    objectives: Iterable[str | Objective],
+    source: Pairs,
+    here: Pairs = (),
+    *,
+    prefer: str | None = None,
+    limits: Mapping[str, float] | None = None,
+) -> list[Promise]:
+    """Return the source's front, the best in objective `prefer` first, those expected to break `limits` last.
+
+    `source` and `here` are (configuration, values or None for a failure) pairs of the two devices; what failed
+    here is left out. `prefer` is the first objective unless given.
+
+    Without measurements here the source's values stand as they are. With one, all are moved by the factor
+    that it shows (a difference, where not all values are positive). With more they are moved by a line between
+    logarithms, whose slope leaves 1, the same factor everywhere, only as far as the measurements are sure of
+    it. Measurements tell something where the source measured the same configuration, on its front or not.
+
+    Raises ConfigurationError or ObjectiveError for bad pairs, limits or an unknown `prefer`.
+    """
+    wanted = read_objectives(objectives)
+    names = [objective.name for objective in wanted]
+    if prefer is not None and prefer not in names:
+        raise ObjectiveError(f"prefer = {prefer!r} is not an objective: they are {', '.join(names)}")
+    target = _history(space, wanted, limits, here)
+    theirs = _history(space, wanted, None, source)
+    known = dict(zip(*target.measured(), strict=True))
+    failed = set(target.failed().tolist())
+    indices, values = theirs.front()
+    expected = _moved(values, theirs, known)
+    found = []
+    for index, row, guess in zip(indices.tolist(), values, expected, strict=True):
+        if index in failed:
+            continue
+        now = known.get(index, guess)
+        within = bool(target.within_limits(now[None])[0])
+        found.append(
+            Promise(space.decode(index), _named(names, row), _named(names, now), index in known, within)
+        )
+    best = wanted[names.index(prefer) if prefer else 0]
+    return sorted(found, key=lambda item: (not item.within, best.sign * item.expected[best.name]))
+
+
+def _history(
+    space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float] | None, pairs: Pairs
+) -> History:
+    history = History(space, objectives, read_limits(objectives, limits))
+    for configuration, values in pairs:
+        read = None if values is None else read_values(objectives, values)
+        history.record(space.encode(configuration), read)
+    return history
+
+
+def _moved(values: Array, source: History, known: Mapping[int, Array]) -> Array:
+    """Return the source's (n, objectives) values as the common configurations let expect them here."""
+    theirs = dict(zip(*source.measured(), strict=True))
+    common = [index for index in known if index in theirs]
+    if not common:
+        return values
+    x, y = np.array([theirs[index] for index in common]), np.array([known[index] for index in common])
+    moved = np.empty_like(values)
+    for column in range(values.shape[1]):
+        a, b, rest = x[:, column], y[:, column], values[:, column]
+        positive = min(a.min(), b.min(), rest.min()) > 0
+        if positive:
+            a, b, rest = np.log(a), np.log(b), np.log(rest)
+        slope = 1.0 + shrunk_slope(a, b - a)
+        line = b.mean() + slope * (rest - a.mean())
+        moved[:, column] = np.exp(line) if positive else line
+    return moved
+
+
+def _named(names: list[str], row: Array) -> dict[str, float]:
+    return dict(zip(names, map(float, row), strict=True))
