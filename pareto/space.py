@@ -73,6 +73,9 @@ class Space:
     def __hash__(self) -> int:
         return hash(self.digest)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Space.from_dict, (self.to_dict(),)  # constraints hold functions, which are not pickled
+
     @property
     def names(self) -> tuple[str, ...]:
         """The parameters' names, in order."""

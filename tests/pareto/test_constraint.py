@@ -201,6 +201,22 @@ def test_nothing_but_the_small_language_is_run(text):
         Constraint(text, SPACE.parameters)
 
 
+WORDS = "width fast tiling 'rows' 1 0.5 + * / // % ** < == and or not in & | ~ is lambda = :"
+MARKS = "( ) [ ] , min( abs( ` ' . * # \\"
+TOKENS = st.sampled_from([*WORDS.split(), *MARKS.split(), "\n"])
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.lists(TOKENS, min_size=1, max_size=9).map(" ".join))
+def test_every_text_is_a_condition_or_refused_as_such(text):
+    try:
+        constraint = Constraint(text, SPACE.parameters)
+    except ConstraintError:
+        return
+    assert constraint.names
+    assert len(kept(text)) <= len(SPACE)
+
+
 def test_the_longest_expressions_are_evaluated():
     deep = "not " * 90 + "fast"
     assert kept(deep) == {"[true]"}

@@ -1,7 +1,9 @@
 """Spaces with constraints: what is allowed, how much of it there is, its neighbours, and drawing from it."""
 
+import copy
 import csv
 import os
+import pickle
 from collections import Counter
 from pathlib import Path
 
@@ -118,6 +120,14 @@ def test_constraints_survive_json_and_are_part_of_the_identity(tmp_path):
     assert len({space.digest, free.digest, other.digest}) == 3
     assert space != free
     assert "constraints" not in free.to_dict()
+
+
+def test_a_space_with_constraints_is_copied_and_pickled():
+    space = Space.from_dict(KERNEL)
+    assert space.count_allowed().exact
+    again = pickle.loads(pickle.dumps(copy.deepcopy(space)))
+    assert again == space
+    assert (again.allowed_grid == space.allowed_grid).all()
 
 
 def test_contradicting_constraints_are_refused():
