@@ -1,0 +1,91 @@
+"""An exploration's outcome in Markdown: what either phase found, and the front's points with parameters."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from crowd.explorations import points
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.points import Point
+
+PHASES = {Evaluation.Phase.RANDOM: "random samples", Evaluation.Phase.ACTIVE: "active learning"}
+
+
+def markdown(exploration: Exploration) -> str:
+    """Two tables: the yield of each phase of the search, and default, front and known configurations.
+
+    Valid is what keeps all limits. Fronts of the first table are of single measurements during the search,
+    the second holds medians over the measurements at its end.
+    """
+    rows = list(exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number"))
+    return "\n\n".join([_yields(exploration, rows), _points(exploration, rows)]) + "\n"
+
+
+def _yields(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
+    searched = [row for row in rows if row.phase in PHASES]
+    whole = {_identity(point) for point in _front(exploration, searched)}
+    lines: list[list[Any]] = []
+    for phase, name in PHASES.items():
+        own = [row for row in searched if row.phase == phase]
+        found = {_identity(point) for point in points.measured(own)}
+        lines.append(
+            [
+                name,
+                len(own),
+                sum(row.state == Evaluation.State.FAILED for row in own),
+                sum(_valid(exploration, row.objectives) for row in own),
+                len(_front(exploration, own)),
+                len(whole & found),
+            ]
+        )
+    lines.append(
+        ["both", *(sum(line[column] for line in lines) for column in (1, 2, 3)), len(whole), len(whole)]
+    )
+    head = ["phase", "measured", "failed", "valid", "points on its own front", "points on the front of both"]
+    return _table(head, lines)
+
+
+def _points(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
+    every = points.measured(rows)
+    front = {_identity(point) for point in points.front(exploration, every)}
+    again = [point for point in every if point.repeats or point.label]
+    default = points.default(every)
+    parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
+    lines: list[list[Any]] = []
+    for point in sorted(again, key=lambda point: point.values.get("runtime", 0.0)):
+        runtime, error = point.values.get("runtime"), point.values.get("ate_max")
+        slower = default.values["runtime"] / runtime if default and runtime else None
+        lines.append(
+            [
+                point.label or ("front" if _identity(point) in front else "near the front"),
+                "" if runtime is None else f"{runtime * 1e3:.2f}",
+                "" if slower is None else f"{slower:.1f}x",
+                "" if error is None else f"{error * 100:.2f}",
+                point.measurements,
+                *(_written(point.configuration.get(name)) for name in parameters),
+            ]
+        )
+    head = ["configuration", "ms a frame", "speedup", "max ATE, cm", "measured", *parameters]
+    return _table(head, lines)
+
+
+def _front(exploration: Exploration, rows: Iterable[Evaluation]) -> list[Point]:
+    return points.front(exploration, points.measured(rows))
+
+
+def _valid(exploration: Exploration, objectives: dict[str, float] | None) -> bool:
+    return objectives is not None and all(
+        bool(objectives.get(name, float("inf")) <= limit) for name, limit in exploration.limits.items()
+    )
+
+
+def _identity(point: Point) -> str:
+    return repr(sorted(point.configuration.items()))
+
+
+def _written(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _table(head: Sequence[str], lines: Iterable[Sequence[Any]]) -> str:
+    rows = [head, ["---"] * len(head), *lines]
+    return "\n".join(f"| {' | '.join(map(str, row))} |" for row in rows)
