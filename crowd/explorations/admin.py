@@ -1,58 +1,142 @@
-"""Explorations for administrators: create, watch, stop, publish. Measurements are only read."""
+"""Explorations for administrators: create, steer, choose what is published. Measurements are only read."""
 
+from collections.abc import Callable
 from typing import Any
 
 from django.contrib import admin, messages
+from django.core.exceptions import PermissionDenied, ValidationError
 from django.db.models import QuerySet
 from django.forms import ModelForm
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
+from django.template.response import TemplateResponse
+from django.urls import URLPattern, path, reverse
 
-from crowd.explorations import publishing, selectors, services, tasks
+from crowd.explorations import publishing, selectors, services, steering, tasks, tokens
+from crowd.explorations.forms import ExplorationForm, initial_of
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
-from crowd.fronts.contents import InvalidFrontError
-from crowd.fronts.sequences import SequenceError
-from crowd.fronts.services import FrontConflictError
+from crowd.explorations.steering import STEPS
 from crowd.readonly import ReadOnlyAdmin
 
-REFUSALS = (publishing.NothingToPublishError, InvalidFrontError, SequenceError, FrontConflictError)
+CHANGE, DRAFT = "explorations.change_exploration", "fronts.submit_frontversion"
+DEVICE = "explorations.change_referencedevice"
+MOST_REPEATS = 20
+NAME_PREFIX = "name-"
+
+
+class PagesAdmin(admin.ModelAdmin):
+    """An admin with pages of its own beside Django's."""
+
+    def _route(self, route: str, view: Callable[..., HttpResponse], name: str) -> URLPattern:
+        label = f"{self.opts.app_label}_{self.opts.model_name}_{name}"
+        return path(route, self.admin_site.admin_view(view), name=label)
+
+    def _seen(self, request: HttpRequest, key: int, permission: str) -> Any:
+        """The row with that key. Raises PermissionDenied, also where there is none."""
+        row = self.get_object(request, str(key))
+        if row is None or not request.user.has_perm(permission):
+            raise PermissionDenied
+        return row
+
+    def _page(
+        self, request: HttpRequest, template: str, row: Any, title: str, **context: Any
+    ) -> HttpResponse:
+        shown = self.admin_site.each_context(request) | {"title": title, "opts": self.opts, "row": row}
+        return TemplateResponse(request, f"admin/explorations/{template}.html", shown | context)
+
+    def _refused(self, request: HttpRequest, error: Exception) -> None:
+        text = "; ".join(getattr(error, "messages", [str(error)]))
+        self.message_user(request, f"Nothing was done: {text}", messages.ERROR)
 
 
 @admin.register(ReferenceDevice)
-class ReferenceDeviceAdmin(admin.ModelAdmin):
-    list_display = ("name", "queue", "opencl_device")
+class ReferenceDeviceAdmin(PagesAdmin):
+    """Devices, and the tokens of those that serve over HTTP."""
+
+    list_display = ("name", "queue", "opencl_device", "machines", "token_issued_at", "seen_at")
     search_fields = ("name", "queue", "opencl_device")
+    readonly_fields = ("token_issued_at", "seen_at")
+    fields = ("name", "queue", "opencl_device", "machines", "token_issued_at", "seen_at")
 
+    def get_urls(self) -> list[URLPattern]:
+        return [self._route("<int:key>/token/", self.token, "token"), *super().get_urls()]
 
-class ExplorationForm(ModelForm):
-    """Says what is wrong with a new exploration before it is stored."""
+    def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
+        """A device with explorations stays: they tell where they were measured."""
+        unused = obj is None or not obj.explorations.exists()
+        return unused and super().has_delete_permission(request, obj)
 
-    def clean(self) -> dict[str, Any] | None:
-        cleaned = super().clean()
-        if not self.errors and cleaned is not None:
-            services.check(Exploration(**cleaned))
-        return cleaned
+    def token(self, request: HttpRequest, key: int) -> HttpResponse:
+        """Issue a token and show it this once, or revoke the present one."""
+        device = self._seen(request, key, DEVICE)
+        if request.method == "POST" and request.POST.get("act") == "issue":
+            token = tokens.issue_token(device)
+            return self._page(request, "token", device, f"Token of {device}", token=token)
+        if request.method == "POST":
+            tokens.revoke_token(device)
+            self.message_user(request, f"Nobody serves as {device} over HTTP now", messages.SUCCESS)
+        return redirect("admin:explorations_referencedevice_change", key)
 
 
 @admin.register(Exploration)
-class ExplorationAdmin(admin.ModelAdmin):
-    """What was created stays as it is; it can be stopped, and its front published."""
+class ExplorationAdmin(PagesAdmin):
+    """What was created stays as it is; it is steered by buttons, and points of it become a draft front."""
 
     form = ExplorationForm
     list_display = (
         *("id", "application", "sequence", "reference_device", "method", "seed", "budget", "state"),
         *("pending", "running", "done", "failed", "created_at"),
     )
+    list_display_links = ("id", "application")
     list_filter = ("state", "application", "reference_device", "method")
     search_fields = ("sequence", "command")
     date_hierarchy = "created_at"
-    actions = ("stop", "publish_front")
-    fields = (
-        *("application", "space", "sequence", "sequence_sha256", "reference_device", "objectives", "limits"),
-        *("method", "seed", "budget", "batch", "points", "repeats"),
+    actions = ("pause", "resume", "cancel")
+    fieldsets = (
+        ("What is searched", {"fields": ("design_space", "pack", "reference_device")}),
+        ("What for", {"fields": ("minimised", "max_error_cm", "max_runtime_ms")}),
+        (
+            "How",
+            {"fields": ("method", "budget", "random_first", "batch", "seed", "frames", "warm_start_from")},
+        ),
+        ("Against noise", {"fields": ("points", "repeats", "recheck", "synchronous")}),
     )
+    shown_fields = (
+        *("state", "application", "sequence", "sequence_sha256", "reference_device", "objectives", "limits"),
+        *("method", "options", "seed", "frames", "synchronous", "recheck", "budget", "batch", "points"),
+        *("repeats", "warm_start_from", "command", "created_at", "finished_at", "space"),
+    )
+
+    def get_urls(self) -> list[URLPattern]:
+        return [
+            self._route("<int:key>/step/", self.step, "step"),
+            self._route("<int:key>/points/", self.points_page, "points"),
+            *super().get_urls(),
+        ]
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Exploration]:  # noqa: ARG002
         return selectors.counted()
+
+    def get_fieldsets(self, request: HttpRequest, obj: Any = None) -> Any:  # noqa: ARG002
+        return self.fieldsets if obj is None else ((None, {"fields": self.shown_fields}),)
+
+    def get_form(self, request: HttpRequest, obj: Any = None, change: bool = False, **kwargs: Any) -> Any:
+        """The form creates; what exists is only shown."""
+        if obj is None:
+            kwargs["fields"] = ExplorationForm.Meta.fields
+        else:
+            kwargs["form"] = ModelForm
+        return super().get_form(request, obj, change, **kwargs)
+
+    def get_changeform_initial_data(self, request: HttpRequest) -> dict[str, Any]:
+        """For `?clone=N` what exploration N was created with, for `?warm_start=N` what it knows too."""
+        for wish in ("clone", "warm_start"):
+            key = request.GET.get(wish, "")
+            earlier = Exploration.objects.filter(pk=int(key)).first() if key.isdecimal() else None
+            if earlier is not None:
+                warm = {"warm_start_from": earlier.pk} if wish == "warm_start" else {}
+                return initial_of(services.clone(earlier)) | warm
+        return {}
 
     def has_change_permission(self, request: HttpRequest, obj: Any = None) -> bool:  # noqa: ARG002
         return False
@@ -61,30 +145,106 @@ class ExplorationAdmin(admin.ModelAdmin):
         return False
 
     def has_steer_permission(self, request: HttpRequest) -> bool:
-        """Whoever may change explorations may stop and publish them; their form stays read-only."""
-        return bool(request.user.has_perm("explorations.change_exploration"))
+        """Whoever may change explorations may steer them; their form stays read-only."""
+        return bool(request.user.has_perm(CHANGE))
 
     def save_model(self, request: HttpRequest, obj: Exploration, form: Any, change: bool) -> None:  # noqa: ARG002
         """Store a new exploration and send its first measurements."""
         tasks.dispatch(services.create(obj))
 
-    @admin.action(description="Stop the selected explorations", permissions=["steer"])
-    def stop(self, request: HttpRequest, queryset: QuerySet[Exploration]) -> None:
-        for exploration in queryset:
-            services.cancel(exploration)
-            self.message_user(request, f"Stopped {exploration}: it measures nothing more", messages.SUCCESS)
+    def change_view(
+        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
+    ) -> HttpResponse:
+        row: Exploration | None = self.get_object(request, object_id)
+        may = request.user.has_perm(CHANGE)
+        context = {
+            "steps": steering.offered(row) if row is not None and may else [],
+            "may_clone": self.has_add_permission(request),
+            "may_choose": may,
+        }
+        return super().change_view(request, object_id, form_url, context | (extra_context or {}))
 
-    @admin.action(description="Publish front", permissions=["steer"])
-    def publish_front(self, request: HttpRequest, queryset: QuerySet[Exploration]) -> None:
-        for exploration in queryset:
+    @admin.action(description="Pause", permissions=["steer"])
+    def pause(self, request: HttpRequest, queryset: QuerySet[Exploration]) -> None:
+        self._steer_each(request, queryset, "pause")
+
+    @admin.action(description="Resume", permissions=["steer"])
+    def resume(self, request: HttpRequest, queryset: QuerySet[Exploration]) -> None:
+        self._steer_each(request, queryset, "resume")
+
+    @admin.action(description="Cancel for good", permissions=["steer"])
+    def cancel(self, request: HttpRequest, queryset: QuerySet[Exploration]) -> None:
+        self._steer_each(request, queryset, "cancel")
+
+    def step(self, request: HttpRequest, key: int) -> HttpResponse:
+        """Take the step that the form names."""
+        exploration = self._seen(request, key, CHANGE)
+        name = request.POST.get("step", "")
+        if name not in STEPS:
+            raise PermissionDenied
+        self._steer(request, exploration, name, request.POST.get("budget", ""))
+        return redirect("admin:explorations_exploration_change", key)
+
+    def points_page(self, request: HttpRequest, key: int) -> HttpResponse:
+        """Choose points by giving them names; measure these again; make a draft front of them."""
+        exploration = self._seen(request, key, CHANGE)
+        names = {
+            field.removeprefix(NAME_PREFIX): name.strip()
+            for field, name in request.POST.items()
+            if field.startswith(NAME_PREFIX) and isinstance(name, str) and name.strip()
+        }
+        if request.method == "POST":
             try:
-                front = publishing.publish(exploration)
-            except REFUSALS as error:
-                self.message_user(request, f"Not published, {exploration}: {error}", messages.ERROR)
-            else:
-                self.message_user(
-                    request, f"Published {front.slug}: clients measure it now", messages.SUCCESS
-                )
+                if request.POST.get("act") == "draft":
+                    return self._draft(request, exploration, names)
+                return self._measure_again(request, exploration, names)
+            except (ValidationError, *publishing.REFUSALS) as error:
+                self._refused(request, error)
+        found, reason = publishing.candidates(exploration)
+        return self._page(
+            request,
+            "points",
+            exploration,
+            f"Points of exploration {exploration.pk}",
+            candidates=[(row, names.get(row.key, "") if names else row.name) for row in found],
+            reason=reason,
+            unfinished=services.unfinished_of(exploration).count(),
+            repeats=max(exploration.repeats, publishing.LEAST_REPEATS),
+            most_repeats=MOST_REPEATS,
+            least_repeats=publishing.LEAST_REPEATS,
+            limit=publishing.MAX_ATE,
+            may_draft=request.user.has_perm(DRAFT),
+        )
+
+    def _measure_again(
+        self, request: HttpRequest, exploration: Exploration, names: dict[str, str]
+    ) -> HttpResponse:
+        times = request.POST.get("times", "")
+        if not times.isdecimal() or not 1 <= int(times) <= MOST_REPEATS:
+            raise ValidationError(f"{times!r} times: give a number from 1 to {MOST_REPEATS}")
+        rows = publishing.measure_again(exploration, names, int(times))
+        tasks.dispatch(exploration)
+        self.message_user(request, f"Measurements that were asked for: {len(rows)}", messages.SUCCESS)
+        return redirect(request.path)
+
+    def _draft(self, request: HttpRequest, exploration: Exploration, names: dict[str, str]) -> HttpResponse:
+        if not request.user.has_perm(DRAFT):
+            raise PermissionDenied
+        front = publishing.draft(exploration, names, str(request.user.get_username()))
+        self.message_user(request, f"Front {front.slug} is a draft", messages.SUCCESS)
+        return redirect(reverse("admin:fronts_frontversion_change", args=[front.pk]))
+
+    def _steer_each(self, request: HttpRequest, queryset: QuerySet[Exploration], name: str) -> None:
+        for exploration in queryset:
+            self._steer(request, exploration, name)
+
+    def _steer(self, request: HttpRequest, exploration: Exploration, name: str, budget: str = "") -> None:
+        try:
+            done = STEPS[name].take(exploration, budget)
+        except ValidationError as error:
+            self._refused(request, error)
+        else:
+            self.message_user(request, f"Exploration {exploration.pk}: {done}", messages.SUCCESS)
 
     @admin.display(ordering="pending")
     def pending(self, row: Any) -> int:
@@ -107,7 +267,7 @@ class ExplorationAdmin(admin.ModelAdmin):
 class EvaluationAdmin(ReadOnlyAdmin):
     list_display = (
         *("exploration", "number", "phase", "label", "state", "attempt", "milliseconds", "millimetres"),
-        *("error", "finished_at"),
+        *("error", "worker", "finished_at"),
     )
     list_filter = ("state", "phase", "exploration")
     search_fields = ("label", "error", "configuration")

@@ -1,7 +1,7 @@
 """What an exploration found: one value a configuration from all its measurements, and the best of them."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
@@ -18,6 +18,8 @@ class Point:
 
     Each measurement is a mean over frames already (seconds a frame, metres). Where the point was measured
     again at the end, in turn with the others, only those `repeats` count: what chose it may have been luck.
+    `low` and `high` are the least and the greatest of what the median was taken of; `whole` says that these
+    measurements ran over the whole sequence.
     """
 
     configuration: dict[str, Any]
@@ -26,13 +28,19 @@ class Point:
     values: dict[str, float]
     measurements: int
     repeats: int
+    low: dict[str, float] = field(default_factory=dict)
+    high: dict[str, float] = field(default_factory=dict)
+    whole: bool = True
 
 
 def measured(evaluations: Iterable[Evaluation]) -> list[Point]:
-    """Every configuration that was measured, in the order of its first measurement."""
+    """Every configuration that was measured, in the order of its first measurement.
+
+    What another device measured is prior knowledge and no measurement.
+    """
     groups: dict[str, list[Evaluation]] = {}
     for evaluation in evaluations:
-        if evaluation.state == Evaluation.State.DONE:
+        if evaluation.state == Evaluation.State.DONE and evaluation.phase != Evaluation.Phase.PRIOR:
             groups.setdefault(evaluation.configuration_key, []).append(evaluation)
     return [_point(group) for group in groups.values()]
 
@@ -84,11 +92,15 @@ def _point(group: Sequence[Evaluation]) -> Point:
     again = [evaluation for evaluation in group if evaluation.phase == Evaluation.Phase.REPEAT]
     rows = [evaluation.objectives or {} for evaluation in again or group]
     names = [name for name in rows[0] if all(name in row for row in rows)]
+    columns = {name: [float(row[name]) for row in rows] for name in names}
     return Point(
         configuration=group[0].configuration,
         label=next((evaluation.label for evaluation in group if evaluation.label), ""),
         phase=group[0].phase,
-        values={name: float(median(row[name] for row in rows)) for name in names},
+        values={name: median(column) for name, column in columns.items()},
         measurements=len(rows),
         repeats=len(again),
+        low={name: min(column) for name, column in columns.items()},
+        high={name: max(column) for name, column in columns.items()},
+        whole=all(evaluation.frames is None for evaluation in again or group),
     )

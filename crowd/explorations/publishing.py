@@ -1,21 +1,25 @@
 """From an exploration to a front that clients measure."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from django.utils import timezone
 
-from crowd.explorations import points
+from crowd.explorations import points, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
+from crowd.fronts import selectors as published
+from crowd.fronts import sequences
 from crowd.fronts import services as fronts
 from crowd.fronts.models import FrontVersion
-from pareto.front import nondominated
+from crowd.fronts.selectors import BEST, DEFAULT
+from pareto.front import knee, nondominated
 
 MAX_ATE = 0.05  # metres: a configuration is valid below it
 PREDICTED = ("runtime", "ate_max", "ate_mean")
-PROTOCOL = {
+PROTOCOL: dict[str, Any] = {
     "version": 1,
     "warmup_frames": 10,
     "frames": 100,
@@ -25,59 +29,116 @@ PROTOCOL = {
     "rest_seconds": 0,
     "max_ate": MAX_ATE,
 }
+LEAST_REPEATS = 2  # further measurements of a point before its figure is published
+IN_THE_ADMINISTRATION = "none: it was created in the administration, with what `search` tells"
 
 
 class NothingToPublishError(ValueError):
     """An exploration that has no default, or nothing valid that is faster; the message says which."""
 
 
-def publish(exploration: Exploration) -> FrontVersion:
-    """Publish the exploration's front as its application's next version.
+class NotReadyError(ValueError):
+    """A choice of points that cannot be published yet; the message names them and the remedy."""
 
-    Raises NothingToPublishError, and what crowd.fronts.services.publish_content raises.
+
+REFUSALS = (NotReadyError, NothingToPublishError, *fronts.REFUSALS)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A point that may be published: its digest, and the name that it would get (empty: none)."""
+
+    key: str
+    point: Point
+    name: str
+
+    @property
+    def ready(self) -> bool:
+        """Whether it was measured often enough, over the whole sequence, for a figure to be published."""
+        return self.point.repeats >= LEAST_REPEATS
+
+
+def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
+    """What could be published, the named first, then by runtime; and why nothing has a name, if so.
+
+    These are the known configurations, the front of what is measured, and whatever was measured again.
     """
-    versions = FrontVersion.objects.filter(application=exploration.application).values_list(
-        "version", flat=True
+    measured = points.measured(exploration.evaluations.all())
+    try:
+        named, reason = name_points(measured), ""
+    except NothingToPublishError as error:
+        named, reason = {}, str(error)
+    names = {services.key(point.configuration): name for name, point in named.items()}
+    front = {services.key(point.configuration) for point in points.front(exploration, measured)}
+    found = [Candidate(key, point, names.get(key, "")) for key, point in _keyed(measured).items()]
+    shown = [row for row in found if row.name or row.point.label or row.point.repeats or row.key in front]
+    order = {name: place for place, name in enumerate(named)}
+    shown.sort(key=lambda row: (order.get(row.name, len(order)), row.point.values["runtime"]))
+    return tuple(shown), reason
+
+
+def measure_again(exploration: Exploration, keys: Iterable[str], times: int) -> list[Evaluation]:
+    """Ask for the points with these KEYS TIMES more, in turn and over the whole sequence.
+
+    Raises ValidationError where the exploration cannot go on, or no such point was measured.
+    """
+    measured = _keyed(points.measured(exploration.evaluations.all()))
+    chosen = [measured[key] for key in keys if key in measured]
+    return services.measure_again(
+        exploration, [(point.configuration, point.label) for point in chosen], times
     )
-    newest = max((int(version) for version in versions if version.isdecimal()), default=0)
-    return fronts.publish_content(document(exploration, str(newest + 1)))[0]
+
+
+def draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontVersion:
+    """A draft of its application's next version with the points that NAMES names by their keys.
+
+    Raises NotReadyError where a point was not measured again often enough, or `best` is not valid, and what
+    crowd.fronts.services.create_draft raises.
+    """
+    evaluations = list(exploration.evaluations.all())
+    found = _keyed(points.measured(evaluations))
+    if missing := [name for key, name in names.items() if key not in found]:
+        raise NotReadyError(f"{', '.join(missing)}: no such configuration was measured")
+    chosen = [(name, found[key]) for key, name in names.items()]
+    if once := [name for name, point in chosen if point.repeats < LEAST_REPEATS]:
+        raise NotReadyError(
+            f"{', '.join(once)}: measured again fewer than {LEAST_REPEATS} times, so nobody knows how far "
+            "the figure can be trusted: measure the named points again first"
+        )
+    for name, point in chosen:
+        if name == BEST and point.values["ate_max"] >= MAX_ATE:
+            error = f"{100 * point.values['ate_max']:.1f} cm"
+            raise NotReadyError(f"{BEST}: its error of {error} is not below {100 * MAX_ATE:g} cm")
+    version = published.next_version(exploration.application)
+    # A dictionary would hide a name that is given twice; the check of the front tells it.
+    content = _document(exploration, version, evaluations, chosen)
+    return fronts.create_draft(content, by, f"from exploration {exploration.pk}")
 
 
 def document(exploration: Exploration, version: str) -> dict[str, Any]:
     """The exploration's front in the shape of a front file; no figure in it is anybody's opinion.
 
-    Raises NothingToPublishError where there is no default, or nothing valid is faster than it.
+    Raises NothingToPublishError where there is no default, or nothing valid is faster than it, and
+    SequenceError where the sequence is not here any more.
     """
     evaluations = list(exploration.evaluations.all())
     chosen = name_points(points.measured(evaluations))
-    return {
-        "application": exploration.application,
-        "version": version,
-        "protocol": PROTOCOL,
-        "sequence": {"name": exploration.sequence, "sha256": exploration.sequence_sha256},
-        "configurations": [
-            {
-                "name": name,
-                "parameters": point.configuration,
-                "predicted": {value: point.values[value] for value in PREDICTED},
-            }
-            for name, point in chosen.items()
-        ],
-        "provenance": _provenance(exploration, evaluations, list(chosen.values())),
-    }
+    return _document(exploration, version, evaluations, list(chosen.items()))
 
 
 def name_points(measured: Sequence[Point]) -> dict[str, Point]:
-    """What is published, by name: default, best, accurate, the other known ones, the rest of the front.
+    """What is published, by name: default, best, accurate, knee, the other known ones, the rest of the front.
 
-    `best` is the fastest valid point, `accurate` the valid one with the least maximal error. Where any point
-    was measured again, only those that were take part: a single lucky measurement makes no front.
+    `best` is the fastest valid point, `accurate` the valid one with the least maximal error, `knee` the best
+    compromise between the two. Where any point was measured again, only those that were take part: a single
+    lucky measurement makes no front. Neither does one over a part of the sequence.
     """
-    again = [point for point in measured if point.repeats] or list(measured)
+    again = [point for point in measured if point.repeats] or [point for point in measured if point.whole]
     default = points.default(again)
     if default is None:
         raise NothingToPublishError(
-            "the default configuration was not measured: there is nothing to compare with"
+            "the default configuration was not measured over the whole sequence: there is nothing to "
+            "compare with"
         )
     valid = sorted(
         (point for point in again if point.values["ate_max"] < MAX_ATE),
@@ -89,22 +150,62 @@ def name_points(measured: Sequence[Point]) -> dict[str, Point]:
         )
     table = np.array([[point.values["ate_max"], point.values["runtime"]] for point in valid])
     on_front = [point for point, keep in zip(valid, nondominated(table), strict=True) if keep]
-    named = {"default": default, "best": valid[0]}
-    accurate = min(valid, key=lambda point: point.values["ate_max"])
-    if accurate not in named.values():
-        named["accurate"] = accurate
+    named = {DEFAULT: default, BEST: valid[0]}
+    for name, point in (
+        ("accurate", min(valid, key=lambda point: point.values["ate_max"])),
+        ("knee", valid[knee(table)]),
+    ):
+        if point not in named.values():
+            named[name] = point
     named |= {point.label: point for point in again if point.label and point not in named.values()}
     others = [point for point in on_front if point not in named.values()]
     return named | {f"front-{number:02}": point for number, point in enumerate(others, start=1)}
 
 
-def _provenance(
-    exploration: Exploration, evaluations: Sequence[Evaluation], published: Sequence[Point]
+def _keyed(measured: Iterable[Point]) -> dict[str, Point]:
+    return {services.key(point.configuration): point for point in measured}
+
+
+def _document(
+    exploration: Exploration,
+    version: str,
+    evaluations: Sequence[Evaluation],
+    chosen: Sequence[tuple[str, Point]],
 ) -> dict[str, Any]:
-    done = [evaluation for evaluation in evaluations if evaluation.state == Evaluation.State.DONE]
-    failed = [evaluation for evaluation in evaluations if evaluation.state == Evaluation.State.FAILED]
+    sequence = sequences.describe(exploration.sequence, exploration.sequence_sha256)
+    return {
+        "application": exploration.application,
+        "version": version,
+        "protocol": PROTOCOL | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
+        "sequence": {name: sequence[name] for name in ("name", "sha256")},
+        "configurations": [
+            {"name": name, "parameters": point.configuration, "predicted": _predicted(point)}
+            for name, point in chosen
+        ],
+        "provenance": _provenance(exploration, evaluations, [point for _, point in chosen]),
+    }
+
+
+def _predicted(point: Point) -> dict[str, float]:
+    """Medians, and between which runtimes the measurements lay."""
+    return {name: point.values[name] for name in PREDICTED} | {
+        "runtime_low": point.low["runtime"],
+        "runtime_high": point.high["runtime"],
+        "measurements": point.measurements,
+    }
+
+
+def _provenance(
+    exploration: Exploration, evaluations: Sequence[Evaluation], chosen: Sequence[Point]
+) -> dict[str, Any]:
+    own = [evaluation for evaluation in evaluations if evaluation.phase not in services.COPIED]
+    done = [evaluation for evaluation in own if evaluation.state == Evaluation.State.DONE]
+    failed = [evaluation for evaluation in own if evaluation.state == Evaluation.State.FAILED]
+    warm_start = (
+        {"warm_start": f"exploration {exploration.warm_start_from_id}"} if len(own) < len(evaluations) else {}
+    )
     device = done[-1].device or {}
-    repeats = [point.measurements for point in published]
+    repeats = [point.measurements for point in chosen]
     return {
         "device": device.get("name"),
         "driver": device.get("driver"),
@@ -131,8 +232,10 @@ def _provenance(
             "objectives": exploration.objectives,
             "limits": exploration.limits,
             "space": exploration.space.get("name"),
+            "frames": exploration.frames or "all",
         },
-        "command": exploration.command,
+        **warm_start,
+        "command": exploration.command or IN_THE_ADMINISTRATION,
     }
 
 

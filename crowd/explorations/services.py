@@ -77,7 +77,7 @@ def create(exploration: Exploration) -> Exploration:
 def clone(exploration: Exploration, **changes: Any) -> Exploration:
     """A new exploration with the same wishes but for CHANGES, not stored yet: `create` does that."""
     kept = {
-        field.attname: getattr(exploration, field.attname)
+        field.name: getattr(exploration, field.name)
         for field in Exploration._meta.concrete_fields
         if field.name not in {"id", "state", "command", "created_at", "finished_at"}
     }

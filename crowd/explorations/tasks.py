@@ -49,6 +49,13 @@ def dispatch(exploration: Exploration) -> None:
         _send(evaluate, key, device.queue)
 
 
+def go_on(exploration: Exploration) -> None:
+    """Send what waits, and where that is due ask for more: after a pause, a larger budget, a restart."""
+    dispatch(exploration)
+    if exploration.state == Exploration.State.RUNNING and services.due(exploration):
+        _send(advance, exploration.pk)
+
+
 def follow(evaluation: Evaluation) -> None:
     """EVALUATION is finished: send the next one of its device, and let its exploration go on where due."""
     exploration = evaluation.exploration
@@ -71,9 +78,7 @@ def reap_at_start(sender: Any = None, **_: object) -> None:
 
 def _restart(explorations: list[Exploration]) -> None:
     for exploration in explorations:
-        dispatch(exploration)
-        if services.due(exploration):
-            _send(advance, exploration.pk)
+        go_on(exploration)
 
 
 def _send(task: Task, key: int, queue: str | None = None) -> None:

@@ -33,6 +33,12 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
     front = FrontVersion.objects.select_for_update().filter(slug=slug).first()
     if front is not None and front.state != State.DRAFT:
         raise FrontConflictError(f"{slug} is {front.get_state_display()}: give this content another version")
+    sequence = sequences.describe(content.sequence.name, content.sequence.sha256)
+    if content.protocol.frames > sequence["frames"]:
+        raise contents.InvalidFrontError(
+            f"not a front: protocol.frames: {content.protocol.frames}, but {sequence['name']} has only "
+            f"{sequence['frames']}"
+        )
     action = "drafted" if front is None else "draft replaced"
     if front is None:
         front = FrontVersion(
@@ -40,7 +46,7 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
         )
     front.digest = contents.digest(document)
     front.protocol = document["protocol"]
-    front.sequence = sequences.describe(content.sequence.name, content.sequence.sha256)
+    front.sequence = sequence
     front.provenance = document["provenance"]
     front.save()
     front.configurations.all().delete()

@@ -1,0 +1,162 @@
+"""The form of a new exploration: choices instead of JSON, with defaults that find a front in an hour."""
+
+import json
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from django import forms
+from django.core.exceptions import ValidationError
+
+import pareto
+from crowd.explorations import services
+from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.explorations.publishing import MAX_ATE
+from crowd.fronts import sequences
+from pareto import Space
+
+SPACES = Path(pareto.__file__).parent / "spaces"
+EARLIER = "exploration-"  # a design space that is that of an earlier exploration
+THIS_MACHINE = "this-machine"
+DEFAULTS = {"budget": 60, "batch": 8, "points": 8, "repeats": 3}
+EXPLAINED = {
+    "runtime": "runtime: mean seconds a frame",
+    "ate_max": "ate_max: largest trajectory error",
+    "ate_mean": "ate_mean: mean trajectory error",
+    "ate_rmse": "ate_rmse: root mean square trajectory error",
+    "ate_rmse_aligned": "ate_rmse_aligned: the same after alignment",
+    "cpu_seconds": "cpu_seconds: processor time a frame, all threads",
+    "peak_memory_bytes": "peak_memory_bytes: most memory in use",
+}
+
+
+class ExplorationForm(forms.ModelForm):
+    """Says what is wrong with a new exploration before it is stored."""
+
+    design_space = forms.ChoiceField(help_text="parameters and their values; the system follows from it")
+    pack = forms.ChoiceField(label="Sequence", help_text="what is run over; clients will run over the same")
+    minimised = forms.MultipleChoiceField(
+        label="Objectives",
+        choices=[(name, EXPLAINED.get(name, name)) for name in services.MEASURED],
+        widget=forms.CheckboxSelectMultiple,
+        initial=["ate_max", "runtime"],
+    )
+    max_error_cm = forms.FloatField(
+        label="Largest error (cm)",
+        required=False,
+        min_value=0,
+        initial=100 * MAX_ATE,
+        help_text="of ate_max; the search looks below it. Empty: no limit",
+    )
+    max_runtime_ms = forms.FloatField(
+        label="Largest runtime (ms a frame)", required=False, min_value=0, help_text="Empty: no limit"
+    )
+    random_first = forms.IntegerField(
+        label="Random samples first",
+        required=False,
+        min_value=1,
+        help_text="before the search learns. Empty: what the method holds best",
+    )
+
+    class Meta:
+        model = Exploration
+        fields = (
+            *("reference_device", "method", "seed", "frames", "synchronous", "recheck", "budget", "batch"),
+            *("points", "repeats", "warm_start_from"),
+        )
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        earlier = Exploration.objects.order_by("-pk").values_list("pk", "space")
+        shown: dict[str, str] = {}
+        for key, space in earlier:
+            shown.setdefault(json.dumps(space, sort_keys=True), f"{EARLIER}{key}")
+        for path in shipped_spaces():
+            shown.pop(json.dumps(Space.load(path).to_dict(), sort_keys=True), None)
+        self.fields["design_space"].choices = [  # type: ignore[attr-defined]
+            *((path.stem, path.stem) for path in shipped_spaces()),
+            *((value, f"as in exploration {value.removeprefix(EARLIER)}") for value in shown.values()),
+        ]
+        self.fields["pack"].choices = [  # type: ignore[attr-defined]
+            (f"{pack['name']} {pack['sha256']}", f"{pack['name']}: {pack['frames']} frames")
+            for pack in packs()
+        ]
+        for name, value in DEFAULTS.items():
+            self.fields[name].initial = value
+        self.fields["reference_device"].initial = ReferenceDevice.objects.filter(name=THIS_MACHINE).first()
+        self.fields["warm_start_from"].required = False
+
+    def clean(self) -> dict[str, Any] | None:
+        """Put together the exploration's JSON from the choices."""
+        cleaned = super().clean()
+        if cleaned is None or self.errors:
+            return cleaned
+        wanted = self.instance
+        wanted.application, wanted.space = space_of(cleaned["design_space"])
+        wanted.sequence, _, wanted.sequence_sha256 = cleaned["pack"].rpartition(" ")
+        wanted.objectives = cleaned["minimised"]
+        limits = {"ate_max": ("max_error_cm", 0.01), "runtime": ("max_runtime_ms", 0.001)}
+        wanted.limits = {
+            name: round(cleaned[field] * unit, 9)
+            for name, (field, unit) in limits.items()
+            if cleaned[field] is not None and name in wanted.objectives
+        }
+        wanted.options = {"initial": cleaned["random_first"]} if cleaned["random_first"] else {}
+        return cleaned
+
+    def _post_clean(self) -> None:
+        super()._post_clean()  # type: ignore[misc]
+        if not self.errors:
+            try:
+                services.check(self.instance)
+            except ValidationError as error:
+                # Its members are the model's, some of which this form has under other names.
+                self.add_error(None, error.messages)
+
+
+def initial_of(exploration: Exploration) -> dict[str, Any]:
+    """What the form holds to create such an exploration again."""
+    limits = exploration.limits
+    kept = {name: getattr(exploration, name) for name in ExplorationForm.Meta.fields}
+    return kept | {
+        "design_space": _choice_of(exploration),
+        "pack": f"{exploration.sequence} {exploration.sequence_sha256}",
+        "minimised": exploration.objectives,
+        "max_error_cm": round(100 * limits["ate_max"], 9) if "ate_max" in limits else None,
+        "max_runtime_ms": round(1000 * limits["runtime"], 9) if "runtime" in limits else None,
+        "random_first": exploration.options.get("initial"),
+    }
+
+
+def shipped_spaces() -> list[Path]:
+    """The files of the spaces whose system is there to be run."""
+    return [
+        path
+        for path in sorted(SPACES.glob("*.json"))
+        if path.stem.isidentifier() and find_spec(f"slam.{path.stem}") is not None
+    ]
+
+
+def packs() -> list[dict[str, Any]]:
+    """What the packs on this machine say of themselves; the same one is listed once."""
+    found: dict[tuple[str, str], dict[str, Any]] = {}
+    for pack in sequences.packs():
+        description = json.loads((pack / "pack.json").read_text())
+        found.setdefault((description["name"], description["sha256"]), description)
+    return list(found.values())
+
+
+def space_of(choice: str) -> tuple[str, dict[str, Any]]:
+    """The application and the space that CHOICE stands for."""
+    if choice.startswith(EARLIER):
+        earlier = Exploration.objects.get(pk=int(choice.removeprefix(EARLIER)))
+        return earlier.application, earlier.space
+    return choice, Space.load(SPACES / f"{choice}.json").to_dict()
+
+
+def _choice_of(exploration: Exploration) -> str:
+    for path in shipped_spaces():
+        if Space.load(path).to_dict() == exploration.space:
+            return path.stem
+    same = Exploration.objects.filter(space=exploration.space).order_by("-pk").first()
+    return f"{EARLIER}{same.pk if same else exploration.pk}"

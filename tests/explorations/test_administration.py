@@ -1,0 +1,315 @@
+"""What an administrator does with explorations in the browser: create, steer, choose points, issue tokens."""
+
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from django.contrib.auth import get_user_model
+from django.contrib.auth.models import Group, User
+from django.test import Client
+from django.urls import reverse
+
+from crowd.celery import app
+from crowd.explorations import forms, publishing, services, tokens
+from crowd.explorations.measurement import MeasurementError
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.fronts.models import FrontVersion
+from tests.explorations.conftest import finish, run_to_the_end
+
+ADD = "admin:explorations_exploration_add"
+Browse = Callable[[str], Client]
+
+
+@pytest.fixture
+def unread_queues() -> Iterator[None]:
+    """Tasks are sent as to a worker, and nobody reads them."""
+    app.conf.update(task_always_eager=False)
+    yield
+    app.conf.update(task_always_eager=True)
+
+
+@pytest.fixture
+def administrator(client: Client, db: None) -> Client:
+    client.force_login(get_user_model().objects.create_superuser("root", "", "a password"))
+    return client
+
+
+@pytest.fixture
+def staff(db: None) -> Browse:
+    """A browser of somebody on the staff with that role (none where it is empty)."""
+
+    def browser(role: str) -> Client:
+        user = User.objects.create_user(f"{role or 'nobody'}-1", is_staff=True)
+        if role:
+            user.groups.add(Group.objects.get(name=role))
+        logged_in = Client()
+        logged_in.force_login(user)
+        return logged_in
+
+    return browser
+
+
+def address(name: str, exploration: Exploration) -> str:
+    return reverse(f"admin:explorations_exploration_{name}", args=[exploration.pk])
+
+
+def step(browser: Client, exploration: Exploration, name: str, **form: str) -> str:
+    answer = browser.post(address("step", exploration), {"step": name} | form, follow=True)
+    exploration.refresh_from_db()
+    return str(answer.content.decode())
+
+
+def wish(exploration: Exploration, **changes: Any) -> dict[str, Any]:
+    """The form filled in to create such an exploration over the shipped space."""
+    filled = forms.initial_of(exploration) | {"design_space": "kfusion"} | changes
+    filled["reference_device"] = exploration.reference_device.pk
+    return {name: value for name, value in filled.items() if value is not None and value is not False}
+
+
+def sent(queue_name: str) -> list[Any]:
+    with app.connection_for_read() as broker, broker.SimpleQueue(queue_name) as queue:
+        return [queue.get(block=False).payload[0] for _ in range(queue.qsize())]
+
+
+def test_the_administrator_reads_lists_and_rows(administrator: Client, exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    row = exploration.evaluations.first()
+    assert row is not None
+    for name in ("referencedevice", "exploration", "evaluation"):
+        assert administrator.get(reverse(f"admin:explorations_{name}_changelist")).status_code == 200
+    for name, key in (
+        ("exploration", exploration.pk),
+        ("evaluation", row.pk),
+        ("referencedevice", exploration.reference_device.pk),
+    ):
+        assert administrator.get(reverse(f"admin:explorations_{name}_change", args=[key])).status_code == 200
+
+
+def test_the_form_offers_what_is_there_with_defaults(administrator: Client, unsaved: Exploration) -> None:
+    page = administrator.get(reverse(ADD)).content.decode()
+
+    assert '<option value="kfusion">kfusion</option>' in page
+    assert "tiny: 12 frames" in page
+    assert 'value="60"' in page
+    assert "bench" in page
+
+
+def test_a_created_exploration_is_what_the_form_said_and_its_measurements_are_sent(
+    administrator: Client, unsaved: Exploration, unread_queues: None
+) -> None:
+    answer = administrator.post(
+        reverse(ADD), wish(unsaved, method="two-stage", max_runtime_ms="200", random_first="4")
+    )
+
+    assert answer.status_code == 302, answer.context["errors"]
+    created = Exploration.objects.get()
+    assert (created.application, created.space["name"]) == ("kfusion", "kfusion")
+    assert (created.sequence, created.sequence_sha256) == (unsaved.sequence, unsaved.sequence_sha256)
+    assert created.objectives == ["ate_max", "runtime"]
+    assert created.limits == {"ate_max": 0.05, "runtime": 0.2}
+    assert created.options == {"initial": 4}
+    assert (created.method, created.budget, created.batch) == ("two-stage", 6, 4)
+    # As many as the device has machines.
+    assert sent("bench") == [[services.waiting(created)[0].pk]]
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"frames": "13"}, "tiny has 12"),
+        ({"minimised": []}, "This field is required"),
+        ({"budget": "0"}, "greater than or equal to 1"),
+        ({"pack": "elsewhere 0"}, "Select a valid choice"),
+    ],
+)
+def test_an_exploration_that_cannot_run_is_refused_in_the_form(
+    administrator: Client, unsaved: Exploration, change: dict[str, Any], complaint: str
+) -> None:
+    page = administrator.post(reverse(ADD), wish(unsaved, **change)).content.decode()
+
+    assert complaint in page
+    assert not Exploration.objects.exists()
+
+
+def test_a_clone_starts_from_the_same_wishes(
+    administrator: Client, exploration: Exploration, unread_queues: None
+) -> None:
+    page = administrator.get(reverse(ADD), {"clone": exploration.pk})
+    form = page.context["adminform"].form
+
+    assert form.initial["design_space"] == f"exploration-{exploration.pk}"
+    assert form.initial["budget"] == 6
+    assert form.initial["warm_start_from"] is None
+    filled = wish(exploration, design_space=form.initial["design_space"], budget="7")
+    assert administrator.post(reverse(ADD), filled).status_code == 302
+    clone = Exploration.objects.latest("pk")
+    assert (clone.space, clone.budget) == (exploration.space, 7)
+
+
+def test_a_new_exploration_can_start_from_what_another_measured(
+    administrator: Client, exploration: Exploration, unread_queues: None
+) -> None:
+    run_to_the_end(exploration)
+    form = administrator.get(reverse(ADD), {"warm_start": exploration.pk}).context["adminform"].form
+    assert form.initial["warm_start_from"] == exploration.pk
+
+    filled = wish(exploration, **{name: form.initial[name] for name in ("design_space", "warm_start_from")})
+    assert administrator.post(reverse(ADD), filled).status_code == 302
+
+    warm = Exploration.objects.latest("pk")
+    assert warm.warm_start_from == exploration
+    assert warm.evaluations.filter(phase="known").exists()
+
+
+def test_an_exploration_is_steered_by_buttons(
+    administrator: Client, exploration: Exploration, unread_queues: None
+) -> None:
+    assert 'value="pause"' in administrator.get(address("change", exploration)).content.decode()
+
+    assert "paused" in step(administrator, exploration, "pause")
+    assert exploration.state == "paused"
+    page = step(administrator, exploration, "resume")
+    assert (exploration.state, 'value="resume"' in page) == ("running", False)
+    step(administrator, exploration, "raise", budget="9")
+    assert exploration.budget == 9
+    step(administrator, exploration, "cancel")
+    assert exploration.state == "cancelled"
+    assert "Nothing was done" in step(administrator, exploration, "resume")
+    assert exploration.state == "cancelled"
+
+
+@pytest.mark.parametrize("budget", ["", "many", "6"])
+def test_a_budget_that_is_no_larger_one_is_refused(
+    administrator: Client, exploration: Exploration, budget: str
+) -> None:
+    assert "Nothing was done" in step(administrator, exploration, "raise", budget=budget)
+    assert exploration.budget == 6
+
+
+def test_a_finished_exploration_goes_on_with_a_larger_budget(
+    administrator: Client, exploration: Exploration, unread_queues: None
+) -> None:
+    run_to_the_end(exploration)
+
+    step(administrator, exploration, "raise", budget="8")
+
+    assert exploration.state == "running"
+    assert [exploration.pk] in sent("crowd")
+
+
+def test_failures_are_measured_once_more(
+    administrator: Client, exploration: Exploration, unread_queues: None
+) -> None:
+    from crowd.explorations import leases
+
+    row = services.waiting(exploration)[0]
+    with leases.leased(row.pk):
+        raise MeasurementError("killed by SIGABRT")
+    assert 'value="retry"' in administrator.get(address("change", exploration)).content.decode()
+
+    assert "measured once more: 1" in step(administrator, exploration, "retry")
+
+    row.refresh_from_db()
+    assert (row.state, row.error) == ("pending", "")
+
+
+def test_points_are_chosen_measured_again_and_made_a_draft(
+    administrator: Client, exploration: Exploration, unread_queues: None
+) -> None:
+    run_to_the_end(exploration)
+    page = administrator.get(address("points", exploration)).content.decode()
+    for name in ("default", "best", "accurate"):
+        assert f'value="{name}"' in page
+    found, _ = publishing.candidates(exploration)
+    chosen = {f"name-{row.key}": row.name for row in found if row.name in {"default", "best"}}
+
+    answer = administrator.post(
+        address("points", exploration), chosen | {"act": "measure", "times": "2"}, follow=True
+    )
+    assert "4 measurements to come" in answer.content.decode().replace("\N{NO-BREAK SPACE}", " ")
+    finish(services.waiting(exploration))
+    answer = administrator.post(address("points", exploration), chosen | {"act": "draft"}, follow=True)
+
+    assert "Front kfusion-1 is a draft" in answer.content.decode()
+    front = FrontVersion.objects.get()
+    assert [point.name for point in front.configurations.all()] == ["default", "best"]
+    assert {point.predicted["measurements"] for point in front.configurations.all()} == {4}
+
+
+def test_a_choice_that_cannot_be_published_says_why_and_is_kept_in_the_form(
+    administrator: Client, exploration: Exploration
+) -> None:
+    run_to_the_end(exploration)
+    found, _ = publishing.candidates(exploration)
+    first = f"name-{found[0].key}"
+
+    page = administrator.post(address("points", exploration), {first: "mine", "act": "draft"})
+
+    assert "none is called default" in page.content.decode()
+    assert 'value="mine"' in page.content.decode()
+    assert not FrontVersion.objects.exists()
+
+
+def test_before_anything_was_measured_there_is_nothing_to_choose(
+    administrator: Client, exploration: Exploration
+) -> None:
+    page = administrator.get(address("points", exploration)).content.decode()
+
+    assert "the default configuration was not measured" in page
+    assert "Nothing was measured yet" in page
+
+
+def test_an_editor_explores_and_drafts_but_does_not_publish(staff: Browse, exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    editor = staff("editor")
+    found, _ = publishing.candidates(exploration)
+    chosen = {f"name-{row.key}": row.name for row in found if row.name}
+
+    assert editor.get(reverse(ADD)).status_code == 200
+    editor.post(address("points", exploration), chosen | {"act": "draft"})
+
+    front = FrontVersion.objects.get()
+    publish = editor.post(reverse("admin:fronts_frontversion_step", args=[front.pk]), {"step": "publish"})
+    assert (front.state, publish.status_code) == ("draft", 403)
+
+
+@pytest.mark.parametrize("page", ["change", "points", "step"])
+def test_nobody_without_a_role_sees_or_steers(staff: Browse, exploration: Exploration, page: str) -> None:
+    nobody = staff("")
+
+    assert nobody.get(address(page, exploration)).status_code == 403
+    assert nobody.post(address(page, exploration), {"step": "cancel"}).status_code == 403
+    exploration.refresh_from_db()
+    assert exploration.state == "running"
+
+
+def test_a_token_is_shown_once_and_can_be_revoked(administrator: Client, exploration: Exploration) -> None:
+    device = exploration.reference_device
+    page = reverse("admin:explorations_referencedevice_token", args=[device.pk])
+
+    issued = administrator.post(page, {"act": "issue"})
+
+    token = issued.content.decode().split("--token ")[1].split("<")[0].strip()
+    assert tokens.device_of(token) == device
+    assert "no-store" in issued["Cache-Control"]
+    shown = administrator.get(reverse("admin:explorations_referencedevice_change", args=[device.pk]))
+    assert token not in shown.content.decode()
+
+    administrator.post(page, {"act": "revoke"})
+    assert tokens.device_of(token) is None
+
+
+def test_a_device_with_explorations_cannot_be_deleted(
+    administrator: Client, exploration: Exploration
+) -> None:
+    delete = reverse("admin:explorations_referencedevice_delete", args=[exploration.reference_device.pk])
+
+    assert administrator.post(delete, {"post": "yes"}).status_code == 403
+    assert ReferenceDevice.objects.count() == 1
+
+
+def test_json_is_never_asked_for(administrator: Client, exploration: Exploration) -> None:
+    assert "textarea" not in administrator.get(reverse(ADD)).content.decode()
+    assert json.dumps(exploration.limits) not in administrator.get(reverse(ADD)).content.decode()
+    assert Evaluation.objects.exists()
