@@ -44,13 +44,13 @@ def promises(
 ) -> list[Promise]:
     """Return the source's front, the best in objective `prefer` first, those expected to break `limits` last.
 
-    `source` and `here` are (configuration, values or None for a failure) pairs of the two devices; what failed
-    here is left out. `prefer` is the first objective unless given.
+    `source` and `here` are (configuration, values or None for a failure) pairs of the two devices; what
+    failed here is left out. `prefer` is the first objective unless given.
 
     Without measurements here the source's values stand as they are. With one, all are moved by the factor
-    that it shows (a difference, where not all values are positive). With more they are moved by a line between
-    logarithms, whose slope leaves 1, the same factor everywhere, only as far as the measurements are sure of
-    it. Measurements tell something where the source measured the same configuration, on its front or not.
+    that it shows (a difference, where not all values are positive). With more they are moved by a line
+    between logarithms, whose slope leaves 1, the same factor everywhere, only as far as the measurements are
+    sure of it. What counts is what both devices measured, on the source's front or not.
 
     Raises ConfigurationError or ObjectiveError for bad pairs, limits or an unknown `prefer`.
     """

@@ -34,8 +34,8 @@ class TwoStage(Method):
     points are taken greedily by expected hypervolume improvement times the chance to be measurable. One in
     `explore` of the batch is drawn at random instead, so that exploration never dries up.
 
-    With a prior, every other of the first configurations is one that did well on the other device, and the
-    models learn what the trend between the two devices leaves over.
+    With a prior, half as many come first while it is borne out, every other of them one that did well on the
+    other device, and the models learn what the trend between the two devices leaves over.
     """
 
     uses_prior: ClassVar[bool] = True
@@ -50,8 +50,10 @@ class TwoStage(Method):
         """Return `count` proposals, or what is left of the space."""
         taken = history.taken()
         count = min(count, len(history.space) - len(taken))
-        first = min(self.initial - len(taken), count)
-        chosen = self._first(history, first, rng) if first > 0 else []
+        helped = bool(history.prior) and trusted(history)
+        initial = (self.initial + 1) // 2 if helped else self.initial
+        first = min(initial - len(taken), count)
+        chosen = self._first(history, first, helped, rng) if first > 0 else []
         count -= len(chosen)
         measured, _ = history.measured()
         exploring = int(rng.binomial(count, 1.0 / self.explore)) if len(measured) and count else count
@@ -64,13 +66,17 @@ class TwoStage(Method):
         exclude = taken | {index for index, _ in chosen}
         return chosen + [(index, RANDOM) for index in sample(history.space, missing, rng, exclude).tolist()]
 
-    def _first(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
+    def _first(
+        self, history: History, count: int, helped: bool, rng: np.random.Generator
+    ) -> list[tuple[int, str]]:
         taken = history.taken()
         default = history.space.encode(history.space.default)
         first = [] if default in taken else [default]
         proven: list[int] = []
-        if history.prior and trusted(history):
-            proven = history.prior.promising((count - len(first)) // 2, taken | {default}).tolist()
+        if helped and history.prior:
+            phases = [*(history.phases | history.pending).values()]
+            wanted = (len(taken) + count) // 2 - phases.count(ACTIVE)
+            proven = history.prior.promising(min(wanted, count - len(first)), taken | {default}).tolist()
         exclude = taken | {default, *proven}
         rest = spread_sample(history.space, count - len(first) - len(proven), rng, exclude)
         spread = [(index, RANDOM) for index in [*first, *rest.tolist()]]

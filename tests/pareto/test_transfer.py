@@ -1,0 +1,220 @@
+"""Knowledge from another device: it guides, never counts as measured, and is distrusted when wrong."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pareto import Explorer, Objective, Space
+from pareto.errors import ConfigurationError, MethodError, ObjectiveError
+from pareto.front import nondominated
+from pareto.history import History
+from pareto.methods import METHODS
+from pareto.targets import Targets
+from pareto.transfer import Prior, Trend, trusted
+
+SPACE = Space.from_dict(
+    {
+        "name": "kernels",
+        "parameters": [
+            {"name": "block", "type": "ordinal", "values": [1, 2, 4, 8, 16, 32, 64, 128]},
+            {"name": "tile", "type": "integer", "minimum": 1, "maximum": 8},
+            {"name": "unroll", "type": "integer", "minimum": 1, "maximum": 8},
+            {"name": "layout", "type": "categorical", "values": ["rows", "columns", "morton"]},
+        ],
+    }
+)
+CODES = SPACE.codes(np.arange(len(SPACE)))
+
+
+def times(optimum, roughness, seed=0):
+    """Seconds of every configuration on a made-up device: a bowl around `optimum`, and roughness."""
+    rng = np.random.default_rng(seed)
+    bowl = (np.array([0.08, 0.05, 0.03, 0.5]) * (CODES - optimum) ** 2).sum(axis=1)
+    return 0.01 * np.exp(bowl + roughness * rng.standard_normal(len(SPACE)))
+
+
+SOURCE = times([6, 2, 5, 1], 0.2, seed=1)
+TARGET = 7.0 * times([5, 3, 5, 1], 0.2, seed=2) ** 0.8
+
+
+def pairs(values, indices, name="seconds"):
+    return [(SPACE.decode(int(index)), {name: float(values[index])}) for index in indices]
+
+
+def evaluations_needed(seed, prior=(), target=TARGET, budget=120, within=1.15):
+    """How many measurements until one is `within` of the target's best; one more than the budget if none."""
+    explorer = Explorer(SPACE, ("seconds",), seed=seed, prior=prior, initial=24)
+    good = target.min() * within
+    for done in range(0, budget, 6):
+        proposals = explorer.propose(6)
+        measured = [target[proposal.index] for proposal in proposals]
+        explorer.tell(
+            [proposal.configuration for proposal in proposals], [{"seconds": float(t)} for t in measured]
+        )
+        if min(measured) <= good:
+            return done + 1 + int(np.argmax(np.array(measured) <= good))
+    return budget + 1
+
+
+def some_of_the_source(values=SOURCE, count=150):
+    return pairs(values, np.random.default_rng(3).choice(len(SPACE), count, replace=False))
+
+
+def test_a_prior_is_neither_told_nor_on_the_front():
+    explorer = Explorer(SPACE, ("seconds",), prior=some_of_the_source())
+    assert explorer.front() == []
+    assert explorer.history.told == {}
+    assert len(explorer.history.measured()[0]) == 0
+    assert explorer.history.taken() == set()
+    first = explorer.ask(1)
+    explorer.tell(first, [{"seconds": 9.9}])
+    assert explorer.front() == [(first[0], {"seconds": 9.9})]
+
+
+def test_what_the_source_measured_may_be_asked_for_here():
+    everything = pairs(SOURCE, range(len(SPACE)))
+    explorer = Explorer(SPACE, ("seconds",), prior=everything)
+    assert len(explorer.ask(40)) == 40
+
+
+def test_the_first_proposals_hold_the_sources_best():
+    explorer = Explorer(SPACE, ("seconds",), prior=pairs(SOURCE, range(len(SPACE))))
+    proposals = explorer.propose(21)
+    tried = [proposal.index for proposal in proposals if proposal.phase == "active"]
+    assert sorted(tried) == sorted(np.argsort(SOURCE)[: len(tried)].tolist())
+    assert len(tried) == 10
+    assert proposals[0].configuration == SPACE.default
+
+
+def test_a_restored_explorer_keeps_its_prior_and_proposes_the_same():
+    prior = [*some_of_the_source(), (SPACE.decode(77), None)]
+    explorer = Explorer(SPACE, ("seconds",), seed=4, prior=prior, initial=10)
+    for _ in range(3):
+        proposals = explorer.propose(5)
+        explorer.tell(
+            [item.configuration for item in proposals],
+            [{"seconds": float(TARGET[item.index])} for item in proposals],
+        )
+    state = json.loads(json.dumps(explorer.state()))
+    restored = Explorer.restore(SPACE, state)
+    assert restored.state() == explorer.state()
+    assert restored.ask(5) == explorer.ask(5)
+    without = Explorer.restore(SPACE, {key: value for key, value in state.items() if key != "prior"})
+    assert without.history.prior is None
+
+
+@pytest.mark.parametrize("method", sorted(METHODS))
+def test_methods_heed_a_prior_or_refuse_it(method):
+    if METHODS[method].uses_prior:
+        assert Explorer(SPACE, ("seconds",), method=method, prior=some_of_the_source()).ask(2)
+    else:
+        with pytest.raises(MethodError, match=f"'{method}' heeds no prior: .*two-stage"):
+            Explorer(SPACE, ("seconds",), method=method, prior=some_of_the_source())
+    assert Explorer(SPACE, ("seconds",), method=method, prior=[]).history.prior is None
+
+
+def test_a_prior_is_checked_like_what_is_told():
+    with pytest.raises(ObjectiveError, match="'seconds' is missing"):
+        Explorer(SPACE, ("seconds",), prior=[(SPACE.default, {"watts": 1.0})])
+    with pytest.raises(ConfigurationError, match="'blok'"):
+        Explorer(SPACE, ("seconds",), prior=[({"blok": 1}, {"seconds": 1.0})])
+
+
+def test_a_prior_of_failures_only_changes_nothing():
+    failures = [(SPACE.decode(index), None) for index in range(20)]
+    assert Explorer(SPACE, ("seconds",), prior=failures).ask(30) == Explorer(SPACE, ("seconds",)).ask(30)
+
+
+def test_promising_points_come_front_after_front_spread_out_and_within_limits_first():
+    objectives = (Objective("error"), Objective("seconds"))
+    x = np.arange(9)
+    rows = [(x_, float(x_ + 1), 9.0 - x_) for x_ in x] + [(20, 5.5, 5.5), (21, 30.0, 0.1)]
+    told = [(SPACE.decode(int(i)), {"error": a, "seconds": b}) for i, a, b in rows]
+    prior = Prior.read(SPACE, objectives, {"error": 20.0}, told)
+    order = prior.promising(11).tolist()
+    assert order[:3] == [0, 8, 4]
+    assert sorted(order[:9]) == list(range(9))
+    assert order[9:] == [20, 21]
+    assert 8 not in prior.promising(4, exclude=[8])
+    assert len(prior.promising(0)) == 0
+
+
+def history_of(values, indices, prior):
+    history = History(SPACE, (Objective("seconds"),), {})
+    history.prior = prior
+    for index in indices:
+        history.record(int(index), (float(values[index]),))
+    return history
+
+
+@pytest.mark.parametrize(
+    ("source", "sign"), [(SOURCE, 1), (1 / SOURCE, -1), (np.random.default_rng(6).permutation(SOURCE), 0)]
+)
+def test_the_trend_follows_the_source_as_far_as_it_is_borne_out(source, sign):
+    prior = Prior.read(SPACE, (Objective("seconds"),), {}, pairs(source, range(len(SPACE))))
+    history = history_of(TARGET, np.random.default_rng(7).choice(len(SPACE), 40, replace=False), prior)
+    targets = Targets.of(history)
+    trend = Trend.of(history, targets)
+    assert np.sign(trend.slope[0]) == sign
+    assert trusted(history) == (sign > 0)
+    everywhere = trend(np.arange(len(SPACE)))[:, 0]
+    if sign:
+        assert np.corrcoef(everywhere, np.log(TARGET))[0, 1] > 0.5
+    else:
+        assert not everywhere.any()
+
+
+def test_a_space_too_large_to_enumerate_is_predicted_where_asked():
+    parameters = [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(5)]
+    space = Space.from_dict({"parameters": parameters})
+    known = np.random.default_rng(1).choice(len(space), 60, replace=False)
+    told = [(space.decode(int(i)), {"far": float(i % 100 + 1)}) for i in known]
+    prior = Prior.read(space, (Objective("far"),), {}, told)
+    measured = Targets.of(prior.source).winsorised()
+    assert prior.expected(known) == pytest.approx(measured)
+    explorer = Explorer(space, ("far",), prior=told, initial=10)
+    for _ in range(3):
+        asked = explorer.ask(8)
+        explorer.tell(asked, [{"far": float(item["x4"] + 1)} for item in asked])
+    assert len(explorer.history.told) == 24
+
+
+def test_a_related_device_saves_measurements():
+    seeds = range(5)
+    alone = [evaluations_needed(seed) for seed in seeds]
+    helped = [evaluations_needed(seed, some_of_the_source()) for seed in seeds]
+    assert np.mean(helped) < 0.7 * np.mean(alone), (helped, alone)
+
+
+def test_a_device_that_is_the_opposite_costs_little():
+    seeds = range(5)
+    alone = [evaluations_needed(seed) for seed in seeds]
+    misled = [evaluations_needed(seed, some_of_the_source(1 / SOURCE)) for seed in seeds]
+    # What it may cost is its share of the first configurations, half of 24.
+    assert np.mean(misled) <= np.mean(alone) + 12, (misled, alone)
+
+
+def test_objectives_are_trusted_one_by_one():
+    """An error that no device changes, and a time that says nothing: the front is found all the same."""
+    error = 1.0 / (1 + CODES[:, 0]) + 0.02 * CODES[:, 2]
+    noise = np.random.default_rng(9).permutation(SOURCE)
+    told = [
+        (SPACE.decode(int(i)), {"error": float(error[i]), "seconds": float(noise[i])})
+        for i in np.random.default_rng(3).choice(len(SPACE), 200, replace=False)
+    ]
+    explorer = Explorer(SPACE, ("error", "seconds"), prior=told, initial=24)
+    for _ in range(8):
+        proposals = explorer.propose(10)
+        explorer.tell(
+            [item.configuration for item in proposals],
+            [{"error": float(error[item.index]), "seconds": float(TARGET[item.index])} for item in proposals],
+        )
+    slope = Trend.of(explorer.history, Targets.of(explorer.history)).slope
+    assert slope[0] > 0.5
+    assert abs(slope[1]) < 0.3
+    truth = np.stack([error, TARGET], axis=1)
+    values = np.array([list(values.values()) for _, values in explorer.front()])
+    true_front = truth[nondominated(truth)]
+    near = [(np.log(values / point).max(axis=1)).min() for point in true_front]
+    assert np.median(near) < 0.1
