@@ -1,0 +1,72 @@
+"""What was measured, in the order in which it came back, failures in their place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.explorer import Explorer
+from pareto.front import nondominated
+from pareto.plot.style import text
+from pareto.space import Indices
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """(n,) `indices`, (n, objectives) mean `values` with NaN for failures, and (n,) `phases`."""
+
+    explorer: Explorer
+    indices: Indices
+    values: NDArray[np.float64]
+    phases: NDArray[np.str_]
+
+    @classmethod
+    def of(cls, explorer: Explorer) -> Arrivals:
+        """Read an explorer's history."""
+        history = explorer.history
+        indices = np.array(list(history.told), dtype=np.int64)
+        values = np.full((len(indices), len(explorer.objectives)), np.nan)
+        measured, means = history.measured()
+        place = {index: row for row, index in enumerate(indices.tolist())}
+        values[[place[index] for index in measured.tolist()]] = means
+        phases = np.array([history.phases[index] for index in indices.tolist()], dtype=np.str_)
+        return cls(explorer, indices, values, phases)
+
+    @property
+    def succeeded(self) -> NDArray[np.bool_]:
+        """(n,) whether there are values."""
+        return np.asarray(np.isfinite(self.values).all(axis=1))
+
+    @property
+    def names(self) -> list[str]:
+        """The objectives' names."""
+        return [objective.name for objective in self.explorer.objectives]
+
+    @property
+    def maximise(self) -> list[bool]:
+        """Which objectives are maximised."""
+        return [objective.maximise for objective in self.explorer.objectives]
+
+    @property
+    def limits(self) -> list[float | None]:
+        """The limit of each objective, None where there is none."""
+        return [self.explorer.limits.get(name) for name in self.names]
+
+    def front(self, first: int, second: int, count: int | None = None) -> NDArray[np.int64]:
+        """Return the rows on the front of two objectives after `count` measurements (all), by the first.
+
+        Of the points within all limits, also those on objectives that are not shown.
+        """
+        values = self.values[:count]
+        rows = np.flatnonzero(~np.isnan(values).any(axis=1))
+        rows = rows[self.explorer.history.within_limits(values[rows])]
+        plane = values[rows][:, [first, second]]
+        rows = rows[nondominated(plane, [self.maximise[first], self.maximise[second]])]
+        return rows[np.lexsort(values[rows][:, [second, first]].T)]
+
+    def describe(self, row: int) -> str:
+        """Return the configuration of a row as lines of HTML."""
+        configuration = self.explorer.space.decode(int(self.indices[row]))
+        return "<br>".join(f"{text(name)} {text(value)}" for name, value in configuration.items())

@@ -1,0 +1,100 @@
+"""What a model makes of the measurements: which parameter matters, and how well it foretells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pareto.importance import importance
+from pareto.plot.arrivals import Arrivals
+from pareto.plot.style import LIMIT, PHASES, SERIES, axis, blank, label, text
+from pareto.prediction import Prediction, predictions
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+FAILING = "failing"
+LEAST_FAILURES = 20  # of fewer, nothing is said about what makes a measurement fail
+
+
+def importances(arrivals: Arrivals) -> dict[str, dict[str, float]]:
+    """Return the shares of the parameters for each objective that has an answer, and for failing at all."""
+    space = arrivals.explorer.space
+    columns = dict(zip(arrivals.names, arrivals.values.T, strict=True))
+    failed = ~arrivals.succeeded
+    if LEAST_FAILURES <= failed.sum() <= len(failed) - LEAST_FAILURES and FAILING not in columns:
+        columns[FAILING] = np.where(failed, 0.0, -1.0)
+    shares = {name: importance(space, arrivals.indices, values) for name, values in columns.items()}
+    return {name: share for name, share in shares.items() if share is not None}
+
+
+def parameter_importance(shares: Mapping[str, Mapping[str, float]]) -> Figure:
+    """Return a bar an objective for each parameter, the most important parameter on top."""
+    parameters = list(next(iter(shares.values()), {}))
+    parameters.sort(key=lambda name: max(share[name] for share in shares.values()))
+    figure = blank(120 + max(1, len(parameters)) * (14 + 12 * len(shares)))
+    for number, (name, share) in enumerate(shares.items()):
+        colour = LIMIT if name == FAILING else SERIES[number % len(SERIES)]
+        figure.add_bar(
+            x=[share[parameter] for parameter in parameters],
+            y=[text(parameter) for parameter in parameters],
+            orientation="h",
+            name=text(name),
+            marker={"color": colour},
+            hovertemplate=f"%{{y}}: %{{x:.1%}} of {text(name)}<extra></extra>",
+        )
+    return figure.update_layout(
+        barmode="group",
+        bargap=0.3,
+        xaxis={"title": {"text": "share of the variance"}, "tickformat": ".0%", "rangemode": "tozero"},
+        yaxis={"ticks": "", "showline": False},
+        legend={"traceorder": "normal"},
+    )
+
+
+def foretold(arrivals: Arrivals) -> dict[str, Prediction]:
+    """Return the out-of-bag predictions of each objective that has an answer."""
+    found = {
+        name: predictions(arrivals.explorer.space, arrivals.indices, values)
+        for name, values in zip(arrivals.names, arrivals.values.T, strict=True)
+    }
+    return {name: prediction for name, prediction in found.items() if prediction is not None}
+
+
+def predicted_against_measured(
+    arrivals: Arrivals, name: str, prediction: Prediction, units: Mapping[str, str] | None = None
+) -> Figure:
+    """Return each measurement of one objective against what trees that had not seen it foretold."""
+    figure = blank(440)
+    ends = [
+        min(prediction.measured.min(), prediction.predicted.min()),
+        max(prediction.measured.max(), prediction.predicted.max()),
+    ]
+    figure.add_scatter(
+        x=ends,
+        y=ends,
+        mode="lines",
+        line={"color": LIMIT, "dash": "dash"},
+        showlegend=False,
+        hoverinfo="skip",
+    )
+    phases = arrivals.phases[prediction.rows]
+    for phase in dict.fromkeys([*PHASES, *phases.tolist()]):
+        rows = np.flatnonzero(phases == phase)
+        if len(rows):
+            title, colour = PHASES.get(phase, (phase, "#8c8c8c"))
+            figure.add_scatter(
+                x=prediction.measured[rows],
+                y=prediction.predicted[rows],
+                mode="markers",
+                name=title,
+                marker={"color": colour, "size": 5, "opacity": 0.5},
+                hovertemplate="measured %{x:.4g}<br>predicted %{y:.4g}<extra></extra>",
+            )
+    title = label(name, units or {})
+    both = [*prediction.measured.tolist(), *prediction.predicted.tolist()]
+    return figure.update_layout(
+        xaxis=axis(f"{title}, measured", both), yaxis=axis(f"{title}, predicted", both)
+    )

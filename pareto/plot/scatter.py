@@ -1,0 +1,93 @@
+"""The exploration in the plane of two objectives, as in the paper: random samples red, active ones black."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.plot.arrivals import Arrivals
+from pareto.plot.style import DEFAULT, FRONT, LIMIT, MUTED, PHASES, axis, blank, label, number, stairs, text
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+MOST_POINTS = 10_000  # beyond that a browser becomes slow
+
+
+def scatter(
+    arrivals: Arrivals, first: int = 0, second: int = 1, units: Mapping[str, str] | None = None
+) -> Figure:
+    """Return every measured configuration in the plane of two objectives, with the limits and the front.
+
+    The front drawn is that of the two objectives shown, among the points within all limits. Hovering tells
+    the configuration. Of very many points a regular selection is drawn, the front always.
+    """
+    units = units or {}
+    x_name, y_name = arrivals.names[first], arrivals.names[second]
+    succeeded = np.flatnonzero(arrivals.succeeded)
+    shown = succeeded[:: max(1, math.ceil(len(succeeded) / MOST_POINTS))]
+    figure = blank(560)
+    hover = f"%{{text}}<br><b>{text(x_name)} %{{x:.4g}}<br>{text(y_name)} %{{y:.4g}}</b><extra></extra>"
+
+    def add(rows: NDArray[np.int64], name: str, **looks: object) -> None:
+        figure.add_scatter(
+            x=arrivals.values[rows, first],
+            y=arrivals.values[rows, second],
+            name=f"{name} ({len(rows)})",
+            text=[arrivals.describe(int(row)) for row in rows],
+            hovertemplate=hover,
+            **looks,
+        )
+
+    for phase in dict.fromkeys([*PHASES, *arrivals.phases.tolist()]):
+        rows = shown[arrivals.phases[shown] == phase]
+        if len(rows):
+            name, colour = PHASES.get(phase, (phase, "#8c8c8c"))
+            add(rows, name, mode="markers", marker={"color": colour, "size": 5, "opacity": 0.55})
+    front = arrivals.front(first, second)
+    if len(front):
+        line = {"color": FRONT, "width": 2, "shape": stairs(arrivals.maximise[first])}
+        add(front, "front", mode="lines+markers", line=line, marker={"color": FRONT, "size": 7})
+    space = arrivals.explorer.space
+    default = succeeded[arrivals.indices[succeeded] == space.index_of(space.default)]
+    if len(default):
+        looks = {"color": DEFAULT, "size": 13, "symbol": "diamond", "line": {"color": "white", "width": 1}}
+        add(default, "default", mode="markers", marker=looks)
+    figure.update_layout(
+        xaxis=axis(label(x_name, units), arrivals.values[succeeded, first]),
+        yaxis=axis(label(y_name, units), arrivals.values[succeeded, second]),
+    )
+    _add_limits(figure, arrivals, first, second)
+    return figure
+
+
+def _add_limits(figure: Figure, arrivals: Arrivals, first: int, second: int) -> None:
+    for which, letter, other in ((first, "x", "y"), (second, "y", "x")):
+        limit = arrivals.limits[which]
+        if limit is None:
+            continue
+        log = figure.layout[f"{letter}axis"].type == "log"
+        if log and limit <= 0:
+            continue
+        line = {f"{letter}0": limit, f"{letter}1": limit, f"{other}0": 0, f"{other}1": 1}
+        figure.add_shape(
+            type="line",
+            **line,
+            **{f"{other}ref": "paper"},
+            line={"dash": "dash", "color": LIMIT, "width": 1.5},
+        )
+        bound = "at least" if arrivals.maximise[which] else "at most"
+        figure.add_annotation(
+            # On a logarithmic axis Plotly places shapes by value and annotations by exponent.
+            **{letter: math.log10(limit) if log else limit, other: 1, f"{other}ref": "paper"},
+            text=f"{text(arrivals.names[which])} {bound} {number(limit)}",
+            font={"color": MUTED, "size": 12},
+            bgcolor="rgba(255,255,255,0.8)",
+            xanchor="left" if letter == "x" else "right",
+            yanchor="top" if letter == "x" else "bottom",
+            showarrow=False,
+        )
