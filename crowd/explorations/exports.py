@@ -1,0 +1,57 @@
+"""Every evaluation of an exploration as CSV or JSON, line by line."""
+
+import csv
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.services import MEASURED
+from slam.system import STAGES
+
+ABOUT = ("number", "phase", "iteration", "label", "state", "attempt", "frames", "worker", "software", "error")
+MOMENTS = ("started_at", "finished_at")
+STAGE_SECONDS = tuple(f"{stage}_seconds" for stage in ("acquisition", *STAGES))
+AT_ONCE = 500
+
+
+class _Line:
+    """A file for csv that hands back each line instead of keeping it."""
+
+    def write(self, line: str) -> str:
+        return line
+
+
+def csv_lines(exploration: Exploration) -> Iterator[str]:
+    """A line for every evaluation: objectives in SI units, a column for each parameter and stage."""
+    parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
+    columns = (*ABOUT, "device", *MOMENTS, *parameters, *MEASURED, *STAGE_SECONDS)
+    writer = csv.DictWriter(_Line(), columns, extrasaction="ignore")
+    yield writer.writeheader()
+    for row in _rows(exploration):
+        yield writer.writerow(row)
+
+
+def json_lines(exploration: Exploration) -> Iterator[str]:
+    """A list with an object for every evaluation; the names are those of the CSV's columns."""
+    before = "[\n"
+    for row in _rows(exploration):
+        yield before + json.dumps(row)
+        before = ",\n"
+    yield "\n]\n" if before == ",\n" else "[]\n"
+
+
+def _rows(exploration: Exploration) -> Iterator[dict[str, Any]]:
+    evaluations = exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
+    for evaluation in evaluations.iterator(chunk_size=AT_ONCE):
+        yield {
+            **{name: getattr(evaluation, name) for name in ABOUT},
+            "device": (evaluation.device or {}).get("name"),
+            **{
+                name: moment.isoformat() if (moment := getattr(evaluation, name)) else None
+                for name in MOMENTS
+            },
+            **evaluation.configuration,
+            **(evaluation.objectives or {}),
+            **{f"{name}_seconds": seconds for name, seconds in (evaluation.stages or {}).items()},
+        }
