@@ -3,8 +3,12 @@
 import os
 
 from celery import Celery
+from kombu.transport import TRANSPORT_ALIASES
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
+
+# Addresses filesystem:// mean our own, which survives kill -9.
+TRANSPORT_ALIASES["filesystem"] = "crowd.filesystem_broker:Transport"
 
 app = Celery("crowd")
 app.config_from_object("django.conf:settings", namespace="CELERY")
