@@ -1,4 +1,4 @@
-"""python -m pareto explore | front | plot."""
+"""python -m pareto explore | front | plot | compare."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The commands of `python -m pareto`: explore | front | plot."""
+"""The commands of `python -m pareto`: explore | front | plot | compare."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 import sys
 
 from pareto.arguments import Parser
+from pareto.compare_command import add_compare
 from pareto.errors import ParetoError
 from pareto.explore_command import add_explore
 from pareto.front_command import add_front
@@ -38,4 +39,5 @@ def _parser() -> argparse.ArgumentParser:
     add_explore(commands)
     add_front(commands)
     add_plot(commands)
+    add_compare(commands)
     return parser

@@ -14,11 +14,22 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from pareto.arguments import add_objectives, count, read_limits, read_objectives, read_space, seconds
+from pareto.arguments import (
+    add_objectives,
+    add_units,
+    count,
+    read_limits,
+    read_objectives,
+    read_space,
+    read_units,
+    seconds,
+)
 from pareto.errors import EvaluationError, ScenarioError
 from pareto.evaluation import Evaluate, from_table
 from pareto.explorer import Explorer
-from pareto.folder import FRONT, Folder, made_here
+from pareto.folder import FRONT, IMPORTED, Folder, made_here
+from pareto.measurements import Measurement, read_measurements
+from pareto.measurements import read_measurements
 from pareto.methods import DEFAULT, METHODS
 from pareto.program import from_command
 from pareto.progress import Progress
@@ -45,6 +56,17 @@ def add_explore(commands: Any) -> None:
     explore.add_argument(
         "--random", type=count, metavar="N", help="random measurements before learning begins"
     )
+    explore.add_argument(
+        "--prior",
+        type=Path,
+        metavar="CSV",
+        help="what another device measured, to start from; it never counts",
+    )
+    explore.add_argument(
+        "--warm-start", type=Path, metavar="CSV", help="measurements of this device by an earlier run"
+    )
+    explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario")
+    add_units(explore)
     explore.add_argument("--method", default=DEFAULT, choices=list(METHODS))
     explore.add_argument("--seed", type=int, default=0)
     explore.add_argument(
@@ -55,7 +77,7 @@ def add_explore(commands: Any) -> None:
 
 def explore_folder(options: argparse.Namespace) -> int:
     """Explore into the folder; 0 done, 130 interrupted with everything saved."""
-    space, scenario = read_space(options.space)
+    space, scenario = read_space(options.space, options.levels)
     for note in scenario.notes if scenario else ():
         sys.stderr.write(f"pareto: {note}\n")
     objectives = read_objectives(
@@ -74,8 +96,11 @@ def explore_folder(options: argparse.Namespace) -> int:
         read_limits(options.limits),
         seed=options.seed,
         method=options.method,
+        prior=read_measurements(options.prior, space, objectives) if options.prior else (),
         **_method_options(options, scenario),
     )
+    units = read_units(options.units, objectives)
+    known = read_measurements(options.warm_start, space, objectives) if options.warm_start else []
     feasible = scenario.feasible if scenario else None
     evaluate = (
         from_table(options.table, space, fresh.objectives, feasible)
@@ -86,9 +111,10 @@ def explore_folder(options: argparse.Namespace) -> int:
     with folder.locked():
         explorer = folder.resume(space) or fresh
         _require_same(fresh, explorer)
+        _tell_known(explorer, folder, known)
         batch = options.batch or BATCH
         reasons = _measure(explorer, folder, evaluate, budget, batch)
-        _report(explorer, options.out, budget, reasons)
+        _report(explorer, options.out, budget, reasons, units)
     return 0
 
 
@@ -128,12 +154,12 @@ def _measure(explorer: Explorer, folder: Folder, evaluate: Evaluate, budget: int
     return reasons
 
 
-def _report(explorer: Explorer, out: Path, budget: int, reasons: Counter[str]) -> None:
+def _report(explorer: Explorer, out: Path, budget: int, reasons: Counter[str], units: dict[str, str]) -> None:
     """Write front and picture, and say what was found and what was not."""
     from pareto.plot import save
 
     Folder(out).write_front(explorer)
-    save(explorer, out / "front.html")
+    save(explorer, out / "front.html", units)
     done, front = made_here(explorer), len(explorer.front())
     if done < budget:
         sys.stderr.write(
@@ -164,6 +190,8 @@ def _require_same(fresh: Explorer, found: Explorer) -> None:
             raise ScenarioError(
                 f"this folder's exploration has {field} {had[field]}, not {asked[field]}: use another --out"
             )
+    if "prior" in asked and asked["prior"] != had.get("prior"):
+        raise ScenarioError("this folder's exploration began with another --prior: use another --out")
 
 
 class _Interrupts:
