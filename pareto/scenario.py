@@ -11,7 +11,7 @@ from typing import Any
 from pareto.errors import ScenarioError
 from pareto.objective import Objective, read_objectives
 from pareto.parameter import Parameter
-from pareto.scenario_fields import notes_on
+from pareto.scenario_fields import SECTIONS, notes_on
 from pareto.space import Space
 from pareto.spacing import is_number
 
@@ -77,24 +77,23 @@ class Scenario:
         for name, item in inputs.items():
             if not isinstance(item, Mapping):
                 raise ScenarioError(f"input parameter {name!r} must have a type and values, not {item!r}")
+        design, feasible, mode = (_section(description, field) for field in SECTIONS)
         notes = notes_on(description)
         if reals := [name for name, item in inputs.items() if item.get("parameter_type") == "real"]:
             notes.append(f"real parameters take {real_count} values: {', '.join(reals)}")
         parameters = [_parameter(name, item, real_count, notes) for name, item in inputs.items()]
-        design = _section(description, "design_of_experiment")
-        mode = _section(description, "hypermapper_mode")
         title = str(description.get("application_name") or "scenario")
         return cls(
             space=_space(parameters, inputs, title, notes),
             objectives=read_objectives(objectives),
-            feasible=_feasible(_section(description, "feasible_output")),
+            feasible=_feasible(feasible),
             initial=_count(design.get("number_of_samples"), "number_of_samples"),
             iterations=_count(description.get("optimization_iterations"), "optimization_iterations"),
             batch=_count(
                 description.get("evaluations_per_optimization_iteration"),
                 "evaluations_per_optimization_iteration",
             ),
-            table=mode.get("exhaustive_search_file"),
+            table=_table(mode.get("exhaustive_search_file")),
             notes=tuple(notes),
         )
 
@@ -166,6 +165,12 @@ def _feasible(output: Mapping[str, Any]) -> tuple[str, str] | None:
     if not output:
         return None
     return str(output.get("name", "Valid")), str(output.get("true_value", "true"))
+
+
+def _table(path: object) -> str | None:
+    if path is not None and not isinstance(path, str):
+        raise ScenarioError(f"exhaustive_search_file must be a text, not {path!r}")
+    return path
 
 
 def _section(description: Mapping[str, Any], field: str) -> Mapping[str, Any]:

@@ -90,6 +90,27 @@ REASONS = {
     "bounding_box_limits": "they are wishes, not limits: give limits instead",
 }
 
+_LEARNT = "failures are always learnt from"
+SECTIONS: dict[str, dict[str, str | None]] = {  # their fields, with the reason where one has no effect
+    "design_of_experiment": {
+        "number_of_samples": None,
+        "doe_type": "the search method has a design of its own",
+    },
+    "feasible_output": {
+        "name": None,
+        "true_value": None,
+        "false_value": None,  # whatever is not true is false
+        "enable_feasible_predictor": _LEARNT,
+        "enable_feasible_predictor_grid_search_on_recall_and_precision": _LEARNT,
+        "feasible_predictor_grid_search_validation_file": _LEARNT,
+        "feasibility_threshold": _LEARNT,
+    },
+    "hypermapper_mode": {
+        "mode": None,
+        "exhaustive_search_file": None,
+    },
+}
+
 _UNKNOWN = "no such field is known"
 _PARAMETER_READ = {
     "parameter_type",
@@ -107,6 +128,10 @@ def notes_on(description: Mapping[str, Any]) -> list[str]:
     for field in description:
         if field not in READ:
             ignored.setdefault(REASONS.get(field, _UNKNOWN), []).append(field)
+    for section, fields in SECTIONS.items():
+        for field in description.get(section) or ():
+            if reason := fields.get(field, _UNKNOWN):
+                ignored.setdefault(reason, []).append(f"{field} of {section}")
     for name, item in description["input_parameters"].items():
         if item.get("prior", "uniform") != "uniform":
             ignored.setdefault(_PRIOR, []).append(f"prior of {name}")
@@ -114,6 +139,6 @@ def notes_on(description: Mapping[str, Any]) -> list[str]:
             if field not in _PARAMETER_READ and field != "prior":
                 ignored.setdefault(_UNKNOWN, []).append(f"{field} of {name}")
     return [
-        f"{', '.join(fields)} {'has' if len(fields) == 1 else 'have'} no effect: {reason}"
-        for reason, fields in ignored.items()
+        f"{', '.join(names)} {'has' if len(names) == 1 else 'have'} no effect: {reason}"
+        for reason, names in ignored.items()
     ]

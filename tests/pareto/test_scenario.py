@@ -1,11 +1,14 @@
 """Scenario files of HyperMapper: what is read from them and what is refused."""
 
+import copy
 import os
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from pareto.errors import ConstraintError, ScenarioError, SpaceError
+from pareto.errors import ConstraintError, ParetoError, ScenarioError, SpaceError
 from pareto.scenario import Scenario
 
 SCENARIO = {
@@ -105,7 +108,68 @@ def test_what_has_no_effect_is_said_and_why():
     assert "prior of x1 has no effect" in notes
     assert "real parameters take 33 values: x2" in notes
     assert "x2: its default 3.9 becomes the nearest value, 4" in notes
-    assert not [note for note in scenario.notes if "design_of_experiment" in note or "feasible" in note]
+    assert (
+        "doe_type of design_of_experiment has no effect: the search method has a design of its own" in notes
+    )
+    assert "feasible_output" not in notes
+
+
+def test_an_unknown_field_is_said_wherever_it_stands():
+    scenario = Scenario.from_dict(
+        {
+            "optimization_objectives": ["a"],
+            "feasible_output": {"nmae": "Valid"},
+            "hypermapper_mode": {"mode": "default"},
+            "input_parameters": {"x": {"parameter_type": "integer", "values": [1, 9], "defualt": 3}},
+        }
+    )
+    assert scenario.notes == ("nmae of feasible_output, defualt of x have no effect: no such field is known",)
+    assert scenario.space.default == {"x": 5}
+
+
+ANY = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-3, 3)
+    | st.floats(-3, 3)
+    | st.sampled_from(["", "a", "real", "log"]),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["a", "name"]), inner, max_size=2)
+    ),
+    max_leaves=3,
+)
+PLACES = [
+    ("application_name",),
+    ("optimization_objectives",),
+    ("optimization_iterations",),
+    ("evaluations_per_optimization_iteration",),
+    ("hypermapper_mode",),
+    ("hypermapper_mode", "exhaustive_search_file"),
+    ("design_of_experiment", "number_of_samples"),
+    ("feasible_output", "name"),
+    ("feasible_output", "true_value"),
+    ("input_parameters",),
+    *(
+        ("input_parameters", name, field)
+        for name in ("x1", "x2", "x3", "x4")
+        for field in ("parameter_type", "values", "parameter_default", "prior", "constraints", "transform")
+    ),
+]
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.sampled_from(PLACES), ANY)
+def test_a_wrong_value_anywhere_is_read_or_refused_but_never_crashes(place, value):
+    described = copy.deepcopy({**SCENARIO, "hypermapper_mode": {"mode": "exhaustive"}})
+    inner = described
+    for field in place[:-1]:
+        inner = inner[field]
+    inner[place[-1]] = value
+    try:
+        scenario = Scenario.from_dict(described, real_count=5)
+    except ParetoError:
+        return
+    assert scenario.space.allowed([scenario.space.encode(scenario.space.default)])[0]
 
 
 def test_a_scenario_without_surprises_has_no_notes():
