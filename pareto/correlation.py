@@ -8,7 +8,6 @@ from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import rankdata
 
 from pareto.errors import ObjectiveError
 
@@ -68,7 +67,7 @@ def correlate(
     return Correlation(
         len(x),
         _fisher(pearson, len(x), level),
-        _bonett_wright(_pearson(rankdata(x), rankdata(y)), len(x), level),
+        _bonett_wright(_pearson(_ranks(x), _ranks(y)), len(x), level),
     )
 
 
@@ -103,8 +102,15 @@ def ranks_of_best(values: ArrayLike, maximise: bool = False) -> NDArray[np.float
         for j, other in enumerate(table):
             both = np.flatnonzero(~(np.isnan(reference) | np.isnan(other)))
             if len(both):
-                ranks[i, j] = rankdata(other[both])[np.argmin(reference[both])]
+                ranks[i, j] = _ranks(other[both])[np.argmin(reference[both])]
     return ranks
+
+
+def _ranks(values: Array) -> Array:
+    """Return ranks from 1; equal values share the mean of their places."""
+    _, place, counts = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    return (last - (counts - 1) / 2)[place]
 
 
 def _pearson(x: Array, y: Array) -> float:
