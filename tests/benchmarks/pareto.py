@@ -1,149 +1,170 @@
-"""python -m tests.benchmarks.pareto: how near each search method comes to the true front, and how fast.
+"""python -m tests.benchmarks.pareto: how near each search comes to the true front, beside other optimisers.
 
-Regret is 1 - HV / HV* of the logarithms of the objectives, HV* of the exhaustive front; lower is better.
-Writes var/benchmarks/pareto.json and prints tables. Takes a few minutes; FRONTRUNNER_DATA adds BlackScholes.
+Regret is 1 - HV / HV* of the logarithms of the objectives, HV* of the exhaustive front: lower is better. All
+get the same problems, budgets and seeds, none of them ever used to choose a setting; a point evaluated twice
+counts twice. The peers live in an environment of their own under the data folder, made on first use (about
+5 GB); their runs are kept there, so that only the first time takes long: about four hours of CPU, of which
+nine tenths are Optuna's Gaussian processes, SMAC and HyperMapper (`--cheap` leaves them out). What is kept
+is taken up where an earlier run was ended. `--stored` takes of the peers what is kept and runs none; every
+row says how many seeds stand behind it. `--fresh` runs peers again, too.
+
+FRONTRUNNER_DATA names a folder of measured tables (BlackScholes, a convolution); without it they are left
+out. Writes var/benchmarks/pareto.json and prints tables.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import sys
 import time
-from dataclasses import dataclass
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pareto import Explorer, Scenario, Space
-from pareto.evaluation import EvaluationError, from_table
-from pareto.forest import Forest
-from pareto.front import nondominated
-from pareto.hypervolume import hypervolume
-from pareto.methods import METHODS
-from tests.benchmarks.synthetic_kfusion import evaluate
+from pareto import Explorer
+from pareto.methods import DEFAULT, METHODS
+from tests.benchmarks import pareto_peers as peers
+from tests.benchmarks.pareto_problems import NAMES, Problem, problems
+from tests.benchmarks.pareto_report import print_table, print_targets
+from tests.benchmarks.pareto_timings import timings
 
-ROOT = Path(__file__).parents[2]
-MARKS = (50, 100, 200, 500)
-SEEDS = 3
-NAMES = ("first", "second")
+SEEDS = range(100, 105)  # held out: methods are developed on others
+BATCH = 20
+AT_ONCE = 2  # searches beside each other, each on one thread
 
-
-@dataclass(frozen=True)
-class Problem:
-    """A space with the values (points, 2) of all its points, NaN where one fails, and what the user knows."""
-
-    name: str
-    space: Space
-    values: NDArray[np.float64]
-    limits: dict[str, float] | None
-    reference: NDArray[np.float64]
-
-    def regret(self, indices: list[int]) -> float:
-        """Return how much of the exhaustive front's hypervolume `indices` leave uncovered."""
-        best = self.values[nondominated(self.values)]
-        return 1 - self._volume(self.values[indices]) / self._volume(best)
-
-    def _volume(self, values: NDArray[np.float64]) -> float:
-        return hypervolume(values, self.reference, log=True)
+_problem: Problem  # of a worker process
 
 
-def synthetic(with_limits: bool) -> Problem:
-    """The made-up KinectFusion; limits are 5 cm and the default's runtime, which also bound the score."""
-    space = Space.load(ROOT / "pareto" / "spaces" / "kfusion.json")
-    values = evaluate(space, np.arange(len(space)))
-    bounds = np.array([0.05, values[space.encode(space.default), 1]])
-    limits = dict(zip(NAMES, bounds.tolist(), strict=True)) if with_limits else None
-    return Problem("kfusion, " + ("limits" if with_limits else "no limits"), space, values, limits, bounds)
+def search(problem: Problem, method: str, seed: int) -> dict[str, Any]:
+    """One search of ours in batches of BATCH, to the last mark: `indices` in order and CPU `seconds`."""
+    explorer = Explorer(problem.space, NAMES, _limits(problem), seed=seed, method=method)
+    indices: list[int] = []
+    seconds = 0.0
+    while len(indices) < problem.marks[-1]:
+        begun = time.process_time()
+        proposals = explorer.propose(min(BATCH, problem.marks[-1] - len(indices)))
+        if not proposals:
+            break
+        rows = problem.values[[proposal.index for proposal in proposals]]
+        results = [None if np.isnan(row).any() else dict(zip(NAMES, row, strict=True)) for row in rows]
+        explorer.tell([proposal.configuration for proposal in proposals], results)
+        seconds += time.process_time() - begun
+        indices += [proposal.index for proposal in proposals]
+    return {"indices": indices, "seconds": seconds}
 
 
-def black_scholes(folder: Path) -> Problem:
-    """The exhaustive table: validity is learnt from failures, no limits are given."""
-    scenario = Scenario.load(folder / "BlackScholes_scenario.json")
-    table = folder / "BlackScholes_exhaustive_search_data.csv"
-    look_up = from_table(table, scenario.space, scenario.objectives, scenario.feasible)
-    values = np.full((len(scenario.space), 2), np.nan)
-    for index in range(len(values)):
-        try:
-            values[index] = list(look_up(scenario.space.decode(index)).values())
-        except EvaluationError:
-            continue
-    return Problem("BlackScholes", scenario.space, values, None, np.nanmax(values, axis=0))
+def _limits(problem: Problem) -> dict[str, float] | None:
+    return None if problem.limits is None else dict(zip(NAMES, problem.limits, strict=True))
 
 
-def search(problem: Problem, method: str, seed: int) -> tuple[list[float], float]:
-    """Return the regret at MARKS and the CPU milliseconds a suggestion of one search in batches of 20."""
-    explorer = Explorer(problem.space, NAMES, problem.limits, seed=seed, method=method)
-    asked: list[int] = []
-    regrets: list[float] = []
-    spent = 0.0
-    for mark in MARKS:
-        while len(asked) < mark:
-            begun = time.process_time()
-            proposals = explorer.propose(min(20, mark - len(asked)))
-            spent += time.process_time() - begun
-            if not proposals:
-                break
-            rows = problem.values[[proposal.index for proposal in proposals]]
-            results = [None if np.isnan(row).any() else dict(zip(NAMES, row, strict=True)) for row in rows]
-            explorer.tell([proposal.configuration for proposal in proposals], results)
-            asked += [proposal.index for proposal in proposals]
-        regrets.append(problem.regret(asked))
-    return regrets, 1000 * spent / len(asked)
+def _work_on(problem: Problem) -> None:
+    global _problem
+    _problem = problem
 
 
-def predict_all() -> dict[str, float]:
-    """Time a forest of 100 trees over 1,800,000 points, by corner differences and by scikit-learn."""
-    space = Space.load(ROOT / "pareto" / "spaces" / "kfusion.json")
-    rng = np.random.default_rng(0)
-    known = rng.choice(len(space), 3000, replace=False)
-    targets = np.log(evaluate(space, known)[:, 1])
-    forest = Forest.grow(space.codes(known), targets, space.shape, seed=0, extra=False)
-    begun = time.perf_counter()
-    ours = forest.predict_grid()
-    middle = time.perf_counter()
-    forest.predict_grid_with_spread()
-    after = time.perf_counter()
-    theirs = forest.predict(space.codes(np.arange(len(space))))
-    ended = time.perf_counter()
-    return {
-        "mean_seconds": middle - begun,
-        "mean_and_spread_seconds": after - middle,
-        "scikit_learn_seconds": ended - after,
-        "largest_difference": float(np.abs(ours - theirs).max()),
+def _run(name: str, seed: int) -> dict[str, Any]:
+    """One run of the method or peer of that name, in a worker process."""
+    if name in METHODS:
+        return search(_problem, name, seed)
+    return peers.run(_problem, next(peer for peer in peers.PEERS if peer.name == name), seed)
+
+
+def compare(problem: Problem, plan: dict[str, list[int]]) -> list[dict[str, Any]]:
+    """Run each name's seeds and return a row for each name."""
+    with ProcessPoolExecutor(
+        AT_ONCE, mp_context=get_context("spawn"), initializer=_work_on, initargs=(problem,)
+    ) as pool:
+        running: dict[str, list[Future[dict[str, Any]]]] = {
+            name: [pool.submit(_run, name, seed) for seed in seeds] for name, seeds in plan.items()
+        }
+        return [
+            summarise(problem, name, plan[name], [future.result() for future in futures])
+            for name, futures in running.items()
+        ]
+
+
+def summarise(problem: Problem, name: str, seeds: list[int], runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """What is reported of one method's or peer's runs; `failed` with a reason where any of them did.
+
+    `regret` by reference, mark and seed; CPU milliseconds a suggestion; the shares of evaluations that were
+    `duplicates`; how many suggestions were `refused` by known constraints.
+    """
+    row: dict[str, Any] = {"name": name, "seeds": seeds}
+    if not runs:
+        return row | {"failed": "no run is stored"}
+    if failures := [run["failed"] for run in runs if "failed" in run]:
+        return row | {"failed": failures[0]}
+    counts = [len(run["indices"]) for run in runs]
+    row["cpu_ms"] = 1e3 * float(np.mean([run["seconds"] / n for run, n in zip(runs, counts, strict=True)]))
+    row["duplicates"] = float(np.mean([1 - len(set(run["indices"])) / len(run["indices"]) for run in runs]))
+    row["refused"] = float(np.mean([run.get("refused", 0) for run in runs]))
+    row["versions"] = runs[0].get("versions")
+    # A search that ended by itself stays where it was; one that was given less is not measured there.
+    given = peers.budget_of(problem, name)
+    row["regret"] = {
+        reference: {
+            mark: [problem.regret(run["indices"][:mark], reference) for run in runs]
+            for mark in problem.marks
+            if mark <= given
+        }
+        for reference in problem.references
     }
+    return row
 
 
 def main() -> None:
-    """Run everything, print it and write it."""
-    problems = [synthetic(with_limits=True), synthetic(with_limits=False)]
-    if data := os.environ.get("FRONTRUNNER_DATA"):
-        problems.append(black_scholes(Path(data) / "dse" / "hypermapper"))
-    else:
-        sys.stdout.write("FRONTRUNNER_DATA is not set: BlackScholes is left out\n")
-    results: list[dict[str, object]] = []
-    header = "".join(f"{mark:>8}" for mark in MARKS)
-    sys.stdout.write(f"regret, mean of {SEEDS} seeds, after{header}  CPU ms a suggestion\n")
-    for problem in problems:
-        for method in METHODS:
-            runs = [search(problem, method, seed) for seed in range(SEEDS)]
-            regret = np.mean([regrets for regrets, _ in runs], axis=0)
-            cost = float(np.mean([milliseconds for _, milliseconds in runs]))
-            results.append(
-                {"problem": problem.name, "method": method, "regret": dict(zip(MARKS, regret, strict=True))}
-                | {"seeds": SEEDS, "cpu_ms_a_suggestion": cost}
-            )
-            cells = "".join(f"{value:8.4f}" for value in regret)
-            sys.stdout.write(f"{problem.name:<20} {method:<11}{cells}  {cost:8.1f}\n")
-            sys.stdout.flush()
-    prediction = predict_all()
-    sys.stdout.write("1,800,000 points, 100 trees: " + json.dumps(prediction, indent=None) + "\n")
-    folder = ROOT / "var" / "benchmarks"
-    folder.mkdir(parents=True, exist_ok=True)
-    answer = {"regret": results, "prediction": prediction}
-    (folder / "pareto.json").write_text(json.dumps(answer, indent=2) + "\n")
+    parser = argparse.ArgumentParser(description="The searches of pareto beside other optimisers.")
+    parser.add_argument("--quick", action="store_true", help="two seeds, only peers that take seconds")
+    parser.add_argument("--cheap", action="store_true", help="only peers that take seconds")
+    parser.add_argument("--stored", action="store_true", help="of the peers, only what is kept")
+    parser.add_argument("--fresh", action="store_true", help="run the peers again, too")
+    parser.add_argument("--only", metavar="TEXT", default="", help="problems whose name contains TEXT")
+    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many (5)")
+    arguments = parser.parse_args()
+    seeds = SEEDS[: 2 if arguments.quick else arguments.seeds]
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
+    data = os.environ.get("FRONTRUNNER_DATA")
+
+    chosen = [peer for peer in peers.PEERS if peer.most >= 500 or not (arguments.cheap or arguments.quick)]
+    absent = {peer.name: reason for peer in chosen if (reason := peers.missing(peer.packages))}
+    present = [peer for peer in chosen if peer.name not in absent]
+    if arguments.fresh:
+        peers.forget()
+    results = []
+    for problem in problems(Path(data) if data else None):
+        if arguments.only not in problem.name:
+            continue
+        plan = {name: list(seeds) for name in METHODS}
+        for peer in present:
+            kept = [seed for seed in seeds if peers.stored(problem, peer, seed).exists()]
+            plan[peer.name] = kept if arguments.stored else list(seeds)
+        rows = compare(problem, plan)
+        rows += [{"name": name, "failed": reason} for name, reason in absent.items()]
+        results.append(
+            {
+                "problem": problem.name,
+                "points": len(problem.space),
+                "limits": problem.limits,
+                "references": problem.references,
+                "marks": problem.marks,
+                "rows": rows,
+            }
+        )
+        print_table(results[-1])
+    if not data:
+        print("BlackScholes, convolution: not measured, FRONTRUNNER_DATA is not set")
+    timed = timings()
+    print_targets(results, timed, ours=DEFAULT)
+    target = peers.DATA / "pareto.json"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(json.dumps({"problems": results, "timings": timed}, indent=1) + "\n", encoding="utf-8")
+    print(f"written to {target}")
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

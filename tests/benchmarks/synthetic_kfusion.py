@@ -46,16 +46,16 @@ def evaluate(space: Space, indices: NDArray[np.int64], seed: int = 0) -> Array:
     strain = (
         motion / basin + 0.25 * np.maximum(0.0, 1.3 - mu / voxel) + 0.004 * integration * (0.4 / (mu + 0.1))
     )
-    strain *= np.exp(0.10 * _roughness(codes, seed, keep=(0, 1, 7)) + 0.05 * _roughness(codes, seed + 1))
+    strain *= np.exp(0.10 * roughness(codes, seed, keep=(0, 1, 7)) + 0.05 * roughness(codes, seed + 1))
     resolution = np.hypot(0.10 * voxel, 0.0012 * ratio**1.2)
     drift = 0.0006 * (integration - 1) ** 0.7 + 0.006 * np.maximum(0.0, strain) ** 2 + 0.02 * mu**1.5
-    error = np.sqrt(resolution**2 + drift**2) * np.exp(0.06 * _roughness(codes, seed + 2))
+    error = np.sqrt(resolution**2 + drift**2) * np.exp(0.06 * roughness(codes, seed + 2))
     lost = 1.0 / (1.0 + np.exp(-(strain - 1.0) / 0.02))
     ate = error ** (1 - lost) * (0.25 * strain) ** lost
-    return np.stack([ate, runtime * np.exp(0.02 * _roughness(codes, seed + 3))], axis=1)
+    return np.stack([ate, runtime * np.exp(0.02 * roughness(codes, seed + 3))], axis=1)
 
 
-def _roughness(codes: NDArray[np.int64], seed: int, keep: tuple[int, ...] | None = None) -> Array:
+def roughness(codes: NDArray[np.int64], seed: int, keep: tuple[int, ...] | None = None) -> Array:
     """Return about standard normal noise that depends on the codes (of the axes in `keep`) alone."""
     rng = np.random.default_rng(seed)
     axes = range(codes.shape[1]) if keep is None else keep

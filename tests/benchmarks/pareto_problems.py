@@ -1,0 +1,145 @@
+"""The problems on which search methods are compared: all their points are known, so regret is exact."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto import Scenario, Space
+from pareto.errors import EvaluationError
+from pareto.evaluation import from_table
+from pareto.front import nondominated
+from pareto.hypervolume import hypervolume
+from tests.benchmarks import synthetic_kernel, synthetic_kfusion
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("first", "second")
+RESTRICTIONS = [  # of the convolution kernel: exactly what its table leaves out
+    "block_size_x * block_size_y <= 1024",
+    "use_padding == 0 or (block_size_x % 32 != 0 and use_shmem == 1)",
+    "use_shmem == 0 or (block_size_x * tile_size_x + 14) * (block_size_y * tile_size_y + 14) * 4 <= 49152",
+]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A space, the (points, 2) minimised values of all its points, NaN where one fails, and what is given.
+
+    `limits` are what a search is told. `references` are the points from which hypervolume is counted, by
+    what they mean: the limits, or the worst values of the whole table. Never does one come from the front.
+    """
+
+    name: str
+    space: Space
+    values: NDArray[np.float64]
+    limits: tuple[float, ...] | None
+    references: dict[str, tuple[float, ...]]
+    marks: tuple[int, ...]
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of everything that a search can notice."""
+        content = hashlib.sha256(np.ascontiguousarray(self.values).tobytes())
+        content.update(json.dumps([self.space.to_dict(), self.limits], sort_keys=True).encode())
+        return content.hexdigest()
+
+    @cached_property
+    def front(self) -> NDArray[np.float64]:
+        """The values of the exhaustive front, over all points that do not fail."""
+        good = self.values[~np.isnan(self.values).any(axis=1)]
+        return good[nondominated(good)]
+
+    def regret(self, indices: list[int], reference: str) -> float:
+        """Return 1 - HV / HV* in log objectives: what `indices` leave uncovered of the front's volume."""
+        point = np.array(self.references[reference])
+        found = self.values[indices]
+        found = found[~np.isnan(found).any(axis=1)]
+        return 1.0 - hypervolume(found, point, log=True) / hypervolume(self.front, point, log=True)
+
+
+def kfusion(with_limits: bool) -> Problem:
+    """The made-up KinectFusion. The limits, 5 cm and the default's runtime, bound the score in any case."""
+    space = Space.load(ROOT / "pareto" / "spaces" / "kfusion.json")
+    values = synthetic_kfusion.evaluate(space, np.arange(len(space)))
+    bounds = (0.05, float(values[space.encode(space.default), 1]))
+    references = {"limits": bounds}
+    if not with_limits:
+        references["worst"] = _worst(values)
+    name = "kfusion, " + ("limits" if with_limits else "no limits")
+    return Problem(name, space, values, bounds if with_limits else None, references, (200, 500, 1000))
+
+
+def kernel() -> Problem:
+    """The made-up kernel generator, without limits."""
+    values = synthetic_kernel.evaluate(np.arange(len(synthetic_kernel.SPACE)))
+    worst = {"worst": _worst(values)}
+    return Problem("kernel", synthetic_kernel.SPACE, values, None, worst, (200, 500, 1000))
+
+
+def black_scholes(folder: Path) -> Problem:
+    """HyperMapper's exhaustive table: validity is learnt from failures, no limits are given."""
+    scenario = Scenario.load(folder / "BlackScholes_scenario.json")
+    table = folder / "BlackScholes_exhaustive_search_data.csv"
+    look_up = from_table(table, scenario.space, scenario.objectives, scenario.feasible)
+    values = np.full((len(scenario.space), 2), np.nan)
+    for index in range(len(values)):
+        try:
+            values[index] = list(look_up(scenario.space.decode(index)).values())
+        except EvaluationError:
+            continue
+    worst = {"worst": _worst(values)}
+    return Problem("BlackScholes", scenario.space, values, None, worst, (200, 500))
+
+
+def convolution(folder: Path, told: bool) -> Problem:
+    """One kernel's time on two GPUs, over the product of the values that occur: 10,240 points.
+
+    What the table lacks, or either device could not run, fails. `told`: the restrictions of the kernel, which
+    leave 4,362 points, are known constraints; otherwise they must be learnt from failures.
+    """
+    tables = []
+    for device in ("A100", "A4000"):
+        with (folder / f"convolution_{device}.csv").open(newline="", encoding="utf-8") as file:
+            tables.append(list(csv.DictReader(file)))
+    names = list(tables[0][0])[:10]
+    parameters = []
+    for name in names:
+        values = sorted({int(row[name]) for row in tables[0]})
+        parameters.append({"name": name, "type": "ordinal", "values": values})
+    description: dict[str, Any] = {"name": "convolution", "parameters": parameters}
+    space = Space.from_dict(description | ({"constraints": RESTRICTIONS} if told else {}))
+    values = np.full((len(space), 2), np.nan)
+    for column, rows in enumerate(tables):
+        for row in rows:
+            try:
+                time = float(row["time"])
+            except ValueError:  # the name of an error
+                continue
+            values[space.encode({name: int(row[name]) for name in names}), column] = time
+    values[np.isnan(values).any(axis=1)] = np.nan
+    name = "convolution, " + ("constraints" if told else "no constraints")
+    return Problem(name, space, values, None, {"worst": _worst(values)}, (200, 500))
+
+
+def problems(data: Path | None) -> Iterator[Problem]:
+    """Every problem there is; the measured tables only where `data`, a folder of shared data, is given."""
+    yield kfusion(with_limits=True)
+    yield kfusion(with_limits=False)
+    if data is not None:
+        yield black_scholes(data / "dse" / "hypermapper")
+        yield convolution(data / "dse" / "convolution", told=False)
+        yield convolution(data / "dse" / "convolution", told=True)
+    yield kernel()
+
+
+def _worst(values: NDArray[np.float64]) -> tuple[float, ...]:
+    return tuple(np.nanmax(values, axis=0).tolist())
