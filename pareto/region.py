@@ -2,15 +2,15 @@
 
 Parameters that no constraint links are independent, so the allowed part is a product of smaller sets. Each
 set is tabulated: starting from one a parameter, those that a constraint links are joined and what breaks it
-is dropped, the smallest join first, as long as a join is not too large. What is left is a product again,
-whose members are counted and drawn exactly however tight the constraints are. A constraint that links too
+is dropped, as long as no join is too large. What is left is a product again, whose members are counted and
+drawn exactly however tight the constraints are. A constraint that links too
 much to be tabulated stays open: draws from the product are tested against it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 LARGEST_JOIN = 2**22  # rows: 32 MiB of indices, and well below a second
 CHUNK = 2**16  # points evaluated at once, whose columns the cache holds
-DRAWS = 2**22  # for an estimate, and at a time
-HITS = 10_000  # which bound an estimate to about 1 %
+DRAWS = 2**20  # for an estimate
+HITS = 10_000  # after which an estimate is good to about 1 %
 FIXED = 1000.0  # what a step of a parameter costs that should stay as it is
 
 
@@ -54,25 +54,12 @@ class Region:
 
     def __init__(self, space: Space) -> None:
         self.space = space
-        self.factors: list[Indices] = [
-            np.arange(size, dtype=np.int64) * stride
-            for size, stride in zip(space.shape, space.strides, strict=True)
-        ]
-        members = [{name} for name in space.names]
-        self.open = [clause for constraint in space.constraints for clause in constraint.clauses]
-        while self.open:
-            links = [[i for i, names in enumerate(members) if names & set(c.names)] for c in self.open]
-            sizes = [math.prod(len(self.factors[i]) for i in linked) for linked in links]
-            cheapest = int(np.argmin(np.array(sizes, dtype=np.float64)))
-            if sizes[cheapest] > LARGEST_JOIN:
-                break
-            clause, linked = self.open.pop(cheapest), links[cheapest]
-            joined = np.sort(_sums([self.factors[i] for i in linked]))
-            kept = joined[evaluate(space, [clause], joined)]
-            for i in reversed(linked[1:]):
-                members[linked[0]] |= members.pop(i)
-                del self.factors[i]
-            self.factors[linked[0]] = kept
+        self.factors, self.open = _tabulated(space, largest_first=False)
+        if self.open:
+            # A large join that drops nearly everything may be what makes the others small.
+            factors, left = _tabulated(space, largest_first=True)
+            if len(left) < len(self.open):
+                self.factors, self.open = factors, left
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:
@@ -106,11 +93,11 @@ class Region:
         """The number of allowed points: exact unless a clause is open, else estimated by drawing."""
         if not self.open or not self.size:
             return Count(self.size)
-        rng, drawn, hits = np.random.default_rng(0), 0, 0
-        while drawn < DRAWS and hits < HITS:
-            ranks = rng.integers(0, self.size, size=CHUNK)
-            hits += int(self.keeps(self.at(ranks)).sum())
-            drawn += CHUNK
+        drawn = hits = 0
+        for kept in self._drawn():
+            drawn, hits = drawn + CHUNK, hits + len(kept)
+            if hits >= HITS:
+                break
         share = hits / drawn
         error = math.sqrt(max(share * (1 - share), 1 / drawn) / drawn)
         return Count(round(self.size * share), math.ceil(self.size * error))
@@ -134,9 +121,15 @@ class Region:
             return None
         found = self.join(np.array([[closest(factor) for factor in self.factors]]))
         if not self.keeps(found).all():
-            drawn = self.at(np.random.default_rng(0).integers(0, self.size, size=DRAWS // 4))
-            found = drawn[self.keeps(drawn)]
+            found = max(self._drawn(), key=len)
         return int(found[closest(found)]) if len(found) else None
+
+    def _drawn(self) -> Iterator[Indices]:
+        """Draw CHUNK points of the product at a time, DRAWS in all, and yield those that are allowed."""
+        rng = np.random.default_rng(0)
+        for _ in range(0, DRAWS, CHUNK):
+            indices = self.at(rng.integers(0, self.size, size=CHUNK))
+            yield indices[self.keeps(indices)]
 
 
 def evaluate(space: Space, clauses: Sequence[Clause], indices: Indices) -> NDArray[np.bool_]:
@@ -150,6 +143,33 @@ def evaluate(space: Space, clauses: Sequence[Clause], indices: Indices) -> NDArr
         for clause in clauses:
             mask[start : start + CHUNK] &= clause.holds(codes)
     return mask
+
+
+def _tabulated(space: Space, largest_first: bool) -> tuple[list[Indices], list[Clause]]:
+    """Return the factors, joined as far as LARGEST_JOIN allows, and the clauses that remain open."""
+    factors = [
+        np.arange(size, dtype=np.int64) * stride
+        for size, stride in zip(space.shape, space.strides, strict=True)
+    ]
+    members = [{name} for name in space.names]
+    left = [clause for constraint in space.constraints for clause in constraint.clauses]
+    while True:
+        joins = []
+        for clause in left:
+            linked = [i for i, names in enumerate(members) if names & set(clause.names)]
+            size = math.prod(len(factors[i]) for i in linked)
+            if size <= LARGEST_JOIN:
+                # What lies within one factor makes it smaller at no cost.
+                joins.append((len(linked) > 1, -size if largest_first else size, clause, linked))
+        if not joins:
+            return factors, left
+        _, _, clause, linked = min(joins, key=lambda join: join[:2])
+        left.remove(clause)
+        joined = np.sort(_sums([factors[i] for i in linked]))
+        factors[linked[0]] = joined[evaluate(space, [clause], joined)]
+        for i in reversed(linked[1:]):
+            members[linked[0]] |= members.pop(i)
+            del factors[i]
 
 
 def _sums(factors: Sequence[Indices]) -> Indices:

@@ -64,7 +64,7 @@ def _drawn(region: Region, count: int, rng: np.random.Generator, taken: Indices)
         drawn = np.concatenate([drawn, fresh[np.sort(first)]])
         in_vain = 0 if len(first) else in_vain + size
         # Where few draws are allowed, more are made at a time.
-        size = min(16 * CHUNK, 2 * size) if region.open else 2 * max(count - len(drawn), 0)
+        size = min(4 * CHUNK, 2 * size) if region.open else 2 * max(count - len(drawn), 0)
     return drawn[:count]
 
 

@@ -217,10 +217,17 @@ def test_one_point_in_a_thousand_of_a_constraint_that_links_everything():
     count = space.count_allowed()
     assert not count.exact
     assert count.points == pytest.approx(1e9, rel=0.1)
-    assert count.error == pytest.approx(1e9 / np.sqrt(4194), rel=0.1)
+    assert count.error == pytest.approx(1e9 / np.sqrt(region.DRAWS / 1000), rel=0.1)
     drawn = sample(space, 200, np.random.default_rng(0))
     assert len(np.unique(drawn)) == 200
     assert space.allowed(drawn).all()
+
+
+def test_a_large_join_that_drops_nearly_everything_comes_first_where_small_ones_would_outgrow_it(monkeypatch):
+    monkeypatch.setattr(region, "LARGEST_JOIN", 4**4)
+    space = numbered(["p0 + p1 + p2 + p3 == 4", "p3 <= p4", "p4 <= p5"], values=4)
+    assert not space.region.open
+    assert space.count_allowed().points == sum(5 - p4 for p4 in range(1, 5)) == space.allowed_grid.sum()
 
 
 def test_an_exhausted_space_gives_fewer(monkeypatch):
@@ -280,5 +287,5 @@ def test_the_convolution_table_is_what_its_known_constraints_allow():
             ],
         }
     )
-    assert sorted(space.encode(row) for row in rows) == np.flatnonzero(space.allowed_grid).tolist()
+    assert sorted(space.index_of(row) for row in rows) == np.flatnonzero(space.allowed_grid).tolist()
     assert space.count_allowed().points == len(rows) == 4362
