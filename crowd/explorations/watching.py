@@ -12,7 +12,7 @@ from functools import lru_cache
 from statistics import median
 from typing import Any
 
-from django.db.models import Count, F, Max, Min
+from django.db.models import Count, F, Max, Min, Q
 from django.utils import timezone
 
 from crowd.explorations import points
@@ -83,7 +83,7 @@ class Found:
 
 
 def watch(key: int) -> Watch | None:
-    """The exploration with that key as it is now, None if there is none. Five queries."""
+    """The exploration with that key as it is now, None if there is none. Six queries at most."""
     exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
     if exploration is None:
         return None
@@ -177,8 +177,12 @@ def _seconds_left(exploration: Exploration, phases: dict[str, int], searched: in
 def _unserved(exploration: Exploration, waiting: int, running: Sequence[Evaluation]) -> bool:
     if exploration.state != Exploration.State.RUNNING or running or not waiting:
         return False
-    seen = exploration.reference_device.seen_at
-    return seen is None or timezone.now() - seen > SILENT
+    device = exploration.reference_device
+    last = Evaluation.objects.filter(exploration__reference_device=device).aggregate(
+        heard=Max("heartbeat_at"), finished=Max("finished_at", filter=~Q(phase__in=COPIED))
+    )
+    heard = [moment for moment in (device.seen_at, last["heard"], last["finished"]) if moment is not None]
+    return not heard or timezone.now() - max(heard) > SILENT
 
 
 def _setting(exploration: Exploration) -> list[Any]:
