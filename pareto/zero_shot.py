@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto.errors import ObjectiveError
+from pareto.gaussian import GaussianProcess
 from pareto.history import History
 from pareto.objective import Objective, read_limits, read_objectives, read_values
-from pareto.space import Configuration, Space
-from pareto.transfer import shrunk_slope
+from pareto.space import Configuration, Indices, Space
+from pareto.transfer import Prior, shrunk_slope
 
 Array = NDArray[np.float64]
+ENOUGH = 5  # common measurements, from which on a model is worth fitting
+
 Pairs = Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]]
 
 
@@ -41,16 +44,19 @@ def promises(
     *,
     prefer: str | None = None,
     limits: Mapping[str, float] | None = None,
+    count: int | None = None,
 ) -> list[Promise]:
     """Return the source's front, the best in objective `prefer` first, those expected to break `limits` last.
 
     `source` and `here` are (configuration, values or None for a failure) pairs of the two devices; what
-    failed here is left out. `prefer` is the first objective unless given.
+    failed here is left out. `prefer` is the first objective unless given. With `count`, that many of the
+    source's configurations are taken, front after front.
 
-    Without measurements here the source's values stand as they are. With one, all are moved by the factor
-    that it shows (a difference, where not all values are positive). With more they are moved by a line
-    between logarithms, whose slope leaves 1, the same factor everywhere, only as far as the measurements are
-    sure of it. What counts is what both devices measured, on the source's front or not.
+    Without measurements here the source's values stand as they are. What is measured here of what the source
+    measured, on its front or not, moves them. One measurement moves all by the factor that it shows (a
+    difference, where not all values are positive). With more they move by a line between logarithms, whose
+    slope leaves 1, the same factor everywhere, only as far as the measurements are sure of it. From ENOUGH
+    on, a Gaussian process learns what the line leaves over: only this can change the order.
 
     Raises ConfigurationError or ObjectiveError for bad pairs, limits or an unknown `prefer`.
     """
@@ -59,11 +65,13 @@ def promises(
     if prefer is not None and prefer not in names:
         raise ObjectiveError(f"prefer = {prefer!r} is not an objective: they are {', '.join(names)}")
     target = _history(space, wanted, limits, here)
-    theirs = _history(space, wanted, None, source)
+    prior = Prior.read(space, wanted, {}, source)
+    theirs = dict(zip(*prior.source.measured(), strict=True))
     known = dict(zip(*target.measured(), strict=True))
     failed = set(target.failed().tolist())
-    indices, values = theirs.front()
-    expected = _moved(values, theirs, known)
+    indices = prior.source.front()[0] if count is None else prior.promising(count)
+    values = np.array([theirs[index] for index in indices.tolist()]).reshape(len(indices), len(wanted))
+    expected = _moved(space, indices, values, theirs, known)
     found = []
     for index, row, guess in zip(indices.tolist(), values, expected, strict=True):
         if index in failed:
@@ -87,11 +95,12 @@ def _history(
     return history
 
 
-def _moved(values: Array, source: History, known: Mapping[int, Array]) -> Array:
+def _moved(
+    space: Space, indices: Indices, values: Array, theirs: Mapping[int, Array], known: Mapping[int, Array]
+) -> Array:
     """Return the source's (n, objectives) values as the common configurations let expect them here."""
-    theirs = dict(zip(*source.measured(), strict=True))
     common = [index for index in known if index in theirs]
-    if not common:
+    if not common or len(values) == 0:
         return values
     x, y = np.array([theirs[index] for index in common]), np.array([known[index] for index in common])
     moved = np.empty_like(values)
@@ -101,8 +110,14 @@ def _moved(values: Array, source: History, known: Mapping[int, Array]) -> Array:
         if positive:
             a, b, rest = np.log(a), np.log(b), np.log(rest)
         slope = 1.0 + shrunk_slope(a, b - a)
-        line = b.mean() + slope * (rest - a.mean())
-        moved[:, column] = np.exp(line) if positive else line
+        offset = b.mean() - slope * a.mean()
+        guess = offset + slope * rest
+        left = b - offset - slope * a
+        if len(common) >= ENOUGH:
+            features, owner = space.features(common), space.feature_owner
+            process = GaussianProcess.fit(features, left, owner, np.random.default_rng(0))
+            guess += process.at(space.features(indices)).mean
+        moved[:, column] = np.exp(guess) if positive else guess
     return moved
 
 
