@@ -61,8 +61,32 @@ def read_limits(texts: Iterable[str]) -> dict[str, float]:
     return limits
 
 
-def read_space(path: Path) -> tuple[Space, Scenario | None]:
-    """Return the space of a JSON file, and the scenario where the file is one."""
+def add_units(command: argparse.ArgumentParser) -> None:
+    """Add --units, for the pictures."""
+    command.add_argument(
+        "--units",
+        default="",
+        metavar="NAME=UNIT",
+        help="of objectives, for the pictures; separated by commas",
+    )
+
+
+def read_units(text: str, objectives: Iterable[Objective]) -> dict[str, str]:
+    """Return the units of a NAME=UNIT text. Raises ObjectiveError for a name that is no objective."""
+    units = {}
+    for item in split(text):
+        name, _, unit = item.partition("=")
+        if name not in {objective.name for objective in objectives} or not unit:
+            raise ObjectiveError(f"--units {item!r}: write objective=unit, separated by commas")
+        units[name] = unit
+    return units
+
+
+def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario | None]:
+    """Return the space of a JSON file, and the scenario where the file is one.
+
+    `levels` are the values of each real parameter of a scenario, which has only its bounds.
+    """
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -70,7 +94,7 @@ def read_space(path: Path) -> tuple[Space, Scenario | None]:
     except RecursionError:
         raise SpaceError(f"{path} is nested too deeply to be a space") from None
     if is_scenario(description):
-        scenario = Scenario.from_dict(description)
+        scenario = Scenario.from_dict(description, **({"real_count": levels} if levels else {}))
         return scenario.space, scenario
     return Space.from_dict(description), None
 

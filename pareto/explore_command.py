@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
-import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from pareto.arguments import (
@@ -28,8 +23,8 @@ from pareto.errors import EvaluationError, ScenarioError
 from pareto.evaluation import Evaluate, from_table
 from pareto.explorer import Explorer
 from pareto.folder import FRONT, IMPORTED, Folder, made_here
+from pareto.interrupts import interruptible
 from pareto.measurements import Measurement, read_measurements
-from pareto.measurements import read_measurements
 from pareto.methods import DEFAULT, METHODS
 from pareto.program import from_command
 from pareto.progress import Progress
@@ -67,6 +62,7 @@ def add_explore(commands: Any) -> None:
     )
     explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario")
     add_units(explore)
+    explore.add_argument("--no-picture", action="store_true", help="do not draw front.html at the end")
     explore.add_argument("--method", default=DEFAULT, choices=list(METHODS))
     explore.add_argument("--seed", type=int, default=0)
     explore.add_argument(
@@ -114,8 +110,27 @@ def explore_folder(options: argparse.Namespace) -> int:
         _tell_known(explorer, folder, known)
         batch = options.batch or BATCH
         reasons = _measure(explorer, folder, evaluate, budget, batch)
-        _report(explorer, options.out, budget, reasons, units)
+        folder.write_front(explorer)
+        if not options.no_picture:
+            _draw(explorer, options.out / "front.html", units)
+        _report(explorer, options.out, budget, reasons)
     return 0
+
+
+def _tell_known(explorer: Explorer, folder: Folder, known: list[Measurement]) -> None:
+    """Tell what an earlier run measured, each row once, however often the command is started again."""
+    history = explorer.history
+    folder.asked(explorer)  # a state must stand before the rows that it does not know
+    seen: Counter[int] = Counter()
+    told = {index: len(values) for index, values in history.told.items()}
+    for configuration, values in known:
+        index = explorer.space.encode(configuration)
+        seen[index] += 1
+        of_this_run = index in history.pending or history.phases.get(index, IMPORTED) != IMPORTED
+        if of_this_run or seen[index] <= told.get(index, 0):
+            continue
+        explorer.tell([configuration], [values], phase=IMPORTED)
+        folder.append(explorer, configuration, values, error="" if values else "failed in the earlier run")
 
 
 def _measure(explorer: Explorer, folder: Folder, evaluate: Evaluate, budget: int, batch: int) -> Counter[str]:
@@ -123,7 +138,7 @@ def _measure(explorer: Explorer, folder: Folder, evaluate: Evaluate, budget: int
     reasons: Counter[str] = Counter()
     progress = Progress(explorer, budget, sys.stderr)
     queue = explorer.pending()
-    with _interrupts() as interrupts:
+    with interruptible() as interrupts:
         try:
             while (done := made_here(explorer)) < budget:
                 if not queue:
@@ -154,12 +169,14 @@ def _measure(explorer: Explorer, folder: Folder, evaluate: Evaluate, budget: int
     return reasons
 
 
-def _report(explorer: Explorer, out: Path, budget: int, reasons: Counter[str], units: dict[str, str]) -> None:
-    """Write front and picture, and say what was found and what was not."""
-    from pareto.plot import save
+def _draw(explorer: Explorer, path: Path, units: dict[str, str]) -> None:
+    from pareto.plot import save  # which loads Plotly
 
-    Folder(out).write_front(explorer)
-    save(explorer, out / "front.html", units)
+    save(explorer, path, units)
+
+
+def _report(explorer: Explorer, out: Path, budget: int, reasons: Counter[str]) -> None:
+    """Say what was found and what was not."""
     done, front = made_here(explorer), len(explorer.front())
     if done < budget:
         sys.stderr.write(
@@ -192,40 +209,3 @@ def _require_same(fresh: Explorer, found: Explorer) -> None:
             )
     if "prior" in asked and asked["prior"] != had.get("prior"):
         raise ScenarioError("this folder's exploration began with another --prior: use another --out")
-
-
-class _Interrupts:
-    """SIGINT and SIGTERM as KeyboardInterrupt, which waits while it is held."""
-
-    def __init__(self) -> None:
-        self._holding = self._waiting = False
-
-    @contextmanager
-    def held(self) -> Iterator[None]:
-        self._holding = True
-        try:
-            yield
-        finally:
-            self._holding = False
-        if self._waiting:
-            raise KeyboardInterrupt
-
-    def take(self, _signal: int, _frame: FrameType | None) -> None:
-        if self._holding:
-            self._waiting = True
-        else:
-            raise KeyboardInterrupt
-
-
-@contextmanager
-def _interrupts() -> Iterator[_Interrupts]:
-    interrupts = _Interrupts()
-    if threading.current_thread() is not threading.main_thread():  # where Python takes no signals
-        yield interrupts
-        return
-    before = {number: signal.signal(number, interrupts.take) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield interrupts
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

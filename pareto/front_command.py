@@ -165,10 +165,12 @@ def _text(points: Sequence[Point], objectives: Sequence[Objective], form: str) -
             json.dumps([{"configuration": point, "values": values} for point, values in points], indent=2)
             + "\n"
         )
-    columns = list(points[0][0]) if points else []
-    names = list(points[0][1]) if points else [objective.name for objective in objectives]
-    rows = [[*point.values(), *(values[name] for name in names)] for point, values in points]
-    return table([*columns, *names], rows)
+    # Sources may differ in columns: what one of them lacks stays empty.
+    names = dict.fromkeys(name for _, values in points for name in values)
+    columns = dict.fromkeys(name for point, _ in points for name in point if name not in names)
+    header = [*columns, *(names or (objective.name for objective in objectives))]
+    rows = [[(point | values).get(name, "") for name in header] for point, values in points]
+    return table(header, rows)
 
 
 def _keeps(values: dict[str, float], limits: dict[str, float], maximised: set[str]) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pareto.bagging import grow
+from pareto.bagging import Bagging, grow
 from pareto.space import Indices, Space
 
 
@@ -24,10 +24,13 @@ def importance(space: Space, indices: Indices, values: ArrayLike, seed: int = 0)
     all equal. Equal seeds give equal answers.
     """
     bagging = grow(space, indices, values, seed)
-    if bagging is None:
-        return None
+    return None if bagging is None else dict(zip(space.names, shares(bagging, seed), strict=True))
+
+
+def shares(bagging: Bagging, seed: int = 0) -> list[float]:
+    """Return the share of each parameter, as `importance` tells it, from a forest that is grown already."""
     rng = np.random.default_rng(seed)
-    growth = np.zeros(len(space.parameters))
+    growth = np.zeros(bagging.codes.shape[1])
     for tree, unseen in zip(bagging.trees, bagging.unseen, strict=True):
         codes, targets = bagging.codes[unseen], bagging.targets[unseen]
         # One table with a copy of the rows for each parameter, that one permuted, and the rows as they are.
@@ -38,5 +41,4 @@ def importance(space: Space, indices: Indices, values: ArrayLike, seed: int = 0)
         errors = ((predicted - targets) ** 2).sum(axis=1)
         growth += errors[:-1] - errors[-1]
     variance = bagging.targets.var() * sum(map(len, bagging.unseen))
-    shares = np.maximum(growth / (2.0 * variance), 0.0)
-    return dict(zip(space.names, shares.tolist(), strict=True))
+    return np.maximum(growth / (2.0 * variance), 0.0).tolist()

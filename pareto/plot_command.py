@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from pareto.arguments import add_units, read_units
 from pareto.errors import ScenarioError
 from pareto.front_command import read_exploration
 
@@ -18,6 +19,7 @@ def add_plot(commands: Any) -> None:
     plot.add_argument("--out", type=Path, help="the same, as explore calls it")
     plot.add_argument("--space", type=Path, help="its space, where it is not kept in the folder")
     plot.add_argument("--output", type=Path, help="the HTML file; front.html in the folder by default")
+    add_units(plot)
     plot.set_defaults(act=draw)
 
 
@@ -29,6 +31,7 @@ def draw(options: argparse.Namespace) -> int:
     if path is None:
         raise ScenarioError("plot what? Give an exploration's folder")
     target = options.output or path / "front.html"
-    save(read_exploration(path, options.space), target)
+    explorer = read_exploration(path, options.space)
+    save(explorer, target, read_units(options.units, explorer.objectives))
     sys.stdout.write(f"{target}\n")
     return 0

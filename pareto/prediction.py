@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pareto.bagging import grow
+from pareto.bagging import Bagging, grow
 from pareto.space import Indices, Space
 
 
@@ -37,11 +37,14 @@ def predictions(space: Space, indices: Indices, values: ArrayLike, seed: int = 0
     random selection is taken. None, not a guess, for fewer than 20 measurements or values that are all
     equal. Equal seeds give equal answers.
     """
+    bagging = grow(space, indices, values, seed)
+    return None if bagging is None else out_of_bag(bagging)
+
+
+def out_of_bag(bagging: Bagging) -> Prediction:
+    """Return the predictions, as `predictions` tells them, of a forest that is grown already."""
     from scipy.stats import rankdata
 
-    bagging = grow(space, indices, values, seed)
-    if bagging is None:
-        return None
     total, count = np.zeros(len(bagging.targets)), np.zeros(len(bagging.targets))
     for tree, unseen in zip(bagging.trees, bagging.unseen, strict=True):
         total[unseen] += tree.predict(bagging.codes[unseen])[:, 0]

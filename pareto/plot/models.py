@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pareto.importance import importance
+from pareto.bagging import Bagging, grow
+from pareto.importance import shares
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.style import LIMIT, PHASES, SERIES, axis, blank, label, text
-from pareto.prediction import Prediction, predictions
+from pareto.prediction import Prediction
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -19,23 +20,29 @@ FAILING = "failing"
 LEAST_FAILURES = 20  # of fewer, nothing is said about what makes a measurement fail
 
 
-def importances(arrivals: Arrivals) -> dict[str, dict[str, float]]:
-    """Return the shares of the parameters for each objective that has an answer, and for failing at all."""
-    space = arrivals.explorer.space
+def grown(arrivals: Arrivals) -> dict[str, Bagging]:
+    """Return a forest for each objective that can be learnt, and for failing at all."""
     columns = dict(zip(arrivals.names, arrivals.values.T, strict=True))
     failed = ~arrivals.succeeded
     if LEAST_FAILURES <= failed.sum() <= len(failed) - LEAST_FAILURES and FAILING not in columns:
         columns[FAILING] = np.where(failed, 0.0, -1.0)
-    shares = {name: importance(space, arrivals.indices, values) for name, values in columns.items()}
-    return {name: share for name, share in shares.items() if share is not None}
+    space = arrivals.explorer.space
+    forests = {name: grow(space, arrivals.indices, values) for name, values in columns.items()}
+    return {name: forest for name, forest in forests.items() if forest is not None}
 
 
-def parameter_importance(shares: Mapping[str, Mapping[str, float]]) -> Figure:
+def importances(arrivals: Arrivals, forests: Mapping[str, Bagging]) -> dict[str, dict[str, float]]:
+    """Return the parameters' shares of the variance of what each forest has learnt."""
+    names = arrivals.explorer.space.names
+    return {name: dict(zip(names, shares(forest), strict=True)) for name, forest in forests.items()}
+
+
+def parameter_importance(found: Mapping[str, Mapping[str, float]]) -> Figure:
     """Return a bar an objective for each parameter, the most important parameter on top."""
-    parameters = list(next(iter(shares.values()), {}))
-    parameters.sort(key=lambda name: max(share[name] for share in shares.values()))
-    figure = blank(120 + max(1, len(parameters)) * (14 + 12 * len(shares)))
-    for number, (name, share) in enumerate(shares.items()):
+    parameters = list(next(iter(found.values()), {}))
+    parameters.sort(key=lambda name: max(share[name] for share in found.values()))
+    figure = blank(120 + max(1, len(parameters)) * (14 + 12 * len(found)))
+    for number, (name, share) in enumerate(found.items()):
         colour = LIMIT if name == FAILING else SERIES[number % len(SERIES)]
         figure.add_bar(
             x=[share[parameter] for parameter in parameters],
@@ -52,15 +59,6 @@ def parameter_importance(shares: Mapping[str, Mapping[str, float]]) -> Figure:
         yaxis={"ticks": "", "showline": False},
         legend={"traceorder": "normal"},
     )
-
-
-def foretold(arrivals: Arrivals) -> dict[str, Prediction]:
-    """Return the out-of-bag predictions of each objective that has an answer."""
-    found = {
-        name: predictions(arrivals.explorer.space, arrivals.indices, values)
-        for name, values in zip(arrivals.names, arrivals.values.T, strict=True)
-    }
-    return {name: prediction for name, prediction in found.items() if prediction is not None}
 
 
 def predicted_against_measured(

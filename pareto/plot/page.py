@@ -15,9 +15,10 @@ from pareto.folder import made_here
 from pareto.front import knee
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.growth import front_over_time, hypervolume_over_evaluations
-from pareto.plot.models import foretold, importances, parameter_importance, predicted_against_measured
+from pareto.plot.models import grown, importances, parameter_importance, predicted_against_measured
 from pareto.plot.scatter import scatter
 from pareto.plot.style import FONT, INK, LINE, MUTED, label, number
+from pareto.prediction import out_of_bag
 from pareto.progress import present_volume
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ NOTES = {
     "hypervolume": "What the measured points dominate, up to the limits, or to the worst value measured "
     "where there is none; of logarithms where all values are positive. Only its growth means something.",
     "importance": "How much of an objective's variance is lost without knowing the parameter: it is permuted "
-    "in rows that the trees of a random forest have not seen. Interactions count for all of their parameters.",
+    "in rows that the trees of a random forest have not seen. Interactions count for each parameter in them.",
     "prediction": "By trees that have not seen the measurement; on the dashed line they would be exact.",
 }
 
@@ -107,11 +108,14 @@ def _pictures(explorer: Explorer, units: Mapping[str, str]) -> str:
     ]
     growth = hypervolume_over_evaluations(arrivals)
     parts.append(_section("Hypervolume over evaluations", NOTES["hypervolume"], growth))
-    if shares := importances(arrivals):
-        parts.append(
-            _section("Importance of parameters", NOTES["importance"], parameter_importance(shares), wide=True)
-        )
-    for name, prediction in foretold(arrivals).items():
+    forests = grown(arrivals)
+    if forests:
+        importance = parameter_importance(importances(arrivals, forests))
+        parts.append(_section("Importance of parameters", NOTES["importance"], importance, wide=True))
+    for name in names:
+        if name not in forests:
+            continue
+        prediction = out_of_bag(forests[name])
         spearman = "none" if prediction.spearman is None else f"{prediction.spearman:.3f}"
         agreement = f" Rank correlation {spearman}, R² {prediction.r2:.3f}"
         agreement += " of the logarithms." if prediction.log else "."

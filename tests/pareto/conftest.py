@@ -32,10 +32,11 @@ def toy(tmp_path: Path) -> Path:
 
 
 def explore(toy: Path, *more: str, source: list[str] | None = None, out: str = "out") -> int:
-    """Run the command at random over the table into a folder of `toy`; return its exit code."""
+    """Run the command at random over the table into a folder of `toy`, undrawn; return its exit code."""
     source = source or ["--table", str(toy / "table.csv")]
     space = ["--space", str(toy / "space.json"), "--objectives", "error,seconds"]
-    return main(["explore", *space, *source, "--method", "random", "--out", str(toy / out), *more])
+    quick = ["--method", "random", "--no-picture"]
+    return main(["explore", *space, *source, *quick, "--out", str(toy / out), *more])
 
 
 def rows(path: Path) -> list[dict[str, str]]:

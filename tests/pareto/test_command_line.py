@@ -9,13 +9,14 @@ import pytest
 
 from pareto.commands import main
 from pareto.explorer import Explorer
+from pareto.folder import Folder
 from pareto.hypervolume import hypervolume_growth
 from pareto.progress import Progress, duration, present_volume
 from pareto.space import Space
 from tests.pareto.conftest import SPACE, explore, rows
 
 
-def test_exploring_a_table_writes_evaluations_front_state_and_picture(toy, capsys):
+def test_exploring_a_table_writes_evaluations_front_and_state(toy, capsys):
     assert explore(toy, "--budget", "40") == 0
     evaluations = rows(toy / "out" / "evaluations.csv")
     assert [row["number"] for row in evaluations] == [str(number) for number in range(1, 41)]
@@ -28,10 +29,17 @@ def test_exploring_a_table_writes_evaluations_front_state_and_picture(toy, capsy
     assert [int(row["x"]) for row in front] == [x for x in range(19, 0, -1) if x != 7]
     assert {row["mode"] for row in front} == {"a,b"}
     assert Space.load(toy / "out" / "space.json") == Space.from_dict(SPACE)
-    assert (toy / "out" / "front.html").exists()
+    assert not (toy / "out" / "front.html").exists()
     output = capsys.readouterr()
     assert "18 points on the front" in output.out
     assert output.err.splitlines()[-1].startswith("40/40 measured, 4 failed, 18 on the front, hypervolume ")
+
+
+def test_a_picture_is_drawn_unless_it_is_declined(toy):
+    command = ["explore", "--space", str(toy / "space.json"), "--table", str(toy / "table.csv")]
+    command += ["--objectives", "error,seconds", "--units", "seconds=s", "--budget", "5"]
+    assert main([*command, "--method", "random", "--out", str(toy / "out")]) == 0
+    assert "seconds [s]" in (toy / "out" / "front.html").read_text()
 
 
 def test_a_second_run_goes_on_where_the_first_ended(toy):
@@ -41,7 +49,8 @@ def test_a_second_run_goes_on_where_the_first_ended(toy):
     parts, whole = (rows(toy / name / "evaluations.csv") for name in ("out", "whole"))
     assert len(parts) == 30
     assert len({(row["x"], row["mode"]) for row in parts}) == 30
-    assert parts[:7] == whole[:7]
+    points = [[(row["x"], row["mode"]) for row in run] for run in (parts, whole)]
+    assert points[0][:7] == points[1][:7]
 
 
 def test_a_method_that_has_nothing_more_to_ask_says_so(toy, capsys):
@@ -206,3 +215,58 @@ def test_an_installation_without_the_models_is_told_what_to_install():
     ended = subprocess.run([sys.executable, "-c", hidden, "front"], capture_output=True, text=True)
     assert ended.returncode == 2
     assert ended.stderr == "pareto: searching needs scipy: pip install 'frontrunner[explore]'\n"
+
+
+def test_a_warm_start_is_told_once_and_does_not_use_up_the_budget(toy):
+    explore(toy, "--budget", "10", out="earlier")
+    known = rows(toy / "earlier" / "evaluations.csv")
+    again = ["--warm-start", str(toy / "earlier" / "evaluations.csv"), "--seed", "5", "--batch", "3"]
+    assert explore(toy, "--budget", "4", *again) == 0
+    assert explore(toy, "--budget", "6", *again) == 0
+    evaluations = rows(toy / "out" / "evaluations.csv")
+    assert [row["phase"] for row in evaluations] == ["told"] * 10 + ["random"] * 6
+    points = [(row["x"], row["mode"]) for row in evaluations]
+    assert points[:10] == [(row["x"], row["mode"]) for row in known]
+    assert len(set(points)) == 16
+    assert [row["error"] for row in evaluations[:10]] == [row["error"] for row in known]
+
+
+def test_a_warm_start_that_was_cut_off_is_completed(toy, monkeypatch):
+    (toy / "known.csv").write_text("x,mode,error,seconds\n1,c,1,1\n2,c,oops,2\n1,c,3,3\n3,c,1,1\n")
+    whole = toy / "whole" / "evaluations.csv"
+    again = ["--warm-start", str(toy / "known.csv"), "--budget", "2"]
+    assert explore(toy, *again, out="whole") == 0
+    assert [row["failure"] for row in rows(whole)][:4] == ["", "failed in the earlier run", "", ""]
+    real, left = Folder.append, 2
+
+    def append(*arguments, **names):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise KeyboardInterrupt
+        real(*arguments, **names)
+
+    monkeypatch.setattr(Folder, "append", append)
+    assert explore(toy, *again) == 130
+    assert len(rows(toy / "out" / "evaluations.csv")) == 2
+    monkeypatch.undo()
+    assert explore(toy, *again) == 0
+    cut = (toy / "out" / "evaluations.csv").read_text()
+    assert [line.split(",")[:6] for line in cut.splitlines()] == [
+        line.split(",")[:6] for line in whole.read_text().splitlines()
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,mode,error\n", "no column 'seconds'"),
+        ("x,mode,error,seconds\n99,c,1,1\n", "line 2: parameter 'x'"),
+    ],
+)
+def test_a_warm_start_that_does_not_fit_is_one_line_and_exit_code_2(toy, capsys, text, message):
+    (toy / "known.csv").write_text(text)
+    assert explore(toy, "--budget", "2", "--warm-start", str(toy / "known.csv")) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1

@@ -29,7 +29,16 @@ def order(out):
 def start(toy, *more, source=None):
     source = source or ["--table", str(toy / "table.csv")]
     command = [sys.executable, "-m", "pareto", "explore", "--space", str(toy / "space.json"), *source]
-    command += ["--objectives", "error,seconds", "--method", "random", "--out", str(toy / "out"), *more]
+    command += [
+        "--objectives",
+        "error,seconds",
+        "--method",
+        "random",
+        "--no-picture",
+        "--out",
+        str(toy / "out"),
+        *more,
+    ]
     return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
 
 
@@ -58,7 +67,6 @@ def test_a_cut_at_any_write_loses_nothing_and_measures_nothing_twice(toy, monkey
 
     monkeypatch.setattr("os.fsync", counted("fsync"))
     monkeypatch.setattr(Path, "replace", counted("replace"))
-    monkeypatch.setattr("pareto.plot.save", lambda *_: None)  # the picture is no part of what is kept
     cuts = 0
     finished = False
     while not finished:
@@ -96,7 +104,7 @@ def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
     (tmp_path / "space.json").write_text(json.dumps(space))
     (tmp_path / "table.csv").write_bytes('x,cost\n"a\nb",1\n"ü\r\nz",2\n"c\nd",3\n'.encode())
     command = ["explore", "--space", str(tmp_path / "space.json"), "--objectives", "cost"]
-    command += ["--table", str(tmp_path / "table.csv"), "--method", "random", "--batch", "1"]
+    command += ["--table", str(tmp_path / "table.csv"), "--method", "random", "--no-picture", "--batch", "1"]
     whole, out = tmp_path / "whole", tmp_path / "out"
     assert main([*command, "--budget", "3", "--out", str(whole)]) == 0
     out.mkdir()

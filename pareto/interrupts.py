@@ -1,0 +1,49 @@
+"""Ctrl-C and a request to end, at the moments that suit."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+class Interrupts:
+    """SIGINT and SIGTERM as KeyboardInterrupt, which waits while it is held."""
+
+    def __init__(self) -> None:
+        self._holding = self._waiting = False
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Let what the block does be done before an interrupt that came meanwhile is raised."""
+        self._holding = True
+        try:
+            yield
+        finally:
+            self._holding = False
+        if self._waiting:
+            raise KeyboardInterrupt
+
+    def take(self, _signal: int, _frame: FrameType | None) -> None:
+        """Handle a signal."""
+        if self._holding:
+            self._waiting = True
+        else:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def interruptible() -> Iterator[Interrupts]:
+    """Raise KeyboardInterrupt in the block on SIGINT and on SIGTERM."""
+    interrupts = Interrupts()
+    if threading.current_thread() is not threading.main_thread():  # where Python takes no signals
+        yield interrupts
+        return
+    before = {number: signal.signal(number, interrupts.take) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield interrupts
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
