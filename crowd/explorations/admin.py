@@ -152,6 +152,15 @@ class ExplorationAdmin(PagesAdmin):
         """Store a new exploration and send its first measurements."""
         tasks.dispatch(services.create(obj))
 
+    def add_view(self, request: HttpRequest, form_url: str = "", extra_context: Any = None) -> HttpResponse:
+        context = {"show_save_and_add_another": False, "show_save_and_continue": False}
+        return super().add_view(request, form_url, context | (extra_context or {}))
+
+    def response_add(self, request: HttpRequest, obj: Any, post_url_continue: Any = None) -> HttpResponse:  # noqa: ARG002
+        """Show what was created: its buttons are the next that one needs."""
+        self.message_user(request, f"Exploration {obj.pk} is running", messages.SUCCESS)
+        return redirect("admin:explorations_exploration_change", obj.pk)
+
     def change_view(
         self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
     ) -> HttpResponse:

@@ -17,7 +17,6 @@ from pareto import Space
 
 SPACES = Path(pareto.__file__).parent / "spaces"
 EARLIER = "exploration-"  # a design space that is that of an earlier exploration
-THIS_MACHINE = "this-machine"
 DEFAULTS = {"budget": 60, "batch": 8, "points": 8, "repeats": 3}
 EXPLAINED = {
     "runtime": "runtime: mean seconds a frame",
@@ -64,6 +63,12 @@ class ExplorationForm(forms.ModelForm):
             *("reference_device", "method", "seed", "frames", "synchronous", "recheck", "budget", "batch"),
             *("points", "repeats", "warm_start_from"),
         )
+        help_texts = {
+            "budget": "configurations to search; the application's known ones are measured besides",
+            "batch": "asked for at a time",
+            "points": "of the front, to be measured again at the end",
+            "repeats": "how often each of them, in turn and over the whole sequence",
+        }
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -83,7 +88,8 @@ class ExplorationForm(forms.ModelForm):
         ]
         for name, value in DEFAULTS.items():
             self.fields[name].initial = value
-        self.fields["reference_device"].initial = ReferenceDevice.objects.filter(name=THIS_MACHINE).first()
+        # The first is the server itself, unless an administrator made it otherwise.
+        self.fields["reference_device"].initial = ReferenceDevice.objects.order_by("pk").first()
         self.fields["warm_start_from"].required = False
 
     def clean(self) -> dict[str, Any] | None:

@@ -1,0 +1,108 @@
+"""An administrator's way in a real browser: from an empty form to what clients measure."""
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from django.contrib.auth.models import Group, User
+from django.test import Client
+
+from crowd import first_run
+from crowd.explorations.measurement import Measurement
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.fronts import services
+from crowd.fronts.models import AuditEntry
+from tests.browser.visitor import Visitor
+from tests.crowd.documents import front_document
+from tests.explorations.conftest import measurement
+
+PASSWORD = "a long enough password"
+LogIn = Callable[..., Visitor]
+
+
+def measure(evaluation: Evaluation, heartbeat: Callable[[], bool]) -> Measurement:
+    """In place of SLAM: what some machine might measure."""
+    return measurement(evaluation.configuration)
+
+
+@pytest.fixture
+def log_in(chromium: Any, live_server: Any, transactional_db: None) -> Iterator[LogIn]:
+    """Logs somebody with that role in through the form."""
+    opened: list[Visitor] = []
+
+    def visitor(role: str) -> Visitor:
+        user = User.objects.create_user(f"{role}-1", password=PASSWORD, is_staff=True)
+        user.groups.add(Group.objects.get(name=role))
+        opened.append(Visitor(chromium, live_server.url))
+        page = opened[-1].open("/admin/")
+        page.get_by_label("Username").fill(user.username)
+        page.get_by_label("Password").fill(PASSWORD)
+        page.get_by_role("button", name="Log in").click()
+        return opened[-1]
+
+    yield visitor
+    for one in opened:
+        one.context.close()
+
+
+def test_from_an_empty_form_to_what_clients_measure(
+    log_in: LogIn, client: Client, pack: dict[str, Any], settings: Any
+) -> None:
+    settings.FRONTRUNNER_EVALUATOR = f"{__name__}.measure"
+    first_run.create_this_machine()
+    editor = log_in("editor")
+
+    page = editor.open("/admin/explorations/exploration/add/")
+    page.get_by_label("Method").select_option("random")
+    page.get_by_label("Budget").fill("3")
+    page.get_by_label("Points").fill("2")
+    page.get_by_label("Repeats").fill("2")
+    page.get_by_role("button", name="Save").click()
+    exploration = Exploration.objects.get()
+    assert (exploration.state, exploration.reference_device.name) == ("done", "this-machine")
+
+    page.get_by_role("link", name="Choose points to publish").click()
+    assert page.get_by_label("Name of point 1").input_value() == "default"
+    assert page.get_by_label("Name of point 2").input_value() == "best"
+    page.get_by_role("button", name="Make a draft front").click()
+    page.get_by_role("button", name="Submit for review").click()
+    assert page.get_by_text("its content is fixed now").is_visible()
+    assert page.get_by_role("button", name="Publish").count() == 0
+    assert client.get("/api/v1/manifest").status_code == 404
+
+    publisher = log_in("publisher")
+    page = publisher.open("/admin/fronts/frontversion/")
+    page.get_by_role("link", name="kfusion-1").click()
+    page.get_by_role("link", name="What clients read").click()
+    preview = page.locator("pre").inner_text()
+    page.go_back()
+    page.get_by_label("For the log").fill("looks right")
+    page.get_by_role("button", name="Publish").click()
+
+    manifest = client.get("/api/v1/manifest")
+    assert manifest.json()["front_version"] == "kfusion-1"
+    assert re.sub(r"\s", "", preview) == re.sub(r"\s", "", manifest.content.decode())
+    assert AuditEntry.objects.filter(actor="publisher-1", action="published", note="looks right").exists()
+    assert editor.complaints == publisher.complaints == []
+
+
+def test_an_earlier_version_is_published_again_after_a_look_at_the_difference(
+    log_in: LogIn, client: Client, pack: dict[str, Any]
+) -> None:
+    better = front_document(pack, version="2")
+    better["configurations"] = better["configurations"][:2]
+    for document in (front_document(pack, version="1"), better):
+        services.publish_content(document)
+    publisher = log_in("publisher")
+
+    page = publisher.open("/admin/fronts/frontversion/")
+    page.get_by_role("link", name="kfusion-1").click()
+    page.get_by_role("link", name="Compare").click()
+    assert page.get_by_role("row", name=re.compile("^accurate gained")).is_visible()
+    page.go_back()
+    page.get_by_role("button", name="Publish again as a new version").click()
+
+    assert page.get_by_text("Front kfusion-3 is published").is_visible()
+    assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-3"
+    assert publisher.complaints == []
