@@ -41,7 +41,7 @@ def until(condition: Callable[[], Any], patience: float = PATIENCE_SECONDS) -> A
 def children(*pids: int) -> dict[int, str]:
     """The command lines of the running processes that one of PIDS started."""
     listing = subprocess.run(
-        ["ps", "-A", "-o", "pid=,ppid=,stat=,command="], capture_output=True, text=True, check=True
+        ["ps", "-A", "-ww", "-o", "pid=,ppid=,stat=,command="], capture_output=True, text=True, check=True
     )
     rows = (line.split(None, 3) for line in listing.stdout.splitlines())
     return {

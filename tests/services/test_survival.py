@@ -60,7 +60,7 @@ def test_killing_worker_and_web_server_loses_and_doubles_nothing(var: Path, serv
         client = threading.Thread(target=participate)
         client.start()
         until(lambda: len(sent) >= 2)
-        server.kill_child("celery")
+        server.kill_child("--beat")
         until(lambda: len(sent) >= 4)
         server.kill_child("granian")
         client.join()
@@ -102,7 +102,7 @@ def test_a_broker_that_dies_with_all_its_messages_loses_nothing(tmp_path: Path, 
         assert server.call("GET", "/readyz")[0] == 503
         assert server.waiting() == 1
         redis.start()
-        server.kill_child("celery")  # a new worker sweeps at once; this one would at the next half minute
+        server.kill_child("--beat")  # a new worker sweeps at once; this one would at the next half minute
         assert until(lambda: server.waiting() == 0)
         assert sessions(server) == 1
 

@@ -1,0 +1,100 @@
+"""Everything that serves explorations on one machine, and ways to kill each part of it."""
+
+import os
+import random
+import signal
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any, Self
+
+from tests.services import exploring
+from tests.services.program import Program
+from tests.services.serving import Services, Serving, command
+from tests.services.worker import Worker
+
+
+class Installation:
+    """Web server with its own workers, WORKERS of one device, broker and database; in a with statement.
+
+    Without BROKER and DATABASE, which run already, it is the embedded default. MORE is environment.
+    """
+
+    def __init__(
+        self, var: Path, broker: Program | None, database: Program | None, workers: int, **more: str
+    ) -> None:
+        self.var, self.broker, self.database = var, broker, database
+        self.services: Services = exploring.SETTINGS | more
+        if broker is not None:
+            self.services["CELERY_BROKER_URL"] = broker.url
+        if database is not None:
+            self.services["DATABASE_URL"] = database.url
+        self.server = Serving(var, self.services)
+        self.workers = [Worker(var, self.services, exploring.DEVICE, number) for number in range(workers)]
+
+    def __enter__(self) -> Self:
+        emptying = [("flush", "--no-input")] if self.database is not None else []
+        for arguments in (("migrate",), *emptying):
+            done = command(self.var, *arguments, **self.services)
+            assert done.returncode == 0, done.stderr
+        with ExitStack() as stack:
+            stack.enter_context(self.server)
+            for worker in self.workers:
+                stack.enter_context(worker)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        self._stack.__exit__(*exception)
+
+    def kills(self, chance: random.Random) -> list[Callable[[], None]]:
+        """Every kind of kill, in a random order; each starts again what nobody else would."""
+        found = [
+            lambda: self.kill_worker(chance.choice(self.workers)),
+            lambda: self.kill_worker(chance.choice(self.workers)),
+            lambda: self.kill_what_measures(chance.choice(self.workers)),
+            lambda: self.server.kill_child("--beat"),
+            lambda: self.server.kill_child("granian"),
+            self.lose_the_messages,
+            self.kill_everything,
+        ]
+        if self.database is not None:
+            found.append(self.kill_the_database)
+        chance.shuffle(found)
+        return found
+
+    def kill_worker(self, worker: Worker) -> None:
+        """The worker alone: what it started must end by itself."""
+        os.kill(worker.process.pid, signal.SIGKILL)
+        worker.process.wait()
+        worker.start()
+
+    def kill_what_measures(self, worker: Worker) -> None:
+        """The process of the worker's pool; the worker survives it."""
+        for pid in worker.measuring():
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+    def lose_the_messages(self) -> None:
+        """kill -9 of the broker; the embedded one has no process, and loses all its files instead."""
+        if self.broker is not None:
+            self.broker.kill()
+            self.broker.start()
+            return
+        for message in (self.var / "broker" / "queue").iterdir():
+            message.unlink(missing_ok=True)
+
+    def kill_the_database(self) -> None:
+        """kill -9 of the database's server and all its processes."""
+        assert self.database is not None
+        self.database.kill()
+        self.database.start()
+
+    def kill_everything(self) -> None:
+        """As if the machine lost its power."""
+        programs = [program for program in (self.database, self.broker) if program is not None]
+        programs += [self.server, *self.workers]
+        for program in programs:
+            program.kill()
+        for program in programs:
+            program.start()

@@ -1,0 +1,13 @@
+"""Settings of servers and workers that measure by a table, and that give up the dead within seconds."""
+
+import os
+
+os.environ.setdefault("FRONTRUNNER_LEASE_SECONDS", "3")
+os.environ.setdefault("FRONTRUNNER_HEARTBEAT_SECONDS", "1")
+os.environ.setdefault("FRONTRUNNER_REAP_SECONDS", "1")
+
+from crowd.settings import *  # noqa: F403
+
+FRONTRUNNER_EVALUATOR = "tests.services.table.measure"
+# What a measurement takes, so that many a kill meets one half done.
+TABLE_SECONDS = float(os.environ.get("TABLE_SECONDS", "0"))

@@ -1,0 +1,110 @@
+"""kill -9 at random moments of an exploration: nothing is lost, nothing counts twice, and it ends.
+
+The measurements are looked up in a table; everything else is as an owner of reference devices runs it.
+"""
+
+import random
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.db import transaction
+from django.test import override_settings
+
+from crowd.explorations import leases, services
+from tests.services import exploring
+from tests.services.installation import Installation
+from tests.services.program import until
+from tests.services.table import NOTHING, look_up, measure, notes
+
+MACHINES = 4
+PATIENCE_SECONDS = 600.0
+LONGEST_DELAY_SECONDS = 0.2
+WISHES: dict[str, Any] = {
+    "machines": MACHINES,
+    "budget": 1000,
+    "batch": 100,
+    "options": {"initial": 800},  # at random; the last two batches are learnt
+    "repeats": 2,
+    "seed": 7,
+}
+
+
+@pytest.fixture(params=["embedded", "redis postgresql", "rabbitmq postgresql"])
+def installation(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Installation]:
+    programs = [] if request.param == "embedded" else request.param.split()
+    broker, database = [request.getfixturevalue(name) for name in programs] or (None, None)
+    with Installation(tmp_path / "var", broker, database, MACHINES, TABLE_SECONDS="0.02") as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def undisturbed(
+    django_db_setup: None, django_db_blocker: Any, tmp_path_factory: pytest.TempPathFactory
+) -> list[tuple[int, str, dict[str, int]]]:
+    """Number, phase and configuration of what the exploration evaluates when nothing ever fails."""
+    var = tmp_path_factory.mktemp("undisturbed")
+    with (
+        override_settings(FRONTRUNNER_VAR=var, FRONTRUNNER_SEQUENCES=[var / "sequences"], TABLE_SECONDS=0),
+        django_db_blocker.unblock(),
+        transaction.atomic(),
+    ):
+        exploration = exploring.create(var, **WISHES)
+        while waiting := leases.waiting(exploration.reference_device) or services.advance(exploration.pk):
+            for each in list(waiting):
+                with leases.leased(each.pk) as evaluation:
+                    assert evaluation is not None
+                    leases.record(evaluation, measure(evaluation))
+        rows = exploration.evaluations.order_by("number")
+        found = list(rows.values_list("number", "phase", "configuration"))
+        transaction.set_rollback(True)
+    return found
+
+
+def finished(installation: Installation) -> int:
+    """How many evaluations are; 0 while nobody answers."""
+    try:
+        _, answer = installation.server.call("GET", "/api/v1/explorations")
+        counts = answer["results"][0]["evaluations"]
+    except (OSError, ValueError, KeyError):
+        return 0
+    return int(counts["done"] + counts["failed"])
+
+
+def state(installation: Installation) -> str:
+    """The exploration's state; empty while nobody answers."""
+    try:
+        _, answer = installation.server.call("GET", "/api/v1/explorations")
+        return str(answer["results"][0]["state"])
+    except (OSError, ValueError, KeyError):
+        return ""
+
+
+@pytest.mark.django_db  # for what is done undisturbed
+def test_an_exploration_survives_every_kill(
+    undisturbed: list[tuple[int, str, dict[str, int]]], installation: Installation
+) -> None:
+    chance = random.Random(WISHES["seed"])
+    kills = installation.kills(chance)
+    moments = sorted(chance.randrange(WISHES["budget"]) for _ in kills)
+
+    key = exploring.start(installation.var, installation.services, **WISHES)
+    for moment, kill in zip(moments, kills, strict=True):
+        until(lambda moment=moment: finished(installation) >= moment, PATIENCE_SECONDS)  # type: ignore[misc]
+        time.sleep(chance.uniform(0, LONGEST_DELAY_SECONDS))
+        kill()
+    until(lambda: state(installation) == "done", PATIENCE_SECONDS)
+
+    rows = exploring.rows(installation.var, installation.services, key)
+    assert [(row["number"], row["phase"], row["configuration"]) for row in rows] == undisturbed
+    for row in rows:
+        assert row["objectives"] == look_up(row["configuration"])
+        assert row["error"] == ("" if row["objectives"] else NOTHING)
+    begun = Counter(
+        tuple(map(int, line.split())) for line in notes(installation.var).read_text().splitlines()
+    )
+    assert set(begun.values()) == {1}
+    assert {(row["pk"], row["attempt"]) for row in rows} <= set(begun)
