@@ -1,4 +1,4 @@
-"""python -m pareto explore | front | plot | compare."""
+"""python -m pareto explore | front | plot | compare | transfer."""
 
 import sys
 

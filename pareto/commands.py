@@ -1,4 +1,4 @@
-"""The commands of `python -m pareto`: explore | front | plot | compare."""
+"""The commands of `python -m pareto`: explore | front | plot | compare | transfer."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pareto.errors import ParetoError
 from pareto.explore_command import add_explore
 from pareto.front_command import add_front
 from pareto.plot_command import add_plot
+from pareto.transfer_command import add_transfer
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -40,4 +41,5 @@ def _parser() -> argparse.ArgumentParser:
     add_front(commands)
     add_plot(commands)
     add_compare(commands)
+    add_transfer(commands)
     return parser

@@ -1,5 +1,7 @@
-"""python -m pareto compare, and explore --prior."""
+"""python -m pareto compare and transfer, and explore --prior."""
 
+import csv
+import io
 import json
 
 import pytest
@@ -116,3 +118,28 @@ def test_a_prior_guides_an_exploration_and_is_no_row_of_it(devices, capsys):
     assert "began with another --prior" in capsys.readouterr().err
     assert explore(devices, "--budget", "9", *prior, "--method", "random", out="two") == 2
     assert "'random' heeds no prior" in capsys.readouterr().err
+
+
+def transfer(devices, *more):
+    source = [str(devices / "table.csv"), "--space", str(devices / "space.json")]
+    return main(["transfer", *source, "--objectives", "error,seconds", *more])
+
+
+def test_transfer_prints_the_sources_front_in_the_order_of_what_it_promises(devices, capsys):
+    (devices / "here.csv").write_text('x,mode,error,seconds\n4,"a,b",0.25,40\n5,"a,b",failed,50\n')
+    here = ["--here", str(devices / "here.csv"), "--prefer", "seconds", "--limits", "error=0.2"]
+    assert transfer(devices, *here) == 0
+    printed = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+    places = [int(row["x"]) for row in printed]
+    assert places == [6, *range(8, 20), 1, 2, 3, 4]  # 5 failed here, 7 there
+    assert float(printed[0]["seconds"]) == pytest.approx(60)
+    assert float(printed[0]["source_seconds"]) == 6
+    assert [row["x"] for row in printed if row["measured"] == "1"] == ["4"]
+    assert [row["within_limits"] for row in printed] == ["1"] * 13 + ["0"] * 4
+
+
+def test_transfer_of_more_than_the_front_and_bad_input(devices, capsys):
+    assert transfer(devices, "--count", "25") == 0
+    assert len(capsys.readouterr().out.splitlines()) == 26
+    assert transfer(devices, "--prefer", "watts") == 2
+    assert "'watts' is not an objective" in capsys.readouterr().err
