@@ -13,7 +13,7 @@ from django.db import IntegrityError, connection, transaction
 from django.db.models import ProtectedError
 from django.test import Client
 
-from crowd.fronts import guards, manifests, selectors, services
+from crowd.fronts import contents, guards, manifests, selectors, services
 from crowd.fronts.models import AppendOnlyError, AuditEntry, FrontVersion, FrozenFrontError, TransitionError
 from tests.crowd.documents import front_document
 
@@ -324,3 +324,34 @@ def test_a_file_that_holds_no_object_is_refused(db: None, tmp_path: Path, conten
 def test_a_version_that_is_not_there_is_named_with_those_that_are(draft: FrontVersion) -> None:
     with pytest.raises(CommandError, match=r"no front kfusion-9 \(there: kfusion-1\)"):
         call_command("front", "publish", "kfusion-9")
+
+
+def test_fronts_of_an_earlier_release_are_kept_logged_and_guarded(
+    transactional_db: None, pack: dict[str, Any]
+) -> None:
+    call_command("migrate", "fronts", "0001", verbosity=0)
+    content = front_document(pack)
+    with connection.cursor() as cursor:
+        cursor.execute(
+            f"INSERT INTO {guards.FRONT} (slug, application, version, state, digest, protocol, sequence, "
+            "provenance, created_at, published_at) VALUES ('kfusion-test', 'kfusion', 'test', 'published', "
+            "%s, %s, %s, %s, '2026-01-01 00:00:00', '2026-01-02 00:00:00')",
+            [
+                contents.digest(content),
+                *(json.dumps(value) for value in (content["protocol"], pack, content["provenance"])),
+            ],
+        )
+
+    call_command("migrate", verbosity=0)
+
+    front = FrontVersion.objects.get()
+    assert (front.state, front.protocol) == ("published", content["protocol"])
+    entry = AuditEntry.objects.get()
+    assert (entry.actor, entry.action, entry.front, entry.digest) == (
+        "unknown",
+        "published",
+        front,
+        front.digest,
+    )
+    assert entry.at == front.published_at
+    refused_by_the_database(f"UPDATE {guards.FRONT} SET digest = '0'")
