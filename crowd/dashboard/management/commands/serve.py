@@ -118,7 +118,7 @@ class Command(BaseCommand):
         for line in first_run.publish_shipped_fronts():
             self._say(line)
         if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
-            self._say("No front is published: clients have nothing to measure. manage.py publish_front FILE")
+            self._say("No front is published: clients have nothing to measure. manage.py front publish FILE")
         password = first_run.create_first_administrator()
         if password is not None:
             account = f"user {first_run.ADMINISTRATOR}, password {password} (shown only now)"
