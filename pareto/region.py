@@ -3,8 +3,8 @@
 Parameters that no constraint links are independent, so the allowed part is a product of smaller sets. Each
 set is tabulated: starting from one a parameter, those that a constraint links are joined and what breaks it
 is dropped, as long as no join is too large. What is left is a product again, whose members are counted and
-drawn exactly however tight the constraints are. A constraint that links too
-much to be tabulated stays open: draws from the product are tested against it.
+drawn exactly however tight the constraints are. A constraint that links too much to be tabulated stays open:
+draws from the product are tested against it.
 """
 
 from __future__ import annotations

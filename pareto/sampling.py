@@ -10,15 +10,21 @@ from numpy.typing import NDArray
 from pareto.region import CHUNK, Region
 from pareto.space import Indices, Space
 
-PATIENCE = 2**25  # draws without a new point, after which a space counts as exhausted
+DRAWS = 2**25  # some seconds
 
 
-def sample(space: Space, count: int, rng: np.random.Generator, exclude: Collection[int] = ()) -> Indices:
+def sample(
+    space: Space,
+    count: int,
+    rng: np.random.Generator,
+    exclude: Collection[int] = (),
+    draws: int = DRAWS,
+) -> Indices:
     """Return `count` distinct allowed indices drawn uniformly, none of them in `exclude`, in random order.
 
     Fewer are returned only when the space has no more, or, where a constraint links too much to be tabulated
-    (see `Region`), when PATIENCE draws in a row found no more. Memory grows with `count` and `exclude`,
-    never with the space.
+    (see `Region`), when `draws` were tested against it. Memory grows with `count` and `exclude`, never with
+    the space.
     """
     region = space.region
     taken = np.unique(np.fromiter((i for i in exclude if 0 <= i < len(space)), dtype=np.int64))
@@ -28,17 +34,21 @@ def sample(space: Space, count: int, rng: np.random.Generator, exclude: Collecti
         # Most of the points are wanted or gone: there are then no more of them than in the answer, roughly.
         every = region.at(np.arange(region.size, dtype=np.int64))
         return rng.permutation(np.setdiff1d(every[region.keeps(every)], taken))[:count]
-    return _drawn(region, count, rng, taken)
+    return _drawn(region, count, rng, taken, draws)
 
 
 def spread_sample(
-    space: Space, count: int, rng: np.random.Generator, exclude: Collection[int] = ()
+    space: Space,
+    count: int,
+    rng: np.random.Generator,
+    exclude: Collection[int] = (),
+    draws: int = DRAWS,
 ) -> Indices:
     """Return `count` distinct allowed indices that cover every parameter's values evenly, none in `exclude`.
 
     A Latin hypercube: each parameter's values appear equally often, up to rounding, in independent random
     orders. Parameters that constraints link count as one, whose values are the allowed combinations.
-    Duplicates and excluded points are replaced by uniform draws.
+    Duplicates and excluded points are replaced as by `sample`, at most `draws` times.
     """
     columns = []
     for size in space.region.sizes:
@@ -48,21 +58,21 @@ def spread_sample(
     proposed = proposed[space.region.keeps(proposed)]
     taken = {int(index) for index in exclude}
     kept = [index for index in dict.fromkeys(proposed.tolist()) if index not in taken]
-    filled = sample(space, count - len(kept), rng, exclude=taken | set(kept))
+    filled = sample(space, count - len(kept), rng, taken | set(kept), draws)
     return np.concatenate([np.array(kept, dtype=np.int64), filled])
 
 
-def _drawn(region: Region, count: int, rng: np.random.Generator, taken: Indices) -> Indices:
+def _drawn(region: Region, count: int, rng: np.random.Generator, taken: Indices, draws: int) -> Indices:
     """Draw until `count` points are found that are neither `taken` (sorted) nor drawn before."""
     drawn = np.empty(0, dtype=np.int64)
-    size, in_vain = 2 * count, 0
-    while len(drawn) < count and in_vain < PATIENCE:
+    size, made = 2 * count, 0
+    while len(drawn) < count and (made < draws or not region.open):
         fresh = region.at(rng.integers(0, region.size, size=size))
         fresh = fresh[region.keeps(fresh)]
         fresh = fresh[~_among(fresh, taken) & ~_among(fresh, np.sort(drawn))]
         _, first = np.unique(fresh, return_index=True)
         drawn = np.concatenate([drawn, fresh[np.sort(first)]])
-        in_vain = 0 if len(first) else in_vain + size
+        made += size
         # Where few draws are allowed, more are made at a time.
         size = min(4 * CHUNK, 2 * size) if region.open else 2 * max(count - len(drawn), 0)
     return drawn[:count]

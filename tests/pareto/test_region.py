@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto import region, sampling
+from pareto import region
 from pareto.errors import ConstraintError, ForbiddenError, SpaceError
 from pareto.explorer import Explorer
 from pareto.sampling import sample, spread_sample
@@ -161,7 +161,6 @@ def test_every_allowed_point_is_counted_drawn_once_and_numbered_once(conditions,
         patch.setattr(region, "LARGEST_JOIN", largest_join)
         patch.setattr(region, "CHUNK", 2**10)
         patch.setattr(region, "DRAWS", 2**14)
-        patch.setattr(sampling, "PATIENCE", 2**14)
         try:
             space = numbered(conditions, values=4, parameters=4)
         except SpaceError:
@@ -177,8 +176,8 @@ def test_every_allowed_point_is_counted_drawn_once_and_numbered_once(conditions,
         assert count.exact == (not space.region.open)
         assert sorted(sample(space, len(space), rng).tolist()) == every.tolist()
         some, spread = (
-            sample(space, 5, rng, exclude=every[:3]),
-            spread_sample(space, 8, rng, exclude=every[:3]),
+            sample(space, 5, rng, every[:3], 2**14),
+            spread_sample(space, 8, rng, every[:3], 2**14),
         )
         assert len(set(some.tolist())) == len(some) == min(5, max(len(every) - 3, 0))
         assert len(set(spread.tolist())) == len(spread) == min(8, max(len(every) - 3, 0))
@@ -232,9 +231,8 @@ def test_a_large_join_that_drops_nearly_everything_comes_first_where_small_ones_
 
 def test_an_exhausted_space_gives_fewer(monkeypatch):
     monkeypatch.setattr(region, "LARGEST_JOIN", 1)
-    monkeypatch.setattr(sampling, "PATIENCE", 2**17)
     space = numbered(["p0 * p1 * p2 * p3 * p4 * p5 <= 2"])  # seven points of 10^12: too rare to be met
-    assert len(sample(space, 3, np.random.default_rng(0))) == 0
+    assert len(sample(space, 3, np.random.default_rng(0), draws=2**17)) == 0
     assert space.count_allowed().points <= space.count_allowed().error
 
 
