@@ -18,15 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_triangular
 from scipy.linalg.lapack import dpotri
-from scipy.optimize import minimize
-from scipy.spatial.distance import cdist
 
 Array = NDArray[np.float64]
 
 # Priors keep the fit sane on few points; the hyperparameters are, in this order, the logarithms of the
 # length scales (the unit cube's size), the rough part's lengths relative to them, the logit of its share,
 # and the logarithm of the noise relative to the signal (0.1 %).
-LENGTH = (math.log(0.7), 1.2, math.log(0.02), math.log(55.0))  # mean, deviation, least, largest
+LENGTH = (math.log(0.7), 1.2, math.log(0.03), math.log(55.0))  # mean, deviation, least, largest
 STRETCH = (0.5, 1.0, -2.0, 4.0)
 SHARE = (-1.0, 2.0, -8.0, 6.0)
 NOISE = (math.log(1e-3), 2.0, math.log(1e-6), 0.0)
@@ -51,6 +49,8 @@ class Kernel:
         correlation = _matern(squared)
         if self._share > 1e-3:
             correlation *= 1.0 - self._share
+            from scipy.spatial.distance import cdist  # slow to import: not by who merely lists the methods
+
             rough = cdist(a * self._rough, b * self._rough, "cityblock")
             np.negative(rough, out=rough)
             np.exp(rough, out=rough)
@@ -89,6 +89,8 @@ class GaussianProcess:
 
         A constant target gives a flat process. Rows must be finite; at least one is needed.
         """
+        from scipy.optimize import minimize  # slow to import, like cdist
+
         lengths = int(owner.max()) + 1
         mean, deviation, least, largest = np.array([LENGTH] * lengths + [STRETCH, SHARE, NOISE]).T
         if len(targets) < 3 or np.ptp(targets) == 0:
@@ -146,11 +148,6 @@ class Posterior:
         row = covariance / math.sqrt(self._variance[candidate] + self._kernel.noise)
         self._solved = np.concatenate([self._solved, row[None]])
         self._variance = np.maximum(self._variance - row**2, 1e-12)
-
-    def keep(self, candidates: NDArray[np.integer]) -> None:
-        """Forget all other candidates; `candidates` number the present ones."""
-        self._features, self._solved = self._features[candidates], self._solved[:, candidates]
-        self.mean, self._variance = self.mean[candidates], self._variance[candidates]
 
 
 class Likelihood:

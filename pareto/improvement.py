@@ -12,7 +12,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
-from scipy.stats import qmc
 
 from pareto.front import nondominated
 
@@ -56,6 +55,8 @@ def _staircase(mean: Array, spread: Array, front: Array, reference: Array) -> Ar
 
 
 def _sampled(mean: Array, spread: Array, front: Array, reference: Array, rng: np.random.Generator) -> Array:
+    from scipy.stats import qmc  # takes a second to import: not by who merely lists the methods
+
     lowest = np.minimum((mean - 3.0 * spread).min(axis=0), reference - 1e-9)
     if len(front):
         lowest = np.minimum(lowest, front.min(axis=0))

@@ -17,8 +17,9 @@ from pareto.targets import Targets
 Array = NDArray[np.float64]
 
 LARGEST_GRID = 5_000_000  # points that are predicted all; of a larger space, a fresh sample is
-SAMPLE = 100_000
+SAMPLE = 50_000
 DIRECTIONS = 32  # trade-offs between the objectives for which the best candidates are kept
+LEAST_CHANCE = 0.05  # of being measurable, for a candidate
 
 
 @dataclass(frozen=True)
@@ -34,29 +35,35 @@ class Screening:
     chance: Array
 
 
+def free_points(history: History, targets: Targets, rng: np.random.Generator) -> Indices:
+    """Return what may be measured, is neither measured nor pending, and is to be looked at.
+
+    All of a space of up to LARGEST_GRID points; of a larger one a fresh sample and the front's neighbours.
+    """
+    space = history.space
+    taken = np.fromiter(history.taken(), dtype=np.int64)
+    if len(space) <= LARGEST_GRID:
+        free = space.allowed_grid.copy()
+        free[taken] = False
+        return np.flatnonzero(free)
+    around = [space.neighbours(int(index)) for index in targets.indices[targets.front]]
+    return np.setdiff1d(np.concatenate([sample(space, SAMPLE, rng, exclude=history.taken()), *around]), taken)
+
+
 def screen(
     history: History,
     targets: Targets,
     trend: Callable[[Indices], Array],
+    pool: Indices,
     trees: int,
     rng: np.random.Generator,
 ) -> Screening:
-    """Predict every point of the space that is neither measured nor pending, or a sample of a huge one.
+    """Predict every point of `pool` by extra trees, one ensemble an objective and one for success.
 
     The trees learn what `trend` leaves over of the targets.
     """
     space = history.space
-    failed = history.failed()
-    taken = np.fromiter(history.taken(), dtype=np.int64)
     whole = len(space) <= LARGEST_GRID
-    if whole:
-        free = np.ones(len(space), dtype=bool)
-        free[taken] = False
-        pool = np.flatnonzero(free)
-    else:
-        around = [space.neighbours(int(index)) for index in targets.indices[targets.front]]
-        pool = np.concatenate([sample(space, SAMPLE, rng, exclude=history.taken()), *around])
-        pool = np.setdiff1d(pool, taken)
 
     def predict(indices: Indices, values: Array) -> Array:
         seed = int(rng.integers(2**31))
@@ -65,51 +72,47 @@ def screen(
 
     rest = targets.winsorised() - trend(targets.indices)
     predicted = np.stack([predict(targets.indices, column) for column in rest.T]) + trend(pool).T
+    failed = history.failed()
+    chance = np.ones(len(pool))
     if len(failed):
         labels = np.concatenate([np.ones(len(targets.indices)), np.zeros(len(failed))])
         chance = predict(np.concatenate([targets.indices, failed]), labels)
-    else:
-        chance = np.ones(len(pool))
     return Screening(pool, predicted, chance)
 
 
 def candidates(
-    screening: Screening,
-    targets: Targets,
-    space: Space,
-    taken: set[int],
-    count: int,
-    rng: np.random.Generator,
+    screening: Screening, targets: Targets, space: Space, count: int, rng: np.random.Generator
 ) -> Indices:
-    """Return about `count` distinct points for the second stage, none of them taken.
+    """Return about `count` distinct points of the pool for the second stage.
 
-    Half are the best of the pool for each of DIRECTIONS trade-offs (the least weighted Chebyshev distance to
-    the best predicted values, doubtful points set back), half one-parameter neighbours of the measured front.
+    A half are the best for each of DIRECTIONS trade-offs: the least weighted Chebyshev distance to the best
+    predicted values, doubtful points set back. A quarter are one-parameter neighbours of the measured front.
+    The rest is drawn from the whole pool, so that the sharp models see what the trees think nothing of.
     """
-    predicted = screening.predicted
-    ideal = np.minimum(predicted.min(axis=1), targets.values.min(axis=0))
+    pool = screening.indices
+    ideal = np.minimum(screening.predicted.min(axis=1), targets.values.min(axis=0))
     room = np.maximum(targets.reference - ideal, 1e-9)
-    worth = screening.chance > 0.05
-    for column, bound in zip(predicted, ideal + 1.25 * room, strict=True):
-        worth &= column < bound
-    if worth.sum() < count:
-        worth = np.ones(len(worth), dtype=bool)
-    pool, doubt = screening.indices[worth], 1.0 - screening.chance[worth]
-    distance = [
-        (column[worth] - low) / width for column, low, width in zip(predicted, ideal, room, strict=True)
-    ]
+    likely = np.flatnonzero(screening.chance > LEAST_CHANCE)
+    if len(likely) < count:
+        likely = np.arange(len(pool))
+    doubt = 1.0 - screening.chance[likely]
+    # Trees predict plateaus: of equals any may come, not always those of the lowest index.
+    doubt += 1e-6 * rng.random(len(likely))
+    distance = ((screening.predicted[:, likely].T - ideal) / room).T
     picked = []
     for weights in _directions(len(distance), rng):
-        score = distance[0] * weights[0]
+        score = (0.25 * weights.min()) * doubt
+        nearest = distance[0] * weights[0]
         for column, weight in zip(distance[1:], weights[1:], strict=True):
-            np.maximum(score, column * weight, out=score)
-        score += 0.25 * weights.min() * doubt
-        picked.append(pool[_smallest(score, max(1, count // (2 * DIRECTIONS)))])
-    front = targets.indices[targets.front]
-    near = [space.neighbours(int(index)) for index in front]
-    near_points = rng.permutation(np.unique(np.concatenate(near))) if near else np.empty(0, dtype=np.int64)
-    near_points = near_points[~np.isin(near_points, np.fromiter(taken, dtype=np.int64))]
-    return np.unique(np.concatenate([*picked, near_points[: count // 2]]))
+            np.maximum(nearest, column * weight, out=nearest)
+        score += nearest
+        picked.append(pool[likely[_smallest(score, max(1, count // (2 * DIRECTIONS)))]])
+    front = [space.neighbours(int(index)) for index in targets.indices[targets.front]]
+    around = np.intersect1d(np.concatenate(front), pool) if front else np.empty(0, dtype=np.int64)
+    picked.append(rng.permutation(around)[: count // 4])
+    best = np.unique(np.concatenate(picked))
+    others = pool[likely[rng.integers(0, len(likely), size=max(0, count - len(best)))]]
+    return np.union1d(best, others)
 
 
 def _smallest(score: Array, count: int) -> NDArray[np.int64]:

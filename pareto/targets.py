@@ -61,9 +61,9 @@ def _complete(limits: Array, values: Array) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
 
     The slack is wide, since whatever lies beyond the reference is worth nothing and will not be looked for:
-    a front that is found from its middle must be able to grow outwards. Where the front is a single point (one
-    objective, or objectives that agree), it has no extent: the median of what was measured within the limits
-    is then the least that the reference lets in.
+    a front that is found from its middle must be able to grow outwards. Where the front is a single point
+    (one objective, or objectives that agree), it has no extent: the median of what was measured within the
+    limits is then the least that the reference lets in.
     """
     keep = (values <= limits).all(axis=1)
     inside = values[keep] if keep.any() else values

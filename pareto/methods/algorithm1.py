@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from pareto.errors import MethodError
 from pareto.forest import Forest
 from pareto.front import nondominated
 from pareto.history import History
 from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample
+from pareto.screening import LARGEST_GRID
 
 
 @dataclass
@@ -31,11 +33,17 @@ class Algorithm1(Method):
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return the next of the random samples or of P; none while the last of a round are pending."""
+        if len(history.space) > LARGEST_GRID:
+            raise MethodError(
+                f"algorithm1 predicts the whole space, and {len(history.space):,} points are too many "
+                f"(at most {LARGEST_GRID:,}): use another method, or fewer values"
+            )
         taken = history.taken()
-        missing = min(self.initial, len(history.space)) - len(taken)
+        missing = self.initial - len(taken)
         if missing > 0:
             drawn = sample(history.space, min(count, missing), rng, exclude=taken)
-            return [(index, RANDOM) for index in drawn.tolist()]
+            if len(drawn):
+                return [(index, RANDOM) for index in drawn.tolist()]
         self._queue = [index for index in self._queue if index not in taken]
         if not self._queue and not history.pending:
             self._queue = [
@@ -63,5 +71,6 @@ def _predicted_front(history: History, trees: int, rng: np.random.Generator) -> 
         seed = int(rng.integers(2**31))
         forest = Forest.grow(codes, values[:, column], space.shape, seed=seed, trees=trees, extra=False)
         predicted[:, column] = forest.predict_grid()
-    front = np.flatnonzero(nondominated(predicted, [objective.maximise for objective in history.objectives]))
-    return rng.permutation(front).tolist()
+    allowed = np.flatnonzero(space.allowed_grid)
+    keep = nondominated(predicted[allowed], [objective.maximise for objective in history.objectives])
+    return rng.permutation(allowed[keep]).tolist()

@@ -13,7 +13,9 @@ from pareto.sampling import sample
 
 @dataclass
 class Random(Method):
-    """Draws uniformly from what is left."""
+    """Draws uniformly from what is left; `initial` is every method's option, and changes nothing here."""
+
+    initial: int = 40
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return `count` uniform draws without replacement."""
