@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from pareto import region
 from pareto.errors import ConstraintError, ForbiddenError, SpaceError
 from pareto.explorer import Explorer
+from pareto.methods import METHODS
 from pareto.sampling import sample, spread_sample
 from pareto.space import Space
 
@@ -287,3 +288,25 @@ def test_the_convolution_table_is_what_its_known_constraints_allow():
     )
     assert sorted(space.index_of(row) for row in rows) == np.flatnonzero(space.allowed_grid).tolist()
     assert space.count_allowed().points == len(rows) == 4362
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_measures_allowed_points_only_and_none_twice(method):
+    space = Space.from_dict(KERNEL)
+    explorer = Explorer(space, ("time", "error"), method=method, seed=1)
+    seen = []
+    for _ in range(4):
+        batch = explorer.ask(60)
+        explorer.tell(
+            batch,
+            [
+                {
+                    "time": 1 + item["block_x"] / item["block_y"],
+                    "error": 1 + abs(item["unroll"] - 2) + item["block_y"],
+                }
+                for item in batch
+            ],
+        )
+        seen += [space.encode(item) for item in batch]
+    assert len(seen) == len(set(seen)) >= 200
+    assert space.allowed(seen).all()
