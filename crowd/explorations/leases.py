@@ -10,7 +10,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import Any, TypeVar
 
 from django.conf import settings
@@ -24,7 +24,15 @@ from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
 MOST_LOSSES = 3
 UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
-RECORD_AGAIN_SECONDS = 0.5
+ASK_AGAIN_SECONDS = 0.5
+# What a measurement reads: the rest, such as the space, is fetched by whoever asks for it.
+READ = (
+    *("number", "configuration", "frames", "state", "attempt", "losses", "lease_until"),
+    *("exploration__application", "exploration__sequence", "exploration__sequence_sha256"),
+    *("exploration__state", "exploration__synchronous", "exploration__batch", "exploration__objectives"),
+    *("exploration__reference_device__name", "exploration__reference_device__queue"),
+    *("exploration__reference_device__opencl_device", "exploration__reference_device__machines"),
+)
 T = TypeVar("T")
 
 log = logging.getLogger(__name__)
@@ -35,14 +43,19 @@ def here() -> str:
     return f"{socket.gethostname()}:{os.getpid()}"
 
 
+class DeviceBusyError(RuntimeError):
+    """All machines of the device measure; the message names it."""
+
+
 @contextmanager
 def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
     """The evaluation, held for as long as it is measured; None where it is not to be had, as in `take`.
 
-    Any exception of the measurement makes it a failed evaluation with its reason. Where the process is asked
-    to end it is given back; trouble with the database leaves it to whoever finds the lease run out.
+    While the device is busy it is waited for, up to as long as a lease lasts. Any exception of the
+    measurement makes it a failed evaluation with its reason. Where the process is asked to end it is given
+    back; trouble with the database leaves it to whoever finds the lease run out.
     """
-    evaluation = take(evaluation_id, worker or here())
+    evaluation = _take_in_turn(evaluation_id, worker or here())
     if evaluation is None:
         yield None
         return
@@ -63,17 +76,38 @@ def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
 
 
 def take(evaluation_id: int, worker: str) -> Evaluation | None:
-    """Lease the evaluation; None where it is finished, someone else's, not wanted now, or its device busy."""
+    """Lease the evaluation; None where it is finished, someone else's, or not wanted now.
+
+    Raises DeviceBusyError.
+    """
     with transaction.atomic():
-        evaluation = (
-            Evaluation.objects.select_for_update(of=("self", "exploration__reference_device"))
-            .select_related("exploration__reference_device")
-            .filter(_free(timezone.now()), pk=evaluation_id, exploration__state=Exploration.State.RUNNING)
-            .first()
-        )
-        if evaluation is None or free_machines(evaluation.exploration.reference_device) < 1:
+        try:
+            evaluation = (
+                Evaluation.objects.select_for_update(of=("self", "exploration__reference_device"))
+                .select_related("exploration__reference_device")
+                .only(*READ)
+                .get(pk=evaluation_id)
+            )
+        except Evaluation.DoesNotExist:
             return None
+        if evaluation.exploration.state != Exploration.State.RUNNING or not _free(evaluation):
+            return None
+        device = evaluation.exploration.reference_device
+        if free_machines(device) < 1:
+            raise DeviceBusyError(f"{device}: all of its {device.machines} machines measure")
         return _lease(evaluation, worker)
+
+
+def _take_in_turn(evaluation_id: int, worker: str) -> Evaluation | None:
+    limit = time.monotonic() + _duration().total_seconds()
+    while True:
+        try:
+            return take(evaluation_id, worker)
+        except DeviceBusyError as busy:
+            if time.monotonic() > limit:
+                log.warning("evaluation %s waits for the reaper: %s", evaluation_id, busy)
+                return None
+        time.sleep(ASK_AGAIN_SECONDS)
 
 
 def take_next(device: ReferenceDevice, worker: str) -> Evaluation | None:
@@ -102,8 +136,9 @@ def free_machines(device: ReferenceDevice) -> int:
         state=Evaluation.State.RUNNING,
         lease_until__gte=timezone.now(),
         exploration__reference_device=device,
-    ).count()
-    return device.machines - held
+    )
+    # Fewer than a count would cost: there are never many.
+    return device.machines - len(held.order_by().values_list("pk"))
 
 
 def renew(evaluation: Evaluation) -> bool:
@@ -231,7 +266,7 @@ def _patiently(write: Callable[[], T], patience: timedelta) -> T:
                 raise
             log.warning("a result cannot be stored now, it is kept and tried again: %s", error)
             connection.close()
-            time.sleep(RECORD_AGAIN_SECONDS)
+            time.sleep(ASK_AGAIN_SECONDS)
 
 
 def _held(evaluation: Evaluation) -> QuerySet[Evaluation]:
@@ -241,8 +276,10 @@ def _held(evaluation: Evaluation) -> QuerySet[Evaluation]:
     )
 
 
-def _free(now: datetime) -> Q:
-    return Q(state=Evaluation.State.PENDING) | Q(state=Evaluation.State.RUNNING, lease_until__lt=now)
+def _free(evaluation: Evaluation) -> bool:
+    if evaluation.state == Evaluation.State.RUNNING:
+        return evaluation.lease_until is not None and evaluation.lease_until < timezone.now()
+    return evaluation.state == Evaluation.State.PENDING
 
 
 def _duration() -> timedelta:

@@ -4,10 +4,13 @@ Equal rows give equal proposals. A synchronous exploration tells its measurement
 numbers, any other in the order in which they were finished.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from functools import lru_cache
 from math import log2
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,10 +30,20 @@ MOST_OUTLIERS = 0.05  # of the measurements: where more lie far off, the forest 
 CHECKS = 2  # with the first measurement three, of which the median counts
 
 
+def space_of(exploration: Exploration) -> Space:
+    """The space that is searched. Raises SpaceError where the description is none."""
+    return _space(json.dumps(exploration.space))
+
+
+@lru_cache(maxsize=8)
+def _space(description: str) -> Space:
+    return Space.from_dict(json.loads(description))
+
+
 def fresh(exploration: Exploration, **more: Any) -> Explorer:
     """The explorer of a search that knows nothing yet. Raises ParetoError where there can be none."""
     return Explorer(
-        Space.from_dict(exploration.space),
+        space_of(exploration),
         exploration.objectives,
         exploration.limits,
         seed=exploration.seed,
@@ -40,29 +53,51 @@ def fresh(exploration: Exploration, **more: Any) -> Explorer:
     )
 
 
-def explorer(exploration: Exploration, evaluations: Sequence[Evaluation]) -> Explorer:
+class Row(NamedTuple):
+    """What the search reads of an evaluation."""
+
+    pk: int
+    number: int
+    phase: str
+    state: str
+    iteration: int
+    place: int | None  # in the space
+    frames: int | None
+    objectives: dict[str, float] | None
+    finished_at: datetime | None
+
+
+def rows_of(exploration: Exploration) -> list[Row]:
+    """All evaluations of the exploration in the order of their numbers. One query, ten thousand in 0.1 s."""
+    found = exploration.evaluations.order_by("number").values_list(
+        *("index" if name == "place" else name for name in Row._fields)
+    )
+    return list(map(Row._make, found))
+
+
+def explorer(exploration: Exploration, evaluations: Sequence[Row]) -> Explorer:
     """The explorer that knows all of EVALUATIONS, those of the exploration in the order of their numbers."""
-    rows = [row for row in evaluations if row.index is not None]
-    found = fresh(exploration, **_prior(exploration, rows))
+    rows = [row for row in evaluations if row.place is not None]
+    found = fresh(exploration, **_prior(exploration))
     finished = [row for row in rows if row.state in FINISHED and _counts(exploration, row)]
     if not exploration.synchronous:
         finished.sort(key=_finished)
     unfinished = [row for row in rows if row.state not in FINISHED and row.phase in (*SEARCHED, Phase.GIVEN)]
-    groups: dict[int, list[Evaluation]] = {}
+    groups: dict[int, list[Row]] = {}
     for row in finished:
-        groups.setdefault(row.index, []).append(row)  # type: ignore[arg-type]
+        groups.setdefault(row.place, []).append(row)  # type: ignore[arg-type]
     state = found.state() | {
         "asks": len({row.iteration for row in evaluations if row.phase in SEARCHED}),
         "observations": [
             [index, group[0].phase, [_values(group, exploration.objectives)]]
             for index, group in groups.items()
         ],
-        "pending": [[row.index, row.phase] for row in unfinished if row.index not in groups],
+        "pending": [[row.place, row.phase] for row in unfinished if row.place not in groups],
     }
     return Explorer.restore(found.space, state)
 
 
-def outliers(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     """Single measurements to be made again, since they lie far from what the others lead to expect.
 
     The others' word is a random forest's out-of-bag prediction, in logarithms where all values are positive.
@@ -77,10 +112,10 @@ def outliers(exploration: Exploration, evaluations: Sequence[Evaluation]) -> lis
     looked = any(row.phase == Phase.CHECK and row.iteration > newest for row in evaluations)
     if looked or _looks(len(searched)) == _looks(before):
         return []
-    checked = {row.index for row in evaluations if row.phase == Phase.CHECK}
-    done = [row for row in searched if row.objectives is not None and row.index not in checked]
-    space = Space.from_dict(exploration.space)
-    indices = np.array([row.index for row in done], dtype=np.int64)
+    checked = {row.place for row in evaluations if row.phase == Phase.CHECK}
+    done = [row for row in searched if row.objectives is not None and row.place not in checked]
+    space = space_of(exploration)
+    indices = np.array([row.place for row in done], dtype=np.int64)
     far = np.zeros(len(done))
     for name in exploration.objectives:
         far = np.maximum(far, _far(space, indices, _column(done, name)))
@@ -114,16 +149,16 @@ def _looks(measurements: int) -> int:
     return 0 if measurements < FIRST_LOOK else 1 + int(log2(measurements / FIRST_LOOK))
 
 
-def _column(rows: Iterable[Evaluation], name: str) -> np.ndarray:
+def _column(rows: Iterable[Row], name: str) -> np.ndarray:
     return np.array([(row.objectives or {}).get(name, np.nan) for row in rows], dtype=np.float64)
 
 
-def _counts(exploration: Exploration, row: Evaluation) -> bool:
+def _counts(exploration: Exploration, row: Row) -> bool:
     """Whether the explorer is told: what another device measured, or other frames, are no values of this."""
     return row.phase != Phase.PRIOR and row.frames == exploration.frames
 
 
-def _values(group: Sequence[Evaluation], objectives: Sequence[str]) -> list[float] | None:
+def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[float] | None:
     """Of several measurements of one configuration the median counts; None where all of them failed."""
     found = [row.objectives for row in group if row.objectives and set(objectives) <= set(row.objectives)]
     if not found:
@@ -131,15 +166,14 @@ def _values(group: Sequence[Evaluation], objectives: Sequence[str]) -> list[floa
     return [float(median(row[name] for row in found)) for name in objectives]
 
 
-def _finished(row: Evaluation) -> tuple[float, int]:
+def _finished(row: Row) -> tuple[float, int]:
     return (row.finished_at.timestamp() if row.finished_at else 0.0, row.number)
 
 
-def _prior(exploration: Exploration, rows: Sequence[Evaluation]) -> dict[str, Any]:
+def _prior(exploration: Exploration) -> dict[str, Any]:
     """What other devices say, for methods that can use it."""
-    told: list[tuple[Mapping[str, Any], Mapping[str, float] | None]] = [
-        (row.configuration, row.objectives) for row in rows if row.phase == Phase.PRIOR
-    ]
-    if not told or not getattr(METHODS[exploration.method], "uses_prior", False):
+    if exploration.warm_start_from_id is None or not METHODS[exploration.method].uses_prior:
         return {}
-    return {"prior": told}
+    told = exploration.evaluations.filter(phase=Phase.PRIOR, index__isnull=False).order_by("number")
+    pairs = list(told.values_list("configuration", "objectives"))
+    return {"prior": pairs} if pairs else {}

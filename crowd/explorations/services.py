@@ -64,7 +64,7 @@ def create(exploration: Exploration) -> Exploration:
     exploration.save()
     if exploration.warm_start_from is not None:
         _copy(exploration, exploration.warm_start_from)
-    space = Space.from_dict(exploration.space)
+    space = search.space_of(exploration)
     given = known.configurations(exploration.application, space).items()
     _add(
         exploration,
@@ -150,7 +150,7 @@ def advance(exploration_id: int) -> list[Evaluation]:
     exploration = Exploration.objects.get(pk=exploration_id)
     if exploration.state != Exploration.State.RUNNING or not due(exploration):
         return []
-    return _ask(exploration, list(exploration.evaluations.all()))
+    return _ask(exploration, search.rows_of(exploration))
 
 
 def due(exploration: Exploration) -> bool:
@@ -176,12 +176,12 @@ def key(configuration: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()
 
 
-def _ask(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+def _ask(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Evaluation]:
     """Search on; then measure the best again; then be done."""
     wanted = _search(exploration, evaluations)
     unfinished = any(row.state not in FINISHED for row in evaluations)
     if not wanted and not unfinished:
-        wanted = _repeats(exploration, evaluations)
+        wanted = _repeats(exploration)
     with transaction.atomic():
         present = Exploration.objects.select_for_update().get(pk=exploration.pk)
         # A number is never given back, so that their count tells whether someone else asked meanwhile.
@@ -195,10 +195,11 @@ def _ask(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Ev
         return []
 
 
-def _search(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Wanted]:
+def _search(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Wanted]:
     """The next of the search, or outliers to be checked first; nothing once the budget is used up."""
     if exploration.recheck and (far := search.outliers(exploration, evaluations)):
-        again: list[Wanted] = [(row.configuration, Evaluation.Phase.CHECK, row.label) for row in far]
+        chosen = exploration.evaluations.filter(pk__in=[row.pk for row in far])
+        again: list[Wanted] = [(row.configuration, Evaluation.Phase.CHECK, row.label) for row in chosen]
         return again * search.CHECKS
     left = exploration.budget - sum(row.phase in SEARCHED for row in evaluations)
     if left <= 0:
@@ -209,8 +210,11 @@ def _search(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list
     return [(proposal.configuration, proposal.phase, "") for proposal in proposals]
 
 
-def _repeats(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[Wanted]:
+def _repeats(exploration: Exploration) -> list[Wanted]:
     """What is worth publishing and was not yet measured `repeats` times over the whole sequence."""
+    if exploration.repeats == 0:
+        return []
+    evaluations = list(exploration.evaluations.all())
     repeats = [row for row in evaluations if row.phase == Evaluation.Phase.REPEAT]
     newest = max((row.iteration for row in evaluations if row.phase in SEARCHED), default=0)
     rounds = {row.iteration for row in repeats if row.iteration > newest}
@@ -240,7 +244,7 @@ def _add(
     exploration: Exploration, wanted: Sequence[Wanted], iteration: int | None = None
 ) -> list[Evaluation]:
     """Store new evaluations, numbered on; repeats run over the whole sequence."""
-    space = Space.from_dict(exploration.space)
+    space = search.space_of(exploration)
     if iteration is None:
         last = exploration.evaluations.aggregate(last=Max("iteration"))["last"]
         iteration = 1 + (last or 0)
@@ -265,7 +269,7 @@ def _copy(exploration: Exploration, earlier: Exploration) -> None:
     """What EARLIER measured is known: as if measured here where nothing differs, else as a prior."""
     same = ("reference_device_id", "sequence_sha256", "frames")
     alike = all(getattr(earlier, name) == getattr(exploration, name) for name in same)
-    space = Space.from_dict(exploration.space)
+    space = search.space_of(exploration)
     found = earlier.evaluations.filter(state__in=FINISHED).exclude(phase__in=COPIED)
     rows = [row for row in found if row.frames == earlier.frames]
     Evaluation.objects.bulk_create(

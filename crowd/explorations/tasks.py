@@ -1,13 +1,13 @@
 """Celery tasks: they take a row's key, and every one may run twice or never without harm.
 
-A device's queue holds no more messages than it has free machines: whoever finishes a measurement sends the
-next. So nothing is measured after a pause, and a broker that loses its messages loses few.
+Every new evaluation is announced once on its device's queue. Where messages were lost the queue is empty
+before everything is measured: then the reaper announces again what waits.
 """
 
 import logging
 from typing import Any
 
-from celery import Task, shared_task
+from celery import Task, current_app, shared_task
 from celery.signals import worker_ready
 from django.utils import timezone
 from kombu.exceptions import OperationalError
@@ -16,14 +16,17 @@ from crowd.explorations import leases, services
 from crowd.explorations.measurement import evaluator
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
+BROKER_PATIENCE_SECONDS = 2
+
 log = logging.getLogger(__name__)
 
 
 @shared_task
 def advance(exploration_id: int) -> None:
-    """Ask for more where that is due, and send what the device's free machines can take."""
-    if services.advance(exploration_id):
-        dispatch(Exploration.objects.select_related("reference_device").get(pk=exploration_id))
+    """Ask for more where that is due, and announce it."""
+    evaluations = services.advance(exploration_id)
+    for evaluation in evaluations:
+        _send(evaluate, evaluation.pk, evaluation.exploration.reference_device.queue)
 
 
 @shared_task
@@ -38,34 +41,29 @@ def evaluate(evaluation_id: int) -> None:
 
 @shared_task
 def reap() -> None:
-    """Send again what waits or was lost, in every exploration that runs."""
-    _restart(leases.reap())
+    """Give back what dead workers held, and announce what no message tells of any more."""
+    for exploration in leases.reap():
+        if not _queued(exploration.reference_device.queue):
+            dispatch(exploration)
+        _ask_where_due(exploration)
 
 
 def dispatch(exploration: Exploration) -> None:
-    """Send as much of what waits for the exploration's device as it has free machines."""
-    device = exploration.reference_device
-    for key in leases.waiting(device).values_list("pk", flat=True)[: max(0, leases.free_machines(device))]:
-        _send(evaluate, key, device.queue)
+    """Announce everything of the exploration that waits."""
+    if exploration.state == Exploration.State.RUNNING:
+        for evaluation in services.waiting(exploration):
+            _send(evaluate, evaluation.pk, exploration.reference_device.queue)
 
 
 def go_on(exploration: Exploration) -> None:
-    """Send what waits, and where that is due ask for more: after a pause, a larger budget, a restart."""
+    """Announce what waits, and where that is due ask for more: after a pause, a larger budget, a restart."""
     dispatch(exploration)
-    if exploration.state == Exploration.State.RUNNING and services.due(exploration):
-        _send(advance, exploration.pk)
+    _ask_where_due(exploration)
 
 
 def follow(evaluation: Evaluation) -> None:
-    """EVALUATION is finished: send the next one of its device, and let its exploration go on where due."""
-    exploration = evaluation.exploration
-    device = exploration.reference_device
-    following = leases.waiting(device).values_list("pk", "exploration_id").first()
-    if following is not None:
-        _send(evaluate, following[0], device.queue)
-    waits = following is not None and following[1] == exploration.pk and exploration.synchronous
-    if not waits and services.due(exploration):
-        _send(advance, exploration.pk)
+    """EVALUATION is finished: where that is due its exploration asks for more."""
+    _ask_where_due(evaluation.exploration)
 
 
 @worker_ready.connect
@@ -73,12 +71,24 @@ def reap_at_start(sender: Any = None, **_: object) -> None:
     """A worker that starts looks for what was left behind, at once for what an earlier one here held."""
     queues = list(sender.app.amqp.queues.consume_from) if sender is not None else []
     ReferenceDevice.objects.filter(queue__in=queues).update(seen_at=timezone.now())
-    _restart(leases.reap_after_restart())
-
-
-def _restart(explorations: list[Exploration]) -> None:
-    for exploration in explorations:
+    for exploration in leases.reap_after_restart():
         go_on(exploration)
+
+
+def _ask_where_due(exploration: Exploration) -> None:
+    if exploration.state == Exploration.State.RUNNING and services.due(exploration):
+        _send(advance, exploration.pk)
+
+
+def _queued(queue: str) -> int:
+    """How many messages wait in QUEUE; 0 where there is no such queue yet, or no broker."""
+    with current_app.connection_for_write(connect_timeout=BROKER_PATIENCE_SECONDS) as broker:
+        try:
+            broker.ensure_connection(max_retries=1, timeout=BROKER_PATIENCE_SECONDS)
+            with broker.channel() as channel:
+                return int(channel.queue_declare(queue=queue, passive=True).message_count)
+        except (*broker.channel_errors, *broker.connection_errors, OperationalError):
+            return 0
 
 
 def _send(task: Task, key: int, queue: str | None = None) -> None:

@@ -110,8 +110,7 @@ def test_a_created_exploration_is_what_the_form_said_and_its_measurements_are_se
     assert created.limits == {"ate_max": 0.05, "runtime": 0.2}
     assert created.options == {"initial": 4}
     assert (created.method, created.budget, created.batch) == ("two-stage", 6, 4)
-    # As many as the device has machines.
-    assert sent("bench") == [[services.waiting(created)[0].pk]]
+    assert sent("bench") == [[row.pk] for row in services.waiting(created)]
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def test_nothing_new_is_asked_while_something_is_unfinished(exploration: Explora
 def test_of_two_who_ask_at_once_one_is_heard(exploration: Exploration) -> None:
     finish(services.waiting(exploration))
     late = Exploration.objects.get(pk=exploration.pk)
-    seen = list(late.evaluations.all())
+    seen = search.rows_of(late)
 
     assert len(services.advance(exploration.pk)) == 4
     assert services._ask(late, seen) == []
@@ -184,7 +184,7 @@ def test_the_default_method_learns_from_given_configurations_in_its_space(unsave
 
     phases = set(exploration.evaluations.values_list("phase", flat=True))
     assert phases == {"given", "random", "active", "repeat"}
-    explorer = search.explorer(exploration, list(exploration.evaluations.all()))
+    explorer = search.explorer(exploration, search.rows_of(exploration))
     assert len(explorer.history.told) == 50
 
 

@@ -8,7 +8,7 @@ import pytest
 from django.core.management import CommandError, call_command
 
 from crowd.explorations import services, tasks
-from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_file
 from tests.explorations.conftest import SPACE, finish
@@ -68,6 +68,8 @@ def test_a_wrong_argument_of_the_command_is_one_line(
 def test_tasks_take_an_exploration_to_its_end(exploration: Exploration) -> None:
     exploration.budget, exploration.repeats = 1, 0
     exploration.save()
+    # A queue in which no other test left a message.
+    ReferenceDevice.objects.update(queue="unheard-of")
     finish(services.waiting(exploration)[1:])
 
     tasks.reap.delay()  # as a worker does when it starts; tasks run at once here

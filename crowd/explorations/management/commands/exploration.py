@@ -152,9 +152,7 @@ def _add_start(start: CommandParser) -> None:
     start.add_argument("--seed", type=int, default=0)
     start.add_argument("--points", type=int, default=12, help="of the front, to measure again at the end")
     start.add_argument("--repeats", type=int, default=3, help="further measurements of each such point")
-    start.add_argument(
-        "--frames", type=int, metavar="N", help="that the search measures (all)"
-    )
+    start.add_argument("--frames", type=int, metavar="N", help="that the search measures (all)")
     start.add_argument("--objectives", type=_names, default=["ate_max", "runtime"], metavar="A,B")
     start.add_argument(
         "--limit",
