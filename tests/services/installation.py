@@ -4,13 +4,14 @@ import os
 import random
 import signal
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
 from tests.services import exploring
-from tests.services.program import Program
+from tests.services.program import Program, until
 from tests.services.serving import Services, Serving, command
+from tests.services.table import notes
 from tests.services.worker import Worker
 
 
@@ -51,8 +52,8 @@ class Installation:
         """Every kind of kill, in a random order; each starts again what nobody else would."""
         found = [
             lambda: self.kill_worker(chance.choice(self.workers)),
-            lambda: self.kill_worker(chance.choice(self.workers)),
-            lambda: self.kill_what_measures(chance.choice(self.workers)),
+            lambda: self.kill_measuring_worker(chance.choice(self.workers)),
+            lambda: self.kill_measuring_process(chance.choice(self.workers)),
             lambda: self.server.kill_child("--beat"),
             lambda: self.server.kill_child("granian"),
             self.lose_the_messages,
@@ -69,11 +70,24 @@ class Installation:
         worker.process.wait()
         worker.start()
 
-    def kill_what_measures(self, worker: Worker) -> None:
-        """The process of the worker's pool; the worker survives it."""
-        for pid in worker.measuring():
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+    def kill_measuring_worker(self, worker: Worker) -> None:
+        """The worker alone, in the middle of a measurement."""
+        until(lambda: self._stopped_while_measuring(worker))
+        self.kill_worker(worker)
+
+    def kill_measuring_process(self, worker: Worker) -> None:
+        """The process of the worker's pool, in the middle of a measurement; the worker survives that."""
+        os.kill(until(lambda: self._stopped_while_measuring(worker)), signal.SIGKILL)
+
+    def _stopped_while_measuring(self, worker: Worker) -> int | None:
+        """The process of WORKER's pool if it measures, and halted; None, and running, if it does not."""
+        for pid in worker.pool():
+            os.kill(pid, signal.SIGSTOP)
+            own = [note for note in notes(self.var) if note.pid == pid]
+            if own and own[-1].what == "begun":
+                return pid
+            os.kill(pid, signal.SIGCONT)
+        return None
 
     def lose_the_messages(self) -> None:
         """kill -9 of the broker; the embedded one has no process, and loses all its files instead."""

@@ -29,12 +29,12 @@ def listens(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def until(condition: Callable[[], Any], patience: float = PATIENCE_SECONDS) -> Any:
-    """What CONDITION gives as soon as that is true; AssertionError when PATIENCE is over."""
+def until(condition: Callable[[], Any], patience: float = PATIENCE_SECONDS, pause: float = 0.05) -> Any:
+    """What CONDITION gives once that is true, asked every PAUSE; AssertionError when PATIENCE is over."""
     limit = time.monotonic() + patience
     while not (value := condition()):
         assert time.monotonic() < limit, f"waited {patience:.0f} s in vain"
-        time.sleep(0.05)
+        time.sleep(pause)
     return value
 
 

@@ -1,8 +1,10 @@
-"""Measurements looked up in a table instead of made, and a note of each that was begun."""
+"""Measurements looked up in a table instead of made, and notes of when each began and ended."""
 
 import itertools
+import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from django.conf import settings
@@ -19,6 +21,7 @@ SPACE = {
     ],
 }
 FAILING = 29  # every so many rows
+NOTES = "measured.txt"
 NOTHING = "the table holds nothing here"
 
 
@@ -46,16 +49,33 @@ def look_up(configuration: dict[str, int]) -> dict[str, float] | None:
 
 def measure(evaluation: Evaluation, heartbeat: Callable[[], bool] | None = None) -> Measurement:
     """As crowd.explorations.measurement.measure does, after TABLE_SECONDS."""
-    note = f"{evaluation.pk} {evaluation.attempt}\n"
-    with notes(settings.FRONTRUNNER_VAR).open("ab", buffering=0) as file:
-        file.write(note.encode())  # at once: lines of several workers never mix
+    _note(evaluation, "begun")
     time.sleep(settings.TABLE_SECONDS)
     objectives = look_up(evaluation.configuration)
+    _note(evaluation, "ended")
     if objectives is None:
         raise MeasurementError(NOTHING)
     return Measurement(objectives, {"computation": objectives["runtime"]}, DEVICE)
 
 
-def notes(var: Path) -> Path:
-    """The file in the data folder VAR with a line `evaluation attempt` for each measurement begun."""
-    return var / "measured.txt"
+@dataclass(frozen=True)
+class Note:
+    """That the process PID began or ended an attempt to measure the evaluation KEY."""
+
+    key: int
+    attempt: int
+    pid: int
+    what: str
+
+
+def notes(var: Path) -> list[Note]:
+    """What was noted below the data folder VAR, in order."""
+    path = var / NOTES
+    rows = (line.split() for line in (path.read_text() if path.exists() else "").splitlines())
+    return [Note(int(key), int(attempt), int(pid), what) for key, attempt, pid, what in rows]
+
+
+def _note(evaluation: Evaluation, what: str) -> None:
+    line = f"{evaluation.pk} {evaluation.attempt} {os.getpid()} {what}\n"
+    with (Path(settings.FRONTRUNNER_VAR) / NOTES).open("ab", buffering=0) as file:
+        file.write(line.encode())  # at once: lines of several processes never mix

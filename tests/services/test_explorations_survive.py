@@ -23,11 +23,12 @@ from tests.services.table import NOTHING, look_up, measure, notes
 MACHINES = 4
 PATIENCE_SECONDS = 600.0
 LONGEST_DELAY_SECONDS = 0.2
+INTERRUPTED = 2  # measurements at least: so many kills wait for the middle of one
 WISHES: dict[str, Any] = {
     "machines": MACHINES,
     "budget": 1000,
     "batch": 100,
-    "options": {"initial": 800},  # at random; the last two batches are learnt
+    "options": {"initial": 900},  # at random; the last batch is learnt
     "repeats": 2,
     "seed": 7,
 }
@@ -64,14 +65,9 @@ def undisturbed(
     return found
 
 
-def finished(installation: Installation) -> int:
-    """How many evaluations are; 0 while nobody answers."""
-    try:
-        _, answer = installation.server.call("GET", "/api/v1/explorations")
-        counts = answer["results"][0]["evaluations"]
-    except (OSError, ValueError, KeyError):
-        return 0
-    return int(counts["done"] + counts["failed"])
+def measured(installation: Installation) -> int:
+    """How many evaluations were measured."""
+    return len({note.key for note in notes(installation.var) if note.what == "ended"})
 
 
 def state(installation: Installation) -> str:
@@ -93,18 +89,18 @@ def test_an_exploration_survives_every_kill(
 
     key = exploring.start(installation.var, installation.services, **WISHES)
     for moment, kill in zip(moments, kills, strict=True):
-        until(lambda moment=moment: finished(installation) >= moment, PATIENCE_SECONDS)  # type: ignore[misc]
+        until(lambda moment=moment: measured(installation) >= moment, PATIENCE_SECONDS)  # type: ignore[misc]
         time.sleep(chance.uniform(0, LONGEST_DELAY_SECONDS))
         kill()
-    until(lambda: state(installation) == "done", PATIENCE_SECONDS)
+    until(lambda: state(installation) == "done", PATIENCE_SECONDS, pause=1.0)
 
     rows = exploring.rows(installation.var, installation.services, key)
     assert [(row["number"], row["phase"], row["configuration"]) for row in rows] == undisturbed
     for row in rows:
         assert row["objectives"] == look_up(row["configuration"])
         assert row["error"] == ("" if row["objectives"] else NOTHING)
-    begun = Counter(
-        tuple(map(int, line.split())) for line in notes(installation.var).read_text().splitlines()
-    )
+    begun = Counter((note.key, note.attempt) for note in notes(installation.var) if note.what == "begun")
     assert set(begun.values()) == {1}
     assert {(row["pk"], row["attempt"]) for row in rows} <= set(begun)
+    assert sum(row["attempt"] > 1 for row in rows) >= INTERRUPTED
+    assert all(worker.process.poll() is None for worker in installation.workers)

@@ -27,6 +27,6 @@ class Worker(Program):
         # Where there is no broker it waits for one.
         return self.process.poll() is None
 
-    def measuring(self) -> list[int]:
-        """The processes of its pool: what measures."""
+    def pool(self) -> list[int]:
+        """The processes of its pool, in which tasks run."""
         return list(children(self.process.pid))
