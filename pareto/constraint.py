@@ -158,9 +158,9 @@ class _Reader:
             if name.lower() in ("true", "false"):
                 return _constant(TRUTH, name.lower() == "true", name)
             close = difflib.get_close_matches(name, self.parameters, n=1)
-            hint = f"did you mean {close[0]!r}? " if close else ""
+            hint = f"did you mean {close[0]!r}? This" if close else "this"
             raise self.error(
-                f"unknown parameter {name!r}: {hint}This space has {', '.join(self.parameters)}; "
+                f"unknown parameter {name!r}: {hint} space has {', '.join(self.parameters)}; "
                 "texts are written in quotes"
             )
         self.used[name] = None

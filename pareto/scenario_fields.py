@@ -19,7 +19,7 @@ READ = {
 _FILES = "the exploration's folder holds all files"
 _OWN_METHOD = "it sets up a method of HyperMapper's"
 _RESUME = "a second run in the same folder goes on where the first ended"
-_PRIOR = "prior beliefs are not used: values that were measured elsewhere are"
+_PRIOR = "only measured values count as prior knowledge"
 
 REASONS = {
     **dict.fromkeys(
