@@ -1,4 +1,4 @@
-"""python -m pareto explore | front | plot | compare | transfer."""
+"""python -m pareto explore | front | plot | space | compare | transfer."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""The commands of `python -m pareto`: explore | front | plot | compare | transfer."""
+"""The commands of `python -m pareto`: explore | front | plot | space | compare | transfer."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pareto.errors import ParetoError
 from pareto.explore_command import add_explore
 from pareto.front_command import add_front
 from pareto.plot_command import add_plot
+from pareto.space_command import add_space
 from pareto.transfer_command import add_transfer
 
 
@@ -19,7 +20,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return its exit code: 0 done, 2 usage, 130 interrupted with everything saved."""
     try:
         options = _parser().parse_args(arguments)
-        return int(options.act(options))
+        code = int(options.act(options))
+        sys.stdout.flush()
+        return code
     except ParetoError as error:
         sys.stderr.write(f"pareto: {error}\n")
         return 2
@@ -40,6 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     add_explore(commands)
     add_front(commands)
     add_plot(commands)
+    add_space(commands)
     add_compare(commands)
     add_transfer(commands)
     return parser
