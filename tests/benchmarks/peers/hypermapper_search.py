@@ -58,7 +58,7 @@ def search(table: Table) -> None:
             "optimization_objectives": names,
             "run_directory": folder,
             "design_of_experiment": {"doe_type": "random sampling", "number_of_samples": initial},
-            "optimization_iterations": table.budget - initial,
+            "optimization_iterations": table.trials - initial,
             "models": {"model": "random_forest"},
             "number_of_cpus": 1,
             "input_parameters": parameters,

@@ -42,7 +42,7 @@ def search(table: Table) -> None:
         trial.set_user_attr("excess", outcome.excess)
         return outcome.objectives
 
-    study.optimize(look_up, n_trials=table.budget)
+    study.optimize(look_up, n_trials=table.trials)
 
 
 if __name__ == "__main__":

@@ -44,7 +44,7 @@ def search(table: Table) -> None:
         mating=MixedVariableMating(eliminate_duplicates=MixedVariableDuplicateElimination()),
         eliminate_duplicates=MixedVariableDuplicateElimination(),
     )
-    minimize(problem, algorithm, ("n_eval", table.budget), seed=table.seed, verbose=False)
+    minimize(problem, algorithm, ("n_eval", table.trials), seed=table.seed, verbose=False)
 
 
 if __name__ == "__main__":

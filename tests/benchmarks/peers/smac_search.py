@@ -48,7 +48,7 @@ def search(table: Table) -> None:
         scenario = Scenario(
             space,
             objectives=names,
-            n_trials=table.budget,
+            n_trials=table.trials,
             deterministic=True,
             seed=table.seed,
             output_directory=Path(folder),

@@ -23,8 +23,11 @@ import numpy as np
 PATIENCE = 50  # points that may be refused for each that is evaluated
 
 
-class BudgetSpentError(Exception):
-    """The look-up after the last one that was allowed: a search that plans in generations ends here."""
+class BudgetSpentError(BaseException):
+    """The look-up after the last one that was allowed: a search that plans in generations ends here.
+
+    No Exception: a search that goes on after a failing point must not go on after this.
+    """
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,8 @@ class Table:
         self.can_fail = bool(np.isnan(self.logarithms).any())
         self.allowed = None if request["allowed"] is None else np.load(request["allowed"])
         self.budget, self.seed, self.method = request["budget"], request["seed"], request["method"]
+        # For searches that must be told when to end: what is refused must not shorten them.
+        self.trials = self.budget * (1 if self.allowed is None else PATIENCE)
         self.indices: list[int] = []
         self.refused = 0
         self._worst = np.full(self.logarithms.shape[1], -np.inf)
@@ -90,17 +95,22 @@ class Table:
             self.refused += 1
             if self.refused > PATIENCE * self.budget:
                 raise BudgetSpentError
-        else:
-            self.indices.append(index)
+            return self._failed()
+        self.indices.append(index)
         row = self.logarithms[index]
-        width = max(self.constraints, 1)
         if np.isnan(row).any():
-            # The worst that was seen: a failed point says nothing, but these searches want a number.
-            worst = np.where(np.isfinite(self._worst), self._worst, 0.0)
-            return Outcome(tuple(worst.tolist()), (1.0,) * width, False)
+            return self._failed()
         self._worst = np.maximum(self._worst, row)
-        excess = [-1.0] * width if self.limits is None else (row - self.limits).tolist()
+        excess = [-1.0] if self.limits is None else (row - self.limits).tolist()
         return Outcome(tuple(row.tolist()), tuple(excess), max(excess) <= 0)
+
+    def _failed(self) -> Outcome:
+        # A failed point says nothing, but these searches want a number: the worst that was seen, or that
+        # there is as long as nothing else was seen.
+        worst = self._worst
+        if not np.isfinite(worst).all():
+            worst = np.nanmax(self.logarithms, axis=0)
+        return Outcome(tuple(worst.tolist()), (1.0,) * max(self.constraints, 1), False)
 
 
 def answer(search: Callable[[Table], None], packages: Sequence[str]) -> None:
