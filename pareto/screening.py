@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from pareto.history import History
 from pareto.sampling import sample
 from pareto.space import Indices, Space
 from pareto.targets import Targets
+
+if TYPE_CHECKING:
+    from pareto.transfer import Trend
 
 Array = NDArray[np.float64]
 
@@ -53,7 +56,7 @@ def free_points(history: History, targets: Targets, rng: np.random.Generator) ->
 def screen(
     history: History,
     targets: Targets,
-    trend: Callable[[Indices], Array],
+    trend: Trend,
     pool: Indices,
     trees: int,
     rng: np.random.Generator,
@@ -70,8 +73,9 @@ def screen(
         forest = Forest.grow(space.codes(indices), values, space.shape, seed=seed, trees=trees)
         return forest.predict_grid()[pool] if whole else forest.predict(space.codes(pool))
 
-    rest = targets.winsorised() - trend(targets.indices)
-    predicted = np.stack([predict(targets.indices, column) for column in rest.T]) + trend(pool).T
+    predicted = (
+        np.stack([predict(targets.indices, column) for column in trend.rest(targets).T]) + trend(pool).T
+    )
     failed = history.failed()
     chance = np.ones(len(pool))
     if len(failed):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +14,10 @@ from pareto.history import History
 from pareto.improvement import expected_improvement
 from pareto.space import Indices
 from pareto.targets import Targets
+from pareto.transfer import Trend
 
 Array = NDArray[np.float64]
 Hyperparameters = list[list[float]]  # plain numbers, so that they can be saved
-Trend = Callable[[Indices], Array]  # (n,) indices to (n, objectives): what is expected beforehand
 
 TREES = 32
 
@@ -49,7 +48,7 @@ class Surrogates:
         self._trend = trend
         self._known = list(known or [])
         near = _near_the_front(targets, points, rng)
-        rest = (targets.winsorised() - trend(targets.indices))[near]
+        rest = trend.rest(targets)[near]
         self._objectives = [self._process(targets.indices[near], column, rng) for column in rest.T]
         self._success: GaussianProcess | None = None
         failed = history.failed()

@@ -25,6 +25,7 @@ from pareto.targets import Targets
 Array = NDArray[np.float64]
 
 TREES = 100
+REACH = 4  # how far down its list the most unlike one is looked for
 ENOUGH = 8  # measurements on this device, before which a source is trusted unseen
 
 
@@ -59,19 +60,17 @@ class Prior:
         """Whether the source measured anything that did not fail."""
         return len(self.source.measured()[0]) > 0
 
-    def promising(self, count: int, exclude: Collection[int] = ()) -> Indices:
-        """Return up to `count` configurations of the source, the most promising first, none in `exclude`.
+    def ranked(self, count: int) -> Indices:
+        """Return the source's best `count` configurations, the most promising first.
 
         Those that keep more of the limits on the source come first, since a limit in its values may be out of
         its reach; then front after front, what is left when the one before is taken away; and within a front
         each next one is the farthest, in log values, from those before it.
         """
         indices, values = self.source.measured()
-        keep = ~np.isin(indices, np.fromiter(exclude, dtype=np.int64))
-        indices, values = indices[keep], values[keep]
         if len(indices) == 0:
             return indices
-        scaled = Targets.of(self.source).values[keep]
+        scaled = Targets.of(self.source).values
         broken = np.zeros(len(indices), dtype=np.int64)
         for column, objective in enumerate(self.source.objectives):
             limit = self._limits.get(objective.name, np.inf * objective.sign)
@@ -85,10 +84,29 @@ class Prior:
                 left = left[~front]
         return indices[chosen]
 
+    def promising(self, count: int, exclude: Collection[int] = ()) -> Indices:
+        """Return up to `count` configurations to try first, none in `exclude`, the most promising first.
+
+        The best of a device are often near relatives, which do well or badly together on another: the k-th to
+        try is, among the best REACH * k, the one that is most unlike those before it.
+        """
+        wanted = max(count, 0) + len(exclude)
+        ranked = self.ranked(REACH * wanted)
+        features = self.source.space.features(ranked)
+        distance = np.full(len(ranked), np.inf)
+        chosen: list[int] = []
+        for number in range(min(wanted, len(ranked))):
+            place = int(np.argmax(distance[: REACH * number + 1]))
+            chosen.append(int(ranked[place]))
+            distance = np.minimum(distance, np.abs(features - features[place]).sum(axis=1))
+            distance[place] = -1.0
+        free = [index for index in chosen if index not in set(exclude)]
+        return np.array(free[: max(count, 0)], dtype=np.int64)
+
     def expected(self, indices: Indices) -> Array:
         """Return (n, objectives) of what the source measured or its model predicts there.
 
-        In the units of `Targets.winsorised`: minimised, logarithms where all values are positive.
+        In the units of `Targets.values`: minimised, logarithms where all values are positive.
         """
         if len(self.source.space) > LARGEST_GRID:
             codes = self.source.space.codes(indices)
@@ -102,9 +120,7 @@ class Prior:
         targets = Targets.of(self.source)
         space = self.source.space
         codes = space.codes(targets.indices)
-        return [
-            Forest.grow(codes, column, space.shape, seed=0, trees=TREES) for column in targets.winsorised().T
-        ]
+        return [Forest.grow(codes, column, space.shape, seed=0, trees=TREES) for column in targets.values.T]
 
 
 class Trend:
@@ -113,10 +129,10 @@ class Trend:
     `slope` holds, for each objective, that of this device's values over the source's.
     """
 
-    def __init__(self, prior: Prior | None, slope: Array, centre: Array) -> None:
+    def __init__(self, prior: Prior | None, slope: Array, offset: Array) -> None:
         self._prior = prior
         self.slope = slope
-        self._centre = centre
+        self._offset = offset
 
     @classmethod
     def of(cls, history: History, targets: Targets) -> Trend:
@@ -125,15 +141,26 @@ class Trend:
         if not history.prior:
             return cls(None, nothing, nothing)
         expected = history.prior.expected(targets.indices)
-        columns = zip(expected.T, targets.winsorised().T, strict=True)
+        columns = zip(expected.T, targets.values.T, strict=True)
         slope = np.array([shrunk_slope(theirs, ours) for theirs, ours in columns])
-        return cls(history.prior if slope.any() else None, slope, expected.mean(axis=0))
+        offset = targets.values.mean(axis=0) - slope * expected.mean(axis=0)
+        return cls(history.prior if slope.any() else None, slope, offset)
 
     def __call__(self, indices: Indices) -> Array:
-        """Return (n, objectives) targets, up to a constant for each objective."""
+        """Return (n, objectives) targets; zero where nothing is borne out."""
         if self._prior is None:
             return np.zeros((len(indices), len(self.slope)))
-        return self.slope * (self._prior.expected(indices) - self._centre)
+        line = self._offset + self.slope * self._prior.expected(indices)
+        return np.where(self.slope == 0, 0.0, line)
+
+    def rest(self, targets: Targets) -> Array:
+        """Return (n, objectives) what is left to learn of the winsorised targets.
+
+        The line is pulled in as they are, so that a point which is bad on both devices leaves nothing over.
+        """
+        ours = targets.winsorised()
+        line = np.minimum(self(targets.indices), ours.max(axis=0))
+        return ours - np.where(self.slope == 0, 0.0, line)
 
 
 def trusted(history: History) -> bool:

@@ -69,7 +69,7 @@ def promises(
     theirs = dict(zip(*prior.source.measured(), strict=True))
     known = dict(zip(*target.measured(), strict=True))
     failed = set(target.failed().tolist())
-    indices = prior.source.front()[0] if count is None else prior.promising(count)
+    indices = prior.source.front()[0] if count is None else prior.ranked(count)
     values = np.array([theirs[index] for index in indices.tolist()]).reshape(len(indices), len(wanted))
     expected = _moved(space, indices, values, theirs, known)
     found = []
