@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from django.utils import timezone
 
-from crowd.explorations import points, services
+from crowd.explorations import points, repeating, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
 from crowd.fronts import selectors as published
@@ -30,7 +30,7 @@ PROTOCOL: dict[str, Any] = {
     "max_ate": MAX_ATE,
 }
 LEAST_REPEATS = 2  # further measurements of a point before its figure is published
-IN_THE_ADMINISTRATION = "none: it was created in the administration, with what `search` tells"
+UNSPOKEN = "none: it was created in the administration, with what `search` tells"
 
 
 class NothingToPublishError(ValueError):
@@ -235,7 +235,7 @@ def _provenance(
             "frames": exploration.frames or "all",
         },
         **warm_start,
-        "command": exploration.command or IN_THE_ADMINISTRATION,
+        "command": exploration.command or repeating.command(exploration) or UNSPOKEN,
     }
 
 

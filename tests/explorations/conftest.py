@@ -1,10 +1,12 @@
 """A tiny sequence, a small space and explorations over them."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from crowd.celery import app
 from crowd.explorations import leases, services
 from crowd.explorations.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
@@ -52,6 +54,17 @@ def unsaved(db: None, tiny_pack: Path, settings: Any) -> Exploration:
 def exploration(unsaved: Exploration) -> Exploration:
     """A created one: its known configurations wait."""
     return services.create(unsaved)
+
+
+@pytest.fixture
+def unread_queues() -> Iterator[None]:
+    """Tasks are sent as to a worker, and nobody reads them; what earlier tests sent is gone."""
+    with app.connection_for_write() as broker:
+        for name in ("bench", "crowd"):
+            broker.SimpleQueue(name).clear()
+    app.conf.update(task_always_eager=False)
+    yield
+    app.conf.update(task_always_eager=True)
 
 
 def measurement(configuration: dict[str, Any]) -> Measurement:

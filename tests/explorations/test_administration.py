@@ -1,7 +1,7 @@
 """What an administrator does with explorations in the browser: create, steer, choose points, issue tokens."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -19,14 +19,6 @@ from tests.explorations.conftest import finish, run_to_the_end
 
 ADD = "admin:explorations_exploration_add"
 Browse = Callable[[str], Client]
-
-
-@pytest.fixture
-def unread_queues() -> Iterator[None]:
-    """Tasks are sent as to a worker, and nobody reads them."""
-    app.conf.update(task_always_eager=False)
-    yield
-    app.conf.update(task_always_eager=True)
 
 
 @pytest.fixture

@@ -1,15 +1,21 @@
 """From an exploration to a draft front: which points, under which names, measured how often."""
 
+import json
+import shlex
+from pathlib import Path
 from typing import Any
 
 import pytest
+from django.core.management import call_command
 
-from crowd.explorations import points, publishing, services
+import pareto
+from crowd.explorations import points, publishing, repeating, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point, spread
 from crowd.fronts import services as fronts
 from crowd.fronts.contents import InvalidFrontError
-from tests.explorations.conftest import finish, run_to_the_end
+from pareto import Space
+from tests.explorations.conftest import SPACE, finish, run_to_the_end
 
 
 def point(runtime: float, error: float, label: str = "", repeats: int = 1) -> Point:
@@ -212,3 +218,39 @@ def test_a_published_draft_of_an_exploration_is_what_clients_measure(
     manifest = client.get("/api/v1/manifest").json()
     assert manifest["front_version"] == "kfusion-1"
     assert [row["name"] for row in manifest["configurations"]][:2] == ["default", "best"]
+
+
+KFUSION = json.loads((Path(pareto.__file__).parent / "spaces" / "kfusion.json").read_text())
+
+
+@pytest.mark.parametrize(
+    "wish",
+    [
+        {},
+        {"limits": {"ate_max": 0.04, "runtime": 0.1}, "frames": 11, "options": {"initial": 3}},
+        {"synchronous": False, "recheck": False, "seed": 7, "points": 2, "repeats": 0, "batch": 1},
+    ],
+)
+def test_the_command_of_an_exploration_starts_the_same_one(
+    unsaved: Exploration, wish: dict[str, Any], unread_queues: None
+) -> None:
+    for name, value in ({"space": Space.from_dict(KFUSION).to_dict(), "method": "two-stage"} | wish).items():
+        setattr(unsaved, name, value)
+    created = services.create(unsaved)
+
+    call_command(*shlex.split(repeating.command(created))[2:])
+
+    again = Exploration.objects.latest("pk")
+    assert again.pk != created.pk
+    ignored = {"id", "command", "created_at", "finished_at"}
+    for field in Exploration._meta.concrete_fields:
+        if field.name not in ignored:
+            assert getattr(again, field.name) == getattr(created, field.name), field.name
+
+
+@pytest.mark.parametrize("wish", [{"limits": {}}, {"space": SPACE}])
+def test_what_no_command_can_say_is_not_made_up(unsaved: Exploration, wish: dict[str, Any]) -> None:
+    for name, value in ({"space": Space.from_dict(KFUSION).to_dict()} | wish).items():
+        setattr(unsaved, name, value)
+
+    assert repeating.command(services.create(unsaved)) == ""

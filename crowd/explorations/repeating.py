@@ -1,0 +1,43 @@
+"""The command that starts an exploration again, for those that were created in the administration."""
+
+import shlex
+from pathlib import Path
+
+from django.conf import settings
+
+from crowd.explorations.models import Exploration
+from pareto import Space
+
+SPACES = Path("pareto") / "spaces"
+NUMBERS = ("seed", "budget", "batch", "points", "repeats")
+
+
+def command(exploration: Exploration) -> str:
+    """`python manage.py exploration start ...` with everything that EXPLORATION wants.
+
+    Empty where a command line cannot say it: a space that does not ship, no limit at all, options of the
+    method beside the number of first samples.
+    """
+    space = SPACES / f"{exploration.application}.json"
+    path = settings.BASE_DIR / space
+    if not path.exists() or Space.load(path).to_dict() != exploration.space:
+        return ""
+    if not exploration.limits or not set(exploration.options) <= {"initial"}:
+        return ""
+    words = [
+        *("python", "manage.py", "exploration", "start", "--space", str(space)),
+        *("--sequence", exploration.sequence, "--objectives", ",".join(exploration.objectives)),
+        *(word for name, most in exploration.limits.items() for word in ("--limit", f"{name}={most}")),
+        *("--method", exploration.method),
+        *(word for name in NUMBERS for word in (f"--{name}", str(getattr(exploration, name)))),
+        *("--device", exploration.reference_device.name),
+    ]
+    for option, value in (
+        ("--random", exploration.options.get("initial")),
+        ("--frames", exploration.frames),
+        ("--warm-start", exploration.warm_start_from_id),
+    ):
+        words += [option, str(value)] if value is not None else []
+    words += [] if exploration.synchronous else ["--asynchronous"]
+    words += [] if exploration.recheck else ["--no-recheck"]
+    return shlex.join(words)
