@@ -124,7 +124,7 @@ def convolution(folder: Path, told: bool) -> Problem:
                 time = float(row["time"])
             except ValueError:  # the name of an error
                 continue
-            values[space.encode({name: int(row[name]) for name in names}), column] = time
+            values[space.index_of({name: int(row[name]) for name in names}), column] = time
     values[np.isnan(values).any(axis=1)] = np.nan
     name = "convolution, " + ("constraints" if told else "no constraints")
     return Problem(name, space, values, None, {"worst": _worst(values)}, (200, 500))
