@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pareto.arguments import add_objectives, count, read_limits, read_objectives, read_space, split
 from pareto.attainment import attainment
@@ -142,21 +143,34 @@ def _select(
     maximised = {objective.name for objective in objectives if objective.maximise}
     upwards = [objective.maximise for objective in objectives]
     names = [objective.name for objective in objectives]
-    if options.prefer:
-        everything = [point for source in sources for point in source.points]
-        return [choose(everything, limits, options.prefer, maximised)]  # type: ignore[list-item]
     within = [[point for point in source.points if _keeps(point[1], limits, maximised)] for source in sources]
     if options.attained:
-        runs = [np.array([[values[name] for name in names] for _, values in points]) for points in within]
+        runs = [_values(points, names) for points in within]
         surface = attainment(runs, options.attained, upwards)
         return [({}, dict(zip(names, row, strict=True))) for row in surface.tolist()]
     points = [point for some in within for point in some]
-    costs = np.array([[values[name] for name in names] for _, values in points]).reshape(-1, len(names))
-    if options.knee:
-        return [points[knee(costs, upwards)]] if points else []
-    kept = np.flatnonzero(nondominated(costs, upwards))
-    signed = costs[kept] * np.where(upwards, -1.0, 1.0)
+    if options.prefer and not points:
+        # Nothing to choose from: `choose` says which limit is to blame.
+        points = [point for source in sources for point in source.points]
+    elif options.knee:
+        return [points[knee(_values(points, names), upwards)]] if points else []
+    else:
+        points = _front(points, names, upwards)
+    if options.prefer:
+        return [choose(points, limits, options.prefer, maximised)]  # type: ignore[list-item]
+    return points
+
+
+def _front(points: list[Point], names: list[str], upwards: list[bool]) -> list[Point]:
+    """Return the non-dominated points, by the first objective."""
+    values = _values(points, names)
+    kept = np.flatnonzero(nondominated(values, upwards))
+    signed = values[kept] * np.where(upwards, -1.0, 1.0)
     return [points[row] for row in kept[np.lexsort(signed.T[::-1])]]
+
+
+def _values(points: Sequence[Point], names: list[str]) -> NDArray[np.float64]:
+    return np.array([[values[name] for name in names] for _, values in points]).reshape(-1, len(names))
 
 
 def _text(points: Sequence[Point], objectives: Sequence[Objective], form: str) -> str:

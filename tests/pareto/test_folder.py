@@ -123,6 +123,26 @@ def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
         assert list(explorer.history.told) == [index for index, _ in pending[:kept]]
 
 
+def test_the_default_method_goes_on_as_if_nothing_had_happened(toy, monkeypatch):
+    options = ["--method", "two-stage", "--random", "10", "--budget", "22", "--batch", "6"]
+    assert explore(toy, *options, out="whole") == 0
+    real, left = Folder.append, 14
+
+    def append(*arguments, **names):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise KeyboardInterrupt
+        real(*arguments, **names)
+
+    monkeypatch.setattr(Folder, "append", append)
+    assert explore(toy, *options) == 130
+    monkeypatch.undo()
+    assert explore(toy, *options) == 0
+    assert order(toy / "out") == order(toy / "whole")
+    assert "active" in {row[1] for row in order(toy / "out")}
+
+
 def test_kill_9_at_any_moment_costs_no_measurement(toy):
     explore(toy, "--budget", "36", "--batch", "6", out="whole")
     evaluations = toy / "out" / "evaluations.csv"

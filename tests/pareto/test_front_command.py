@@ -43,6 +43,14 @@ def test_limits_choice_and_knee_pick_from_a_folder(explored, capsys):
     assert (explored / "front.csv").read_text() == before
 
 
+def test_of_equally_good_points_the_one_chosen_is_not_beaten(toy, capsys):
+    (toy / "t.csv").write_text("x,error,seconds,watts\n1,2,9,1\n2,2,3,1\n3,1,9,9\n4,2,4,1\n")
+    _, lines, _ = front(
+        capsys, toy / "t.csv", "--objectives", "error,seconds", "--limits", "watts=5", "--prefer", "error"
+    )
+    assert lines == ["x,error,seconds,watts", "2,2.0,3.0,1.0"]
+
+
 def test_json_and_files(explored, toy, capsys):
     code, lines, _ = front(capsys, explored, "--prefer", "error", "--format", "json")
     best = {"configuration": {"x": 19, "mode": "a,b"}, "values": {"error": 1 / 19, "seconds": 19.0}}
