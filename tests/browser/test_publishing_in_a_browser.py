@@ -106,3 +106,23 @@ def test_an_earlier_version_is_published_again_after_a_look_at_the_difference(
     assert page.get_by_text("Front kfusion-3 is published").is_visible()
     assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-3"
     assert publisher.complaints == []
+
+
+def test_a_version_is_compared_on_a_phone_without_scrolling_sideways(
+    chromium: Any, live_server: Any, transactional_db: None, pack: dict[str, Any]
+) -> None:
+    better = front_document(pack, version="2", provenance={"device": "another"})
+    better["configurations"] = better["configurations"][:2]
+    for document in (front_document(pack, version="1"), better):
+        services.publish_content(document)
+    visitor = Visitor(chromium, live_server.url, width=390)
+
+    page = visitor.open("/fronts/kfusion-1/")
+    page.get_by_role("button", name="Compare").click()
+    page.locator("figure[data-drawn]").wait_for()
+
+    assert page.get_by_role("heading", name="Against kfusion-2").is_visible()
+    assert page.get_by_role("row", name=re.compile("^accurate gained")).is_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert visitor.complaints == []
+    visitor.context.close()
