@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 LARGEST_GRID = 5_000_000  # points that are predicted all; of a larger space, a fresh sample is
 SAMPLE = 50_000
+DRAWS = 1 << 22  # at most, against constraints that hardly any point keeps
 DIRECTIONS = 32  # trade-offs between the objectives for which the best candidates are kept
 LEAST_CHANCE = 0.05  # of being measurable, for a candidate
 
@@ -41,7 +42,8 @@ class Screening:
 def free_points(history: History, targets: Targets, rng: np.random.Generator) -> Indices:
     """Return what may be measured, is neither measured nor pending, and is to be looked at.
 
-    All of a space of up to LARGEST_GRID points; of a larger one a fresh sample and the front's neighbours.
+    Ascending: all of a space of up to LARGEST_GRID points; of a larger one a fresh sample and the front's
+    neighbours.
     """
     space = history.space
     taken = np.fromiter(history.taken(), dtype=np.int64)
@@ -50,7 +52,9 @@ def free_points(history: History, targets: Targets, rng: np.random.Generator) ->
         free[taken] = False
         return np.flatnonzero(free)
     around = [space.neighbours(int(index)) for index in targets.indices[targets.front]]
-    return np.setdiff1d(np.concatenate([sample(space, SAMPLE, rng, exclude=history.taken()), *around]), taken)
+    return np.setdiff1d(
+        np.concatenate([sample(space, SAMPLE, rng, history.taken(), draws=DRAWS), *around]), taken
+    )
 
 
 def screen(
@@ -93,26 +97,31 @@ def candidates(
     predicted values, doubtful points set back. A quarter are one-parameter neighbours of the measured front.
     The rest is drawn from the whole pool, so that the sharp models see what the trees think nothing of.
     """
-    pool = screening.indices
-    ideal = np.minimum(screening.predicted.min(axis=1), targets.values.min(axis=0))
+    pool, predicted = screening.indices, screening.predicted
+    ideal = np.minimum(predicted.min(axis=1), targets.values.min(axis=0))
     room = np.maximum(targets.reference - ideal, 1e-9)
     likely = np.flatnonzero(screening.chance > LEAST_CHANCE)
     if len(likely) < count:
         likely = np.arange(len(pool))
-    doubt = 1.0 - screening.chance[likely]
+    near = likely[(predicted[:, likely] < (ideal + 1.25 * room)[:, None]).all(axis=0)]
+    if len(near) < count:
+        near = likely
+    distance = [
+        (column[near] - low) / width for column, low, width in zip(predicted, ideal, room, strict=True)
+    ]
     # Trees predict plateaus: of equals any may come, not always those of the lowest index.
-    doubt += 1e-6 * rng.random(len(likely))
-    distance = ((screening.predicted[:, likely].T - ideal) / room).T
+    doubt = 1.0 - screening.chance[near] + 1e-6 * rng.random(len(near))
     picked = []
     for weights in _directions(len(distance), rng):
-        score = (0.25 * weights.min()) * doubt
-        nearest = distance[0] * weights[0]
+        score = distance[0] * weights[0]
         for column, weight in zip(distance[1:], weights[1:], strict=True):
-            np.maximum(nearest, column * weight, out=nearest)
-        score += nearest
-        picked.append(pool[likely[_smallest(score, max(1, count // (2 * DIRECTIONS)))]])
+            np.maximum(score, column * weight, out=score)
+        score += (0.25 * weights.min()) * doubt
+        picked.append(pool[near[_smallest(score, max(1, count // (2 * DIRECTIONS)))]])
     front = [space.neighbours(int(index)) for index in targets.indices[targets.front]]
-    around = np.intersect1d(np.concatenate(front), pool) if front else np.empty(0, dtype=np.int64)
+    around = np.unique(np.concatenate(front)) if front else np.empty(0, dtype=np.int64)
+    place = np.minimum(np.searchsorted(pool, around), len(pool) - 1)
+    around = around[pool[place] == around]  # the pool is sorted, and too large for set operations
     picked.append(rng.permutation(around)[: count // 4])
     best = np.unique(np.concatenate(picked))
     others = pool[likely[rng.integers(0, len(likely), size=max(0, count - len(best)))]]
