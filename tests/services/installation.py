@@ -8,10 +8,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
 
-from tests.services import exploring
+from tests.services import exploring, notes
 from tests.services.program import Program, until
 from tests.services.serving import Services, Serving, command
-from tests.services.table import notes
 from tests.services.worker import Worker
 
 
@@ -48,6 +47,14 @@ class Installation:
     def __exit__(self, *exception: Any) -> None:
         self._stack.__exit__(*exception)
 
+    def state(self) -> str:
+        """The newest exploration's state as the web server tells it; empty while nobody answers."""
+        try:
+            _, answer = self.server.call("GET", "/api/v1/explorations")
+            return str(answer["results"][0]["state"])
+        except (OSError, ValueError, KeyError):
+            return ""
+
     def kills(self, chance: random.Random) -> list[Callable[[], None]]:
         """Every kind of kill, in a random order; each starts again what nobody else would."""
         found = [
@@ -83,7 +90,7 @@ class Installation:
         """The process of WORKER's pool if it measures, and halted; None, and running, if it does not."""
         for pid in worker.pool():
             os.kill(pid, signal.SIGSTOP)
-            own = [note for note in notes(self.var) if note.pid == pid]
+            own = [note for note in notes.read(self.var) if note.pid == pid]
             if own and own[-1].what == "begun":
                 return pid
             os.kill(pid, signal.SIGCONT)

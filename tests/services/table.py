@@ -4,13 +4,13 @@ import itertools
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 
 from django.conf import settings
 
 from crowd.explorations.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation
+from tests.services import notes
+from tests.services.notes import Note
 
 SIZES = {"coarseness": 8, "depth": 8, "steps": 8, "width": 8}
 SPACE = {
@@ -21,7 +21,6 @@ SPACE = {
     ],
 }
 FAILING = 29  # every so many rows
-NOTES = "measured.txt"
 NOTHING = "the table holds nothing here"
 
 
@@ -58,24 +57,5 @@ def measure(evaluation: Evaluation, heartbeat: Callable[[], bool] | None = None)
     return Measurement(objectives, {"computation": objectives["runtime"]}, DEVICE)
 
 
-@dataclass(frozen=True)
-class Note:
-    """That the process PID began or ended an attempt to measure the evaluation KEY."""
-
-    key: int
-    attempt: int
-    pid: int
-    what: str
-
-
-def notes(var: Path) -> list[Note]:
-    """What was noted below the data folder VAR, in order."""
-    path = var / NOTES
-    rows = (line.split() for line in (path.read_text() if path.exists() else "").splitlines())
-    return [Note(int(key), int(attempt), int(pid), what) for key, attempt, pid, what in rows]
-
-
 def _note(evaluation: Evaluation, what: str) -> None:
-    line = f"{evaluation.pk} {evaluation.attempt} {os.getpid()} {what}\n"
-    with (Path(settings.FRONTRUNNER_VAR) / NOTES).open("ab", buffering=0) as file:
-        file.write(line.encode())  # at once: lines of several processes never mix
+    notes.add(settings.FRONTRUNNER_VAR, Note(evaluation.pk, evaluation.attempt, os.getpid(), what))

@@ -15,10 +15,10 @@ from django.db import transaction
 from django.test import override_settings
 
 from crowd.explorations import leases, services
-from tests.services import exploring
+from tests.services import explorations, exploring, notes
 from tests.services.installation import Installation
 from tests.services.program import until
-from tests.services.table import NOTHING, look_up, measure, notes
+from tests.services.table import NOTHING, look_up, measure
 
 MACHINES = 4
 PATIENCE_SECONDS = 600.0
@@ -53,7 +53,7 @@ def undisturbed(
         django_db_blocker.unblock(),
         transaction.atomic(),
     ):
-        exploration = exploring.create(var, **WISHES)
+        exploration = explorations.create(var, **WISHES)
         while waiting := leases.waiting(exploration.reference_device) or services.advance(exploration.pk):
             for each in list(waiting):
                 with leases.leased(each.pk) as evaluation:
@@ -67,16 +67,7 @@ def undisturbed(
 
 def measured(installation: Installation) -> int:
     """How many evaluations were measured."""
-    return len({note.key for note in notes(installation.var) if note.what == "ended"})
-
-
-def state(installation: Installation) -> str:
-    """The exploration's state; empty while nobody answers."""
-    try:
-        _, answer = installation.server.call("GET", "/api/v1/explorations")
-        return str(answer["results"][0]["state"])
-    except (OSError, ValueError, KeyError):
-        return ""
+    return len({note.key for note in notes.read(installation.var) if note.what == "ended"})
 
 
 @pytest.mark.django_db  # for what is done undisturbed
@@ -92,14 +83,14 @@ def test_an_exploration_survives_every_kill(
         until(lambda moment=moment: measured(installation) >= moment, PATIENCE_SECONDS)  # type: ignore[misc]
         time.sleep(chance.uniform(0, LONGEST_DELAY_SECONDS))
         kill()
-    until(lambda: state(installation) == "done", PATIENCE_SECONDS, pause=1.0)
+    until(lambda: installation.state() == "done", PATIENCE_SECONDS, pause=1.0)
 
     rows = exploring.rows(installation.var, installation.services, key)
     assert [(row["number"], row["phase"], row["configuration"]) for row in rows] == undisturbed
     for row in rows:
         assert row["objectives"] == look_up(row["configuration"])
         assert row["error"] == ("" if row["objectives"] else NOTHING)
-    begun = Counter((note.key, note.attempt) for note in notes(installation.var) if note.what == "begun")
+    begun = Counter((note.key, note.attempt) for note in notes.read(installation.var) if note.what == "begun")
     assert set(begun.values()) == {1}
     assert {(row["pk"], row["attempt"]) for row in rows} <= set(begun)
     assert sum(row["attempt"] > 1 for row in rows) >= INTERRUPTED

@@ -1,0 +1,114 @@
+"""What an evaluation costs besides the measurement itself, per broker and database.
+
+Thousands of evaluations that take no time (looked up in a table), found at random, on four workers of one
+device, with everything else as its owner runs it. The CPU of every process of ours counts from the first
+message to the last, the idle polling of brokers included. Part of `python -m tests.benchmarks.crowd`; alone:
+python -m tests.benchmarks.crowd_explorations.
+"""
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from tests.services import exploring
+from tests.services.installation import Installation
+from tests.services.postgresql import PostgreSQL
+from tests.services.program import family, until
+from tests.services.rabbitmq import RabbitMQ
+from tests.services.redis import Redis
+
+EVALUATIONS = 2000
+WORKERS = 4
+PATIENCE_SECONDS = 900.0
+WISHES: dict[str, Any] = {
+    "machines": WORKERS,
+    "method": "random",
+    "budget": EVALUATIONS,
+    "batch": 100,
+    "recheck": False,
+    "repeats": 0,
+}
+# As they are by default: what the tests make quick would cost here.
+ORDINARY = {
+    "FRONTRUNNER_LEASE_SECONDS": "90",
+    "FRONTRUNNER_HEARTBEAT_SECONDS": "15",
+    "FRONTRUNNER_REAP_SECONDS": "60",
+}
+COMBINATIONS = {
+    "filesystem, sqlite": (None, None),
+    "redis, postgresql": (Redis, PostgreSQL),
+    "rabbitmq, postgresql": (RabbitMQ, PostgreSQL),
+}
+
+
+def cpu_seconds(pids: Iterable[int]) -> float:
+    """CPU so far of those processes, of their descendants, and of those that ended. Linux alone tells."""
+    ticks = 0
+    for pid in {member for ancestor in pids for member in family(ancestor)}:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        ticks += sum(int(field) for field in fields[11:15])  # own and ended children's, user and kernel
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def measure(name: str) -> dict[str, float] | str:
+    """The figures of the combination NAME of COMBINATIONS; why there are none where a part is missing."""
+    make_broker, make_database = COMBINATIONS[name]
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        try:
+            broker = stack.enter_context(make_broker(Path(folder))) if make_broker else None
+            database = stack.enter_context(make_database()) if make_database else None
+        except (ImportError, FileNotFoundError) as error:
+            return f"not installed here: {error}"
+        installation = Installation(Path(folder) / "var", broker, database, WORKERS, **ORDINARY)
+        return _run(stack.enter_context(installation))
+
+
+def _run(installation: Installation) -> dict[str, float]:
+    def spent() -> dict[str, float]:
+        web = installation.server.pids("granian")
+        workers = [worker.process.pid for worker in installation.workers]
+        groups = {
+            "workers": workers + installation.server.pids("celery"),
+            "web server": web,
+            "broker": [installation.broker.process.pid] if installation.broker else [],
+            "database": [installation.database.process.pid] if installation.database else [],
+        }
+        return {name: cpu_seconds(pids) for name, pids in groups.items()}
+
+    logs = [worker.log for worker in installation.workers] + list(installation.var.glob("logs/worker*.log"))
+    until(lambda: all(" ready." in log.read_text() for log in logs))
+    before = spent()
+    exploring.start(installation.var, installation.services, **WISHES)
+    begun = time.perf_counter()
+    until(lambda: installation.state() == "done", PATIENCE_SECONDS, pause=1.0)
+    taken = time.perf_counter() - begun
+    each = {name: 1e3 * (after - before[name]) / EVALUATIONS for name, after in spent().items()}
+    return {"evaluations_per_second": round(EVALUATIONS / taken, 1)} | {
+        f"{name.replace(' ', '_')}_ms": round(value, 2) for name, value in each.items()
+    }
+
+
+def table(found: dict[str, dict[str, float] | str]) -> list[str]:
+    """The figures in lines."""
+    lines = [
+        f"CPU ms an evaluation ({EVALUATIONS}, {WORKERS} workers)",
+        f"{'':22} {'workers':>8} {'web server':>11} {'broker':>7} {'database':>9} {'evaluations/s':>14}",
+    ]
+    for name, row in found.items():
+        if isinstance(row, str):
+            lines.append(f"{name:22} {row}")
+            continue
+        lines.append(
+            f"{name:22} {row['workers_ms']:>8} {row['web_server_ms']:>11} {row['broker_ms']:>7} "
+            f"{row['database_ms']:>9} {row['evaluations_per_second']:>14}"
+        )
+    return lines
+
+
+if __name__ == "__main__":
+    sys.stdout.write("\n".join(table({name: measure(name) for name in COMBINATIONS})) + "\n")

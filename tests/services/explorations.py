@@ -1,0 +1,43 @@
+"""Explorations over the table, where Django is set up: in a test, or in a server's shell."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from crowd.explorations import services, tasks
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from tests.crowd.documents import write_pack
+from tests.services.exploring import DEVICE
+from tests.services.table import SPACE
+
+
+def create(var: Path, machines: int = 1, **wishes: Any) -> Exploration:
+    """A new exploration on the device `table` of so many MACHINES, with a sequence made below VAR."""
+    pack = write_pack(var / "sequences")
+    device = ReferenceDevice.objects.create(name=DEVICE, queue=DEVICE, machines=machines)
+    return services.create(
+        Exploration(
+            application="table",
+            space=SPACE,
+            sequence=pack["name"],
+            sequence_sha256=pack["sha256"],
+            reference_device=device,
+            objectives=["ate_max", "runtime"],
+            limits={"ate_max": 0.05},
+            **wishes,
+        )
+    )
+
+
+def create_and_dispatch(var: str, wishes: str) -> None:
+    """As above, from a server's shell; prints the exploration's key."""
+    exploration = create(Path(var), **json.loads(wishes))
+    tasks.dispatch(exploration)
+    print(exploration.pk)
+
+
+def print_rows(exploration: int) -> None:
+    """The exploration's evaluations by number, as JSON."""
+    names = "pk", "number", "phase", "configuration", "state", "attempt", "objectives", "error"
+    found = Evaluation.objects.filter(exploration=exploration).order_by("number").values(*names)
+    print(json.dumps(list(found)))
