@@ -33,7 +33,7 @@ def publish_shipped_fronts() -> Iterator[str]:
     """Publish the shipped fronts that are not yet; a line about each new or impossible one."""
     for path in sorted(Path(settings.FRONTRUNNER_FRONTS).glob("*.json"), key=_in_order):
         try:
-            front, new = services.publish_file(path)
+            front, new = services.publish_file(path, by="start of the server")
         except (contents.InvalidFrontError, sequences.SequenceError, services.FrontConflictError) as error:
             yield f"Not published: {error}"
             continue
