@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 
 from pareto.errors import EvaluationError, ParetoError, ScenarioError
@@ -24,6 +25,7 @@ def from_table(
     Raises ScenarioError when the file lacks a column or holds a value that the space does not have.
     """
     rows: dict[int, dict[str, str]] = {}
+    parsers = {parameter.name: lru_cache(maxsize=None)(parameter.parse) for parameter in space.parameters}
     wanted = [
         *space.names,
         *(objective.name for objective in objectives),
@@ -37,9 +39,7 @@ def from_table(
                 raise ScenarioError(f"{path} has no column {missing[0]!r}: it has {reader.fieldnames}")
             for row in reader:
                 line = reader.line_num
-                values = {
-                    parameter.name: parameter.parse(row[parameter.name]) for parameter in space.parameters
-                }
+                values = {name: parse(row[name]) for name, parse in parsers.items()}
                 rows.setdefault(space.index_of(values), row)
     except OSError as error:
         raise ScenarioError(f"cannot read the table {path}: {error.strerror}") from error

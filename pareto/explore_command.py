@@ -137,10 +137,10 @@ def _measure(explorer: Explorer, folder: Folder, evaluate: Evaluate, budget: int
     """Measure until the budget is spent or the method has nothing to ask; return the reasons of failures."""
     reasons: Counter[str] = Counter()
     progress = Progress(explorer, budget, sys.stderr)
-    queue = explorer.pending()
+    queue, done = explorer.pending(), made_here(explorer)
     with interruptible() as interrupts:
         try:
-            while (done := made_here(explorer)) < budget:
+            while done < budget:
                 if not queue:
                     queue = explorer.ask(min(batch, budget - done))
                     folder.asked(explorer)
@@ -156,7 +156,8 @@ def _measure(explorer: Explorer, folder: Folder, evaluate: Evaluate, budget: int
                 with interrupts.held():  # what was measured is written down first
                     explorer.tell([configuration], [values])
                     folder.append(explorer, configuration, values, time.monotonic() - started, error)
-                progress.tell()
+                done += 1
+                progress.tell(done)
             folder.asked(explorer)
         except KeyboardInterrupt:
             progress.end()

@@ -34,6 +34,7 @@ class Folder:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
+        self._written: int | None = None  # rows in evaluations.csv, None before they were counted
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -64,6 +65,7 @@ class Folder:
             _, length = _whole_rows(path)
             with path.open("r+b") as file:
                 file.truncate(length)
+            self._written = None
         return explorer
 
     def read(self, space: Space) -> Explorer | None:
@@ -80,7 +82,7 @@ class Folder:
             raise
         except ValueError as error:
             raise StateError(f"{self.path / STATE} is damaged: {error}") from error
-        known = _measurements(explorer)
+        known = sum(map(len, explorer.history.told.values()))
         if len(rows) < known:
             raise StateError(
                 f"rows are lost: {self.path / EVALUATIONS} has {len(rows)} of the {known} that {STATE} knows"
@@ -110,6 +112,7 @@ class Folder:
         fresh = not path.exists() or path.stat().st_size == 0
         names = [objective.name for objective in explorer.objectives]
         phase = explorer.history.phases[explorer.space.encode(configuration)]
+        number = (len(self.rows()) if self._written is None else self._written) + 1
         with path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             if fresh:
@@ -117,11 +120,10 @@ class Folder:
             measured = ["" if values is None else repr(values[name]) for name in names]
             taken = "" if seconds is None else f"{seconds:.3f}"
             reason = " ".join(error.split())
-            writer.writerow(
-                [_measurements(explorer), phase, *configuration.values(), *measured, taken, reason]
-            )
+            writer.writerow([number, phase, *configuration.values(), *measured, taken, reason])
             file.flush()
             os.fsync(file.fileno())
+        self._written = number
 
     def rows(self) -> list[list[str]]:
         """Return the rows of `evaluations.csv` below its header; there may be none yet."""
@@ -172,10 +174,6 @@ def table(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     writer.writerow(header)
     writer.writerows([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
     return text.getvalue()
-
-
-def _measurements(explorer: Explorer) -> int:
-    return sum(map(len, explorer.history.told.values()))
 
 
 def _whole_rows(path: Path) -> tuple[list[list[str]], int]:

@@ -35,10 +35,9 @@ class Progress:
         self._before = made_here(explorer)
         self._told = -np.inf
 
-    def tell(self) -> None:
-        """Write a line, unless the last one is fresh. The last measurement is always told."""
+    def tell(self, done: int) -> None:
+        """Write a line after `done` measurements, unless the last one is fresh. The last is always told."""
         now = self.clock()
-        done = made_here(self.explorer)
         if done < self.budget and now - self._told < (ON_TERMINAL if self.live else ELSEWHERE):
             return
         self._told = now

@@ -162,10 +162,10 @@ def test_progress_is_written_over_on_a_terminal_and_kept_short_elsewhere():
         explorer = Explorer(space, ["error"], method="random")
         now = 100.0
         progress = Progress(explorer, 9, stream, clock=lambda: now)  # noqa: B023
-        for configuration in explorer.ask(9):
+        for number, configuration in enumerate(explorer.ask(9), 1):
             now += 0.04
             explorer.tell([configuration], [{"error": 2.0}])
-            progress.tell()
+            progress.tell(number)
         progress.end()
         text = stream.getvalue()
         found = [text.index(start) for start in written]
@@ -179,10 +179,10 @@ def test_time_left_is_the_mean_so_far_times_what_is_missing():
     now = 0.0
     stream = io.StringIO()
     progress = Progress(explorer, 20, stream, clock=lambda: now)
-    for values in ({"error": 1.0}, None):
+    for number, values in enumerate([{"error": 1.0}, None], 1):
         now += 60.0
         explorer.tell(explorer.ask(1), [values])
-        progress.tell()
+        progress.tell(number)
     assert stream.getvalue().splitlines() == [
         "1/20 measured, 1 on the front, hypervolume 0, 19:00 min left",
         "2/20 measured, 1 failed, 1 on the front, hypervolume 0, 18:00 min left",
