@@ -24,7 +24,7 @@ from tests.benchmarks.pareto_problems import ROOT, Problem, convolution
 
 DEVICES = ("A100", "A4000")
 SEEDS = tuple(range(100, 105))
-MARKS = (20, 50, 100, 150)
+MARKS = (20, 40, 80, 120)
 WITHIN = (0.5, 0.25, 0.1)  # of the best time
 BATCH = 10
 SOURCE_BUDGET, SOURCE_SEED = 200, 1
