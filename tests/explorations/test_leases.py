@@ -1,0 +1,175 @@
+"""Serving as a reference device over HTTP: leases, heartbeats, results."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.test import Client
+from django.utils import timezone
+
+from crowd.explorations import services
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.tokens import device_of, issue_token, revoke_token
+from crowd.openapi import document as openapi
+from tests.explorations.conftest import measurement
+
+API = "/api/v1/leases"
+
+
+class Board:
+    """A machine that asks with its token."""
+
+    def __init__(self, client: Client, token: str) -> None:
+        self.client, self.headers = client, {"Authorization": f"Bearer {token}"}
+
+    def post(self, path: str, document: Any = None) -> Any:
+        return self.client.post(
+            API + path, document if document is not None else {}, "application/json", headers=self.headers
+        )
+
+    def take(self) -> dict[str, Any]:
+        response = self.post("", {"device": "bench", "worker": "board 7"})
+        assert response.status_code == 201, response.content
+        lease: dict[str, Any] = response.json()
+        return lease
+
+
+@pytest.fixture
+def board(client: Client, exploration: Exploration) -> Board:
+    """The device of an exploration whose known configurations wait."""
+    return Board(client, issue_token(exploration.reference_device))
+
+
+def done(lease: dict[str, Any]) -> dict[str, Any]:
+    found = measurement(lease["configuration"])
+    return {
+        "status": "done",
+        "objectives": found.objectives,
+        "stages": found.stages,
+        "device": found.device,
+        "software": "client_kit 0.1.0",
+    }
+
+
+def problem(response: Any) -> tuple[int, str]:
+    assert response.headers["Content-Type"] == "application/problem+json"
+    return response.status_code, response.json()["code"]
+
+
+def test_a_lease_tells_all_that_a_measurement_needs(board: Board, exploration: Exploration) -> None:
+    lease = board.take()
+
+    row = Evaluation.objects.get(state="running")
+    assert lease["id"] == f"{row.pk}-1"
+    assert (lease["application"], lease["configuration"]) == ("kfusion", row.configuration)
+    assert (lease["frames"], lease["opencl_device"]) == (None, "")
+    assert lease["sequence"]["sha256"] == exploration.sequence_sha256
+    assert board.client.get(lease["sequence"]["chunks"][0]["url"]).status_code == 200
+    assert (row.worker, row.attempt) == ("board 7", 1)
+
+
+def test_a_device_measures_one_thing_at_a_time_on_each_of_its_machines(
+    board: Board, exploration: Exploration
+) -> None:
+    first = board.take()
+    assert board.post("").status_code == 204
+
+    device = exploration.reference_device
+    device.machines = 2
+    device.save()
+    assert board.take()["id"] != first["id"]
+    assert board.post("").status_code == 204
+
+
+def test_a_result_is_stored_once_however_often_it_is_told(board: Board) -> None:
+    lease = board.take()
+
+    answers = [board.post(f"/{lease['id']}/result", done(lease)) for _ in range(2)]
+
+    assert [(answer.status_code, answer.json()) for answer in answers] == [(200, {"state": "done"})] * 2
+    row = Evaluation.objects.get(state="done")
+    assert row.objectives == measurement(lease["configuration"]).objectives
+    assert (row.software, row.attempt) == ("client_kit 0.1.0", 1)
+
+
+def test_a_failure_keeps_its_reason_and_what_is_returned_waits_again(board: Board) -> None:
+    lease = board.take()
+    board.post(f"/{lease['id']}/result", {"status": "returned"})
+    again = board.take()
+    assert again["id"] == lease["id"].replace("-1", "-2")
+
+    board.post(f"/{again['id']}/result", {"status": "failed", "error": "killed by SIGSEGV"})
+
+    row = Evaluation.objects.get(state="failed")
+    assert (row.error, row.attempt) == ("killed by SIGSEGV", 2)
+
+
+def test_a_heartbeat_holds_the_lease_and_a_lease_that_is_gone_is_told(board: Board) -> None:
+    lease = board.take()
+    soon = timezone.now() + timedelta(seconds=1)
+    Evaluation.objects.filter(state="running").update(lease_until=soon)
+
+    assert board.post(f"/{lease['id']}/heartbeat").json()["lease_seconds"] == 90
+    assert Evaluation.objects.get(state="running").lease_until > soon
+
+    Evaluation.objects.filter(state="running").update(attempt=2)  # someone else took it over
+    assert problem(board.post(f"/{lease['id']}/heartbeat")) == (410, "lease_gone")
+    assert problem(board.post(f"/{lease['id']}/result", done(lease))) == (410, "lease_gone")
+    assert not Evaluation.objects.filter(state="done").exists()
+
+
+def test_a_late_result_counts_while_nobody_else_has_begun(board: Board) -> None:
+    lease = board.take()
+    Evaluation.objects.filter(state="running").update(state="pending", lease_until=None)
+
+    assert problem(board.post(f"/{lease['id']}/heartbeat")) == (410, "lease_gone")
+    assert board.post(f"/{lease['id']}/result", done(lease)).status_code == 200
+    assert Evaluation.objects.get(state="done").attempt == 1
+
+
+@pytest.mark.parametrize(
+    ("result", "refusal"),
+    [
+        ({"status": "ready"}, (400, "invalid_field")),
+        ({"status": "done", "objectives": {"runtime": 0.1}}, (400, "invalid_field")),
+        ({"status": "done", "objectives": {"runtime": "fast", "ate_max": 0.1}}, (400, "invalid_field")),
+        ({"status": "failed", "error": "x" * 501}, (400, "invalid_field")),
+        ([], (400, "invalid_field")),
+    ],
+)
+def test_a_result_that_does_not_fit_changes_nothing(
+    board: Board, result: Any, refusal: tuple[int, str]
+) -> None:
+    lease = board.take()
+    assert problem(board.post(f"/{lease['id']}/result", result)) == refusal
+    assert Evaluation.objects.get(state="running").attempt == 1
+
+
+def test_a_token_is_shown_once_and_opens_one_device_alone(
+    client: Client, exploration: Exploration, board: Board
+) -> None:
+    device = exploration.reference_device
+    assert problem(client.post(API)) == (401, "token_missing")
+    assert problem(Board(client, "guessed").post("")) == (401, "token_invalid")
+    assert problem(board.post("", {"device": "other"})) == (403, "another_device")
+
+    token = issue_token(device)
+    assert token not in str(device.__dict__)
+    assert device_of(token) == device
+    assert problem(board.post("")) == (401, "token_invalid")
+    revoke_token(device)
+    assert problem(Board(client, token).post("")) == (401, "token_invalid")
+
+
+def test_nothing_is_leased_of_a_paused_exploration(board: Board, exploration: Exploration) -> None:
+    services.pause(exploration)
+    assert board.post("").status_code == 204
+    assert board.post("").headers["Retry-After"] == "5"
+
+
+def test_openapi_describes_leases() -> None:
+    described = openapi()
+    assert {API, API + "/{key}-{attempt}/heartbeat", API + "/{key}-{attempt}/result"} <= set(
+        described["paths"]
+    )
+    assert {"Lease", "Result"} <= set(described["components"]["schemas"])

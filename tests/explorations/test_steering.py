@@ -1,0 +1,199 @@
+"""Pausing, cancelling, going further, cloning, starting warm, and measuring outliers again."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.core.exceptions import ValidationError
+
+from crowd.explorations import leases, search, services
+from crowd.explorations.measurement import Measurement, MeasurementError
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from tests.explorations.conftest import finish, measurement, run_to_the_end
+
+
+def searched(exploration: Exploration) -> list[dict[str, Any]]:
+    rows = exploration.evaluations.filter(phase__in=("random", "active")).order_by("number")
+    return list(rows.values_list("configuration", flat=True))
+
+
+def test_a_paused_exploration_finishes_what_runs_and_begins_nothing(exploration: Exploration) -> None:
+    row, other = services.waiting(exploration)[:2]
+    with leases.leased(row.pk) as evaluation:
+        assert evaluation is not None
+        services.pause(exploration)
+        assert leases.record(evaluation, measurement(evaluation.configuration))
+    assert leases.take(other.pk, "a worker") is None
+
+    services.resume(exploration)
+
+    assert leases.take(other.pk, "a worker") is not None
+
+
+def test_cancelling_takes_the_lease_from_whoever_measures(exploration: Exploration) -> None:
+    with leases.leased(services.waiting(exploration)[0].pk) as evaluation:
+        assert evaluation is not None
+        services.cancel(exploration)
+        assert not leases.renew(evaluation)
+    with pytest.raises(ValidationError, match="is cancelled: this needs one that is paused"):
+        services.resume(exploration)
+
+
+def test_a_larger_budget_goes_on_as_if_it_had_been_given_at_first(unsaved: Exploration) -> None:
+    whole = services.clone(unsaved, budget=12)
+    first = run_to_the_end(services.create(unsaved))
+    with pytest.raises(ValidationError, match="it is 6 already"):
+        services.raise_budget(first, 6)
+
+    services.raise_budget(first, 8)
+    run_to_the_end(first)
+    services.raise_budget(first, 12)
+    run_to_the_end(first)
+
+    # Batches of 4: those that the smaller budgets cut short were asked for at another time.
+    assert len(searched(first)) == 12
+    assert searched(first)[:4] == searched(run_to_the_end(services.create(whole)))[:4]
+    assert first.state == "done"
+
+
+def test_failures_are_measured_once_more(exploration: Exploration) -> None:
+    row = services.waiting(exploration)[0]
+    with leases.leased(row.pk):
+        raise MeasurementError("no memory")
+    assert services.retry_failures(exploration) == 1
+    row.refresh_from_db()
+    assert (row.state, row.error, row.attempt) == ("pending", "", 1)
+
+    finish([row])
+
+    row.refresh_from_db()
+    assert (row.state, row.attempt) == ("done", 2)
+    assert services.retry_failures(exploration) == 0
+
+
+def test_points_measured_again_run_over_the_whole_sequence_in_turn(unsaved: Exploration) -> None:
+    unsaved.frames, unsaved.repeats = 11, 0
+    exploration = run_to_the_end(services.create(unsaved))
+    one, two = searched(exploration)[:2]
+
+    rows = services.measure_again(exploration, [(one, ""), (two, "")], 2)
+
+    assert exploration.state == "running"
+    assert [row.configuration for row in rows] == [one, two, one, two]
+    assert {(row.phase, row.frames) for row in rows} == {("repeat", None)}
+    assert {row.frames for row in exploration.evaluations.exclude(phase="repeat")} == {11}
+    assert run_to_the_end(exploration).state == "done"
+    explorer = search.explorer(exploration, search.rows_of(exploration))
+    assert all(len(values) == 1 for values in explorer.history.told.values())
+
+
+def test_a_clone_wishes_the_same_and_has_measured_nothing(exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+
+    other = services.create(services.clone(exploration, seed=7))
+
+    assert (other.seed, other.budget, other.state) == (7, exploration.budget, "running")
+    assert other.pk != exploration.pk
+    assert {row.state for row in other.evaluations.all()} == {"pending"}
+
+
+def test_a_warm_start_knows_what_was_measured_and_does_not_measure_it_again(exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    warm = services.create(services.clone(exploration, warm_start_from=exploration))
+
+    known = warm.evaluations.filter(phase="known")
+    assert known.count() == exploration.evaluations.count()
+    assert all(row.copied_from.objectives == row.objectives for row in known if row.copied_from)
+    run_to_the_end(warm)
+
+    assert len(searched(warm)) == warm.budget
+    before = {str(configuration) for configuration in searched(exploration)}
+    assert not before & {str(configuration) for configuration in searched(warm)}
+
+
+def test_another_devices_measurements_are_a_prior_and_never_a_measurement(exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    board = ReferenceDevice.objects.create(name="board", queue="board")
+    wishes = {"reference_device": board, "method": "two-stage", "warm_start_from": exploration}
+    warm = services.create(services.clone(exploration, **wishes))
+
+    assert warm.evaluations.filter(phase="prior").count() == exploration.evaluations.count()
+    explorer = search.explorer(warm, search.rows_of(warm))
+    assert not explorer.history.told
+    assert explorer.history.prior
+
+
+def test_a_synchronous_search_is_the_same_however_often_it_is_interrupted(unsaved: Exploration) -> None:
+    unsaved.method, unsaved.options, unsaved.budget = "two-stage", {"initial": 8}, 16
+    calm = run_to_the_end(services.create(services.clone(unsaved)))
+
+    stormy = services.create(unsaved)
+    while waiting := services.waiting(stormy) or services.advance(stormy.pk):
+        for row in reversed(waiting):  # another order of finishing
+            assert leases.take(row.pk, "a worker that dies") is not None
+            Evaluation.objects.filter(pk=row.pk).update(lease_until="2020-01-01T00:00Z")
+            leases.reap()
+            finish([row])
+
+    assert searched(stormy) == searched(calm)
+    assert set(stormy.evaluations.values_list("attempt", flat=True)) == {2}
+
+
+def test_an_asynchronous_search_asks_before_everything_is_finished(unsaved: Exploration) -> None:
+    unsaved.synchronous, unsaved.batch = False, 4
+    exploration = services.create(unsaved)
+    finish(services.waiting(exploration)[:3])
+
+    asked = services.advance(exploration.pk)
+
+    assert len(asked) == 2
+    assert services.unfinished_of(exploration).count() == unsaved.batch
+    assert services.advance(exploration.pk) == []
+    assert run_to_the_end(exploration).state == "done"
+    assert len(searched(exploration)) == exploration.budget
+
+
+def test_an_outlier_is_measured_twice_more_and_the_median_counts(unsaved: Exploration) -> None:
+    unsaved.budget, unsaved.batch, unsaved.points, unsaved.repeats = 50, 50, 2, 0
+    exploration = services.create(unsaved)
+    finish(services.waiting(exploration))
+    rows = services.advance(exploration.pk)
+    finish(rows[1:])
+    disturbed = measurement(rows[0].configuration)
+    slow = disturbed.objectives | {"runtime": 40 * disturbed.objectives["runtime"]}
+    with leases.leased(rows[0].pk) as evaluation:
+        assert evaluation is not None
+        leases.record(evaluation, Measurement(slow, disturbed.stages, disturbed.device))
+
+    checks = services.advance(exploration.pk)
+
+    assert [row.configuration for row in checks].count(rows[0].configuration) == search.CHECKS
+    assert len(checks) <= search.CHECKS * search.MOST_OUTLIERS * 50
+    finish(checks)
+    explorer = search.explorer(exploration, search.rows_of(exploration))
+    (told,) = explorer.history.told[rows[0].index or 0]
+    assert told == (disturbed.objectives["ate_max"], disturbed.objectives["runtime"])
+    assert run_to_the_end(exploration).evaluations.filter(phase="check").count() == len(checks)
+
+
+def test_a_busy_device_is_not_disturbed(exploration: Exploration) -> None:
+    first, second = services.waiting(exploration)[:2]
+    assert leases.take(first.pk, "one") is not None
+    with pytest.raises(leases.DeviceBusyError, match="bench: all of its 1 machines measure"):
+        leases.take(second.pk, "another")
+
+
+def test_what_a_dead_process_of_this_machine_held_is_given_back_at_once(
+    exploration: Exploration, tmp_path: Path
+) -> None:
+    mine, dead = services.waiting(exploration)[:2]
+    exploration.reference_device.machines = 2
+    exploration.reference_device.save()
+    assert leases.take(mine.pk, leases.here()) is not None
+    assert leases.take(dead.pk, leases.here().rpartition(":")[0] + ":999999999") is not None
+
+    leases.reap_after_restart()
+
+    mine.refresh_from_db()
+    dead.refresh_from_db()
+    assert (mine.state, dead.state, dead.losses) == ("running", "pending", 1)
