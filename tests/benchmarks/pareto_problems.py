@@ -66,15 +66,15 @@ class Problem:
         return 1.0 - hypervolume(found, point, log=True) / hypervolume(self.front, point, log=True)
 
 
-def kfusion(with_limits: bool) -> Problem:
+def kfusion(with_limits: bool, rough: bool = True) -> Problem:
     """The made-up KinectFusion. The limits, 5 cm and the default's runtime, bound the score in any case."""
     space = Space.load(ROOT / "pareto" / "spaces" / "kfusion.json")
-    values = synthetic_kfusion.evaluate(space, np.arange(len(space)))
+    values = synthetic_kfusion.evaluate(space, np.arange(len(space)), rough=rough)
     bounds = (0.05, float(values[space.encode(space.default), 1]))
     references = {"limits": bounds}
     if not with_limits:
         references["worst"] = _worst(values)
-    name = "kfusion, " + ("limits" if with_limits else "no limits")
+    name = "kfusion, " + ("limits" if with_limits else "no limits") + ("" if rough else ", smooth")
     return Problem(name, space, values, bounds if with_limits else None, references, (200, 500, 1000))
 
 
@@ -134,6 +134,7 @@ def problems(data: Path | None) -> Iterator[Problem]:
     """Every problem there is; the measured tables only where `data`, a folder of shared data, is given."""
     yield kfusion(with_limits=True)
     yield kfusion(with_limits=False)
+    yield kfusion(with_limits=True, rough=False)
     if data is not None:
         yield black_scholes(data / "dse" / "hypermapper")
         yield convolution(data / "dse" / "convolution", told=False)

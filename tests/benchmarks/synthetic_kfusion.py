@@ -8,12 +8,14 @@ from pareto.space import Space
 Array = NDArray[np.float64]
 
 
-def evaluate(space: Space, indices: NDArray[np.int64], seed: int = 0) -> Array:
+def evaluate(space: Space, indices: NDArray[np.int64], seed: int = 0, rough: bool = True) -> Array:
     """Return (n, 2) columns ate_max (m) and runtime (s a frame) of the kfusion space's `indices`.
 
     Shaped like the real thing, without its numbers: integration grows with the cube of the resolution,
     raycasting with the image and the steps of the ray, tracking with iterations until the threshold ends
     them; tracking is lost where the motion between tracked frames exceeds the basin of convergence.
+    `rough` adds what depends on every parameter at once, as lost and found again tracking does: no search can
+    learn it, and part of the front are the luckiest points of all.
     """
     codes = space.codes(indices)
     column = {
@@ -27,6 +29,7 @@ def evaluate(space: Space, indices: NDArray[np.int64], seed: int = 0) -> Array:
         column["tracking_rate"],
         column["icp_threshold"],
     )
+    amount = 1.0 if rough else 0.0
     voxel, pixels = 4.8 / volume, 1.0 / ratio**2
 
     needed = 1.0 + 1.5 * np.maximum(0.0, -np.log10(threshold))
@@ -46,13 +49,15 @@ def evaluate(space: Space, indices: NDArray[np.int64], seed: int = 0) -> Array:
     strain = (
         motion / basin + 0.25 * np.maximum(0.0, 1.3 - mu / voxel) + 0.004 * integration * (0.4 / (mu + 0.1))
     )
-    strain *= np.exp(0.10 * roughness(codes, seed, keep=(0, 1, 7)) + 0.05 * roughness(codes, seed + 1))
+    strain *= np.exp(
+        0.10 * roughness(codes, seed, keep=(0, 1, 7)) + amount * 0.05 * roughness(codes, seed + 1)
+    )
     resolution = np.hypot(0.10 * voxel, 0.0012 * ratio**1.2)
     drift = 0.0006 * (integration - 1) ** 0.7 + 0.006 * np.maximum(0.0, strain) ** 2 + 0.02 * mu**1.5
-    error = np.sqrt(resolution**2 + drift**2) * np.exp(0.06 * roughness(codes, seed + 2))
+    error = np.sqrt(resolution**2 + drift**2) * np.exp(amount * 0.06 * roughness(codes, seed + 2))
     lost = 1.0 / (1.0 + np.exp(-(strain - 1.0) / 0.02))
     ate = error ** (1 - lost) * (0.25 * strain) ** lost
-    return np.stack([ate, runtime * np.exp(0.02 * roughness(codes, seed + 3))], axis=1)
+    return np.stack([ate, runtime * np.exp(amount * 0.02 * roughness(codes, seed + 3))], axis=1)
 
 
 def roughness(codes: NDArray[np.int64], seed: int, keep: tuple[int, ...] | None = None) -> Array:
