@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 from pareto.errors import EvaluationError, ParetoError, ScenarioError
 from pareto.objective import Objective, read_values
+from pareto.parameter import Parameter
 from pareto.space import Configuration, Space
 
 Evaluate = Callable[[Configuration], dict[str, float]]
@@ -24,8 +25,12 @@ def from_table(
     several rows for one configuration counts; rows that the space's constraints forbid are never asked for.
     Raises ScenarioError when the file lacks a column or holds a value that the space does not have.
     """
-    rows: dict[int, dict[str, str]] = {}
-    parsers = {parameter.name: lru_cache(maxsize=None)(parameter.parse) for parameter in space.parameters}
+    rows: dict[tuple[int, ...], dict[str, str]] = {}
+    # A table repeats the same few texts over and over: each is understood once.
+    read = [
+        (parameter.name, lru_cache(maxsize=None)(partial(_position, parameter)))
+        for parameter in space.parameters
+    ]
     wanted = [
         *space.names,
         *(objective.name for objective in objectives),
@@ -39,8 +44,7 @@ def from_table(
                 raise ScenarioError(f"{path} has no column {missing[0]!r}: it has {reader.fieldnames}")
             for row in reader:
                 line = reader.line_num
-                values = {name: parse(row[name]) for name, parse in parsers.items()}
-                rows.setdefault(space.index_of(values), row)
+                rows.setdefault(tuple(position(row[name]) for name, position in read), row)
     except OSError as error:
         raise ScenarioError(f"cannot read the table {path}: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
@@ -51,7 +55,7 @@ def from_table(
         raise ScenarioError(f"{path}, line {line}: {error}") from error
 
     def evaluate(configuration: Configuration) -> dict[str, float]:
-        row = rows.get(space.index_of(configuration))
+        row = rows.get(tuple(item.encode(configuration[item.name]) for item in space.parameters))
         if row is None:
             raise EvaluationError("not in the table")
         if feasible:
@@ -64,6 +68,10 @@ def from_table(
         return values
 
     return evaluate
+
+
+def _position(parameter: Parameter, text: str) -> int:
+    return parameter.encode(parameter.parse(text))
 
 
 def require_feasible(feasible: tuple[str, str], answer: object) -> None:
