@@ -45,9 +45,12 @@ def cell(regrets: list[float] | None) -> str:
 
 
 def best_other(result: dict[str, Any], reference: str, mark: int, ours: str) -> tuple[str, float] | None:
-    """The least mean regret of all but `ours`: other optimisers, random search and the paper's loop."""
+    """The least mean regret of all but `ours`: other optimisers, random search and the paper's loop.
+
+    The name says how many seeds it is the mean of.
+    """
     means = [
-        (row["name"], float(np.mean(row["regret"][reference][mark])))
+        (f"{row['name']} ({len(row['seeds'])})", float(np.mean(row["regret"][reference][mark])))
         for row in result["rows"]
         if row["name"] != ours and "failed" not in row and mark in row["regret"][reference]
     ]
@@ -56,7 +59,7 @@ def best_other(result: dict[str, Any], reference: str, mark: int, ours: str) -> 
 
 def print_targets(results: list[dict[str, Any]], timed: dict[str, Any], ours: str) -> None:
     """A line for each target: the figure, the aim, and whether it is met."""
-    print(f"\n{'target':<44}{'ours':>9}{'best other':>26}{'ratio':>8}{'aim':>8}")
+    print(f"\n{'target':<44}{'ours':>9}{'best other (seeds)':>30}{'ratio':>8}{'aim':>8}")
     met = total = 0
     for result in results:
         share, ceilings = TARGETS[result["problem"]]
@@ -71,15 +74,15 @@ def print_targets(results: list[dict[str, Any]], timed: dict[str, Any], ours: st
                 ratio = mean / regret if regret else float(mean > 0)
                 aim = f"{share:g}" + (f", {ceilings[mark]:g}" if mark in ceilings else "")
                 verdict = "met" if reached else "short"
-                print(f"{label:<44}{mean:>9.4f}{name:>18}{regret:>8.4f}{ratio:>8.2f}{aim:>9}  {verdict}")
+                print(f"{label:<44}{mean:>9.4f}{name:>22}{regret:>8.4f}{ratio:>8.2f}{aim:>9}  {verdict}")
         label = f"{result['problem']}, CPU ms a suggestion"
         reached = row["cpu_ms"] < CPU_MS
         met, total = met + reached, total + 1
-        print(f"{label:<44}{row['cpu_ms']:>9.1f}{'':>34}{CPU_MS:>9g}  {'met' if reached else 'short'}")
+        print(f"{label:<44}{row['cpu_ms']:>9.1f}{'':>38}{CPU_MS:>9g}  {'met' if reached else 'short'}")
     for timing in timed["rows"]:
         if timing.get("aim_seconds") is not None:
             reached = timing["seconds"] < timing["aim_seconds"]
             met, total = met + reached, total + 1
-            line = f"{timing['what']:<44}{timing['seconds']:>8.3f}s{'':>34}{timing['aim_seconds']:>8g}s"
+            line = f"{timing['what']:<44}{timing['seconds']:>8.3f}s{'':>38}{timing['aim_seconds']:>8g}s"
             print(f"{line}  {'met' if reached else 'short'}")
     print(f"{met} of {total} targets met")
