@@ -1,0 +1,205 @@
+"""Serving as a reference device: what a machine does with leases, whatever the server and the network do."""
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from client_kit import __main__ as command_line
+from client_kit import evaluation
+from client_kit.console import Console
+from client_kit.errors import UsageError
+from client_kit.evaluation import serve
+from client_kit.home import Home
+from client_kit.server import Server
+from slam.datasets.pack import Pack
+from slam.isolated import LeaseLostError, Measurement, MeasurementError
+from tests.client_kit import room
+from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
+
+MEASURED = Measurement(
+    {"runtime": 0.02, "ate_max": 0.01}, {"computation": 0.02}, {"name": "Board GPU", "driver": "1"}
+)
+
+
+@pytest.fixture(scope="module")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
+    return room.write(tmp_path_factory.mktemp("sequences") / "room")
+
+
+class Lab:
+    """A server with LEASES to give, which answers heartbeats and results as the test says."""
+
+    def __init__(self, pack: Pack, leases: int = 1) -> None:
+        self.left, self.pack = leases, pack
+        self.sequence = room.manifest(pack)["sequence"]
+        self.results: list[dict[str, Any]] = []
+        self.heartbeat = Reply(200, {"lease_seconds": 90})
+        self.refusals: list[Reply] = []
+        self.server = ScriptedServer(self.answer)
+
+    def answer(self, request: Request) -> Reply:
+        if request.path.startswith("/sequences/"):
+            return Reply(
+                raw=(self.pack._chunks.folder / "chunks" / request.path.rpartition("/")[2]).read_bytes()
+            )
+        assert request.headers["authorization"] == "Bearer secret"
+        if request.path.endswith("/heartbeat"):
+            return self.heartbeat
+        if self.refusals:
+            return self.refusals.pop(0)
+        if request.path.endswith("/result"):
+            self.results.append(json.loads(request.body))
+            return Reply(200, {"state": "done"})
+        if not self.left:
+            return Reply(204, raw=b"")
+        self.left -= 1
+        return Reply(201, self.lease())
+
+    def lease(self) -> dict[str, Any]:
+        return {
+            "id": "5-1",
+            "application": "kfusion",
+            "configuration": {"volume_resolution": 64},
+            "frames": 11,
+            "opencl_device": "GPU",
+            "sequence": self.sequence,
+            "lease_seconds": 90,
+            "heartbeat_seconds": 15,
+            "timeout_seconds": 900,
+        }
+
+
+@pytest.fixture
+def serve_lab(tmp_path: Path) -> Callable[[Lab], tuple[str, list[float]]]:
+    """Serves a lab until nothing waits: what was said, and how long was waited."""
+
+    def served(lab: Lab) -> tuple[str, list[float]]:
+        home, said, pauses = Home(tmp_path / "home"), io.StringIO(), []
+        home.prepare()
+        try:
+            server = Server(lab.server.url)
+            serve(server, "board", "secret", home, Console(said), until_idle=True, pause=pauses.append)
+        finally:
+            lab.server.close()
+        return said.getvalue(), pauses
+
+    return served
+
+
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """What was measured; each measurement makes one heartbeat and gives MEASURED."""
+    calls: list[dict[str, Any]] = []
+
+    def measure(system: str, configuration: Any, pack: Path, **wishes: Any) -> Measurement:
+        calls.append({"system": system, "configuration": configuration, "pack": pack, **wishes})
+        if not wishes["heartbeat"]():
+            raise LeaseLostError
+        return MEASURED
+
+    monkeypatch.setattr(evaluation.isolated, "measure", measure)
+    return calls
+
+
+def test_a_lease_is_measured_and_its_result_told(pack: Pack, serve_lab: Any, measured: list[Any]) -> None:
+    lab = Lab(pack, leases=2)
+
+    serve_lab(lab)
+
+    (first, second), results = measured, lab.results
+    assert (first["system"], first["configuration"]) == ("kfusion", {"volume_resolution": 64})
+    assert (first["frames"], first["device"], first["timeout"]) == (11, "GPU", 900)
+    assert json.loads((first["pack"] / "pack.json").read_text())["sha256"] == pack.sha256
+    assert [result["status"] for result in results] == ["done", "done"]
+    assert results[0]["objectives"] == MEASURED.objectives
+    chunks = [path for path in lab.server.paths() if "/sequences/" in path]
+    assert len(chunks) == len(set(chunks))  # downloaded once
+    assert first["pack"] == second["pack"]
+
+
+def test_a_failure_is_told_with_its_reason(
+    pack: Pack, serve_lab: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any, **__: Any) -> Measurement:
+        raise MeasurementError("killed by SIGSEGV")
+
+    monkeypatch.setattr(evaluation.isolated, "measure", fail)
+    lab = Lab(pack)
+
+    serve_lab(lab)
+
+    assert [(result["status"], result["error"]) for result in lab.results] == [
+        ("failed", "killed by SIGSEGV")
+    ]
+
+
+def test_a_lease_that_is_gone_ends_its_measurement(pack: Pack, serve_lab: Any, measured: list[Any]) -> None:
+    lab = Lab(pack)
+    lab.heartbeat = problem(410, "lease_gone", "taken over")
+
+    said, _ = serve_lab(lab)
+
+    assert lab.results == []
+    assert "the lease is gone" in said
+
+
+def test_a_server_in_trouble_does_not_end_a_measurement_and_gets_the_result_later(
+    pack: Pack, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab = Lab(pack)
+    lab.heartbeat = problem(503, "database_unavailable")
+    trouble = problem(503, "database_unavailable", "restarting", Retry_After="7")
+
+    def answer(request: Request) -> Reply:
+        if request.path.endswith("/result") and not lab.results and len(refused) < 3:
+            refused.append(request)
+            return trouble
+        return lab.answer(request)
+
+    refused: list[Request] = []
+    lab.server.answer = answer
+
+    _, pauses = serve_lab(lab)
+
+    assert pauses == [7.0] * 3
+    assert [result["status"] for result in lab.results] == ["done"]
+
+
+def test_ctrl_c_gives_the_evaluation_back(
+    pack: Pack, serve_lab: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> Measurement:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation.isolated, "measure", interrupted)
+    lab = Lab(pack)
+
+    with pytest.raises(KeyboardInterrupt):
+        serve_lab(lab)
+    assert lab.results == [{"status": "returned"}]
+
+
+@pytest.mark.parametrize(
+    "refusal",
+    [problem(401, "token_invalid", "ask for a new one"), problem(403, "another_device", "belongs to tv")],
+)
+def test_a_token_that_does_not_open_this_device_is_a_usage_error(
+    pack: Pack, serve_lab: Any, refusal: Reply
+) -> None:
+    lab = Lab(pack)
+    lab.refusals = [refusal]
+    with pytest.raises(UsageError, match=f"{refusal.document['detail']}.*{refusal.document['code']}"):
+        serve_lab(lab)
+
+
+def test_a_missing_token_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(tmp_path))
+    monkeypatch.delenv(command_line.TOKEN_VARIABLE, raising=False)
+    assert command_line.main(["evaluate", "--server", "http://127.0.0.1:1", "--device", "board"]) == 2
+    assert command_line.TOKEN_VARIABLE in capsys.readouterr().err
