@@ -6,13 +6,24 @@ from typing import Any
 
 from tests.services.serving import Services, command
 
-DEVICE = "table"
+DEVICE, BOARD = "table", "board"
 SETTINGS = {"DJANGO_SETTINGS_MODULE": "tests.services.settings"}
+# Those of a real installation, but for dead workers being given up within seconds.
+IMPATIENT = {
+    "FRONTRUNNER_LEASE_SECONDS": "4",
+    "FRONTRUNNER_HEARTBEAT_SECONDS": "1",
+    "FRONTRUNNER_REAP_SECONDS": "1",
+}
 
 
 def start(var: Path, environment: Services, **wishes: Any) -> int:
     """The key of a new exploration on the data folder VAR, of which the first messages are sent."""
     return int(_beside(var, environment, f"create_and_dispatch({str(var)!r}, {json.dumps(wishes)!r})"))
+
+
+def start_measured(var: Path, environment: Services) -> str:
+    """The token of the device `board`, for which a new exploration by real measurements waits."""
+    return _beside(var, environment, "create_measured()").strip()
 
 
 def rows(var: Path, environment: Services, exploration: int) -> list[dict[str, Any]]:
@@ -24,6 +35,6 @@ def rows(var: Path, environment: Services, exploration: int) -> list[dict[str, A
 def _beside(var: Path, environment: Services, call: str) -> str:
     """What CALL of tests.services.explorations prints in a process with a server's ENVIRONMENT."""
     code = f"from tests.services import explorations; explorations.{call}"
-    done = command(var, "shell", "--no-imports", "-c", code, **environment | SETTINGS)
+    done = command(var, "shell", "--no-imports", "-c", code, **SETTINGS | environment)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -1,0 +1,78 @@
+"""What happens to a real measurement when the one who makes it, the server or the lease is lost."""
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+from tests.services import exploring
+from tests.services.client import Client
+from tests.services.exploring import BOARD, IMPATIENT
+from tests.services.program import Program, children, family, runs, until
+from tests.services.serving import Serving, command
+from tests.services.worker import Worker
+
+REAL = IMPATIENT | {"DJANGO_SETTINGS_MODULE": "crowd.settings"}
+
+
+def measurement(program: Program) -> int | None:
+    """The process with which PROGRAM measures, None while there is none."""
+    found = [pid for pid, line in children(*family(program.process.pid)).items() if "slam run" in line]
+    return found[0] if found else None
+
+
+def evaluations(server: Serving) -> dict[str, int]:
+    """How many evaluations are in each state; empty while the server does not answer."""
+    try:
+        _, answer = server.call("GET", "/api/v1/explorations")
+        counts: dict[str, int] = answer["results"][0]["evaluations"]
+    except (OSError, ValueError, KeyError):
+        return {}
+    return counts
+
+
+def attempts(var: Path, **services: Any) -> list[tuple[str, int]]:
+    """State and attempt of each evaluation that was begun."""
+    rows = exploring.rows(var, services, 1)
+    return [(row["state"], row["attempt"]) for row in rows if row["attempt"]]
+
+
+def test_killing_a_worker_ends_its_measurement_which_another_makes_again(tmp_path: Path) -> None:
+    var = tmp_path / "var"
+    assert command(var, "migrate", **REAL).returncode == 0
+    exploring.start_measured(var, REAL)
+    with Worker(var, REAL, BOARD) as worker:
+        left = until(lambda: measurement(worker))
+        os.kill(worker.process.pid, signal.SIGKILL)
+        worker.process.wait()
+        until(lambda: not runs(left))
+
+        worker.start()
+        until(lambda: ("done", 2) in attempts(var, **REAL), pause=2.0)
+
+    assert attempts(var, **REAL)[0] == ("done", 2)
+
+
+def test_a_board_outlives_its_server_and_a_lost_lease(tmp_path: Path) -> None:
+    var = tmp_path / "var"
+    with Serving(var, REAL) as server:
+        token = exploring.start_measured(var, REAL)
+        with Client(tmp_path / "board", server.url, BOARD, token) as client:
+            until(lambda: measurement(client))
+            server.kill_child("granian")
+            until(lambda: evaluations(server).get("done", 0) >= 1)
+
+            frozen = until(lambda: measurement(client))
+            for pid in (client.process.pid, frozen):
+                os.kill(pid, signal.SIGSTOP)
+            until(lambda: evaluations(server).get("running") == 0)
+            os.kill(client.process.pid, signal.SIGCONT)
+            until(lambda: not runs(frozen))
+            until(lambda: ("done", 2) in attempts(var, **REAL), pause=2.0)
+            until(lambda: measurement(client))
+            client.process.send_signal(signal.SIGINT)
+            client.process.wait(60)
+            said = client.said()
+
+        assert "is given back" in said
+        assert until(lambda: evaluations(server))["running"] == 0
