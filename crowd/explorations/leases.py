@@ -33,6 +33,13 @@ READ = (
     *("exploration__reference_device__name", "exploration__reference_device__queue"),
     *("exploration__reference_device__opencl_device", "exploration__reference_device__machines"),
 )
+# Asked before every measurement, and written out since the ORM takes ten times as long to build it as the
+# database to answer.
+HELD = f"""
+    SELECT count(*) FROM {Evaluation._meta.db_table} evaluation
+    JOIN {Exploration._meta.db_table} exploration ON exploration.id = evaluation.exploration_id
+    WHERE evaluation.state = %s AND evaluation.lease_until >= %s AND exploration.reference_device_id = %s
+"""
 T = TypeVar("T")
 
 log = logging.getLogger(__name__)
@@ -132,13 +139,10 @@ def waiting(device: ReferenceDevice) -> QuerySet[Evaluation]:
 
 def free_machines(device: ReferenceDevice) -> int:
     """How many machines of DEVICE hold no live lease."""
-    held = Evaluation.objects.filter(
-        state=Evaluation.State.RUNNING,
-        lease_until__gte=timezone.now(),
-        exploration__reference_device=device,
-    )
-    # Fewer than a count would cost: there are never many.
-    return device.machines - len(held.order_by().values_list("pk"))
+    now = connection.ops.adapt_datetimefield_value(timezone.now())
+    with connection.cursor() as cursor:
+        cursor.execute(HELD, [Evaluation.State.RUNNING, now, device.pk])
+        return device.machines - int(cursor.fetchone()[0])
 
 
 def renew(evaluation: Evaluation) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from django.core.exceptions import ValidationError
-from django.db import transaction
+from django.db import connection, transaction
 from django.db.models import Max, QuerySet
 from django.utils import timezone
 
@@ -28,6 +28,11 @@ MEASURED = (
 )
 # Repeats change medians, and these what belongs to the front: it is looked at again, but not for ever.
 MOST_ROUNDS_OF_REPEATS = 3
+UNFINISHED = f"""
+    SELECT 1 FROM {Evaluation._meta.db_table}
+    WHERE exploration_id = %s AND state IN ('{Evaluation.State.PENDING}', '{Evaluation.State.RUNNING}')
+    LIMIT %s
+"""
 COPIED = (Evaluation.Phase.KNOWN, Evaluation.Phase.PRIOR)
 Wanted = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
 
@@ -155,10 +160,11 @@ def advance(exploration_id: int) -> list[Evaluation]:
 
 def due(exploration: Exploration) -> bool:
     """Whether it can ask for more: all is finished, or half a batch where it is not synchronous."""
-    unfinished = unfinished_of(exploration)
-    if exploration.synchronous:
-        return not unfinished.exists()
-    return unfinished.count() <= exploration.batch // 2
+    most = 0 if exploration.synchronous else exploration.batch // 2
+    # Asked after every measurement, and written out since the ORM takes ten times as long to build it.
+    with connection.cursor() as cursor:
+        cursor.execute(UNFINISHED, [exploration.pk, most + 1])
+        return len(cursor.fetchall()) <= most
 
 
 def waiting(exploration: Exploration) -> list[Evaluation]:
