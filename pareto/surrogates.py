@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from pareto.forest import Forest
 from pareto.gaussian import GaussianProcess, Posterior
 from pareto.history import History
 from pareto.improvement import expected_improvement
@@ -19,15 +18,9 @@ from pareto.transfer import Trend
 Array = NDArray[np.float64]
 Hyperparameters = list[list[float]]  # plain numbers, so that they can be saved
 
-TREES = 32
-
 
 class Surrogates:
-    """A process for each objective's target and, once something failed, two models of success (1, -1).
-
-    Success is judged by a process, which follows borders across several parameters, and by trees, which find
-    those along the axes; `Promise.gain` says how the two are brought together.
-    """
+    """A process for each objective's target and, once something failed, one for success (1, -1)."""
 
     def __init__(
         self,
@@ -58,9 +51,6 @@ class Surrogates:
             labels = np.concatenate([np.ones(len(good)), -np.ones(len(bad))])
             told = np.concatenate([good, bad])
             self._success = self._process(told, labels, rng)
-            seed = int(rng.integers(2**31))
-            codes = self.space.codes(told)
-            self._trees = Forest.grow(codes, labels, self.space.shape, seed=seed, trees=TREES)
 
     @property
     def hyperparameters(self) -> Hyperparameters:
@@ -74,10 +64,11 @@ class Surrogates:
         objectives = [process.at(features) for process in self._objectives]
         for posterior, expected in zip(objectives, self._trend(indices).T, strict=True):
             posterior.mean += expected
-        if self._success is None:
-            return Promise(indices, objectives, None, np.ones(len(indices)))
-        vote = (1.0 + self._trees.predict(self.space.codes(indices))) / 2.0
-        return Promise(indices, objectives, self._success.at(features), vote)
+        chance = np.ones(len(indices))
+        if self._success:
+            success = self._success.at(features)
+            chance = ndtr(success.mean / success.spread)
+        return Promise(indices, objectives, chance)
 
     def _process(self, indices: Indices, column: Array, rng: np.random.Generator) -> GaussianProcess:
         features, owner = self.space.features(indices), self.space.feature_owner
@@ -88,41 +79,23 @@ class Surrogates:
 
 @dataclass
 class Promise:
-    """Posteriors at `indices`: one an objective, and one of success where anything failed so far.
-
-    `vote` is the share of trees that expect success.
-    """
+    """Posteriors of the objectives at `indices`, and the `chance` that each can be measured at all."""
 
     indices: Indices
     objectives: list[Posterior]
-    success: Posterior | None
-    vote: Array
+    chance: Array
 
     def gain(self, front: Array, reference: Array, rng: np.random.Generator) -> Array:
-        """Return the expected improvement of each point times its chance to be measurable.
-
-        The chance is the mean of what process and trees say: neither has a veto.
-        """
+        """Return the expected improvement of each point times its chance to be measurable."""
         mean = np.stack([posterior.mean for posterior in self.objectives], axis=1)
         spread = np.stack([posterior.spread for posterior in self.objectives], axis=1)
-        gain = expected_improvement(mean, spread, front, reference, rng)
-        if self.success is None:
-            return gain
-        return gain * (self.vote + ndtr(self.success.mean / self.success.spread)) / 2.0
+        return self.chance * expected_improvement(mean, spread, front, reference, rng)
 
     def suppose(self, number: int) -> Array:
-        """Take point `number` as measured with what is expected; return the rows that this adds to a front.
-
-        Where failure is expected there is none, and what is like it looks less likely to succeed from here
-        on: a batch does not bet all on one region of which nobody knows whether it can be measured.
-        """
-        if self.success is not None:
-            self.success.suppose(number)
-            if self.success.mean[number] < 0:
-                return np.empty((0, len(self.objectives)))
+        """Take point `number` as measured with the values expected, and return these (objectives)."""
         for posterior in self.objectives:
             posterior.suppose(number)
-        return np.array([[posterior.mean[number] for posterior in self.objectives]])
+        return np.array([posterior.mean[number] for posterior in self.objectives])
 
 
 def _near_the_front(targets: Targets, points: int, rng: np.random.Generator) -> NDArray[np.int64]:
