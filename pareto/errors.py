@@ -39,3 +39,23 @@ class ScenarioError(ParetoError):
 
 class EvaluationError(ParetoError):
     """One configuration could not be measured; the message is the reason kept beside it."""
+
+
+class NoAnswerError(ParetoError):
+    """An exploration cannot give the answer asked for yet; it can go on all the same."""
+
+
+class NothingMeasuredError(NoAnswerError):
+    """Nothing was told yet."""
+
+
+class AllFailedError(NoAnswerError):
+    """Every configuration that was tried failed."""
+
+
+class NothingFeasibleError(NoAnswerError):
+    """No measured configuration keeps the limits."""
+
+
+class ConstantObjectiveError(NoAnswerError):
+    """An objective has the same value everywhere, so nothing can be learnt about it."""

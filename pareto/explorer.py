@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pareto.answer import obstacle
 from pareto.errors import MethodError, StateError
 from pareto.history import History
 from pareto.methods import DEFAULT, METHODS, create
@@ -125,6 +126,17 @@ class Explorer:
             (self.space.decode(int(index)), dict(zip(names, map(float, row), strict=True)))
             for index, row in zip(indices, values, strict=True)
         ]
+
+    def answer(self) -> list[tuple[Configuration, dict[str, float]]]:
+        """Return the front where there is one worth reading, otherwise raise the reason.
+
+        Raises NothingMeasuredError, AllFailedError, NothingFeasibleError or ConstantObjectiveError, all of
+        them NoAnswerError; `front` is empty or trivial then, and asking goes on as ever.
+        """
+        reason = obstacle(self.history)
+        if reason is not None:
+            raise reason
+        return self.front()
 
     def pending(self) -> list[Configuration]:
         """Return what was asked and not yet told, in the order asked."""

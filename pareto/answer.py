@@ -1,0 +1,57 @@
+"""Why an exploration has no answer, in words that say what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pareto.errors import (
+    AllFailedError,
+    ConstantObjectiveError,
+    NoAnswerError,
+    NothingFeasibleError,
+    NothingMeasuredError,
+)
+from pareto.history import History
+
+ENOUGH = 10  # different configurations that must agree before an objective is called constant
+
+
+def obstacle(history: History) -> NoAnswerError | None:
+    """Return what stands between `history` and a front worth reading; None when nothing does.
+
+    The search itself goes on through all of it: what it asks for next may remove the obstacle.
+    """
+    if not history.told:
+        return NothingMeasuredError("nothing was measured yet: ask for configurations and tell their values")
+    indices, values = history.measured()
+    if len(indices) == 0:
+        return AllFailedError(
+            f"all {len(history.told)} configurations failed: find out why one of them does, the default first"
+        )
+    if not history.within_limits(values).any():
+        return _nothing_feasible(history, values)
+    names = [objective.name for objective in history.objectives]
+    for name, column in zip(names, values.T, strict=True):
+        if len(indices) >= ENOUGH and np.ptp(column) == 0:
+            return ConstantObjectiveError(
+                f"objective {name!r} was {column[0]:g} for all {len(indices)} configurations: leave it out, "
+                "or look whether it is really measured"
+            )
+    return None
+
+
+def _nothing_feasible(history: History, values: np.ndarray) -> NothingFeasibleError:
+    limits: Mapping[str, float] = history.limits
+    wanted, nearest = [], []
+    for objective, column in zip(history.objectives, values.T, strict=True):
+        if objective.name in limits:
+            sign = ">=" if objective.maximise else "<="
+            best = column.max() if objective.maximise else column.min()
+            wanted.append(f"{objective.name} {sign} {limits[objective.name]:g}")
+            nearest.append(f"{objective.name} = {best:g}")
+    return NothingFeasibleError(
+        f"none of {len(values)} measured configurations keeps {' and '.join(wanted)}; the best of each are "
+        f"{', '.join(nearest)}: relax a limit, or go on exploring"
+    )
