@@ -9,7 +9,7 @@
 | FRONTRUNNER_HTTPS | 1 with a public host, else 0 | 0 serves public hosts over plain HTTP (a lab's network) |
 | FRONTRUNNER_SECRET_KEY | a file in the data folder | the key that signs sessions |
 | DATABASE_URL | SQLite in the data folder | any database of dj-database-url; PostgreSQL is tested |
-| CELERY_BROKER_URL | filesystem:// in the data folder | any Celery broker; Redis is tested |
+| CELERY_BROKER_URL | filesystem:// in the data folder | any Celery broker; Redis and RabbitMQ are tested |
 | DEBUG | 0 | Django's debug pages |
 | FRONTRUNNER_ACCEPTING | 1 | 0 closes the intake of measurements: clients keep theirs and try later |
 | FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are told to update |
@@ -137,6 +137,8 @@ if CELERY_BROKER_URL.startswith("filesystem://"):
 elif CELERY_BROKER_URL.startswith(("redis://", "rediss://")):
     # A client waits for its answer meanwhile; the sweep finds what was not announced.
     CELERY_BROKER_TRANSPORT_OPTIONS = {"socket_connect_timeout": 2}
+# RabbitMQ would hang up on a worker that measures for minutes and cannot answer its heartbeats meanwhile.
+CELERY_BROKER_HEARTBEAT = 0
 CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
 CELERY_TASK_IGNORE_RESULT = True
 CELERY_TASK_ACKS_LATE = True
