@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pareto import Explorer, Objective, Space
 from pareto.errors import ConfigurationError, MethodError, ObjectiveError, StateError
 from pareto.front import nondominated
+from pareto.hypervolume import hypervolume
 from pareto.methods import METHODS
 
 SPACE = Space.from_dict(
@@ -316,3 +317,77 @@ def test_the_default_method_searches_a_space_too_large_to_enumerate():
         np.mean([np.ptp(list(item.values())) for item in part]) for part in (asked[:8], asked[-20:])
     )
     assert last < first  # the front is the diagonal: all coordinates alike
+
+
+def test_a_space_of_a_million_million_points_with_a_constraint_is_never_enumerated():
+    parameters = [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(6)]
+    space = Space.from_dict({"parameters": parameters, "constraints": ["x0 + x1 <= 120"]})
+    assert len(space) == 10**12
+    explorer = explorer_of("two-stage", space=space, objectives=("far", "near"))
+    asked = spend(
+        explorer, 30, batch=10, measure=lambda item: {"far": 1 + item["x0"], "near": 200 - item["x1"]}
+    )
+    assert len({space.encode(item) for item in asked}) == 30
+    assert all(item["x0"] + item["x1"] <= 120 for item in asked)
+    with pytest.raises(MethodError, match="1,000,000,000,000 points"):
+        explorer_of("algorithm1", space=space).ask(1)
+
+
+@every_method
+def test_the_number_of_random_configurations_is_an_option_of_every_method(method):
+    explorer = Explorer(SPACE, ("error", "seconds"), method=method, **{**OPTIONS[method], "initial": 30})
+    proposals = explorer.propose(30)
+    assert [proposal.phase for proposal in proposals] == ["random"] * 30
+
+
+def test_batches_of_one_share_a_screening_and_find_the_front_as_well():
+    explorer = explorer_of("two-stage")
+    asked = spend(explorer, 60, batch=1)
+    assert len({SPACE.encode(item) for item in asked}) == 60
+    memory = explorer.state()["memory"]
+    assert 0 < memory["since"] <= 20
+    assert memory["shortlist"]
+    everything = [measure(SPACE.decode(index)) for index in range(len(SPACE))]
+    points = np.array([[values["error"], values["seconds"]] for values in everything if values])
+    true_front = {tuple(point) for point in points[nondominated(points)]}
+    found = {(values["error"], values["seconds"]) for _, values in explorer.front()}
+    assert len(true_front & found) >= 0.6 * len(true_front)
+
+
+def test_a_batch_spreads_along_the_front_instead_of_crowding_at_its_best_point():
+    explorer = explorer_of("two-stage")
+    spend(explorer, 30)
+    batch = [item for item in explorer.propose(12) if item.phase == "active"]
+    errors = [measured["error"] for item in batch if (measured := measure(item.configuration))]
+    known = [values["error"] for _, values in explorer.front()]
+    assert len(errors) >= 6
+    assert np.ptp(errors) > 0.3 * np.ptp(known)
+
+
+def test_where_one_region_always_fails_it_is_left_alone():
+    explorer = explorer_of("two-stage")
+    spend(explorer, 60, measure=lambda item: measure(item) if item["fast"] else None)
+    active = [index for index, phase in explorer.history.phases.items() if phase == "active"]
+    failed = set(explorer.history.failed().tolist())
+    assert len(active) > 30
+    assert np.mean([index in failed for index in active]) < 0.3  # more than half of the space fails
+
+
+@pytest.mark.parametrize("objectives", [1, 4])
+def test_one_objective_and_four_get_better_than_by_chance(objectives):
+    space = Space.from_dict(
+        {"parameters": [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 7} for i in range(4)]}
+    )
+    names = [f"y{k}" for k in range(objectives)]
+
+    def distances(configuration):
+        x = np.array(list(configuration.values()))
+        return {name: 1.0 + float(np.sum((x - 2 - k) ** 2)) for k, name in enumerate(names)}
+
+    def covered(method):
+        explorer = explorer_of(method, space=space, objectives=names)
+        spend(explorer, 50, measure=distances)
+        front = [[values[name] for name in names] for _, values in explorer.front()]
+        return hypervolume(front, [60.0] * objectives, log=True)
+
+    assert covered("two-stage") > covered("random")
