@@ -33,6 +33,9 @@ WISHES: dict[str, Any] = {
     "recheck": False,
     "repeats": 0,
 }
+# As `manage.py serve` starts its own.
+OPTIONS = ("--pool", "solo", "--without-gossip", "--without-mingle", "--without-heartbeat")
+LOOP = 5_000_000
 # As they are by default: what the tests make quick would cost here.
 ORDINARY = {
     "FRONTRUNNER_LEASE_SECONDS": "90",
@@ -55,6 +58,14 @@ def cpu_seconds(pids: Iterable[int]) -> float:
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
+def loop_seconds() -> float:
+    """CPU of counting to LOOP, by which figures of busy and idle machines compare."""
+    begun = time.process_time()
+    for _ in range(LOOP):
+        pass
+    return time.process_time() - begun
+
+
 def measure(name: str) -> dict[str, float] | str:
     """The figures of the combination NAME of COMBINATIONS; why there are none where a part is missing."""
     make_broker, make_database = COMBINATIONS[name]
@@ -64,7 +75,7 @@ def measure(name: str) -> dict[str, float] | str:
             database = stack.enter_context(make_database()) if make_database else None
         except (ImportError, FileNotFoundError) as error:
             return f"not installed here: {error}"
-        installation = Installation(Path(folder) / "var", broker, database, WORKERS, **ORDINARY)
+        installation = Installation(Path(folder) / "var", broker, database, WORKERS, OPTIONS, **ORDINARY)
         return _run(stack.enter_context(installation))
 
 
@@ -82,13 +93,15 @@ def _run(installation: Installation) -> dict[str, float]:
 
     logs = [worker.log for worker in installation.workers] + list(installation.var.glob("logs/worker*.log"))
     until(lambda: all(" ready." in log.read_text() for log in logs))
+    loops = [loop_seconds()]
     before = spent()
     exploring.start(installation.var, installation.services, **WISHES)
     begun = time.perf_counter()
     until(lambda: installation.state() == "done", PATIENCE_SECONDS, pause=1.0)
     taken = time.perf_counter() - begun
     each = {name: 1e3 * (after - before[name]) / EVALUATIONS for name, after in spent().items()}
-    return {"evaluations_per_second": round(EVALUATIONS / taken, 1)} | {
+    loops.append(loop_seconds())
+    return {"evaluations_per_second": round(EVALUATIONS / taken, 1), "loop_s": round(sum(loops) / 2, 3)} | {
         f"{name.replace(' ', '_')}_ms": round(value, 2) for name, value in each.items()
     }
 
@@ -97,7 +110,7 @@ def table(found: dict[str, dict[str, float] | str]) -> list[str]:
     """The figures in lines."""
     lines = [
         f"CPU ms an evaluation ({EVALUATIONS}, {WORKERS} workers)",
-        f"{'':22} {'workers':>8} {'web server':>11} {'broker':>7} {'database':>9} {'evaluations/s':>14}",
+        f"{'':22} {'workers':>8} {'web server':>11} {'broker':>7} {'database':>9} {'evaluations/s':>14} {'loop s':>7}",
     ]
     for name, row in found.items():
         if isinstance(row, str):
@@ -105,7 +118,7 @@ def table(found: dict[str, dict[str, float] | str]) -> list[str]:
             continue
         lines.append(
             f"{name:22} {row['workers_ms']:>8} {row['web_server_ms']:>11} {row['broker_ms']:>7} "
-            f"{row['database_ms']:>9} {row['evaluations_per_second']:>14}"
+            f"{row['database_ms']:>9} {row['evaluations_per_second']:>14} {row['loop_s']:>7}"
         )
     return lines
 

@@ -3,7 +3,7 @@
 import os
 import random
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
@@ -17,11 +17,17 @@ from tests.services.worker import Worker
 class Installation:
     """Web server with its own workers, WORKERS of one device, broker and database; in a with statement.
 
-    Without BROKER and DATABASE, which run already, it is the embedded default. MORE is environment.
+    Without BROKER and DATABASE, which run already, it is the embedded default. OPTIONS are the workers', MORE is environment.
     """
 
     def __init__(
-        self, var: Path, broker: Program | None, database: Program | None, workers: int, **more: str
+        self,
+        var: Path,
+        broker: Program | None,
+        database: Program | None,
+        workers: int,
+        options: Sequence[str] = (),
+        **more: str,
     ) -> None:
         self.var, self.broker, self.database = var, broker, database
         self.services: Services = exploring.SETTINGS | more
@@ -30,7 +36,9 @@ class Installation:
         if database is not None:
             self.services["DATABASE_URL"] = database.url
         self.server = Serving(var, self.services)
-        self.workers = [Worker(var, self.services, exploring.DEVICE, number) for number in range(workers)]
+        self.workers = [
+            Worker(var, self.services, exploring.DEVICE, number, options) for number in range(workers)
+        ]
 
     def __enter__(self) -> Self:
         emptying = [("flush", "--no-input")] if self.database is not None else []

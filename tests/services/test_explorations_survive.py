@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from django.db import transaction
 from django.test import override_settings
 
 from crowd.explorations import leases, services
@@ -24,45 +23,41 @@ MACHINES = 4
 PATIENCE_SECONDS = 600.0
 LONGEST_DELAY_SECONDS = 0.2
 INTERRUPTED = 2  # measurements at least: so many kills wait for the middle of one
-WISHES: dict[str, Any] = {
-    "machines": MACHINES,
-    "budget": 1000,
-    "batch": 100,
-    "options": {"initial": 900},  # at random; the last batch is learnt
-    "repeats": 2,
-    "seed": 7,
-}
+COMBINATIONS = {"embedded": 1000, "redis postgresql": 300, "rabbitmq postgresql": 300}  # evaluations
 
 
-@pytest.fixture(params=["embedded", "redis postgresql", "rabbitmq postgresql"])
-def installation(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Installation]:
-    programs = [] if request.param == "embedded" else request.param.split()
+@pytest.fixture(params=COMBINATIONS)
+def combination(request: pytest.FixtureRequest) -> str:
+    """Broker and database."""
+    return str(request.param)
+
+
+@pytest.fixture
+def wishes(combination: str) -> dict[str, Any]:
+    """What is explored there: ten batches, nine of them at random and the last one learnt."""
+    budget = COMBINATIONS[combination]
+    options = {"initial": budget // 10 * 9}
+    return {"budget": budget, "batch": budget // 10, "options": options, "repeats": 2, "machines": MACHINES}
+
+
+@pytest.fixture
+def installation(request: pytest.FixtureRequest, combination: str, tmp_path: Path) -> Iterator[Installation]:
+    programs = [] if combination == "embedded" else combination.split()
     broker, database = [request.getfixturevalue(name) for name in programs] or (None, None)
     with Installation(tmp_path / "var", broker, database, MACHINES, TABLE_SECONDS="0.02") as found:
         yield found
 
 
-@pytest.fixture(scope="module")
-def undisturbed(
-    django_db_setup: None, django_db_blocker: Any, tmp_path_factory: pytest.TempPathFactory
-) -> list[tuple[int, str, dict[str, int]]]:
+def undisturbed(var: Path, wishes: dict[str, Any]) -> list[tuple[int, str, dict[str, int]]]:
     """Number, phase and configuration of what the exploration evaluates when nothing ever fails."""
-    var = tmp_path_factory.mktemp("undisturbed")
-    with (
-        override_settings(FRONTRUNNER_VAR=var, FRONTRUNNER_SEQUENCES=[var / "sequences"], TABLE_SECONDS=0),
-        django_db_blocker.unblock(),
-        transaction.atomic(),
-    ):
-        exploration = explorations.create(var, **WISHES)
+    with override_settings(FRONTRUNNER_VAR=var, FRONTRUNNER_SEQUENCES=[var / "sequences"], TABLE_SECONDS=0.0):
+        exploration = explorations.create(var, **wishes)
         while waiting := leases.waiting(exploration.reference_device) or services.advance(exploration.pk):
             for each in list(waiting):
                 with leases.leased(each.pk) as evaluation:
                     assert evaluation is not None
                     leases.record(evaluation, measure(evaluation))
-        rows = exploration.evaluations.order_by("number")
-        found = list(rows.values_list("number", "phase", "configuration"))
-        transaction.set_rollback(True)
-    return found
+    return list(exploration.evaluations.order_by("number").values_list("number", "phase", "configuration"))
 
 
 def measured(installation: Installation) -> int:
@@ -72,13 +67,14 @@ def measured(installation: Installation) -> int:
 
 @pytest.mark.django_db  # for what is done undisturbed
 def test_an_exploration_survives_every_kill(
-    undisturbed: list[tuple[int, str, dict[str, int]]], installation: Installation
+    installation: Installation, wishes: dict[str, Any], own_data_folder: Path
 ) -> None:
-    chance = random.Random(WISHES["seed"])
+    expected = undisturbed(own_data_folder, wishes)
+    chance = random.Random(0)
     kills = installation.kills(chance)
-    moments = sorted(chance.randrange(WISHES["budget"]) for _ in kills)
+    moments = sorted(chance.randrange(wishes["budget"]) for _ in kills)
 
-    key = exploring.start(installation.var, installation.services, **WISHES)
+    key = exploring.start(installation.var, installation.services, **wishes)
     for moment, kill in zip(moments, kills, strict=True):
         until(lambda moment=moment: measured(installation) >= moment, PATIENCE_SECONDS)  # type: ignore[misc]
         time.sleep(chance.uniform(0, LONGEST_DELAY_SECONDS))
@@ -86,7 +82,7 @@ def test_an_exploration_survives_every_kill(
     until(lambda: installation.state() == "done", PATIENCE_SECONDS, pause=1.0)
 
     rows = exploring.rows(installation.var, installation.services, key)
-    assert [(row["number"], row["phase"], row["configuration"]) for row in rows] == undisturbed
+    assert [(row["number"], row["phase"], row["configuration"]) for row in rows] == expected
     for row in rows:
         assert row["objectives"] == look_up(row["configuration"])
         assert row["error"] == ("" if row["objectives"] else NOTHING)

@@ -9,15 +9,18 @@ from tests.services.serving import Services, environment
 
 
 class Worker(Program):
-    """`celery -A crowd worker -Q DEVICE -c 1`, which nobody starts again when it dies."""
+    """`celery -A crowd worker -Q DEVICE -c 1 OPTIONS`, which nobody starts again when it dies."""
 
-    def __init__(self, var: Path, services: Services, device: str, number: int = 0) -> None:
+    def __init__(
+        self, var: Path, services: Services, device: str, number: int = 0, options: Sequence[str] = ()
+    ) -> None:
         self.var, self.services, self.device, self.number = var, services, device, number
+        self.options = options
         self.folder, self.log = ROOT, var / f"worker-{device}-{number}.txt"
 
     def command(self) -> Sequence[str]:
         name = f"{self.device}-{self.number}@localhost"
-        options = ["-Q", self.device, "-c", "1", "-n", name, "--loglevel", "INFO"]
+        options = ["-Q", self.device, "-c", "1", "-n", name, "--loglevel", "INFO", *self.options]
         return [sys.executable, "-m", "celery", "-A", "crowd", "worker", *options]
 
     def environment(self) -> Mapping[str, str]:
