@@ -110,7 +110,8 @@ def table(found: dict[str, dict[str, float] | str]) -> list[str]:
     """The figures in lines."""
     lines = [
         f"CPU ms an evaluation ({EVALUATIONS}, {WORKERS} workers)",
-        f"{'':22} {'workers':>8} {'web server':>11} {'broker':>7} {'database':>9} {'evaluations/s':>14} {'loop s':>7}",
+        f"{'':22} {'workers':>8} {'web server':>11} {'broker':>7} {'database':>9} "
+        f"{'evaluations/s':>14} {'loop s':>7}",
     ]
     for name, row in found.items():
         if isinstance(row, str):

@@ -17,7 +17,8 @@ from tests.services.worker import Worker
 class Installation:
     """Web server with its own workers, WORKERS of one device, broker and database; in a with statement.
 
-    Without BROKER and DATABASE, which run already, it is the embedded default. OPTIONS are the workers', MORE is environment.
+    Without BROKER and DATABASE, which run already, it is the embedded default. OPTIONS are the workers', MORE
+    is environment.
     """
 
     def __init__(
