@@ -26,7 +26,7 @@ class ObjectiveError(ParetoError):
 
 
 class MethodError(ParetoError):
-    """There is no such search method, or it does not take the option given to it."""
+    """There is no such search method, or it does not take the option, seed or count given to it."""
 
 
 class StateError(ParetoError):

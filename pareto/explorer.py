@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from pareto.answer import obstacle
-from pareto.errors import MethodError, StateError
+from pareto.errors import MethodError, ObjectiveError, StateError
 from pareto.history import History
 from pareto.methods import DEFAULT, METHODS, create
-from pareto.objective import Objective, read_limits, read_objectives, read_values
+from pareto.objective import Objective, read_limits, read_number, read_objectives, read_values
 from pareto.space import Configuration, Space
 from pareto.transfer import Prior
 
@@ -39,7 +40,7 @@ class Explorer:
     the search as far as the measurements told here bear it out, and never counts as told. What was measured
     on this very device is told instead.
 
-    Raises ObjectiveError, or MethodError for an unknown method or option or one that heeds no prior.
+    Raises ObjectiveError, or MethodError for an unknown method, option or seed or one that heeds no prior.
     """
 
     def __init__(
@@ -56,12 +57,13 @@ class Explorer:
         self.space = space
         self.objectives = read_objectives(objectives)
         self.limits = read_limits(self.objectives, limits)
-        self.seed = int(seed)
+        self.seed = _whole("seed", seed)
         self.method = method
         self.finished = False
         self.history = History(space, self.objectives, self.limits)
-        self._options = options
-        self._method = create(method, options)
+        # NumPy's whole numbers are as good as Python's, but JSON does not know them.
+        self._options = {k: int(v) if isinstance(v, np.integer) else v for k, v in options.items()}
+        self._method = create(method, self._options)
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
         self._asks = 0
 
@@ -75,7 +77,10 @@ class Explorer:
         With `repeats`, configurations of the present front are proposed again instead, those measured least
         first: against noise. Fewer than `count` come back when the method waits for pending results, or has
         nothing more to ask for (then `finished` is set until something new is told).
+
+        Raises MethodError when `count` is no whole number.
         """
+        count = _whole("count", count)
         rng = np.random.default_rng([self.seed % 2**64, self._asks])
         self._asks += 1
         if count <= 0:
@@ -101,13 +106,17 @@ class Explorer:
         `phase` is noted. Telling one configuration again averages its values. Either all are taken or, when
         an error is raised (ConfigurationError, ObjectiveError), none.
         """
-        pairs = list(zip(configurations, results, strict=True))
+        if len(configurations) != len(results):
+            raise ObjectiveError(
+                f"{len(results)} results for {len(configurations)} configurations: tell one each, "
+                "None for what failed"
+            )
         read = [
             (
                 self.space.encode(configuration),
                 None if values is None else read_values(self.objectives, values),
             )
-            for configuration, values in pairs
+            for configuration, values in zip(configurations, results, strict=True)
         ]
         for index, values in read:
             self.history.record(index, values, phase)
@@ -168,6 +177,8 @@ class Explorer:
 
         Raises StateError when it is another version's, another space's, or damaged.
         """
+        if not isinstance(state, Mapping):
+            raise StateError(f"the state is damaged: it is {state!r:.40} and no object")
         if state.get("version") != VERSION:
             raise StateError(f"state version {state.get('version')!r} cannot be read: this one is {VERSION}")
         if state.get("space") != space.digest:
@@ -189,9 +200,12 @@ class Explorer:
             explorer._take_prior(prior)
             _record(explorer.history, state["observations"])
             for index, phase in state["pending"]:
-                explorer.history.expect(int(index), phase)
+                explorer.history.expect(_index(space, index), phase)
             explorer._method.recall(state["memory"])
-        except (KeyError, TypeError) as error:
+        except StateError:
+            raise
+        # A list where an object belongs has no `items`; a value that may not be told is a ValueError.
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise StateError(f"the state is damaged: {error!r}") from error
         return explorer
 
@@ -218,6 +232,25 @@ def _observations(history: History) -> list[list[Any]]:
 
 
 def _record(history: History, observations: Iterable[Sequence[Any]]) -> None:
+    names = [objective.name for objective in history.objectives]
     for index, phase, measurements in observations:
+        place = _index(history.space, index)
         for values in measurements:
-            history.record(int(index), None if values is None else tuple(values), phase)
+            read = None
+            if values is not None:
+                read = tuple(read_number(*pair) for pair in zip(names, values, strict=True))
+            history.record(place, read, phase)
+
+
+def _index(space: Space, number: Any) -> int:
+    index = operator.index(number)
+    if not 0 <= index < len(space):
+        raise StateError(f"the state is damaged: index {index} is outside 0 .. {len(space) - 1}")
+    return index
+
+
+def _whole(name: str, number: Any) -> int:
+    try:
+        return operator.index(number)
+    except TypeError:
+        raise MethodError(f"{name} = {number!r} is not a whole number") from None

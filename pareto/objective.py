@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from pareto.errors import ObjectiveError
+from pareto.spacing import is_finite
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,10 @@ def read_values(objectives: tuple[Objective, ...], values: Mapping[str, float]) 
 
 def read_number(name: str, value: object) -> float:
     """Return `value` as a float. Raises ObjectiveError unless it is a finite number."""
-    value = value.item() if hasattr(value, "item") else value  # NumPy scalars
+    if hasattr(value, "item") and getattr(value, "size", 1) == 1:  # NumPy scalars
+        value = value.item()
+    if isinstance(value, int) and not is_finite(value):
+        raise ObjectiveError(f"{name} is too large a number: about 1.8e308 is the largest that is kept")
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
         raise ObjectiveError(f"{name} = {value!r} is not a finite number: tell None for a failed evaluation")
     return float(value)

@@ -61,7 +61,7 @@ def from_command(
             require_feasible(feasible, answer.get(feasible[0]))
         try:
             values = read_values(objectives, answer)
-        except (ObjectiveError, OverflowError) as error:
+        except ObjectiveError as error:
             raise EvaluationError(f"its last line: {error}"[:400]) from error
         return dict(zip((item.name for item in objectives), values, strict=True))
 

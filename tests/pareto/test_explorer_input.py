@@ -1,0 +1,104 @@
+"""Input that an explorer refuses, saying what would be right, and input that only looks odd."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pareto import Explorer, Space
+from pareto.errors import MethodError, ObjectiveError, StateError
+
+SPACE = Space.from_dict(
+    {"name": "line", "parameters": [{"name": "x", "type": "integer", "minimum": 0, "maximum": 99}]}
+)
+
+
+@pytest.fixture
+def state():
+    """The state of an explorer that knows two measurements and waits for one."""
+    explorer = Explorer(SPACE, ("error", "seconds"), {"error": 1.0}, seed=3)
+    explorer.tell([{"x": 5}, {"x": 6}], [{"error": 0.5, "seconds": 2.0}, None])
+    explorer.ask(1)
+    return json.loads(json.dumps(explorer.state()))
+
+
+@pytest.mark.parametrize("damaged", ["[]", "3", "null", '"text"'])
+def test_a_state_that_is_no_object_is_refused(damaged):
+    with pytest.raises(StateError, match="no object"):
+        Explorer.restore(SPACE, json.loads(damaged))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("observations", [["q", "random", [None]]], "'str'"),
+        ("observations", [[1.5, "random", [None]]], "'float'"),
+        ("observations", [[99999, "random", [None]]], r"index 99999 is outside 0 \.\. 99"),
+        ("observations", [[-1, "random", [None]]], r"index -1 is outside 0 \.\. 99"),
+        ("observations", [[5, "random", [[0.5]]]], "shorter"),
+        ("observations", [[5, "random", [[0.5, 2.0, 9.0]]]], "longer"),
+        ("observations", [[5, "random", [[0.5, "fast"]]]], "'fast'"),
+        ("observations", [[5, "random", [[0.5, float("nan")]]]], "nan"),
+        ("observations", [[5, "random", 7]], "not iterable"),
+        ("observations", [[5, "random"]], "not enough values"),
+        ("prior", [[100, "told", [None]]], r"index 100 is outside 0 \.\. 99"),
+        ("pending", [["q", "random"]], "'str'"),
+        ("pending", [[99999, "random"]], r"index 99999 is outside 0 \.\. 99"),
+        ("memory", [], "AttributeError"),
+        ("limits", [1], "AttributeError"),
+        ("limits", {"watts": 1.0}, "'watts'"),
+        ("objectives", ["error"], "damaged"),
+        ("options", {"forests": 3}, "'forests'"),
+        ("method", "annealing", "'annealing'"),
+        ("seed", "x", "'x'"),
+        ("asks", float("inf"), "infinity"),
+    ],
+)
+def test_a_damaged_state_is_refused_whatever_is_wrong_with_it(state, field, value, message):
+    Explorer.restore(SPACE, state)
+    with pytest.raises(StateError, match=message):
+        Explorer.restore(SPACE, {**state, field: value})
+
+
+def test_every_configuration_told_has_one_result():
+    explorer = Explorer(SPACE, ("error",))
+    with pytest.raises(ObjectiveError, match="1 results for 2 configurations: tell one each"):
+        explorer.tell([{"x": 1}, {"x": 2}], [{"error": 1.0}])
+    assert explorer.history.told == {}
+
+
+@pytest.mark.parametrize("size", [400, 5000])
+def test_a_number_too_large_for_a_float_is_refused(size):
+    explorer = Explorer(SPACE, ("error",))
+    with pytest.raises(ObjectiveError, match="error is too large"):
+        explorer.tell([{"x": 1}], [{"error": 10**size}])
+    with pytest.raises(ObjectiveError, match="error is too large"):
+        Explorer(SPACE, ("error",), {"error": -(10**size)})
+    assert explorer.history.told == {}
+
+
+def test_an_array_is_a_value_only_if_it_holds_one():
+    explorer = Explorer(SPACE, ("error",))
+    with pytest.raises(ObjectiveError, match="not a finite number"):
+        explorer.tell([{"x": 1}], [{"error": np.array([1.0, 2.0])}])
+    explorer.tell([{"x": 1}], [{"error": np.array(1.5)}])
+    assert explorer.front() == [({"x": 1}, {"error": 1.5})]
+
+
+def test_counts_and_seeds_are_whole_numbers():
+    explorer = Explorer(SPACE, ("error",), method="random")
+    for count in (2.5, "3", None):
+        with pytest.raises(MethodError, match=r"count = .* is not a whole number"):
+            explorer.ask(count)
+    assert explorer.state()["asks"] == 0
+    assert len(explorer.ask(np.int64(3))) == 3
+    for seed in ("x", 0.5, None):
+        with pytest.raises(MethodError, match=r"seed = .* is not a whole number"):
+            Explorer(SPACE, ("error",), seed=seed)
+
+
+def test_numpys_whole_numbers_are_options_like_any_others():
+    explorer = Explorer(SPACE, ("error",), seed=np.int64(3), initial=np.int64(30))
+    plain = Explorer(SPACE, ("error",), seed=3, initial=30)
+    assert json.loads(json.dumps(explorer.state())) == plain.state()
+    assert explorer.ask(30) == plain.ask(30)
