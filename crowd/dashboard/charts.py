@@ -28,8 +28,9 @@ from crowd.dashboard.palette import LIGHT, THEMES, Theme
 from crowd.dashboard.protocols import first_counted_frame, max_ate
 from crowd.dashboard.searches import ate_limit, growth_of
 from crowd.dashboard.stages import stage_times
+from crowd.explorations import software
 from crowd.explorations.insights import insight
-from crowd.explorations.watching import found, watch
+from crowd.explorations.watching import Watch, found, watch
 from crowd.fronts import selectors as published
 from crowd.results import selectors as results
 from crowd.results.filters import InvalidFilterError, SpeedupFilters
@@ -104,8 +105,13 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
 def exploration(request: HttpRequest, key: int) -> HttpResponseBase:
     """Everything that an exploration measured, and its front."""
     seen = _found(watch(key))
-    have, limit = found(seen), ate_limit(seen.exploration)
-    return _answer(request, lambda theme: exploration_plane(have.points, have.front, limit, theme))
+    limit = ate_limit(seen.exploration)
+
+    def draw(theme: Theme) -> go.Figure:
+        have = found(seen)
+        return exploration_plane(have.points, have.front, limit, theme)
+
+    return _answer_of(request, seen, draw)
 
 
 @gzip_page
@@ -113,16 +119,21 @@ def exploration(request: HttpRequest, key: int) -> HttpResponseBase:
 def exploration_hypervolume(request: HttpRequest, key: int) -> HttpResponseBase:
     """How the hypervolume grew with each searched configuration."""
     seen = _found(watch(key))
-    growth, random = growth_of(seen), seen.phases["random"]
-    return _answer(request, lambda theme: hypervolume_line(growth, random, theme))
+    random = seen.phases["random"]
+    return _answer_of(request, seen, lambda theme: hypervolume_line(growth_of(seen), random, theme))
 
 
 @gzip_page
 @require_safe
 def exploration_importance(request: HttpRequest, key: int) -> HttpResponseBase:
     """Which parameters matter to which objective."""
-    learnt = insight(_found(watch(key)))
-    return _answer(request, lambda theme: importance_bars(learnt.shares if learnt else {}, theme))
+    seen = _found(watch(key))
+
+    def draw(theme: Theme) -> go.Figure:
+        learnt = insight(seen)
+        return importance_bars(learnt.shares if learnt else {}, theme)
+
+    return _answer_of(request, seen, draw)
 
 
 @gzip_page
@@ -132,9 +143,12 @@ def exploration_predictions(request: HttpRequest, key: int, objective: str) -> H
     seen = _found(watch(key))
     if objective not in seen.exploration.objectives:
         raise Http404
-    learnt = insight(seen)
-    prediction = learnt.predictions[objective] if learnt else None
-    return _answer(request, lambda theme: prediction_plane(objective, prediction, theme))
+
+    def draw(theme: Theme) -> go.Figure:
+        learnt = insight(seen)
+        return prediction_plane(objective, learnt.predictions[objective] if learnt else None, theme)
+
+    return _answer_of(request, seen, draw)
 
 
 def _found(row: Row | None) -> Row:
@@ -143,11 +157,18 @@ def _found(row: Row | None) -> Row:
     return row
 
 
-def _answer(request: HttpRequest, draw: Callable[[Theme], go.Figure]) -> HttpResponseBase:
+def _answer_of(request: HttpRequest, seen: Watch, draw: Callable[[Theme], go.Figure]) -> HttpResponseBase:
+    """As `_answer`, without drawing where nothing was measured since: these figures are asked for often."""
+    facts = (seen.results, software.version(), request.GET.get("theme", ""))
+    etag = quote_etag(hashlib.sha256(repr(facts).encode()).hexdigest()[:32])
+    return get_conditional_response(request, etag=etag) or _answer(request, draw, etag)
+
+
+def _answer(request: HttpRequest, draw: Callable[[Theme], go.Figure], etag: str = "") -> HttpResponseBase:
     """The figure in the theme that ?theme= names, or 304 where the caller holds the same one."""
     figure = draw(THEMES.get(request.GET.get("theme", ""), LIGHT))
     body = figure.to_json(validate=False).encode()
-    etag = quote_etag(hashlib.sha256(body).hexdigest()[:32])
+    etag = etag or quote_etag(hashlib.sha256(body).hexdigest()[:32])
     response = HttpResponse(body, content_type="application/json")
     response["ETag"] = etag
     # Kept by browsers, asked about each time: a new session shows at once.

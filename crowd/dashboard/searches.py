@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd.explorations.models import Exploration
+from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point, default
 from crowd.explorations.watching import Found, Watch, found
 from crowd.results.statistics import MAX_ATE
@@ -15,10 +15,12 @@ from pareto.hypervolume import hypervolume_growth
 class Yield:
     """How many configurations were measured and are valid, and the fastest valid one (None: none is).
 
+    `known` more were measured by an earlier exploration; valid and fastest may be among these.
     speedup is the default's runtime over the fastest valid one's, both on the reference device.
     """
 
     measured: int
+    known: int
     valid: int
     fastest: Point | None
     speedup: float | None
@@ -39,8 +41,10 @@ def yield_of(exploration: Exploration, have: Found) -> Yield:
     ]
     fastest = min(valid, key=lambda point: point.values["runtime"], default=None)
     baseline = default(have.points)
+    known = sum(point.phase == Evaluation.Phase.KNOWN for point in have.points)
     return Yield(
-        measured=len(have.points),
+        measured=len(have.points) - known,
+        known=known,
         valid=len(valid),
         fastest=fastest,
         speedup=baseline.values["runtime"] / fastest.values["runtime"]

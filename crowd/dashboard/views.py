@@ -225,7 +225,7 @@ def exploration(request: HttpRequest, key: int) -> HttpResponse:
 def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
     """The part of an exploration's page that changes while it runs; 304 where the caller has it."""
     seen = _found(watch(key))
-    etag = quote_etag(seen.version)
+    etag = quote_etag(_version(request, seen))
     if (unchanged := get_conditional_response(request, etag=etag)) is not None:
         return unchanged
     response = render(request, "dashboard/exploration_live.html", _exploration(request, seen))
@@ -254,6 +254,8 @@ def _exploration(request: HttpRequest, seen: Watch) -> dict[str, Any]:
     evaluations = seen.exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
     return {
         "seen": seen,
+        "version": _version(request, seen),
+        "staff": _staff(request),
         "have": have,
         "exploration": seen.exploration,
         "yield": yield_of(seen.exploration, have),
@@ -263,6 +265,15 @@ def _exploration(request: HttpRequest, seen: Watch) -> dict[str, Any]:
         "learnt": milestone(len(have.indices)),
         "now": timezone.now(),
     }
+
+
+def _version(request: HttpRequest, seen: Watch) -> str:
+    """By which a page tells whether its live part is still right; who measures is shown to staff only."""
+    return f"{seen.version}-staff" if _staff(request) else seen.version
+
+
+def _staff(request: HttpRequest) -> bool:
+    return request.user.is_authenticated and request.user.is_staff
 
 
 def _without_page(query: QueryDict) -> str:

@@ -23,6 +23,7 @@ from crowd.explorations.search import FINISHED, SEARCHED
 State, Phase = Evaluation.State, Evaluation.Phase
 COPIED = (Phase.KNOWN, Phase.PRIOR)  # measured by another exploration
 RECENT = 50  # measurements from which the time left is judged
+AGES_EVERY = 15  # seconds after which a page tells anew since when somebody measures
 SILENT = timedelta(minutes=2)  # a device unheard of for so long has no worker
 MOST_REASONS = 10
 
@@ -103,6 +104,9 @@ def watch(key: int) -> Watch | None:
     searched = sum(phases[phase] for phase in SEARCHED)
     waiting = sum(rows for (_, state), rows in counts.items() if state == State.PENDING)
     failed = sum(rows for (_, state), rows in counts.items() if state == State.FAILED)
+    unserved = _unserved(exploration, waiting, running)
+    # How long somebody measures and was not heard of is shown, so time alone changes a page then.
+    ages = [int(timezone.now().timestamp() / AGES_EVERY), *((row.pk, row.attempt) for row in running)]
     return Watch(
         exploration=exploration,
         phases=phases,
@@ -112,11 +116,9 @@ def watch(key: int) -> Watch | None:
         waiting=waiting,
         running=running,
         failures=_failures(key) if failed else (),
-        seconds_left=_seconds_left(exploration, phases, searched),
-        unserved=_unserved(exploration, waiting, running),
-        version=_digest(
-            [*_setting(exploration), *groups, *((row.pk, row.attempt, row.heartbeat_at) for row in running)]
-        ),
+        seconds_left=_seconds_left(exploration, phases, searched, waiting + len(running)),
+        unserved=unserved,
+        version=_digest([*_setting(exploration), *groups, unserved, *(ages if running else [])]),
         results=_digest([*_setting(exploration), *(group for group in groups if group["last"])]),
     )
 
@@ -148,6 +150,7 @@ def _found(key: int, results: str) -> Found:  # noqa: ARG001
 def _failures(key: int) -> tuple[Failure, ...]:
     rows = (
         Evaluation.objects.filter(exploration_id=key, state=State.FAILED)
+        .exclude(phase__in=COPIED)
         .order_by()
         .values("error")
         .annotate(rows=Count("pk"), first=Min("number"))
@@ -156,7 +159,9 @@ def _failures(key: int) -> tuple[Failure, ...]:
     return tuple(Failure(row["error"], row["rows"], row["first"]) for row in rows[:MOST_REASONS])
 
 
-def _seconds_left(exploration: Exploration, phases: dict[str, int], searched: int) -> float | None:
+def _seconds_left(
+    exploration: Exploration, phases: dict[str, int], searched: int, asked: int
+) -> float | None:
     if exploration.state != Exploration.State.RUNNING:
         return None
     last = Evaluation.objects.filter(exploration=exploration, started_at__isnull=False).order_by(
@@ -169,9 +174,9 @@ def _seconds_left(exploration: Exploration, phases: dict[str, int], searched: in
     ]
     if not durations:
         return None
-    repeats = max(0, exploration.points * exploration.repeats - phases[Phase.REPEAT])
-    to_do = max(0, exploration.budget - searched) + repeats
-    return median(durations) * to_do / exploration.reference_device.machines
+    again = (exploration.points + phases[Phase.GIVEN]) * exploration.repeats
+    to_do = max(0, exploration.budget - searched) + max(0, again - phases[Phase.REPEAT])
+    return median(durations) * max(to_do, asked) / exploration.reference_device.machines
 
 
 def _unserved(exploration: Exploration, waiting: int, running: Sequence[Evaluation]) -> bool:

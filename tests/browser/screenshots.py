@@ -1,4 +1,7 @@
-"""Pictures of a running server's pages: python -m tests.browser.screenshots URL FOLDER [PATH ...]."""
+"""Pictures of a running server's pages: python -m tests.browser.screenshots URL FOLDER [PATH ...].
+
+A PATH with a fragment, /explorations/1/#plane, is a picture of the figures in the section of that heading.
+"""
 
 import sys
 from pathlib import Path
@@ -11,7 +14,7 @@ PHONE, DESK = 390, 1280
 
 def name_of(path: str, width: int, scheme: str) -> str:
     """The picture's file name: home-desk-light.png, devices-phone-dark.png."""
-    page = path.split("?")[0].strip("/").replace("/", "-") or "home"
+    page = path.split("?")[0].replace("#", "").strip("/").replace("/", "-") or "home"
     return f"{page}-{'phone' if width == PHONE else 'desk'}-{scheme}.png"
 
 
@@ -26,7 +29,12 @@ def main(server: str, folder: Path, paths: list[str]) -> int:
                     visitor = Visitor(browser, server.rstrip("/"), width, scheme)
                     for path in paths:
                         target = folder / name_of(path, width, scheme)
-                        visitor.open(path).screenshot(path=target, full_page=True)
+                        page = visitor.open(path)
+                        _, _, heading = path.partition("#")
+                        if heading:
+                            page.locator(f"section:has(#{heading}) .plot").first.screenshot(path=target)
+                        else:
+                            page.screenshot(path=target, full_page=True)
                         print(target)
                     complaints += visitor.complaints
                     visitor.context.close()

@@ -23,7 +23,7 @@ from crowd.explorations import leases, services
 from crowd.explorations.insights import milestone
 from crowd.explorations.models import Evaluation, ReferenceDevice
 from crowd.explorations.points import Point
-from crowd.explorations.watching import watch
+from crowd.explorations.watching import SILENT, watch
 from pareto.prediction import Prediction
 from tests.dashboard.reading import read
 from tests.dashboard.searches import KNOWN, exploration, measure
@@ -38,7 +38,7 @@ def test_before_any_search_the_page_says_how_to_start_one(client: Client) -> Non
     page = read(client, "/explorations/")
 
     assert "This server has not explored anything itself" in page
-    assert "manage.py explore" in page
+    assert "manage.py exploration start" in page
 
 
 @pytest.mark.django_db
@@ -99,7 +99,50 @@ def test_who_measures_is_shown_and_a_queue_without_a_worker_says_how_to_start_on
         page = read(client, f"/explorations/{search.pk}/")
 
     assert "celery -A crowd worker" not in page
-    assert "Being measured now Number Phase Worker For Last heard of Attempt 0 given default board:77" in page
+    assert "Being measured now Number Phase For Last heard of Attempt 0 given default" in page
+    assert "board:77" not in page
+
+
+@pytest.mark.django_db
+def test_staff_is_told_which_worker_measures(
+    admin_client: Client, client: Client, pack: dict[str, Any]
+) -> None:
+    search = exploration(pack)
+    address = f"/explorations/{search.pk}/live/"
+
+    with leases.leased(services.waiting(search)[0].pk, "board:77"):
+        public = client.get(address)["ETag"]
+        answer = admin_client.get(address, headers={"If-None-Match": public})
+
+    assert answer.status_code == 200
+    assert "board:77" in answer.content.decode()
+
+
+@pytest.mark.django_db
+def test_a_figure_is_not_drawn_again_while_nothing_was_measured(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+    measure(search, KNOWN)
+    address = f"/figures/explorations/{search.pk}.json?theme="
+    etag = client.get(address + "dark")["ETag"]
+
+    with leases.leased(services.advance(search.pk)[0].pk):
+        assert client.get(address + "dark", headers={"If-None-Match": etag}).status_code == 304
+        assert client.get(address + "light", headers={"If-None-Match": etag}).status_code == 200
+    measure(search, [(0.03, 0.05), (0.049, 0.01), None])
+    assert client.get(address + "dark", headers={"If-None-Match": etag}).status_code == 200
+
+
+@pytest.mark.django_db
+def test_a_queue_that_falls_silent_changes_the_page(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+    ReferenceDevice.objects.update(seen_at=timezone.now())
+    etag = client.get(f"/explorations/{search.pk}/live/")["ETag"]
+
+    ReferenceDevice.objects.update(seen_at=timezone.now() - 2 * SILENT)
+
+    answer = client.get(f"/explorations/{search.pk}/live/", headers={"If-None-Match": etag})
+    assert answer.status_code == 200
+    assert "celery -A crowd worker" in answer.content.decode()
 
 
 @pytest.mark.django_db

@@ -31,7 +31,7 @@ function wire(figure, plot) {
   figure.dataset.wired = "yes";
   plot.on("plotly_click", ({ points }) => {
     const target = [points[0].customdata].flat().at(-1);
-    if (typeof target === "string" && target.startsWith("/")) window.location.assign(target);
+    if (typeof target === "string" && /^\/[^/]/.test(target)) window.location.assign(target);
   });
 }
 

@@ -4,7 +4,6 @@
 const EVERY = 3000;
 const AT_MOST = 60000;
 
-let shown = null;
 let pause = EVERY;
 
 async function refresh() {
@@ -13,9 +12,7 @@ async function refresh() {
     // The server answers 304 while nothing changed, and the browser hands on what it holds.
     const answer = await fetch(live + window.location.search, { cache: "no-cache" });
     if (!answer.ok) throw new Error(`${answer.status}`);
-    const text = await answer.text();
-    if (shown !== null && text !== shown) replace(text);
-    shown = text;
+    replace(await answer.text());
     pause = EVERY;
   } catch {
     pause = Math.min(2 * pause, AT_MOST);
@@ -27,8 +24,10 @@ async function refresh() {
 function replace(text) {
   const fresh = document.createElement("template");
   fresh.innerHTML = text;
+  const [now, before] = [fresh.content.querySelector("[data-version]"), document.querySelector("[data-version]")];
+  if (now.dataset.version === before.dataset.version) return;
   for (const part of [...fresh.content.children]) keepingPlace(document.getElementById(part.id), part);
-  document.dispatchEvent(new Event("frontrunner:changed"));
+  if (now.dataset.results !== before.dataset.results) document.dispatchEvent(new Event("frontrunner:changed"));
 }
 
 // Who reads a table stays where they are: scrolled as far, and on the same link.
