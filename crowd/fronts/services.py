@@ -8,10 +8,11 @@ from django.db import transaction
 from django.utils import timezone
 
 from crowd.fronts import contents, selectors, sequences
-from crowd.fronts.models import AuditEntry, Configuration, FrontVersion, TransitionError
+from crowd.fronts.models import PERMITTED, AuditEntry, Configuration, FrontVersion, TransitionError
 
 State = FrontVersion.State
 COMMAND_LINE = "command line"
+DRAFTED, REPLACED = "drafted", "draft replaced"
 
 
 class FrontConflictError(ValueError):
@@ -25,7 +26,8 @@ REFUSALS = (contents.InvalidFrontError, sequences.SequenceError, FrontConflictEr
 def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
     """A draft with DOCUMENT's content (a front file's shape); an earlier draft of that version is replaced.
 
-    Raises InvalidFrontError, SequenceError, or FrontConflictError where the version is no draft any more.
+    Raises InvalidFrontError, SequenceError, or FrontConflictError where the version is no draft any more, or
+    is another's draft with other content.
     """
     content = contents.check(document)
     document = contents.canonical(document)
@@ -33,18 +35,21 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
     front = FrontVersion.objects.select_for_update().filter(slug=slug).first()
     if front is not None and front.state != State.DRAFT:
         raise FrontConflictError(f"{slug} is {front.get_state_display()}: give this content another version")
+    digest = contents.digest(document)
+    if front is not None and front.digest != digest:
+        _refuse_anothers(front, by)
     sequence = sequences.describe(content.sequence.name, content.sequence.sha256)
     if content.protocol.frames > sequence["frames"]:
         raise contents.InvalidFrontError(
             f"not a front: protocol.frames: {content.protocol.frames}, but {sequence['name']} has only "
             f"{sequence['frames']}"
         )
-    action = "drafted" if front is None else "draft replaced"
+    action = DRAFTED if front is None else REPLACED
     if front is None:
         front = FrontVersion(
             slug=slug, application=content.application, version=document["version"], state=State.DRAFT
         )
-    front.digest = contents.digest(document)
+    front.digest = digest
     front.protocol = document["protocol"]
     front.sequence = sequence
     front.provenance = document["provenance"]
@@ -85,9 +90,6 @@ def publish(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> Fron
     Its sequence must still be whole, or clients could not fetch it: raises SequenceError. Content that
     does not fit its digest is not published: raises FrontConflictError.
     """
-    if front.state == State.IN_REVIEW:
-        sequences.describe(front.sequence["name"], front.sequence["sha256"])
-        refuse_altered(selectors.any_front(front.pk))
     return _move(front, State.PUBLISHED, "published", by, note)
 
 
@@ -167,6 +169,10 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
     before, stored.state = stored.state, state
     if before == state:
         raise TransitionError(front.slug, before, state)
+    if state == State.PUBLISHED and state in PERMITTED[before]:
+        # Of what is stored, whatever FRONT holds: it may have been read long ago.
+        sequences.describe(stored.sequence["name"], stored.sequence["sha256"])
+        refuse_altered(selectors.any_front(stored.pk))
     if state == State.PUBLISHED:
         stored.published_at = timezone.now()
     if state == State.RETIRED:
@@ -177,12 +183,22 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
     return front
 
 
+def _refuse_anothers(draft: FrontVersion, by: str) -> None:
+    """Raise FrontConflictError where somebody else than BY made the DRAFT: nobody's work is lost unsaid."""
+    made = AuditEntry.objects.filter(slug=draft.slug, action__in=(DRAFTED, REPLACED)).first()
+    if made is not None and made.actor != by:
+        raise FrontConflictError(
+            f"{draft.slug} is a draft of {made.actor}: give this content another version, or discard that "
+            "draft first"
+        )
+
+
 def _log(front: FrontVersion, action: str, before: str, by: str, note: str) -> None:
     AuditEntry.objects.create(
         actor=by,
         action=action,
         slug=front.slug,
-        front=None if action.startswith("draft") else front,
+        front=None if action in (DRAFTED, REPLACED) else front,
         from_state=before,
         to_state=front.state,
         digest=front.digest,

@@ -13,7 +13,7 @@ from django.db import IntegrityError, connection, transaction
 from django.db.models import ProtectedError
 from django.test import Client
 
-from crowd.fronts import contents, guards, manifests, selectors, services
+from crowd.fronts import contents, guards, manifests, selectors, sequences, services
 from crowd.fronts.models import AppendOnlyError, AuditEntry, FrontVersion, FrozenFrontError, TransitionError
 from tests.crowd.documents import front_document
 
@@ -261,6 +261,37 @@ def test_an_exported_front_imports_as_the_same_content(
     assert {row.actor for row in AuditEntry.objects.exclude(actor="anna")} == {"command line"}
 
 
+def test_what_is_stored_decides_and_not_what_somebody_read_long_ago(
+    draft: FrontVersion, settings: Any
+) -> None:
+    read_as_a_draft = FrontVersion.objects.get()
+    services.submit(draft)
+    folders, settings.FRONTRUNNER_SEQUENCES = settings.FRONTRUNNER_SEQUENCES, []
+    with pytest.raises(sequences.SequenceError):
+        services.publish(read_as_a_draft)
+    settings.FRONTRUNNER_SEQUENCES = folders
+    with connection.cursor() as cursor:
+        cursor.execute(f"DELETE FROM {guards.CONFIGURATION} WHERE name = 'accurate'")
+
+    with pytest.raises(services.FrontConflictError, match="does not fit its digest"):
+        services.publish(read_as_a_draft)
+
+    assert FrontVersion.objects.get().state == "in-review"
+
+
+def test_a_draft_is_replaced_by_whoever_made_it_alone(draft: FrontVersion, pack: dict[str, Any]) -> None:
+    better = front_document(pack, version="1", provenance={"note": "better"})
+
+    with pytest.raises(services.FrontConflictError, match="kfusion-1 is a draft of anna"):
+        services.create_draft(better, by="paul")
+    assert FrontVersion.objects.get().digest == draft.digest
+
+    assert services.create_draft(front_document(pack, version="1"), by="anna").digest == draft.digest
+    assert services.create_draft(better, by="anna").provenance == {"note": "better"}
+    services.discard(FrontVersion.objects.get(), by="anna")
+    assert services.create_draft(front_document(pack, version="1"), by="paul").digest == draft.digest
+
+
 def test_members_that_a_front_does_not_have_are_not_kept(db: None, pack: dict[str, Any]) -> None:
     plain = services.create_draft(front_document(pack))
     digest = plain.digest
@@ -355,3 +386,23 @@ def test_fronts_of_an_earlier_release_are_kept_logged_and_guarded(
     )
     assert entry.at == front.published_at
     refused_by_the_database(f"UPDATE {guards.FRONT} SET digest = '0'")
+
+
+def test_a_front_in_review_is_a_draft_again_for_an_earlier_release(
+    transactional_db: None, pack: dict[str, Any]
+) -> None:
+    services.submit(services.create_draft(front_document(pack, version="1")))
+    services.publish_content(front_document(pack, version="2"))
+    logged = AuditEntry.objects.count()
+
+    call_command("migrate", "fronts", "0002", verbosity=0)
+    call_command("migrate", verbosity=0)
+    assert AuditEntry.objects.count() == logged
+    call_command("migrate", "fronts", "0001", verbosity=0)
+    with connection.cursor() as cursor:
+        cursor.execute(f"SELECT slug, state FROM {guards.FRONT} ORDER BY slug")
+        assert cursor.fetchall() == [("kfusion-1", "draft"), ("kfusion-2", "published")]
+    call_command("migrate", verbosity=0)
+
+    states = FrontVersion.objects.order_by("slug").values_list("state", flat=True)
+    assert list(states) == ["draft", "published"]
