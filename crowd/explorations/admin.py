@@ -13,7 +13,7 @@ from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 
 from crowd.explorations import publishing, selectors, services, steering, tasks, tokens
-from crowd.explorations.forms import ExplorationForm, initial_of
+from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initial_of
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.steering import STEPS
 from crowd.readonly import ReadOnlyAdmin
@@ -53,6 +53,7 @@ class PagesAdmin(admin.ModelAdmin):
 class ReferenceDeviceAdmin(PagesAdmin):
     """Devices, and the tokens of those that serve over HTTP."""
 
+    form = ReferenceDeviceForm
     list_display = ("name", "queue", "opencl_device", "machines", "token_issued_at", "seen_at")
     search_fields = ("name", "queue", "opencl_device")
     readonly_fields = ("token_issued_at", "seen_at")
@@ -94,10 +95,15 @@ class ExplorationAdmin(PagesAdmin):
     actions = ("pause", "resume", "cancel")
     fieldsets = (
         ("What is searched", {"fields": ("design_space", "pack", "reference_device")}),
-        ("What for", {"fields": ("minimised", "max_error_cm", "max_runtime_ms")}),
+        ("What for", {"fields": ("minimised", "max_error_cm", "max_runtime_ms", "more_limits")}),
         (
             "How",
-            {"fields": ("method", "budget", "random_first", "batch", "seed", "frames", "warm_start_from")},
+            {
+                "fields": (
+                    *("method", "budget", "random_first", "more_options", "batch", "seed", "frames"),
+                    "warm_start_from",
+                )
+            },
         ),
         ("Against noise", {"fields": ("points", "repeats", "recheck", "synchronous")}),
     )

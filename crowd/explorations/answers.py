@@ -1,13 +1,15 @@
 """Shapes of the answers about explorations."""
 
+from collections.abc import Iterable
 from datetime import datetime
 from typing import Any
 
 import msgspec
 
-from crowd.explorations.models import Evaluation
+from crowd.explorations.disclosure import public
+from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
-from crowd.explorations.selectors import Detail, Progress
+from crowd.explorations.selectors import Progress
 
 
 class ExplorationSummary(msgspec.Struct):
@@ -50,25 +52,34 @@ class EvaluationAnswer(msgspec.Struct):
 
 
 class FrontPoint(msgspec.Struct):
-    """A point of the front: medians over its measurements."""
+    """A point of the front: medians over its measurements.
+
+    `frames` tells how many each of them ran, null for the whole sequence; it is the same for all of a front.
+    """
 
     configuration: dict[str, Any]
     label: str
     phase: str
     objectives: dict[str, float]
     measurements: int
+    frames: int | None
 
 
 class ExplorationDetail(ExplorationSummary):
-    """An exploration in full."""
+    """An exploration in full; `measurements` by pages, `next` is the address of the following one or null.
+
+    Its front is that of what was measured over the whole sequence, as long as nothing was that of the search.
+    """
 
     space: dict[str, Any]
     sequence_sha256: str
     objectives: list[str]
     limits: dict[str, float]
+    frames: int | None
     command: str
     front: list[FrontPoint]
     measurements: list[EvaluationAnswer]
+    next: str | None
 
 
 def summary(progress: Progress) -> ExplorationSummary:
@@ -76,18 +87,22 @@ def summary(progress: Progress) -> ExplorationSummary:
     return ExplorationSummary(**_summary(progress))
 
 
-def detail(found: Detail) -> ExplorationDetail:
-    """FOUND in full."""
-    row = found.progress.exploration
+def detail(
+    progress: Progress, front: Iterable[Point], measurements: Iterable[Evaluation], following: str | None
+) -> ExplorationDetail:
+    """PROGRESS in full, with its FRONT, a page of MEASUREMENTS, and the address of the FOLLOWING page."""
+    row = progress.exploration
     return ExplorationDetail(
-        **_summary(found.progress),
+        **_summary(progress),
         space=row.space,
         sequence_sha256=row.sequence_sha256,
         objectives=row.objectives,
         limits=row.limits,
-        command=row.command,
-        front=[_front_point(point) for point in found.front],
-        measurements=[_evaluation(evaluation) for evaluation in found.evaluations],
+        frames=row.frames,
+        command=public(row.command),
+        front=[_front_point(row, point) for point in front],
+        measurements=[_evaluation(evaluation) for evaluation in measurements],
+        next=following,
     )
 
 
@@ -122,12 +137,19 @@ def _evaluation(row: Evaluation) -> EvaluationAnswer:
         configuration=row.configuration,
         objectives=row.objectives,
         stages=row.stages,
-        error=row.error,
+        error=public(row.error),
         device=row.device,
         software=row.software,
         finished_at=row.finished_at,
     )
 
 
-def _front_point(point: Point) -> FrontPoint:
-    return FrontPoint(point.configuration, point.label, point.phase, point.values, point.measurements)
+def _front_point(exploration: Exploration, point: Point) -> FrontPoint:
+    return FrontPoint(
+        configuration=point.configuration,
+        label=point.label,
+        phase=point.phase,
+        objectives=point.values,
+        measurements=point.measurements,
+        frames=None if point.whole else exploration.frames,
+    )

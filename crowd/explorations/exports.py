@@ -1,18 +1,24 @@
-"""Every evaluation of an exploration as CSV or JSON, line by line."""
+"""Every evaluation of an exploration as CSV or JSON, line by line.
+
+Everybody may read them, but for two things that only the staff is told: which process on which host measured,
+and the folders that a reason names.
+"""
 
 import csv
 import json
 from collections.abc import Iterator
 from typing import Any
 
+from crowd.explorations.disclosure import public
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.services import MEASURED
 from slam.system import STAGES
 
-ABOUT = ("number", "phase", "iteration", "label", "state", "attempt", "frames", "worker", "software", "error")
+ABOUT = ("number", "phase", "iteration", "label", "state", "attempt", "frames", "software", "error")
 MOMENTS = ("started_at", "finished_at")
 STAGE_SECONDS = tuple(f"{stage}_seconds" for stage in ("acquisition", *STAGES))
 AT_ONCE = 500
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet computes a text that begins so
 
 
 class _Line:
@@ -22,30 +28,40 @@ class _Line:
         return line
 
 
-def csv_lines(exploration: Exploration) -> Iterator[str]:
-    """A line for every evaluation: objectives in SI units, a column for each parameter and stage."""
+def csv_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
+    """A line for every evaluation: objectives in SI units, a column for each parameter and stage.
+
+    A text that a spreadsheet would take for a formula begins with an apostrophe. For the STAFF there is one
+    more column, the worker.
+    """
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
-    columns = (*ABOUT, "device", *MOMENTS, *parameters, *MEASURED, *STAGE_SECONDS)
+    worker = ("worker",) if staff else ()
+    columns = (*ABOUT, *worker, "device", *MOMENTS, *parameters, *MEASURED, *STAGE_SECONDS)
     writer = csv.DictWriter(_Line(), columns, extrasaction="ignore")
     yield writer.writeheader()
-    for row in _rows(exploration):
-        yield writer.writerow(row)
+    for row in _rows(exploration, staff):
+        yield writer.writerow({name: _cell(value) for name, value in row.items()})
 
 
-def json_lines(exploration: Exploration) -> Iterator[str]:
+def json_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
     """A list with an object for every evaluation; the names are those of the CSV's columns."""
     before = "[\n"
-    for row in _rows(exploration):
+    for row in _rows(exploration, staff):
         yield before + json.dumps(row)
         before = ",\n"
     yield "\n]\n" if before == ",\n" else "[]\n"
 
 
-def _rows(exploration: Exploration) -> Iterator[dict[str, Any]]:
+def _cell(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+
+
+def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
     evaluations = exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
     for evaluation in evaluations.iterator(chunk_size=AT_ONCE):
         yield {
             **{name: getattr(evaluation, name) for name in ABOUT},
+            **({"worker": evaluation.worker} if staff else {"error": public(evaluation.error)}),
             "device": (evaluation.device or {}).get("name"),
             **{
                 name: moment.isoformat() if (moment := getattr(evaluation, name)) else None

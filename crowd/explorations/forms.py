@@ -1,15 +1,17 @@
-"""The form of a new exploration: choices instead of JSON, with defaults that find a front in an hour."""
+"""Forms of the administration: a new exploration in choices instead of JSON, and a reference device."""
 
 import json
+import math
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from django import forms
 from django.core.exceptions import ValidationError
 
 import pareto
-from crowd.explorations import services
+from crowd.explorations import reference_devices, services
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.publishing import MAX_ATE
 from crowd.fronts import sequences
@@ -17,7 +19,8 @@ from pareto import Space
 
 SPACES = Path(pareto.__file__).parent / "spaces"
 EARLIER = "exploration-"  # a design space that is that of an earlier exploration
-DEFAULTS = {"budget": 60, "batch": 8, "points": 8, "repeats": 3}
+DEFAULTS = {"budget": 60, "batch": 8, "points": 8, "repeats": 3}  # a front within an hour
+LIMITED = {"ate_max": ("max_error_cm", 0.01), "runtime": ("max_runtime_ms", 0.001)}  # by fields of their own
 EXPLAINED = {
     "runtime": "runtime: mean seconds a frame",
     "ate_max": "ate_max: largest trajectory error",
@@ -27,6 +30,7 @@ EXPLAINED = {
     "cpu_seconds": "cpu_seconds: processor time a frame, all threads",
     "peak_memory_bytes": "peak_memory_bytes: most memory in use",
 }
+T = TypeVar("T")
 
 
 class ExplorationForm(forms.ModelForm):
@@ -57,6 +61,15 @@ class ExplorationForm(forms.ModelForm):
         help_text="before the search learns. Empty: what the method holds best",
     )
 
+    more_limits = forms.CharField(
+        label="Further limits",
+        required=False,
+        help_text="of other objectives, in metres, seconds, bytes: ate_mean=0.02, cpu_seconds=0.1",
+    )
+    more_options = forms.CharField(
+        label="Further options", required=False, help_text="of the method: name=number, name=number"
+    )
+
     class Meta:
         model = Exploration
         fields = (
@@ -72,12 +85,12 @@ class ExplorationForm(forms.ModelForm):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        earlier = Exploration.objects.order_by("-pk").values_list("pk", "space")
+        earlier = Exploration.objects.order_by("-pk").values_list("pk", "application", "space")
         shown: dict[str, str] = {}
-        for key, space in earlier:
-            shown.setdefault(json.dumps(space, sort_keys=True), f"{EARLIER}{key}")
+        for key, application, space in earlier:
+            shown.setdefault(_identity(application, space), f"{EARLIER}{key}")
         for path in shipped_spaces():
-            shown.pop(json.dumps(Space.load(path).to_dict(), sort_keys=True), None)
+            shown.pop(_identity(path.stem, Space.load(path).to_dict()), None)
         self.fields["design_space"].choices = [  # type: ignore[attr-defined]
             *((path.stem, path.stem) for path in shipped_spaces()),
             *((value, f"as in exploration {value.removeprefix(EARLIER)}") for value in shown.values()),
@@ -92,6 +105,14 @@ class ExplorationForm(forms.ModelForm):
         self.fields["reference_device"].initial = ReferenceDevice.objects.order_by("pk").first()
         self.fields["warm_start_from"].required = False
 
+    def clean_more_limits(self) -> dict[str, float]:
+        """Upper bounds by objective."""
+        return _numbers(self.cleaned_data["more_limits"], _bound)
+
+    def clean_more_options(self) -> dict[str, int]:
+        """Options by name."""
+        return _numbers(self.cleaned_data["more_options"], int)
+
     def clean(self) -> dict[str, Any] | None:
         """Put together the exploration's JSON from the choices."""
         cleaned = super().clean()
@@ -101,13 +122,13 @@ class ExplorationForm(forms.ModelForm):
         wanted.application, wanted.space = space_of(cleaned["design_space"])
         wanted.sequence, _, wanted.sequence_sha256 = cleaned["pack"].rpartition(" ")
         wanted.objectives = cleaned["minimised"]
-        limits = {"ate_max": ("max_error_cm", 0.01), "runtime": ("max_runtime_ms", 0.001)}
-        wanted.limits = {
+        wanted.limits = cleaned["more_limits"] | {
             name: round(cleaned[field] * unit, 9)
-            for name, (field, unit) in limits.items()
+            for name, (field, unit) in LIMITED.items()
             if cleaned[field] is not None and name in wanted.objectives
         }
-        wanted.options = {"initial": cleaned["random_first"]} if cleaned["random_first"] else {}
+        first = {"initial": cleaned["random_first"]} if cleaned["random_first"] else {}
+        wanted.options = cleaned["more_options"] | first
         return cleaned
 
     def _post_clean(self) -> None:
@@ -118,6 +139,20 @@ class ExplorationForm(forms.ModelForm):
             except ValidationError as error:
                 # Its members are the model's, some of which this form has under other names.
                 self.add_error(None, error.messages)
+
+
+class ReferenceDeviceForm(forms.ModelForm):
+    """Keeps what an exploration counts on."""
+
+    class Meta:
+        model = ReferenceDevice
+        fields = ("name", "queue", "opencl_device", "machines")
+
+    def clean_opencl_device(self) -> str:
+        """Refused while an exploration of the device is not finished."""
+        wanted = str(self.cleaned_data["opencl_device"])
+        reference_devices.check_opencl_device(self.instance, wanted)
+        return wanted
 
 
 def initial_of(exploration: Exploration) -> dict[str, Any]:
@@ -131,6 +166,10 @@ def initial_of(exploration: Exploration) -> dict[str, Any]:
         "max_error_cm": round(100 * limits["ate_max"], 9) if "ate_max" in limits else None,
         "max_runtime_ms": round(1000 * limits["runtime"], 9) if "runtime" in limits else None,
         "random_first": exploration.options.get("initial"),
+        "more_limits": _written({name: limits[name] for name in limits if name not in LIMITED}),
+        "more_options": _written(
+            {name: value for name, value in exploration.options.items() if name != "initial"}
+        ),
     }
 
 
@@ -161,8 +200,37 @@ def space_of(choice: str) -> tuple[str, dict[str, Any]]:
 
 
 def _choice_of(exploration: Exploration) -> str:
+    wanted = _identity(exploration.application, exploration.space)
     for path in shipped_spaces():
-        if Space.load(path).to_dict() == exploration.space:
+        if _identity(path.stem, Space.load(path).to_dict()) == wanted:
             return path.stem
-    same = Exploration.objects.filter(space=exploration.space).order_by("-pk").first()
-    return f"{EARLIER}{same.pk if same else exploration.pk}"
+    same = Exploration.objects.filter(application=exploration.application, space=exploration.space)
+    newest = same.order_by("-pk").first()
+    return f"{EARLIER}{newest.pk if newest else exploration.pk}"
+
+
+def _identity(application: str, space: dict[str, Any]) -> str:
+    return json.dumps([application, space], sort_keys=True)
+
+
+def _numbers(text: str, number: Callable[[str], T]) -> dict[str, T]:
+    """TEXT such as `ate_mean=0.02, cpu_seconds=0.1`. Raises ValidationError naming what cannot be read."""
+    found: dict[str, T] = {}
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        name, _, value = part.partition("=")
+        try:
+            found[name.strip()] = number(value.strip())
+        except ValueError:
+            raise ValidationError(f"{part}: give NAME=NUMBER, several of them with commas between") from None
+    return found
+
+
+def _bound(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+def _written(numbers: dict[str, Any]) -> str:
+    return ", ".join(f"{name}={value}" for name, value in numbers.items())

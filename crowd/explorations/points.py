@@ -11,6 +11,9 @@ from crowd.explorations.known import DEFAULT
 from crowd.explorations.models import Evaluation, Exploration
 from pareto.front import nondominated
 
+Phase = Evaluation.Phase
+CHOSEN = (Phase.GIVEN, Phase.RANDOM, Phase.ACTIVE)  # why this exploration measured it at all
+
 
 @dataclass(frozen=True)
 class Point:
@@ -19,7 +22,8 @@ class Point:
     Each measurement is a mean over frames already (seconds a frame, metres). Where the point was measured
     again at the end, in turn with the others, only those `repeats` count: what chose it may have been luck.
     `low` and `high` are the least and the greatest of what the median was taken of; `whole` says that these
-    measurements ran over the whole sequence.
+    measurements ran over the whole sequence. `phase` tells why it was measured, `known` where it never was
+    here.
     """
 
     configuration: dict[str, Any]
@@ -40,17 +44,31 @@ def measured(evaluations: Iterable[Evaluation]) -> list[Point]:
     """
     groups: dict[str, list[Evaluation]] = {}
     for evaluation in evaluations:
-        if evaluation.state == Evaluation.State.DONE and evaluation.phase != Evaluation.Phase.PRIOR:
+        if evaluation.state == Evaluation.State.DONE and evaluation.phase != Phase.PRIOR:
             groups.setdefault(evaluation.configuration_key, []).append(evaluation)
     return [_point(group) for group in groups.values()]
 
 
-def front(exploration: Exploration, points: Sequence[Point]) -> list[Point]:
-    """The points within the exploration's limits that no other beats in its objectives, fastest first."""
+def searched(exploration: Exploration, evaluations: Iterable[Evaluation]) -> list[Point]:
+    """As `measured`, but of the measurements alone that run as many frames as the search does."""
+    return measured(evaluation for evaluation in evaluations if evaluation.frames == exploration.frames)
+
+
+def comparable(points: Iterable[Point]) -> list[Point]:
+    """Those measured over the whole sequence where there are any, else all of them.
+
+    Over fewer frames less error gathers, so that the two kinds may not be compared.
+    """
+    points = list(points)
+    return [point for point in points if point.whole] or points
+
+
+def front(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
+    """The comparable points within the exploration's limits that no other of them beats, fastest first."""
     names = exploration.objectives
     within = [
         point
-        for point in points
+        for point in comparable(points)
         if all(name in point.values for name in names)
         and all(point.values[name] <= limit for name, limit in exploration.limits.items())
     ]
@@ -62,9 +80,10 @@ def front(exploration: Exploration, points: Sequence[Point]) -> list[Point]:
 def worth_publishing(exploration: Exploration, evaluations: Iterable[Evaluation]) -> list[Point]:
     """The known configurations that work, and up to `exploration.points` points spread along the front.
 
-    The fastest and the most accurate are always among the latter.
+    The fastest and the most accurate are always among the latter. It is the front of what the search runs:
+    what was measured over more frames afterwards says nothing of the other points.
     """
-    points = measured(evaluations)
+    points = searched(exploration, evaluations)
     given = [point for point in points if point.label]
     found = [point for point in front(exploration, points) if not point.label]
     return given + spread(found, exploration.points)
@@ -89,14 +108,14 @@ def default(points: Iterable[Point]) -> Point | None:
 
 
 def _point(group: Sequence[Evaluation]) -> Point:
-    again = [evaluation for evaluation in group if evaluation.phase == Evaluation.Phase.REPEAT]
+    again = [evaluation for evaluation in group if evaluation.phase == Phase.REPEAT]
     rows = [evaluation.objectives or {} for evaluation in again or group]
     names = [name for name in rows[0] if all(name in row for row in rows)]
     columns = {name: [float(row[name]) for row in rows] for name in names}
     return Point(
         configuration=group[0].configuration,
         label=next((evaluation.label for evaluation in group if evaluation.label), ""),
-        phase=group[0].phase,
+        phase=next((row.phase for row in group if row.phase in CHOSEN), group[0].phase),
         values={name: median(column) for name, column in columns.items()},
         measurements=len(rows),
         repeats=len(again),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from django.utils import timezone
 
-from crowd.explorations import points, repeating, services
+from crowd.explorations import disclosure, points, repeating, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
 from crowd.fronts import selectors as published
@@ -61,15 +61,20 @@ class Candidate:
 def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
     """What could be published, the named first, then by runtime; and why nothing has a name, if so.
 
-    These are the known configurations, the front of what is measured, and whatever was measured again.
+    These are the known configurations, the front of the search and that of what was measured over the whole
+    sequence, and whatever was measured again.
     """
-    measured = points.measured(exploration.evaluations.all())
+    evaluations = list(exploration.evaluations.all())
+    measured = points.measured(evaluations)
     try:
         named, reason = name_points(measured), ""
     except NothingToPublishError as error:
         named, reason = {}, str(error)
     names = {services.key(point.configuration): name for name, point in named.items()}
-    front = {services.key(point.configuration) for point in points.front(exploration, measured)}
+    fronts_of = (measured, points.searched(exploration, evaluations))
+    front = {
+        services.key(point.configuration) for kind in fronts_of for point in points.front(exploration, kind)
+    }
     found = [Candidate(key, point, names.get(key, "")) for key, point in _keyed(measured).items()]
     shown = [row for row in found if row.name or row.point.label or row.point.repeats or row.key in front]
     order = {name: place for place, name in enumerate(named)}
@@ -118,11 +123,19 @@ def draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontV
 def document(exploration: Exploration, version: str) -> dict[str, Any]:
     """The exploration's front in the shape of a front file; no figure in it is anybody's opinion.
 
-    Raises NothingToPublishError where there is no default, or nothing valid is faster than it, and
-    SequenceError where the sequence is not here any more.
+    Only points that were measured again LEAST_REPEATS times take part, as in a draft. Raises
+    NothingToPublishError where none was, there is no default among them, or nothing valid is faster than it,
+    and SequenceError where the sequence is not here any more.
     """
     evaluations = list(exploration.evaluations.all())
-    chosen = name_points(points.measured(evaluations))
+    ready = [point for point in points.measured(evaluations) if point.repeats >= LEAST_REPEATS]
+    if not ready:
+        raise NothingToPublishError(
+            f"no configuration was measured again {LEAST_REPEATS} times over the whole sequence, so nobody "
+            "knows how far a figure can be trusted: explore with as many repeats, or measure the points "
+            "again in the administration"
+        )
+    chosen = name_points(ready)
     return _document(exploration, version, evaluations, list(chosen.items()))
 
 
@@ -204,19 +217,18 @@ def _provenance(
     warm_start = (
         {"warm_start": f"exploration {exploration.warm_start_from_id}"} if len(own) < len(evaluations) else {}
     )
-    device = done[-1].device or {}
     repeats = [point.measurements for point in chosen]
     return {
-        "device": device.get("name"),
-        "driver": device.get("driver"),
-        "platform": device.get("platform"),
+        "device": _every(done, "name"),
+        "driver": _every(done, "driver"),
+        "platform": _every(done, "platform"),
         "reference_device": exploration.reference_device.name,
         "date": (exploration.finished_at or timezone.now()).date().isoformat(),
         "software": ", ".join(sorted({evaluation.software for evaluation in done})),
         "sequence_sha256": exploration.sequence_sha256,
         "protocol": (
-            "each measurement is a fresh process over the whole sequence; runtime is the mean computation "
-            "time of frames 10 and later; published values are medians over measurements made in turn, "
+            "each measurement is a fresh process; runtime is the mean computation time of frames 10 and "
+            "later; published values are medians over measurements of the whole sequence made in turn, "
             f"{_range(repeats)} of each point"
         ),
         "evaluations": len(done) + len(failed),
@@ -235,8 +247,14 @@ def _provenance(
             "frames": exploration.frames or "all",
         },
         **warm_start,
-        "command": exploration.command or repeating.command(exploration) or UNSPOKEN,
+        "command": disclosure.public(exploration.command) or repeating.command(exploration) or UNSPOKEN,
     }
+
+
+def _every(done: Iterable[Evaluation], member: str) -> str | None:
+    """What the devices that measured say of themselves, each once; None where none says it."""
+    said = {str(row.device[member]) for row in done if row.device and row.device.get(member)}
+    return ", ".join(sorted(said)) or None
 
 
 def _range(numbers: Sequence[int]) -> str:

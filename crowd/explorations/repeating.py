@@ -15,19 +15,20 @@ NUMBERS = ("seed", "budget", "batch", "points", "repeats")
 def command(exploration: Exploration) -> str:
     """`python manage.py exploration start ...` with everything that EXPLORATION wants.
 
-    Empty where a command line cannot say it: a space that does not ship, no limit at all, options of the
-    method beside the number of first samples.
+    Empty where a command line cannot say it: a space that does not ship, options of the method beside the
+    number of first samples.
     """
     space = SPACES / f"{exploration.application}.json"
     path = settings.BASE_DIR / space
     if not path.exists() or Space.load(path).to_dict() != exploration.space:
         return ""
-    if not exploration.limits or not set(exploration.options) <= {"initial"}:
+    if not set(exploration.options) <= {"initial"}:
         return ""
     words = [
         *("python", "manage.py", "exploration", "start", "--space", str(space)),
         *("--sequence", exploration.sequence, "--objectives", ",".join(exploration.objectives)),
         *(word for name, most in exploration.limits.items() for word in ("--limit", f"{name}={most}")),
+        *(() if exploration.limits else ("--no-limits",)),
         *("--method", exploration.method),
         *(word for name in NUMBERS for word in (f"--{name}", str(getattr(exploration, name)))),
         *("--device", exploration.reference_device.name),

@@ -14,10 +14,25 @@ def markdown(exploration: Exploration) -> str:
     """Two tables: the yield of each phase of the search, and default, front and known configurations.
 
     Valid is what keeps all limits. Fronts of the first table are of single measurements during the search,
-    the second holds medians over the measurements at its end.
+    the second holds medians over the measurements at its end. Where the search runs fewer frames, a line
+    tells over how many either was measured.
     """
     rows = list(exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number"))
-    return "\n\n".join([_yields(exploration, rows), _points(exploration, rows)]) + "\n"
+    every = points.comparable(points.measured(rows))
+    parts = [
+        *_frames(exploration, whole=exploration.frames is None),
+        _yields(exploration, rows),
+        *_frames(exploration, whole=all(point.whole for point in every)),
+        _points(exploration, every),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _frames(exploration: Exploration, whole: bool) -> list[str]:
+    """Nothing to say where the search itself runs over the whole sequence."""
+    if exploration.frames is None:
+        return []
+    return [f"Measured over the {'whole sequence' if whole else f'first {exploration.frames} frames'}:"]
 
 
 def _yields(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
@@ -44,8 +59,7 @@ def _yields(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
     return _table(head, lines)
 
 
-def _points(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
-    every = points.measured(rows)
+def _points(exploration: Exploration, every: Sequence[Point]) -> str:
     front = {_identity(point) for point in points.front(exploration, every)}
     again = [point for point in every if point.repeats or point.label]
     default = points.default(every)

@@ -9,6 +9,8 @@ from crowd.explorations import services, tasks
 from crowd.explorations.models import Evaluation, Exploration
 
 State = Exploration.State
+MOST = 1_000_000  # configurations: more than anybody waits for, and any database can hold the number
+LONGEST = 40  # characters of what was typed that a refusal repeats
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,22 @@ class Step:
 
 def offered(exploration: Exploration) -> list[Step]:
     """The steps that make sense now."""
-    failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exists()
+    failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exclude(phase__in=services.COPIED)
     return [
         step
         for step in STEPS.values()
-        if exploration.state in step.states and (failed or step.name != "retry")
+        if exploration.state in step.states and (step.name != "retry" or failed.exists())
     ]
+
+
+def budget_of(text: str, exploration: Exploration) -> int:
+    """The larger budget that TEXT is. Raises ValidationError where it is none."""
+    digits = text.strip()
+    if not digits.isdecimal() or len(digits) > len(str(MOST)) or not exploration.budget < int(digits) <= MOST:
+        raise ValidationError(
+            f"budget {text[:LONGEST]!r}: give a whole number above {exploration.budget}, {MOST} at most"
+        )
+    return int(digits)
 
 
 def _pause(exploration: Exploration, _: str) -> str:
@@ -51,9 +63,7 @@ def _cancel(exploration: Exploration, _: str) -> str:
 
 
 def _raise_budget(exploration: Exploration, budget: str) -> str:
-    if not budget.strip().isdecimal():
-        raise ValidationError(f"budget {budget!r}: give a whole number above {exploration.budget}")
-    services.raise_budget(exploration, int(budget))
+    services.raise_budget(exploration, budget_of(budget, exploration))
     tasks.go_on(exploration)
     return f"searches up to {exploration.budget} configurations"
 

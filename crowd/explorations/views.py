@@ -1,11 +1,13 @@
 """Explorations, for everybody to read; and work for machines that serve as a reference device over HTTP."""
 
-from django.http import HttpResponse
+from django.http import HttpResponse, HttpResponseBase
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, body, page
-from crowd.explorations import answers, leasing, selectors
+from crowd.explorations import answers, leasing, selectors, watching
 from crowd.explorations.authentication import DeviceEndpoint, device_asking
 from crowd.problems import not_found
 
@@ -32,13 +34,22 @@ class ExplorationView(Endpoint):
     @extend_schema(
         operation_id="exploration",
         summary="One exploration: what was measured and its front",
-        responses={200: answers.ExplorationDetail},
+        description="Measurements come in pages; ask again with If-None-Match: 304 where nothing changed.",
+        parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
+        responses={200: answers.ExplorationDetail, 304: None},
     )
-    def get(self, request: Request, key: int) -> HttpResponse:  # noqa: ARG002
-        found = selectors.exploration(key)
-        if found is None:
+    def get(self, request: Request, key: int) -> HttpResponseBase:
+        seen = watching.watch(key)
+        if seen is None:
             raise not_found(f"no exploration {key}: GET /api/v1/explorations lists them")
-        return answer(answers.detail(found))
+        etag = quote_etag(seen.version)
+        if (unchanged := get_conditional_response(request._request, etag=etag)) is not None:
+            return unchanged
+        part = page(request, selectors.numbers(seen.exploration), str, int)
+        rows = selectors.evaluations(seen.exploration, part["results"])
+        front = watching.found(seen).front
+        told = answers.detail(selectors.progress_of(seen), front, rows, part["next"])
+        return answer(told, headers={"ETag": etag, "Cache-Control": "public, no-cache"})
 
 
 class LeasesView(DeviceEndpoint):

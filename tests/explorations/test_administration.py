@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from html import unescape
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ from django.urls import reverse
 from crowd.celery import app
 from crowd.explorations import forms, publishing, services, tokens
 from crowd.explorations.measurement import MeasurementError
-from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.fronts.models import FrontVersion
 from tests.explorations.conftest import finish, run_to_the_end
 
@@ -170,7 +171,7 @@ def test_an_exploration_is_steered_by_buttons(
     assert exploration.state == "cancelled"
 
 
-@pytest.mark.parametrize("budget", ["", "many", "6"])
+@pytest.mark.parametrize("budget", ["", "many", "6", "1000001", "9" * 30, "9" * 5000])
 def test_a_budget_that_is_no_larger_one_is_refused(
     administrator: Client, exploration: Exploration, budget: str
 ) -> None:
@@ -301,6 +302,68 @@ def test_a_device_with_explorations_cannot_be_deleted(
 
 
 def test_json_is_never_asked_for(administrator: Client, exploration: Exploration) -> None:
-    assert "textarea" not in administrator.get(reverse(ADD)).content.decode()
-    assert json.dumps(exploration.limits) not in administrator.get(reverse(ADD)).content.decode()
-    assert Evaluation.objects.exists()
+    form = administrator.get(reverse(ADD), {"clone": exploration.pk}).context["adminform"].form
+
+    shown = {field.name: unescape(str(field)) for field in form}
+    assert "0.05" in json.dumps(exploration.limits)
+    assert shown["max_error_cm"].count("5.0") == 1
+    for name, text in shown.items():
+        assert "{" not in text, name
+        assert "<textarea" not in text, name
+
+
+def test_a_clone_keeps_what_the_form_has_no_field_for(
+    administrator: Client, unsaved: Exploration, unread_queues: None
+) -> None:
+    unsaved.application, unsaved.space = "other", forms.space_of("kfusion")[1]
+    unsaved.method, unsaved.options = "two-stage", {"initial": 3, "trees": 8}
+    unsaved.objectives = ["ate_max", "runtime", "ate_mean", "peak_memory_bytes"]
+    unsaved.limits = {"ate_max": 0.04, "ate_mean": 0.02, "peak_memory_bytes": 2e9}
+    first = services.create(unsaved)
+    form = administrator.get(reverse(ADD), {"clone": first.pk}).context["adminform"].form
+
+    answer = administrator.post(reverse(ADD), wish(first, design_space=form.initial["design_space"]))
+
+    assert answer.status_code == 302, answer.context["errors"]
+    clone = Exploration.objects.latest("pk")
+    assert clone.pk != first.pk
+    for name in ("application", "space", "objectives", "limits", "method", "options"):
+        assert getattr(clone, name) == getattr(first, name), name
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "complaint"),
+    [
+        ("more_limits", "ate_mean", "ate_mean: give NAME=NUMBER"),
+        ("more_limits", "ate_mean=inf", "ate_mean=inf: give NAME=NUMBER"),
+        ("more_limits", "speed=3", "speed"),
+        ("more_options", "trees=few", "trees=few: give NAME=NUMBER"),
+        ("more_options", "leaves=3", "no option"),
+    ],
+)
+def test_a_limit_or_option_that_is_none_is_refused_in_the_form(
+    administrator: Client, unsaved: Exploration, field: str, text: str, complaint: str
+) -> None:
+    page = administrator.post(reverse(ADD), wish(unsaved, **{field: text})).content.decode()
+
+    assert complaint in page
+    assert not Exploration.objects.exists()
+
+
+def test_the_opencl_device_stays_while_an_exploration_counts_on_it(
+    administrator: Client, exploration: Exploration
+) -> None:
+    device = exploration.reference_device
+    page = reverse("admin:explorations_referencedevice_change", args=[device.pk])
+    form = {"name": "bench", "queue": "bench", "opencl_device": "mali", "machines": "2"}
+
+    refused = administrator.post(page, form).content.decode()
+
+    assert f"bench measures exploration {exploration.pk} on the best OpenCL device" in refused
+    assert administrator.post(page, form | {"opencl_device": ""}).status_code == 302
+    device.refresh_from_db()
+    assert (device.opencl_device, device.machines) == ("", 2)
+    services.cancel(exploration)
+    assert administrator.post(page, form).status_code == 302
+    device.refresh_from_db()
+    assert device.opencl_device == "mali"

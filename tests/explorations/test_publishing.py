@@ -206,6 +206,29 @@ def test_evaluations_that_an_earlier_exploration_made_are_not_counted_as_this_on
     assert provenance["warm_start"] == f"exploration {exploration.pk}"
 
 
+def test_the_provenance_names_every_device_that_measured(exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    first = exploration.evaluations.order_by("number").first()
+    assert first is not None
+    assert first.device is not None
+    first.device |= {"name": "Another CPU"}
+    first.save()
+    exploration.command = "python manage.py explore --space /home/anna/space.json"
+
+    provenance = publishing.document(exploration, "1")["provenance"]
+
+    assert (provenance["device"], provenance["driver"]) == ("Another CPU, Bench CPU", "1.0")
+    assert provenance["command"] == "python manage.py explore --space space.json"
+
+
+def test_where_all_was_known_before_there_is_no_front_and_no_crash(exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    warm = services.create(services.clone(exploration, warm_start_from=exploration))
+
+    with pytest.raises(publishing.NothingToPublishError, match="measured again 2 times"):
+        publishing.document(warm, "1")
+
+
 def test_a_published_draft_of_an_exploration_is_what_clients_measure(
     exploration: Exploration, client: Any
 ) -> None:
@@ -228,6 +251,7 @@ KFUSION = json.loads((Path(pareto.__file__).parent / "spaces" / "kfusion.json").
     [
         {},
         {"limits": {"ate_max": 0.04, "runtime": 0.1}, "frames": 11, "options": {"initial": 3}},
+        {"limits": {}},
         {"synchronous": False, "recheck": False, "seed": 7, "points": 2, "repeats": 0, "batch": 1},
     ],
 )
@@ -248,7 +272,7 @@ def test_the_command_of_an_exploration_starts_the_same_one(
             assert getattr(again, field.name) == getattr(created, field.name), field.name
 
 
-@pytest.mark.parametrize("wish", [{"limits": {}}, {"space": SPACE}])
+@pytest.mark.parametrize("wish", [{"options": {"trees": 8}, "method": "two-stage"}, {"space": SPACE}])
 def test_what_no_command_can_say_is_not_made_up(unsaved: Exploration, wish: dict[str, Any]) -> None:
     for name, value in ({"space": Space.from_dict(KFUSION).to_dict()} | wish).items():
         setattr(unsaved, name, value)

@@ -5,8 +5,9 @@ from typing import Any
 
 from django.test import Client
 
-from crowd.explorations import services
-from crowd.explorations.models import Exploration
+from crowd.explorations import leases, services
+from crowd.explorations.measurement import MeasurementError
+from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.openapi import document as openapi
 from tests.explorations.conftest import SPACE, finish, run_to_the_end
 
@@ -18,8 +19,9 @@ def test_the_api_lists_explorations_and_counts_their_evaluations(
 ) -> None:
     finish(services.waiting(exploration)[:2])
 
-    with django_assert_num_queries(1):
+    with django_assert_num_queries(1) as asked:
         answer = client.get(API).json()
+    assert 'GROUP BY "explorations_exploration"' not in asked.captured_queries[0]["sql"]
 
     [row] = answer["results"]
     assert (row["id"], row["state"], row["reference_device"]) == (exploration.pk, "running", "bench")
@@ -27,11 +29,11 @@ def test_the_api_lists_explorations_and_counts_their_evaluations(
 
 
 def test_the_api_tells_everything_of_one_exploration(
-    client: Client, exploration: Exploration, django_assert_num_queries: Any
+    client: Client, exploration: Exploration, django_assert_max_num_queries: Any
 ) -> None:
     run_to_the_end(exploration)
 
-    with django_assert_num_queries(2):
+    with django_assert_max_num_queries(7):
         answer = client.get(f"{API}/{exploration.pk}").json()
 
     assert answer["space"] == SPACE
@@ -43,6 +45,63 @@ def test_the_api_tells_everything_of_one_exploration(
     assert runtimes == sorted(runtimes)
     assert errors == sorted(errors, reverse=True)
     assert all(error <= 0.05 for error in errors)
+
+
+def test_measurements_come_in_pages_each_with_the_front(client: Client, exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    numbers, fronts, address = [], [], f"{API}/{exploration.pk}?limit=4"
+
+    while address:
+        answer = client.get(address).json()
+        assert len(answer["measurements"]) <= 4
+        numbers += [row["number"] for row in answer["measurements"]]
+        fronts.append(answer["front"])
+        address = answer["next"]
+
+    assert numbers == list(range(exploration.evaluations.count()))
+    assert fronts[0]
+    assert all(front == fronts[0] for front in fronts)
+    assert client.get(f"{API}/{exploration.pk}?limit=0").json()["field"] == "limit"
+    assert client.get(f"{API}/{exploration.pk}?cursor=YWJj").json()["field"] == "cursor"
+
+
+def test_an_unchanged_exploration_is_not_sent_again(client: Client, exploration: Exploration) -> None:
+    first = client.get(f"{API}/{exploration.pk}")
+    held = {"If-None-Match": first["ETag"]}
+
+    assert client.get(f"{API}/{exploration.pk}", headers=held).status_code == 304
+    finish(services.waiting(exploration)[:1])
+    again = client.get(f"{API}/{exploration.pk}", headers=held)
+
+    assert (again.status_code, again.json()["evaluations"]["done"]) == (200, 1)
+
+
+def test_another_devices_measurements_are_none_of_this_exploration(
+    client: Client, exploration: Exploration
+) -> None:
+    run_to_the_end(exploration)
+    board = ReferenceDevice.objects.create(name="board", queue="board")
+    warm = services.create(services.clone(exploration, reference_device=board, warm_start_from=exploration))
+
+    answer = client.get(f"{API}/{warm.pk}").json()
+
+    assert warm.evaluations.filter(phase="prior").exists()
+    assert {row["phase"] for row in answer["measurements"]} == {"given"}
+    assert answer["evaluations"] == {"pending": 5, "running": 0, "done": 0, "failed": 0}
+
+
+def test_everybody_reads_no_folder_of_the_machine_that_measured(
+    client: Client, exploration: Exploration
+) -> None:
+    Exploration.objects.update(command="python manage.py explore --space /home/anna/space.json")
+    with leases.leased(services.waiting(exploration)[0].pk, "host-7:4711"):
+        raise MeasurementError("/srv/frontrunner/slam/run.py is gone")
+
+    text = client.get(f"{API}/{exploration.pk}").content.decode()
+
+    assert "run.py is gone" in text
+    assert "--space space.json" in text
+    assert not [word for word in ("/srv", "/home", "host-7") if word in text]
 
 
 def test_an_unknown_exploration_is_a_problem(client: Client, db: None) -> None:

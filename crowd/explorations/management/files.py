@@ -1,0 +1,42 @@
+"""An exploration's front as the file that commands write."""
+
+import json
+from pathlib import Path
+
+from django.core.management.base import CommandError
+
+from crowd.explorations import publishing
+from crowd.explorations.models import Exploration
+from crowd.fronts import contents, sequences
+
+
+def name_of(path: Path) -> tuple[str, str]:
+    """Application and version, as the front's file PATH is called. Raises CommandError."""
+    application, _, version = path.stem.rpartition("-")
+    if not application or not version or path.suffix != ".json":
+        raise CommandError(f"{path}: name it <application>-<version>.json")
+    if not path.parent.is_dir():
+        raise CommandError(f"{path}: there is no folder {path.parent}")
+    return application, version
+
+
+def write_front(exploration: Exploration, path: Path) -> str:
+    """Write the front of EXPLORATION to PATH; a line about it. Raises CommandError."""
+    application, version = name_of(path)
+    if application != exploration.application:
+        raise CommandError(f"{path}: name it {exploration.application}-<version>.json")
+    try:
+        document = publishing.document(exploration, version)
+        contents.check(document)
+    except (publishing.NothingToPublishError, contents.InvalidFrontError, sequences.SequenceError) as error:
+        raise CommandError(f"{exploration}: {error}") from error
+    write(path, json.dumps(document, indent=2) + "\n")
+    return f"{len(document['configurations'])} points: {path}"
+
+
+def write(path: Path, text: str) -> None:
+    """Write TEXT to PATH. Raises CommandError where that cannot be."""
+    try:
+        path.write_text(text)
+    except OSError as error:
+        raise CommandError(f"{path} cannot be written: {error.strerror}") from error

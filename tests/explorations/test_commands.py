@@ -1,0 +1,228 @@
+"""Explorations by command: what a command line wishes, what is refused, and whole ones with their front."""
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.core.management import CommandError, call_command, load_command_class
+from django.test import Client
+
+from crowd.explorations import leases, services
+from crowd.explorations.measurement import Measurement
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.fronts.services import publish_file
+from tests.explorations.conftest import SPACE, measurement, run_to_the_end
+
+KFUSION = "pareto/spaces/kfusion.json"
+Evaluator = Callable[[Evaluation], Measurement]
+_present: list[Evaluator] = []
+
+
+def evaluate(evaluation: Evaluation, heartbeat: Any) -> Measurement:
+    """What the commands measure with here."""
+    return _present[0](evaluation)
+
+
+@pytest.fixture
+def measured_by(settings: Any, tiny_pack: Path) -> Callable[[Evaluator], None]:
+    """Lets the commands measure over the tiny sequence with a function of the test."""
+    settings.FRONTRUNNER_SEQUENCES = [tiny_pack.parent]
+    settings.FRONTRUNNER_EVALUATOR = "tests.explorations.test_commands.evaluate"
+
+    def use(evaluator: Evaluator) -> None:
+        _present[:] = [evaluator]
+
+    use(lambda evaluation: measurement(evaluation.configuration))
+    return use
+
+
+def explore(folder: Path, *more: str) -> list[str]:
+    (folder / "space.json").write_text(json.dumps(SPACE))
+    return [
+        *("explore", "--space", str(folder / "space.json"), "--sequence", "tiny", "--budget", "3"),
+        *("--points", "2", "--repeats", "2", "--method", "random", "--out", str(folder / "kfusion-7.json")),
+        *more,
+    ]
+
+
+def start(*more: str) -> list[str]:
+    return ["exploration", "start", "--space", KFUSION, "--sequence", "tiny", "--budget", "1", *more]
+
+
+def test_explore_writes_a_front_that_can_be_published(
+    db: None, measured_by: Any, tiny_pack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call_command(*explore(tmp_path, "--sequence", str(tiny_pack)))
+
+    document = json.loads((tmp_path / "kfusion-7.json").read_text())
+    names = [point["name"] for point in document["configurations"]]
+    assert names[:2] == ["default", "best"]
+    assert (document["application"], document["version"]) == ("kfusion", "7")
+    predicted = {point["name"]: point["predicted"] for point in document["configurations"]}
+    assert predicted["best"]["runtime"] < predicted["default"]["runtime"]
+    assert predicted["best"]["ate_max"] < 0.05
+    assert {point["measurements"] for point in predicted.values()} == {2}
+    provenance = document["provenance"]
+    assert provenance["evaluations"] == Evaluation.objects.count() > 5 + 3
+    assert provenance["sequence_sha256"] == document["sequence"]["sha256"]
+    assert all(provenance[name] for name in ("device", "driver", "date", "software", "protocol", "command"))
+    assert len(capsys.readouterr().out.splitlines()) == Evaluation.objects.count() + 1
+    front, new = publish_file(tmp_path / "kfusion-7.json")
+    assert (front.slug, new) == ("kfusion-7", True)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--out", "front.json"], "<application>-<version>.json"),
+        (["--out", "nowhere/kfusion-1.json"], "there is no folder"),
+        (["--space", "none.json"], "none.json"),
+        (["--sequence", "none"], "none"),
+        (["--budget", "0"], "greater than or equal to 1"),
+        (["--repeats", "1"], "a figure is published from 2 on"),
+    ],
+)
+def test_a_wrong_argument_of_explore_is_one_line(
+    db: None, measured_by: Any, tmp_path: Path, more: list[str], message: str
+) -> None:
+    with pytest.raises(CommandError, match=message) as refused:
+        call_command(*explore(tmp_path, *more))
+
+    assert "\n" not in str(refused.value)
+    assert not Exploration.objects.exists()
+
+
+def test_an_exploration_that_is_paused_meanwhile_has_no_front_yet(
+    db: None, measured_by: Any, tmp_path: Path
+) -> None:
+    def measure_and_pause(evaluation: Evaluation) -> Measurement:
+        services.pause(Exploration.objects.get())
+        return measurement(evaluation.configuration)
+
+    measured_by(measure_and_pause)
+    with pytest.raises(CommandError, match="is paused: no front was written"):
+        call_command(*explore(tmp_path))
+    assert not (tmp_path / "kfusion-7.json").exists()
+    measured_by(lambda evaluation: measurement(evaluation.configuration))
+
+    call_command(*explore(tmp_path))
+
+    assert Exploration.objects.get().state == "done"
+    assert (tmp_path / "kfusion-7.json").exists()
+
+
+def test_what_another_worker_measures_is_waited_for_and_is_no_failure(
+    db: None, measured_by: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ReferenceDevice.objects.create(name="this-machine", queue="this-machine", machines=2)
+    others: list[Evaluation] = []
+
+    def beside_another(evaluation: Evaluation) -> Measurement:
+        if evaluation.number == 0:
+            taken = leases.take(services.waiting(evaluation.exploration)[0].pk, "another")
+            assert taken is not None
+            others.append(taken)
+        if evaluation.number == 4:
+            assert leases.record(others[0], measurement(others[0].configuration))
+        return measurement(evaluation.configuration)
+
+    measured_by(beside_another)
+    call_command(*explore(tmp_path))
+
+    told = capsys.readouterr().out
+    assert "failed" not in told
+    assert len(told.splitlines()) == Evaluation.objects.count() + 1
+    assert Evaluation.objects.get(worker="another").attempt == 1
+
+
+def test_the_command_that_the_page_shows_can_be_given(db: None, client: Client) -> None:
+    page = client.get("/explorations/").content.decode()
+    shown = re.search(r"<code>(.*?)</code>", page, flags=re.DOTALL)
+    assert shown is not None
+    program, script, name, *words = shlex.split(unescape(shown[1]).replace("\\\n", " "))
+
+    parser = load_command_class("crowd.explorations", name).create_parser(script, name)
+    options = vars(parser.parse_args(words))
+
+    assert (program, script) == (".venv/bin/python", "manage.py")
+    assert (options["act"], str(options["space"]), options["wait"]) == ("start", KFUSION, True)
+
+
+def test_a_search_without_limits_is_wished_in_words(
+    unsaved: Exploration, unread_queues: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call_command(*start("--device", "bench", "--no-limits", "--objectives", "runtime,cpu_seconds"))
+
+    created = Exploration.objects.get()
+    assert (created.limits, created.objectives) == ({}, ["runtime", "cpu_seconds"])
+    with pytest.raises(CommandError, match=r"lack ate_max.*--no-limits"):
+        call_command(*start("--device", "bench", "--objectives", "runtime,cpu_seconds"))
+
+
+def test_the_opencl_device_stays_while_an_exploration_counts_on_it(
+    unsaved: Exploration, unread_queues: None
+) -> None:
+    call_command(*start("--device", "bench", "--opencl", "pthread"))
+    call_command(*start("--device", "bench", "--opencl", "pthread"))
+
+    with pytest.raises(
+        CommandError, match=r"bench measures exploration \d+ on pthread.*cannot change to mali"
+    ):
+        call_command(*start("--device", "bench", "--opencl", "mali"))
+
+    assert ReferenceDevice.objects.get().opencl_device == "pthread"
+    assert Exploration.objects.count() == 2
+    Exploration.objects.update(state="cancelled")
+    call_command(*start("--device", "bench", "--opencl", "mali"))
+    assert ReferenceDevice.objects.get().opencl_device == "mali"
+
+
+def test_a_wish_that_is_refused_leaves_the_device_as_it_was(unsaved: Exploration) -> None:
+    with pytest.raises(CommandError, match="greater than or equal to 1"):
+        call_command(*start("--device", "bench", "--opencl", "mali", "--batch", "0"))
+
+    assert ReferenceDevice.objects.get().opencl_device == ""
+
+
+def test_a_budget_beyond_all_measure_is_refused(exploration: Exploration) -> None:
+    for budget in ("99999999999999999999", "1000001", "6", "many"):
+        with pytest.raises(CommandError, match="whole number above 6, 1000000 at most"):
+            call_command("exploration", "raise-budget", str(exploration.pk), budget)
+
+
+def test_a_front_is_exported_of_points_that_were_measured_again(
+    exploration: Exploration, tmp_path: Path
+) -> None:
+    path = tmp_path / "kfusion-2.json"
+    exploration.repeats = 1
+    exploration.save()
+    run_to_the_end(exploration)
+    with pytest.raises(CommandError, match="no configuration was measured again 2 times"):
+        call_command("exploration", "export", str(exploration.pk), "--front", str(path))
+    assert not path.exists()
+
+    again = [(row.configuration, row.label) for row in exploration.evaluations.filter(phase="repeat")]
+    services.measure_again(exploration, again, 1)
+    run_to_the_end(exploration)
+    call_command("exploration", "export", str(exploration.pk), "--front", str(path))
+
+    assert json.loads(path.read_text())["configurations"]
+
+
+def test_an_export_counts_what_it_holds(
+    exploration: Exploration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_to_the_end(exploration)
+    board = ReferenceDevice.objects.create(name="board", queue="board")
+    warm = services.create(services.clone(exploration, reference_device=board, warm_start_from=exploration))
+    assert warm.evaluations.filter(phase="prior").exists()
+
+    call_command("exploration", "export", str(warm.pk), "--out", str(tmp_path / "all.csv"))
+
+    lines = (tmp_path / "all.csv").read_text().splitlines()
+    assert f"{len(lines) - 1} evaluations" in capsys.readouterr().out
