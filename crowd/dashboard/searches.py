@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.points import Point, default
+from crowd.explorations.points import Point, comparable, default
 from crowd.explorations.watching import Found, Watch, found
 from crowd.results.statistics import MAX_ATE
 from pareto.hypervolume import hypervolume_growth
@@ -34,13 +34,14 @@ def ate_limit(exploration: Exploration) -> float:
 def yield_of(exploration: Exploration, have: Found) -> Yield:
     """What the measurements of EXPLORATION come to."""
     limit = ate_limit(exploration)
+    alike = comparable(have.points)
     valid = [
         point
-        for point in have.points
+        for point in alike
         if "runtime" in point.values and point.values.get("ate_max", limit) < limit
     ]
     fastest = min(valid, key=lambda point: point.values["runtime"], default=None)
-    baseline = default(have.points)
+    baseline = default(alike)
     known = sum(point.phase == Evaluation.Phase.KNOWN for point in have.points)
     return Yield(
         measured=len(have.points) - known,

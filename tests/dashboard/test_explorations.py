@@ -21,6 +21,7 @@ from crowd.dashboard.figures.explorations import (
 from crowd.dashboard.palette import LIGHT
 from crowd.explorations import leases, services
 from crowd.explorations.insights import milestone
+from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, ReferenceDevice
 from crowd.explorations.points import Point
 from crowd.explorations.watching import SILENT, watch
@@ -86,6 +87,18 @@ def test_what_failed_is_told_by_reason(client: Client, pack: dict[str, Any]) -> 
     page = read(client, f"/explorations/{search.pk}/")
 
     assert "Why 5 measurements failed Times Reason First 5 the process ended with signal 6 0" in page
+
+
+@pytest.mark.django_db
+def test_folders_of_the_machine_that_measures_are_not_shown(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+    with leases.leased(services.waiting(search)[0].pk):
+        raise MeasurementError("no such file: /home/somebody/packs/room/pack.json")
+
+    page = read(client, f"/explorations/{search.pk}/")
+
+    assert "no such file: pack.json" in page
+    assert "somebody" not in page
 
 
 @pytest.mark.django_db

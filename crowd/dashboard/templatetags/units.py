@@ -10,6 +10,7 @@ from django import template
 from crowd.dashboard import formats
 from crowd.dashboard.protocols import first_counted_frame, max_ate
 from crowd.dashboard.rules import RULES
+from crowd.explorations.disclosure import public
 from crowd.results.rows import Device, Speedup
 from crowd.results.statistics import MAX_DRIFT
 
@@ -32,6 +33,7 @@ FORMATS: dict[str, Callable[..., str]] = {
     "words": formats.words,
     "objective": formats.objective,
     "duration": formats.duration,
+    "public": public,
     "hour": formats.hour,
     "day": formats.day,
 }
