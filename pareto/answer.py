@@ -32,13 +32,15 @@ def obstacle(history: History) -> NoAnswerError | None:
         )
     if not history.within_limits(values).any():
         return _nothing_feasible(history, values)
-    names = [objective.name for objective in history.objectives]
-    for name, column in zip(names, values.T, strict=True):
-        if len(indices) >= ENOUGH and np.ptp(column) == 0:
-            return ConstantObjectiveError(
-                f"objective {name!r} was {column[0]:g} for all {len(indices)} configurations: leave it out, "
-                "or look whether it is really measured"
-            )
+    if len(indices) >= ENOUGH and not np.ptp(values, axis=0).any():
+        named = " and ".join(
+            f"{objective.name!r} ({value:g})"
+            for objective, value in zip(history.objectives, values[0], strict=True)
+        )
+        return ConstantObjectiveError(
+            f"{named} did not differ between {len(indices)} configurations: look whether "
+            "anything is really measured"
+        )
     return None
 
 

@@ -58,4 +58,4 @@ class NothingFeasibleError(NoAnswerError):
 
 
 class ConstantObjectiveError(NoAnswerError):
-    """An objective has the same value everywhere, so nothing can be learnt about it."""
+    """No objective differs between configurations, so that none is better than another."""

@@ -64,6 +64,7 @@ class Explorer:
         # NumPy's whole numbers are as good as Python's, but JSON does not know them.
         self._options = {k: int(v) if isinstance(v, np.integer) else v for k, v in options.items()}
         self._method = create(method, self._options)
+        self._method.seed = self.seed % 2**64
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
         self._asks = 0
 

@@ -55,17 +55,16 @@ class Forest:
         seed: int,
         trees: int = 100,
         extra: bool = True,
-        leaf: int = 1,
     ) -> Forest:
         """Fit `trees` trees to (n, axes) codes and n targets.
 
         `extra` grows extremely randomised trees on all rows (Geurts et al. 2006), otherwise Breiman's random
-        forest on bootstrap samples; `leaf` is the least number of rows in a leaf.
+        forest on bootstrap samples.
         """
         from sklearn.ensemble import ExtraTreesRegressor, RandomForestRegressor
 
         kind = ExtraTreesRegressor if extra else RandomForestRegressor
-        estimator = kind(n_estimators=trees, min_samples_leaf=leaf, random_state=seed)
+        estimator = kind(n_estimators=trees, random_state=seed)
         return cls(estimator.fit(np.asarray(codes, dtype=np.float32), targets), shape)
 
     def predict(self, codes: NDArray[np.integer]) -> NDArray[np.float64]:

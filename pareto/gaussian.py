@@ -107,6 +107,18 @@ class GaussianProcess:
         )
         return cls(features, targets, owner, found.x)
 
+    def foretells(self, rows: NDArray[np.bool_]) -> float:
+        """Return the mean log density of the targets of `rows`, each foretold from all other rows.
+
+        Rasmussen & Williams 2006, eq. 5.10 to 5.12; the hyperparameters stay those of all rows.
+        """
+        inverse, _ = dpotri(self._lower, lower=1)
+        precision = np.diag(inverse)[rows]
+        weights = solve_triangular(self._lower, self._alpha, lower=True, trans=1, check_finite=False)[rows]
+        variance = self._scale / precision
+        squared = (weights / precision) ** 2 / variance
+        return float(-0.5 * np.mean(np.log(2.0 * math.pi * variance) + squared))
+
     def at(self, features: Array) -> Posterior:
         """Return the posterior at (n, columns) features."""
         return Posterior(self, features)

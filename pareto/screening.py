@@ -95,11 +95,11 @@ def candidates(
 
     A half are the best for each of DIRECTIONS trade-offs: the least weighted Chebyshev distance to the best
     predicted values, doubtful points set back. A quarter are one-parameter neighbours of the measured front.
-    The rest is drawn from the whole pool, so that the sharp models see what the trees think nothing of.
+    The rest is drawn from all that may lie within the reference, so that the sharp models have a say in it.
     """
     pool, predicted = screening.indices, screening.predicted
     ideal = np.minimum(predicted.min(axis=1), targets.values.min(axis=0))
-    room = np.maximum(targets.reference - ideal, 1e-9)
+    room = np.maximum(targets.reference - ideal, targets.floor)
     likely = np.flatnonzero(screening.chance > LEAST_CHANCE)
     if len(likely) < count:
         likely = np.arange(len(pool))
@@ -124,7 +124,7 @@ def candidates(
     around = around[pool[place] == around]  # the pool is sorted, and too large for set operations
     picked.append(rng.permutation(around)[: count // 4])
     best = np.unique(np.concatenate(picked))
-    others = pool[likely[rng.integers(0, len(likely), size=max(0, count - len(best)))]]
+    others = pool[near[rng.integers(0, len(near), size=max(0, count - len(best)))]]
     return np.union1d(best, others)
 
 

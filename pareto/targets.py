@@ -14,6 +14,9 @@ from pareto.space import Indices
 Array = NDArray[np.float64]
 
 SLACK = 0.5  # of the front's extent, beyond its ends, where the user set no limit
+REACH = 0.5  # of the room up to the reference, beyond it: how bad a value may be and still tell something
+FLOOR = 0.05  # of a column's standard deviation: the least room that counts
+TINY = 1e-9  # beside values of the order of one
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,10 @@ class Targets:
 
     @classmethod
     def of(cls, history: History) -> Targets:
-        """Read the history's successes. Raises ValueError when there are none."""
+        """Read the history's successes: logarithms, or shares of the largest magnitude where there are none.
+
+        Raises ValueError when nothing succeeded.
+        """
         indices, natural = history.measured()
         if len(indices) == 0:
             raise ValueError("nothing was measured yet")
@@ -38,23 +44,50 @@ class Targets:
         limits = np.full(natural.shape[1], np.inf)
         for column, objective in enumerate(history.objectives):
             limit = history.limits.get(objective.name)
-            positive = natural[:, column].min() > 0 and (limit is None or limit > 0)
-            scale = np.log if positive else np.asarray
-            values[:, column] = scale(natural[:, column]) * objective.sign
+            numbers = natural[:, column]
+            if numbers.min() > 0 and (limit is None or limit > 0):
+                values[:, column] = np.log(numbers) * objective.sign
+                limit = limit and float(np.log(limit))
+            else:
+                unit = float(np.abs(numbers).max()) or 1.0
+                values[:, column] = numbers / unit * objective.sign
+                limit = None if limit is None else limit / unit
             if limit is not None:
-                limits[column] = scale(np.float64(limit)) * objective.sign
-        reference = _complete(limits, values)
+                limits[column] = limit * objective.sign
+        reference = _complete(_relaxed(limits, values), values)
         inside = np.flatnonzero((values <= reference).all(axis=1))
         return cls(indices, values, reference, inside[nondominated(values[inside])])
 
-    def winsorised(self, excess: float = 0.5) -> Array:
-        """Return the values, those beyond the reference pulled in to `excess` of the good range behind it.
+    @property
+    def floor(self) -> Array:
+        """The least distance (objectives) below the reference that is worth telling apart."""
+        return np.maximum(FLOOR * self.values.std(axis=0), TINY)
+
+    def winsorised(self) -> Array:
+        """Return the values, those out of reach of the reference pulled in to where that ends.
 
         How bad a bad point is does not matter, and would bend smooth models where it does.
         """
-        best = np.minimum(self.values.min(axis=0), self.reference)
-        room = np.maximum(self.reference - best, 1e-9)
-        return np.minimum(self.values, self.reference + excess * room)
+        return np.minimum(self.values, self._reach())
+
+    def within_reach(self) -> NDArray[np.bool_]:
+        """Return which of the (n, objectives) values `winsorised` leaves as they are."""
+        return self.values <= self._reach()
+
+    def _reach(self) -> Array:
+        """REACH of the room behind the reference, but always so that a quarter of the values lies within."""
+        room = np.maximum(self.reference - self.values.min(axis=0), self.floor)
+        return np.maximum(self.reference + REACH * room, np.quantile(self.values, 0.25, axis=0))
+
+
+def _relaxed(limits: Array, values: Array) -> Array:
+    """Return the limits; while nothing keeps them all, those that the nearest miss keeps.
+
+    Improving on the nearest miss leads towards the limits, of which a model may know no more than that.
+    """
+    excess = np.maximum(values - limits, 0.0) / np.maximum(values.std(axis=0), TINY)
+    nearest = values[np.argmin(excess.sum(axis=1))]
+    return np.maximum(limits, nearest)
 
 
 def _complete(limits: Array, values: Array) -> Array:
@@ -65,9 +98,8 @@ def _complete(limits: Array, values: Array) -> Array:
     (one objective, or objectives that agree), it has no extent: the median of what was measured within the
     limits is then the least that the reference lets in.
     """
-    keep = (values <= limits).all(axis=1)
-    inside = values[keep] if keep.any() else values
+    inside = values[(values <= limits).all(axis=1)]
     front = inside[nondominated(inside)]
     low, high = front.min(axis=0), front.max(axis=0)
-    ends = np.maximum(high + SLACK * np.maximum(high - low, 1e-9), np.median(inside, axis=0))
+    ends = np.maximum(high + SLACK * np.maximum(high - low, TINY), np.median(inside, axis=0))
     return np.where(np.isfinite(limits), limits, ends)

@@ -22,6 +22,7 @@ class Method:
     """
 
     uses_prior: ClassVar[bool] = False
+    seed = 0  # the explorer's, for what must not depend on how often it was asked; no option
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return up to `count` (index, phase) pairs, distinct and not taken; fewer to wait or to end."""

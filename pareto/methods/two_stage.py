@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -12,28 +13,30 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from pareto.history import History
 from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample, spread_sample
-from pareto.screening import candidates, free_points, screen
+from pareto.screening import DRAWS, candidates, free_points, screen
 from pareto.space import Indices
-from pareto.surrogates import Hyperparameters, Surrogates
+from pareto.surrogates import Recipe, Surrogates
 from pareto.targets import Targets
 from pareto.transfer import Trend, trusted
 
 SHORTLIST = 500  # candidates that stay in the race after the first look
-RENEWAL = 20  # proposals after which the space is screened and the hyperparameters are searched for anew
+RENEWAL = 20  # proposals after which the space is screened and the models are chosen anew
+GREEDY = 100  # of a batch that are chosen one after the other
 CLIMBERS = 8  # best candidates whose neighbours are looked at, too
-CLIMBS = 4  # times at most
+CLIMBS = 8  # times at most
 
 
 @dataclass
 class TwoStage(Method):
     """Expected hypervolume improvement over a screened pool.
 
-    `initial` evenly spread configurations come first, the default among them. Then each batch: `trees` extra
-    trees on log targets predict the whole space; about `candidates` points near the predicted front, around
-    the measured one and from anywhere go to Gaussian processes fitted to at most `points` measurements near
-    the front, and so do the neighbours of the best of them, as long as that finds better ones; points are
-    taken greedily by expected hypervolume improvement times the chance to be measurable. One in `explore` of
-    the batch is drawn at random instead, so that exploration never dries up. Small batches share a screening.
+    `initial` evenly spread configurations come first, the default before all others. Then each batch: `trees`
+    extra trees on log targets predict the whole space; about `candidates` points near the predicted front,
+    around the measured one and from anywhere within the reference go to Gaussian processes fitted to at most
+    `points` measurements near the front, and so do the neighbours of the best of them, as long as that finds
+    better ones; points are taken greedily by expected hypervolume improvement times the chance of success. At
+    first one in `explore` is drawn at random instead; that share falls with the root of what was measured, so
+    that exploration gets rare and never dries up. Small batches share a screening.
 
     With a prior, half as many come first while it is borne out, every other of them one that did well on the
     other device, and the models learn what the trend between the two devices leaves over.
@@ -47,8 +50,8 @@ class TwoStage(Method):
     points: int = 600
     explore: int = 10
     _shortlist: list[int] = field(default_factory=list, init=False)
-    _hyperparameters: Hyperparameters = field(default_factory=list, init=False)
-    _since: int = field(default=0, init=False)  # proposals since both were made
+    _recipes: dict[str, Recipe] = field(default_factory=dict, init=False)
+    _since: int = field(default=0, init=False)  # proposals from both
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return `count` proposals, or what is left of the space."""
@@ -58,7 +61,8 @@ class TwoStage(Method):
         first = min(initial - len(taken), count)
         chosen = self._first(history, first, helped, rng) if first > 0 else []
         count -= len(chosen)
-        exploring = int(rng.binomial(count, 1.0 / self.explore)) if count > 0 else 0
+        share = min(1.0, math.sqrt(self.initial / max(len(taken), 1))) / self.explore
+        exploring = int(rng.binomial(count, share)) if count > 0 else 0
         if count > exploring and len(history.measured()[0]):
             # On matrices of a few hundred rows, threads of BLAS cost six times what they save.
             with threadpool_limits(limits=1, user_api="blas"):
@@ -66,38 +70,42 @@ class TwoStage(Method):
             chosen += [(index, ACTIVE) for index in best]
             count -= len(best)
         # Where no candidate promises anything, the rest of the batch explores.
-        rest = sample(history.space, max(count, 0), rng, taken | {index for index, _ in chosen})
+        exclude = taken | {index for index, _ in chosen}
+        rest = sample(history.space, max(count, 0), rng, exclude, draws=DRAWS)
         return chosen + [(index, RANDOM) for index in rest.tolist()]
 
     def memory(self) -> dict[str, Any]:
-        """Return what small batches share: the present shortlist and the models' hyperparameters."""
+        """Return what small batches share: the present shortlist and the recipes of the models."""
         return {
             "shortlist": self._shortlist,
-            "hyperparameters": self._hyperparameters,
+            "recipes": self._recipes,
             "since": self._since,
         }
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take back what `memory` returned; without it, the next batch screens the space anew."""
         self._shortlist = [int(index) for index in memory.get("shortlist", [])]
-        self._hyperparameters = [list(map(float, row)) for row in memory.get("hyperparameters", [])]
+        self._recipes = {str(name): dict(recipe) for name, recipe in memory.get("recipes", {}).items()}
         self._since = int(memory.get("since", 0))
 
     def _first(
         self, history: History, count: int, helped: bool, rng: np.random.Generator
     ) -> list[tuple[int, str]]:
+        """Return the next `count` of one design, however small the portions in which it is asked for."""
         taken = history.taken()
         default = history.space.encode(history.space.default)
-        first = [] if default in taken else [default]
         proven: list[int] = []
         if helped and history.prior:
             phases = [*(history.phases | history.pending).values()]
             wanted = (len(taken) + count) // 2 - phases.count(ACTIVE)
-            proven = history.prior.promising(min(wanted, count - len(first)), taken | {default}).tolist()
-        exclude = taken | {default, *proven}
-        rest = spread_sample(history.space, count - len(first) - len(proven), rng, exclude)
-        spread = [(index, RANDOM) for index in [*first, *rest.tolist()]]
-        return spread + [(index, ACTIVE) for index in proven]
+            proven = history.prior.promising(min(wanted, count - 1), taken | {default}).tolist()
+        drawn = spread_sample(history.space, self.initial - 1, np.random.default_rng(self.seed), {default})
+        exclude = taken | {*proven}
+        design = [index for index in [default, *drawn.tolist()] if index not in exclude]
+        design = design[: count - len(proven)]
+        missing = count - len(proven) - len(design)
+        rest = sample(history.space, missing, rng, exclude | {*design}, draws=DRAWS).tolist()
+        return [(index, RANDOM) for index in [*design, *rest]] + [(index, ACTIVE) for index in proven]
 
     def _best(
         self, history: History, count: int, also_taken: list[int], rng: np.random.Generator
@@ -105,9 +113,8 @@ class TwoStage(Method):
         targets = Targets.of(history)
         trend = Trend.of(history, targets)
         taken = history.taken() | set(also_taken)
-        models = len(targets.reference) + bool(len(history.failed()))
         self._since += count
-        if self._since > RENEWAL or len(self._hyperparameters) != models:
+        if self._since > RENEWAL or not self._recipes:
             self._since = count
             found = free_points(history, targets, rng)
             if len(found) > self.candidates:
@@ -116,10 +123,12 @@ class TwoStage(Method):
             surrogates = Surrogates(history, targets, trend, self.points, rng)
         else:
             found = np.array(self._shortlist, dtype=np.int64)
-            surrogates = Surrogates(history, targets, trend, self.points, rng, self._hyperparameters)
+            surrogates = Surrogates(history, targets, trend, self.points, rng, self._recipes)
         found = found[~np.isin(found, np.fromiter(taken, dtype=np.int64))]
+        if len(found) == 0:
+            return []
         found = _shortlist(surrogates, found, taken, max(SHORTLIST, 5 * count), rng)
-        self._shortlist, self._hyperparameters = found.tolist(), surrogates.hyperparameters
+        self._shortlist, self._recipes = found.tolist(), surrogates.recipes
         waiting = np.array([*history.pending, *also_taken], dtype=np.int64)
         return _greedy(surrogates, found, waiting, count, rng)
 
@@ -162,12 +171,16 @@ def _greedy(
     for number in range(len(found), len(found) + len(waiting)):
         front = np.vstack([front, promise.suppose(number)])
     picked: list[int] = []
-    for _ in range(min(count, len(found))):
+    gain = np.zeros(len(free))
+    for _ in range(min(count, len(found), GREEDY)):
         gain = np.where(free, promise.gain(front, reference, rng), 0.0)
         best = int(np.argmax(gain))
         if gain[best] <= 0:
-            break
-        picked.append(int(promise.indices[best]))
+            return promise.indices[picked].tolist()
+        picked.append(best)
         front = np.vstack([front, promise.suppose(best)])
         free[best] = False
-    return picked
+    # Of a huge batch the rest is taken as the last look ranks it.
+    gain = np.where(free, gain, 0.0)
+    ranked = np.argsort(-gain, kind="stable")[: count - len(picked)]
+    return promise.indices[[*picked, *ranked[gain[ranked] > 0].tolist()]].tolist()

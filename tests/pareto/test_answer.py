@@ -28,7 +28,7 @@ def explored(values, objectives=("error", "seconds"), limits=None, count=30):
     [
         (lambda _: None, None, AllFailedError, "all 30 configurations failed"),
         (lambda x: {"error": 1, "seconds": x}, {"seconds": 0.5}, NothingFeasibleError, "seconds <= 0.5.*= 1"),
-        (lambda x: {"error": 7, "seconds": x}, None, ConstantObjectiveError, "'error' was 7 for all 30"),
+        (lambda _: {"error": 7, "seconds": 2}, None, ConstantObjectiveError, "'error' .7. and 'seconds' .2."),
     ],
 )
 def test_what_has_no_answer_is_named_and_explored_on(values, limits, error, message):
@@ -48,6 +48,11 @@ def test_a_limit_from_below_is_named_the_right_way_round():
     explorer = explored(lambda x: {"rate": x}, [Objective("rate", maximise=True)], {"rate": 99})
     with pytest.raises(NothingFeasibleError, match="rate >= 99; the best of each are rate ="):
         explorer.answer()
+
+
+def test_one_constant_objective_withholds_no_front():
+    explorer = explored(lambda x: {"error": 7, "seconds": x})
+    assert explorer.answer() == explorer.front() != []
 
 
 def test_an_answer_is_the_front():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import check_grad
+from scipy.stats import norm
 
 from pareto.errors import ObjectiveError
 from pareto.gaussian import GaussianProcess, Kernel, Likelihood
@@ -145,3 +146,21 @@ def test_hypervolume_refuses_what_does_not_fit():
         hypervolume([[1.0, 2.0]], [1.0])
     with pytest.raises(ObjectiveError, match="logarithm"):
         hypervolume([[-1.0, 2.0]], [1.0, 3.0], log=True)
+
+
+def test_a_process_foretells_each_target_from_all_others():
+    features, targets = some_data()
+    theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.01)
+    process = GaussianProcess(features, targets, OWNER, theta)
+    rows = np.zeros(40, dtype=bool)
+    rows[[3, 17, 30]] = True
+    known = matern_and_exponential(features, features, [0.5, 0.8], 1.7, 0.3) + 0.01 * np.eye(40)
+    centred = targets - targets.mean()
+    scale = centred @ np.linalg.solve(known, centred) / 40
+    densities = []
+    for row in np.flatnonzero(rows):
+        others = np.arange(40) != row
+        solved = np.linalg.solve(known[np.ix_(others, others)], known[others, row])
+        variance = scale * (known[row, row] - known[row, others] @ solved)
+        densities.append(norm.logpdf(centred[row], solved @ centred[others], np.sqrt(variance)))
+    assert process.foretells(rows) == pytest.approx(np.mean(densities), rel=1e-6)
