@@ -36,9 +36,7 @@ def yield_of(exploration: Exploration, have: Found) -> Yield:
     limit = ate_limit(exploration)
     alike = comparable(have.points)
     valid = [
-        point
-        for point in alike
-        if "runtime" in point.values and point.values.get("ate_max", limit) < limit
+        point for point in alike if "runtime" in point.values and point.values.get("ate_max", limit) < limit
     ]
     fastest = min(valid, key=lambda point: point.values["runtime"], default=None)
     baseline = default(alike)
