@@ -1,14 +1,16 @@
 """What another device measured, as knowledge to start from: which of its points to try, and what to expect.
 
 Devices rarely agree in their values and often in their order, so only a straight line is assumed between the
-(log) values of the two, objective by objective. Its slope is learnt from what is measured here and shrunk by
-its own uncertainty: a source that says nothing gets a slope of zero and is ignored, one that is reversed a
-negative slope. The models of the search then learn what the line leaves over.
+(log) values of the two, objective by objective. Its slope is learnt from what is measured here, and counts
+only where chance is no likely reason for it: a source that says nothing gets a slope of zero and is ignored,
+one that is reversed a negative slope. The models of the search then learn what the line leaves over.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 from pareto.forest import Forest
 from pareto.front import nondominated
 from pareto.history import History
+from pareto.line import Line, fitted_line
 from pareto.objective import Objective, read_values
 from pareto.screening import LARGEST_GRID
 from pareto.space import Indices, Space
@@ -27,6 +30,7 @@ Array = NDArray[np.float64]
 TREES = 100
 REACH = 4  # how far down its list the most unlike one is looked for
 ENOUGH = 8  # measurements on this device, before which a source is trusted unseen
+LIKELY = math.sqrt(2)  # standard errors: a trial costs one measurement, while a line bends every model
 
 
 class Prior:
@@ -36,7 +40,6 @@ class Prior:
         """Start empty. `limits` are this device's: they tell what is promising and rule nothing out."""
         self.source = History(space, objectives, limits={})
         self._limits = dict(limits)
-        self._grid: Array | None = None
 
     @classmethod
     def read(
@@ -110,11 +113,14 @@ class Prior:
         """
         if len(self.source.space) > LARGEST_GRID:
             codes = self.source.space.codes(indices)
-            return np.stack([forest.predict(codes) for forest in self._forests()], axis=1)
-        if self._grid is None:
-            self._grid = np.stack([forest.predict_grid() for forest in self._forests()], axis=1)
+            return np.stack([forest.predict(codes) for forest in self._forests], axis=1)
         return self._grid[indices]
 
+    @cached_property
+    def _grid(self) -> Array:
+        return np.stack([forest.predict_grid() for forest in self._forests], axis=1)
+
+    @cached_property
     def _forests(self) -> list[Forest]:
         # Extra trees are grown on all rows to purity: they return a measured value as it was measured.
         targets = Targets.of(self.source)
@@ -137,13 +143,12 @@ class Trend:
     @classmethod
     def of(cls, history: History, targets: Targets) -> Trend:
         """Fit a line for each objective to what was measured here."""
-        nothing = np.zeros(targets.values.shape[1])
         if not history.prior:
+            nothing = np.zeros(targets.values.shape[1])
             return cls(None, nothing, nothing)
-        expected = history.prior.expected(targets.indices)
-        columns = zip(expected.T, targets.values.T, strict=True)
-        slope = np.array([shrunk_slope(theirs, ours) for theirs, ours in columns])
-        offset = targets.values.mean(axis=0) - slope * expected.mean(axis=0)
+        lines = _lines(history.prior, targets)
+        slope = np.array([line.slope for line in lines])
+        offset = np.array([line.offset for line in lines])
         return cls(history.prior if slope.any() else None, slope, offset)
 
     def __call__(self, indices: Indices) -> Array:
@@ -164,25 +169,19 @@ class Trend:
 
 
 def trusted(history: History) -> bool:
-    """Return whether the source's points are worth trying: at first, and while all slopes rise."""
+    """Return whether the source's points are worth trying: at first, and while all slopes seem to rise."""
+    if not history.prior:
+        return False
     indices, _ = history.measured()
-    return len(indices) < ENOUGH or bool((Trend.of(history, Targets.of(history)).slope > 0).all())
+    if len(indices) < ENOUGH:
+        return True
+    return all(line.t > LIKELY for line in _lines(history.prior, Targets.of(history)))
 
 
-def shrunk_slope(x: Array, y: Array) -> float:
-    """Return the least-squares slope of y over x, times max(0, 1 - 2 / t^2) for its t statistic.
-
-    The factor is the positive-part shrinkage of James & Stein 1961, here for one coefficient: a slope that is
-    no larger than chance would make it is zero.
-    """
-    x, y = x - x.mean(), y - y.mean()
-    power = float(x @ x)
-    if len(x) < 4 or power <= 1e-12 or not y.any():
-        return 0.0
-    slope = float(x @ y) / power
-    rest = y - slope * x
-    variance = float(rest @ rest) / (len(x) - 2) / power
-    return slope * max(0.0, 1.0 - 2.0 * variance / max(slope**2, 1e-300))
+def _lines(prior: Prior, targets: Targets) -> list[Line]:
+    """Return for each objective the line from what the source lets expect to what was measured here."""
+    expected = prior.expected(targets.indices)
+    return [fitted_line(theirs, ours) for theirs, ours in zip(expected.T, targets.values.T, strict=True)]
 
 
 def _farthest_first(points: Array, count: int) -> NDArray[np.int64]:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from pareto.errors import ObjectiveError
 from pareto.gaussian import GaussianProcess
 from pareto.history import History
+from pareto.line import fitted_line
 from pareto.objective import Objective, read_limits, read_objectives, read_values
 from pareto.space import Configuration, Indices, Space
-from pareto.transfer import Prior, shrunk_slope
+from pareto.transfer import Prior
 
 Array = NDArray[np.float64]
 ENOUGH = 5  # common measurements, from which on a model is worth fitting
@@ -109,10 +110,9 @@ def _moved(
         positive = min(a.min(), b.min(), rest.min()) > 0
         if positive:
             a, b, rest = np.log(a), np.log(b), np.log(rest)
-        slope = 1.0 + shrunk_slope(a, b - a)
-        offset = b.mean() - slope * a.mean()
-        guess = offset + slope * rest
-        left = b - offset - slope * a
+        line = fitted_line(a, b - a)  # of the difference: without a reason for another slope it stays 1
+        guess = rest + line.offset + line.slope * rest
+        left = b - a - line.offset - line.slope * a
         if len(common) >= ENOUGH:
             features, owner = space.features(common), space.feature_owner
             process = GaussianProcess.fit(features, left, owner, np.random.default_rng(0))

@@ -10,6 +10,7 @@ import pytest
 
 from pareto import Explorer, Objective, Space
 from pareto.errors import ConfigurationError, MethodError, ObjectiveError
+from pareto.forest import Forest
 from pareto.front import nondominated
 from pareto.history import History
 from pareto.methods import METHODS
@@ -191,7 +192,7 @@ def test_the_trend_follows_the_source_as_far_as_it_is_borne_out(source, sign):
         assert not everywhere.any()
 
 
-def test_a_space_too_large_to_enumerate_is_predicted_where_asked():
+def test_a_space_too_large_to_enumerate_is_predicted_where_asked(monkeypatch):
     parameters = [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(5)]
     space = Space.from_dict({"parameters": parameters})
     known = np.random.default_rng(1).choice(len(space), 60, replace=False)
@@ -199,6 +200,9 @@ def test_a_space_too_large_to_enumerate_is_predicted_where_asked():
     prior = Prior.read(space, (Objective("far"),), {}, told)
     measured = Targets.of(prior.source).values
     assert prior.expected(known) == pytest.approx(measured)
+    monkeypatch.setattr(Forest, "grow", None)  # what was grown once is kept
+    assert prior.expected(known[:5]) == pytest.approx(measured[:5])
+    monkeypatch.undo()
     explorer = Explorer(space, ("far",), prior=told, initial=10)
     for _ in range(3):
         asked = explorer.ask(8)
