@@ -14,6 +14,7 @@ from pareto.errors import ObjectiveError
 Array = NDArray[np.float64]
 
 MINIMUM = 5  # common configurations; the coverage of both intervals was tried from 5 upwards
+PERFECT = 1e-12  # a correlation this near to 1 differs from it by rounding only
 
 
 @dataclass(frozen=True)
@@ -44,9 +45,10 @@ def correlate(
     """Return the correlation of two devices' values (n,) of the same n configurations in one order.
 
     A pair with NaN, a configuration that either device did not measure, is left out. None when fewer than
-    `minimum` pairs remain or when one device's values are all equal: nothing honest can be said then. With
-    `log`, Pearson is that of the logarithms, which suits times; Spearman is the same either way. `level` is
-    how often the intervals cover the truth, for pairs drawn independently and, for Pearson, jointly normal.
+    `minimum` pairs remain or when one device's values (with `log`, their logarithms) are all equal: nothing
+    honest can be said then. With `log`, Pearson is that of the logarithms, which suits times; Spearman is the
+    same either way. `level` is how often the intervals cover the truth, for pairs drawn independently and,
+    for Pearson, jointly normal.
 
     Raises ObjectiveError on shapes that do not fit, infinities, or values without a logarithm.
     """
@@ -61,13 +63,13 @@ def correlate(
         raise ObjectiveError("an infinite value has no correlation: use NaN where nothing was measured")
     if log and min(x.min(initial=1.0), y.min(initial=1.0)) <= 0:
         raise ObjectiveError("only positive values have a logarithm: use log=False")
+    ranks = _ranks(x), _ranks(y)
+    if log:
+        x, y = np.log(x), np.log(y)
     if len(x) < max(minimum, 4) or np.ptp(x) == 0 or np.ptp(y) == 0:
         return None
-    pearson = _pearson(np.log(x), np.log(y)) if log else _pearson(x, y)
     return Correlation(
-        len(x),
-        _fisher(pearson, len(x), level),
-        _bonett_wright(_pearson(_ranks(x), _ranks(y)), len(x), level),
+        len(x), _fisher(_pearson(x, y), len(x), level), _bonett_wright(_pearson(*ranks), len(x), level)
     )
 
 
@@ -95,8 +97,12 @@ def ranks_of_best(values: ArrayLike, maximise: bool = False) -> NDArray[np.float
     `values` is (devices, configurations), lower better unless `maximise`, NaN where unmeasured. A rank is
     counted among what both devices measured: 1 is best, and ties share the mean of their places, so the
     diagonal is 1 unless the best is tied. NaN where the two have nothing in common.
+
+    Raises ObjectiveError on infinities.
     """
     table = np.asarray(values, dtype=np.float64) * (-1 if maximise else 1)
+    if np.isinf(table).any():
+        raise ObjectiveError("an infinite value has no rank: use NaN where nothing was measured")
     ranks = np.full((len(table), len(table)), np.nan)
     for i, reference in enumerate(table):
         for j, other in enumerate(table):
@@ -122,23 +128,27 @@ def _pearson(x: Array, y: Array) -> float:
 
 def _fisher(value: float, count: int, level: float) -> Estimate:
     """Fisher 1921: artanh(r) is about normal with variance 1 / (n - 3)."""
-    if abs(value) == 1.0:
-        return Estimate(value, value, value)
-    return _interval(value, value, math.sqrt(1.0 / (count - 3)), level)
+    perfect = 1.0 - abs(value) < PERFECT
+    centre = _short_of_perfect(value, count) if perfect else value
+    return _interval(value, centre, math.sqrt(1.0 / (count - 3)), level)
 
 
 def _bonett_wright(value: float, count: int, level: float) -> Estimate:
-    """Bonett & Wright 2000: artanh(rs) is about normal with variance (1 + rs^2 / 2) / (n - 3).
+    """Bonett & Wright 2000: artanh(rs) is about normal with variance (1 + rs^2 / 2) / (n - 3)."""
+    error = math.sqrt((1.0 + value**2 / 2) / (count - 3))
+    return _interval(value, _short_of_perfect(value, count), error, level)
 
-    Perfect order in a sample is no proof of perfect order: the interval is then centred half a step, of those
-    that rs can take, away from it.
+
+def _short_of_perfect(value: float, count: int) -> float:
+    """Return where an interval is centred, at most half a step, of those that rs can take, short of 1.
+
+    A perfect sample is no proof that all is perfect, and artanh(1) is infinite.
     """
     half_step = 6.0 / (count * (count**2 - 1))
-    centre = math.copysign(min(abs(value), 1.0 - half_step), value)
-    estimate = _interval(value, centre, math.sqrt((1.0 + value**2 / 2) / (count - 3)), level)
-    return Estimate(value, min(estimate.low, value), max(estimate.high, value))
+    return math.copysign(min(abs(value), 1.0 - half_step), value)
 
 
 def _interval(value: float, centre: float, error: float, level: float) -> Estimate:
     reach = NormalDist().inv_cdf(0.5 + level / 2) * error
-    return Estimate(value, math.tanh(math.atanh(centre) - reach), math.tanh(math.atanh(centre) + reach))
+    low, high = math.tanh(math.atanh(centre) - reach), math.tanh(math.atanh(centre) + reach)
+    return Estimate(value, min(low, value), max(high, value))

@@ -58,7 +58,15 @@ def test_a_sample_in_perfect_order_is_no_proof_of_perfect_order():
     upside_down = correlate(range(6), [-1, -2, -4, -8, -16, -32])
     assert upside_down.spearman.low == pytest.approx(-1.0)
     assert upside_down.spearman.high == pytest.approx(-found.spearman.low)
-    assert correlate(range(6), range(6)).pearson.low == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("slope", [3.0, -0.1])
+def test_a_sample_on_a_line_is_no_proof_of_a_line(slope):
+    few, many = (correlate(np.arange(n), slope * np.arange(n) + 7.0).pearson for n in (6, 60))
+    assert few.value == pytest.approx(math.copysign(1.0, slope))
+    assert min(abs(few.low), abs(few.high)) < 0.9
+    assert max(abs(few.low), abs(few.high)) == pytest.approx(1.0)
+    assert 0.999 < min(abs(many.low), abs(many.high)) < 1.0
 
 
 def test_a_tighter_level_gives_a_narrower_interval_around_the_same_value():
@@ -72,6 +80,9 @@ def test_too_few_common_configurations_or_one_value_everywhere_say_nothing():
     assert correlate([1, 2, 3, 4, np.nan, 6], [1, 2, 3, np.nan, 5, 7]) is None
     assert correlate([1] * 9, range(9)) is None
     assert correlate([], []) is None
+    nearly_equal = [1e300, *[math.nextafter(1e300, math.inf)] * 8]
+    assert correlate(nearly_equal, range(1, 10)).count == 9
+    assert correlate(nearly_equal, range(1, 10), log=True) is None
     assert correlate([1, 2, 3, 4, 5, np.nan], [2, 1, 3, 4, 5, 9]).count == 5
     assert correlate(range(9), range(9), minimum=10) is None
 
@@ -96,6 +107,8 @@ def test_bad_input_is_named():
         correlate(range(9), range(9), level=95)
     with pytest.raises(ObjectiveError, match="devices, configurations"):
         correlation_matrix([1, 2, 3])
+    with pytest.raises(ObjectiveError, match="no rank"):
+        ranks_of_best([[1, 2, -math.inf], [1, 2, 3]])
 
 
 def test_a_matrix_is_symmetric_and_honest_about_gaps():
