@@ -39,7 +39,8 @@ class Parameter:
         if self.type != "categorical":
             self._require_order()
         if len(self._codes) != len(self.values):
-            raise SpaceError(f"parameter {self.name!r}: values {list(self.values)} contain a duplicate")
+            raise SpaceError(f"parameter {self.name!r}: values {self.some_values()} contain a duplicate")
+        self._require_distinct_texts()
         try:
             self.encode(self.default)
         except ConfigurationError as error:
@@ -53,6 +54,11 @@ class Parameter:
     @cached_property
     def _codes(self) -> dict[tuple[str, Value], int]:
         return {key(value): code for code, value in enumerate(self.values)}
+
+    @cached_property
+    def _texts(self) -> dict[str, int]:
+        exact = {str(value): code for code, value in enumerate(self.values)}
+        return {text.strip(): code for text, code in exact.items()} | exact
 
     def encode(self, value: object) -> int:
         """Return the position of `value`; numbers match to 1e-9, relative.
@@ -75,17 +81,25 @@ class Parameter:
     def parse(self, text: str) -> Value:
         """Return the value that `text` (a CSV cell, a command line) stands for.
 
-        Raises ConfigurationError when no value is written like that.
+        The value that is written exactly so comes first; else blanks around the text, the case of true and
+        false and the notation of numbers do not matter. Raises ConfigurationError when no value is like that.
         """
+        return self.values[self.position(text)]
+
+    def position(self, text: str) -> int:
+        """Return the position of the value that `text` stands for; else as `parse`."""
+        code = self._texts.get(text, self._texts.get(text.strip()))
+        if code is not None:
+            return code
         text = text.strip()
-        for value in self.values:
-            if str(value) == text or (isinstance(value, bool) and str(value).lower() == text.lower()):
-                return value
+        truth = self._codes.get(key(text.lower() == "true")) if text.lower() in ("true", "false") else None
+        if truth is not None:
+            return truth
         try:
             number = float(text)
         except ValueError:
-            return self.values[self.encode(text)]
-        return self.values[self.encode(int(number) if number.is_integer() else number)]
+            return self.encode(text)
+        return self.encode(int(number) if number.is_integer() else number)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plain-JSON description that `from_dict` reads."""
@@ -147,6 +161,21 @@ class Parameter:
         comparable = not any(isinstance(value, str) for value in self.values)
         if comparable and list(self.values) != sorted(self.values):
             raise SpaceError(f"parameter {self.name!r}: give the values in ascending order")
+
+    def _require_distinct_texts(self) -> None:
+        # A CSV file holds texts only: what is written alike cannot be told apart when it is read back.
+        if not any(isinstance(value, str) for value in self.values):
+            return
+        seen: dict[str, Value] = {}
+        for value in self.values:
+            text = str(value).strip()
+            text = text.lower() if text.lower() in ("true", "false") else text
+            if text in seen:
+                raise SpaceError(
+                    f"parameter {self.name!r}: {seen[text]!r} and {value!r} are written alike in a CSV file: "
+                    "give texts that differ in more than blanks and quotes"
+                )
+            seen[text] = value
 
     def some_values(self) -> str:
         """Return the values as a message shows them: all, or the first and the last of many."""

@@ -119,6 +119,18 @@ def test_csv_text_reads_back_as_the_value_it_was_written_from():
     assert MIXED.parameters[2].parse("true") is True
 
 
+def test_a_text_that_looks_like_another_value_reads_back_as_itself():
+    values = [1, "1.0", "01", " 2", "1e0", True, "x"]
+    space = Space.from_dict({"parameters": [{"name": "a", "type": "categorical", "values": values}]})
+    [parameter] = space.parameters
+    assert [parameter.parse(str(value)) for value in values] == values
+    assert [type(parameter.parse(str(value))) for value in values] == [*map(type, values)]
+    assert [parameter.position(text) for text in ("1.00", "2", "TRUE", " x ")] == [0, 3, 5, 6]
+    for text in ("2.0", "false", ""):
+        with pytest.raises(ConfigurationError, match="is not one of"):
+            parameter.parse(text)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -148,6 +160,9 @@ def test_a_missing_parameter_and_a_wrong_index_are_named():
         ({"name": "a", "type": "ordinal", "values": []}, "no values"),
         ({"name": "a", "type": "ordinal", "values": [2, 1]}, "ascending"),
         ({"name": "a", "type": "ordinal", "values": [1, 1]}, "duplicate"),
+        ({"name": "a", "type": "categorical", "values": [1, "1"]}, "1 and '1' are written alike"),
+        ({"name": "a", "type": "categorical", "values": ["-O3", "-O3 "]}, "'-O3' and '-O3 ' are written"),
+        ({"name": "a", "type": "categorical", "values": [True, "true"]}, "True and 'true' are written"),
         ({"name": "a", "type": "ordinal", "values": [1, 2], "default": 3}, "default of"),
         ({"name": "a", "type": "ordinal", "values": [1, None]}, "None"),
         ({"name": "a", "type": "ordinal", "values": "12"}, "must be a list"),
