@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pareto.errors import ObjectiveError
-from pareto.front import nondominated
+from pareto.front import nondominated, signs
 
 
 def attainment(
@@ -36,7 +36,7 @@ def attainment(
     width = widths[0] if widths else 1
     if len(fronts) < level:
         return np.empty((0, width))
-    sign = np.where(np.zeros(width, dtype=bool) if maximise is None else np.asarray(maximise), -1.0, 1.0)
+    sign = signs(maximise, width)
     points = np.concatenate(fronts) * sign
     if width == 1:
         return np.sort(points, axis=0)[level - 1 : level] * sign

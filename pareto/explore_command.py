@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import sys
 import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from pareto.answer import obstacle
 from pareto.arguments import (
     add_objectives,
     add_units,
@@ -19,10 +21,10 @@ from pareto.arguments import (
     read_units,
     seconds,
 )
-from pareto.errors import EvaluationError, ScenarioError
+from pareto.errors import AllFailedError, EvaluationError, ScenarioError
 from pareto.evaluation import Evaluate, from_table
 from pareto.explorer import Explorer
-from pareto.folder import FRONT, IMPORTED, Folder, made_here
+from pareto.folder import FRONT, IMPORTED, Folder, header, made_here
 from pareto.interrupts import interruptible
 from pareto.measurements import Measurement, read_measurements
 from pareto.methods import DEFAULT, METHODS
@@ -95,6 +97,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         prior=read_measurements(options.prior, space, objectives) if options.prior else (),
         **_method_options(options, scenario),
     )
+    header(fresh)  # before anything is measured, since it refuses names that clash
     units = read_units(options.units, objectives)
     known = read_measurements(options.warm_start, space, objectives) if options.warm_start else []
     feasible = scenario.feasible if scenario else None
@@ -107,6 +110,7 @@ def explore_folder(options: argparse.Namespace) -> int:
     with folder.locked():
         explorer = folder.resume(space) or fresh
         _require_same(fresh, explorer)
+        folder.require_source(*_source(options))
         _tell_known(explorer, folder, known)
         batch = options.batch or BATCH
         reasons = _measure(explorer, folder, evaluate, budget, batch)
@@ -183,12 +187,20 @@ def _report(explorer: Explorer, out: Path, budget: int, reasons: Counter[str]) -
         sys.stderr.write(
             f"pareto: stopped after {done} of {budget}: {explorer.method} has nothing more to ask\n"
         )
-    if reasons and len(explorer.history.measured()[0]) == 0:
+    if missing := obstacle(explorer.history):
+        sys.stderr.write(f"pareto: {missing}\n")
+    if isinstance(missing, AllFailedError) and reasons:
         reason, times = reasons.most_common(1)[0]
-        sys.stderr.write(f"pareto: no measurement succeeded; {times} times the reason was: {reason}\n")
-    elif not front:
-        sys.stderr.write("pareto: nothing that was measured keeps the limits: loosen them, or go on\n")
+        sys.stderr.write(f"pareto: {times} times the reason was: {reason}\n")
     sys.stdout.write(f"{front} points on the front: {out / FRONT}\n")
+
+
+def _source(options: argparse.Namespace) -> tuple[str, str]:
+    """Return what measures: the command, or the digest of the table, which may be moved."""
+    if options.command:
+        return "command", options.command
+    with options.table.open("rb") as file:
+        return "sha256 of the table", hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _method_options(options: argparse.Namespace, scenario: Scenario | None) -> dict[str, Any]:

@@ -11,22 +11,24 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pareto.errors import StateError
+from pareto.errors import ObjectiveError, StateError
 from pareto.explorer import Explorer
+from pareto.measurements import columns
 from pareto.space import Configuration, Space
 
-EVALUATIONS, FRONT, STATE, SPACE, LOCK = (
+EVALUATIONS, FRONT, STATE, SPACE, SOURCE, LOCK = (
     "evaluations.csv",
     "front.csv",
     "state.json",
     "space.json",
+    "source.json",
     ".lock",
 )
 IMPORTED = "told"  # the phase of measurements that an earlier run made
 
 
 class Folder:
-    """Keeps `evaluations.csv`, `front.csv`, `state.json` and `space.json` of one exploration.
+    """Keeps `evaluations.csv`, `front.csv` and the state, space and source (JSON) of one exploration.
 
     The state is replaced whenever something was asked; measurements go to the CSV file only. After a crash
     at any moment the state and the rows it does not know yet give the explorer back as it was.
@@ -92,6 +94,25 @@ class Folder:
             explorer.tell([configuration], [values], phase=row[1])
         return explorer
 
+    def require_source(self, kind: str, value: str) -> None:
+        """Note what measures here: a command, or the digest of a table.
+
+        Raises StateError when what stands in `evaluations.csv` was measured by another one.
+        """
+        path, source = self.path / SOURCE, {kind: value}
+        if not path.exists() or not self.rows():
+            self._replace(SOURCE, json.dumps(source) + "\n")
+            return
+        try:
+            before = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise StateError(f"{path} is damaged: {error}") from error
+        if before != source:
+            raise StateError(
+                f"{self.path} was measured by {json.dumps(before)}, not by {json.dumps(source)}: use another "
+                f"--out, or, if both measure the same, delete {path}"
+            )
+
     def asked(self, explorer: Explorer) -> None:
         """Save the state: before a batch is measured, so that it can be finished after a crash."""
         self.path.mkdir(parents=True, exist_ok=True)
@@ -116,7 +137,7 @@ class Folder:
         with path.open("a", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             if fresh:
-                writer.writerow(["number", "phase", *explorer.space.names, *names, "measured_in", "failure"])
+                writer.writerow(header(explorer))
             measured = ["" if values is None else repr(values[name]) for name in names]
             taken = "" if seconds is None else f"{seconds:.3f}"
             reason = " ".join(error.split())
@@ -138,7 +159,7 @@ class Folder:
 
     @staticmethod
     def _read(space: Space, explorer: Explorer, row: list[str]) -> tuple[Configuration, Any]:
-        # By position: a parameter or an objective may well be called "number" or "failure".
+        # By position: older files may have columns of one name.
         first = 2 + len(space.parameters)
         objectives = [objective.name for objective in explorer.objectives]
         try:
@@ -159,6 +180,22 @@ class Folder:
             file.flush()
             os.fsync(file.fileno())
         fresh.replace(self.path / name)
+
+
+def header(explorer: Explorer) -> list[str]:
+    """Return the columns of `evaluations.csv`.
+
+    Raises ObjectiveError where an objective has the name of a parameter, or one of them that of a column
+    which every such file has.
+    """
+    names = columns(explorer.space, explorer.objectives)
+    first, last = ["number", "phase"], ["measured_in", "failure"]
+    if shared := [name for name in names if name in (*first, *last)]:
+        raise ObjectiveError(
+            f"{shared[0]!r} is a column that {EVALUATIONS} has anyway: give the parameter or objective "
+            "another name"
+        )
+    return [*first, *names, *last]
 
 
 def made_here(explorer: Explorer) -> int:

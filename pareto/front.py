@@ -50,6 +50,18 @@ def nondominated(points: ArrayLike, maximise: Sequence[bool] | None = None) -> N
     return mask
 
 
+def signs(maximise: Sequence[bool] | None, count: int) -> NDArray[np.float64]:
+    """Return (count,) 1 for a minimised objective and -1 for a maximised one: values times it are minimised.
+
+    Raises ObjectiveError unless `maximise` is None, which minimises all, or has one entry an objective.
+    """
+    if maximise is None:
+        return np.ones(count)
+    if len(maximise) != count:
+        raise ObjectiveError(f"maximise has {len(maximise)} entries for {count} objectives")
+    return np.where(np.asarray(maximise, dtype=bool), -1.0, 1.0)
+
+
 def dominates(a: ArrayLike, b: ArrayLike) -> bool:
     """Return whether point `a` is no worse than `b` everywhere and better somewhere (both minimised)."""
     left, right = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
@@ -57,10 +69,12 @@ def dominates(a: ArrayLike, b: ArrayLike) -> bool:
 
 
 def knee(points: ArrayLike, maximise: Sequence[bool] | None = None) -> int:
-    """Return the row with the best compromise: farthest below the plane through the objectives' extremes.
+    """Return the row with the best compromise: the least sum of its objectives.
 
-    Every objective is scaled to the extent of the non-dominated rows first, so units do not matter. The
-    first of equally good rows wins. Raises ObjectiveError when no row is free of NaN.
+    Every objective is scaled to the extent of the non-dominated rows first, so units do not matter. Of two
+    objectives that is the point farthest below the line through the front's ends (Das 1999); of more, the
+    one nearest, by Manhattan distance, to the corner of all best values. The first of equally good rows
+    wins. Raises ObjectiveError when no row is free of NaN.
     """
     table = _minimised(points, maximise)
     rows = np.flatnonzero(nondominated(table))
@@ -116,11 +130,7 @@ def _minimised(points: ArrayLike, maximise: Sequence[bool] | None) -> NDArray[np
         if table.size == 0:
             return np.empty((0, 1))
         raise ObjectiveError(f"points must be a table of rows and objectives, not of shape {table.shape}")
-    if maximise is None:
-        return table
-    if len(maximise) != table.shape[1]:
-        raise ObjectiveError(f"maximise has {len(maximise)} entries for {table.shape[1]} objectives")
-    return np.where(np.asarray(maximise, dtype=bool), -table, table)
+    return table if maximise is None else table * signs(maximise, table.shape[1])
 
 
 def _not_ruled_out(

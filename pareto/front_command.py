@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
 import json
 import math
 import sys
@@ -19,8 +18,9 @@ from pareto.arguments import add_objectives, count, read_limits, read_objectives
 from pareto.attainment import attainment
 from pareto.errors import ObjectiveError, ScenarioError
 from pareto.explorer import Explorer
-from pareto.folder import FRONT, STATE, Folder, table
-from pareto.front import choose, knee, nondominated
+from pareto.folder import STATE, Folder, table
+from pareto.front import choose, knee, nondominated, signs
+from pareto.measurements import number, read_rows
 from pareto.objective import Objective
 
 Point = tuple[dict[str, Any], dict[str, float]]
@@ -43,6 +43,7 @@ def add_front(commands: Any) -> None:
     front.add_argument("--out", type=Path, help="one more exploration's folder")
     front.add_argument("--space", type=Path, help="the folders' space, where it is not kept beside them")
     add_objectives(front, "columns of CSV files; of an exploration, its own by default")
+    front.add_argument("--no-limits", action="store_true", help="not even those of the explorations")
     which = front.add_mutually_exclusive_group()
     which.add_argument(
         "--prefer", metavar="NAME", help="only the point within --limits that is best in this objective"
@@ -57,15 +58,21 @@ def add_front(commands: Any) -> None:
 
 
 def print_front(options: argparse.Namespace) -> int:
-    """Print or write the front. A folder's own front.csv is written anew when nothing else was asked for."""
+    """Print the front, or write it to --output; an exploration's folder is only read."""
     paths = [*options.source, *([options.out] if options.out else [])]
     if not paths:
         raise ScenarioError("front of what? Give an exploration's folder, or a CSV file and --objectives")
+    if options.no_limits and options.limits:
+        raise ScenarioError("--no-limits and --limits contradict each other: give one of them")
     sources = [_read(path, options) for path in paths]
     objectives, limits = sources[0].objectives, sources[0].limits
     for path, source in zip(paths, sources, strict=True):
         if source.objectives != objectives:
             raise ScenarioError(f"{path} has other objectives than {paths[0]}: name them with --objectives")
+        if source.limits != limits:
+            raise ScenarioError(
+                f"{path} has limits {source.limits} and {paths[0]} {limits}: give --limits, or --no-limits"
+            )
     points = _select(sources, objectives, limits, options)
     if not points:
         measured, failed = sum(len(item.points) for item in sources), sum(item.failed for item in sources)
@@ -75,8 +82,6 @@ def print_front(options: argparse.Namespace) -> int:
         options.output.write_text(text, encoding="utf-8")
     else:
         sys.stdout.write(text)
-    if len(paths) == 1 and _is_plain(options) and paths[0].is_dir():
-        (paths[0] / FRONT).write_text(_text(points, objectives, "csv"), encoding="utf-8")
     return 0
 
 
@@ -97,7 +102,7 @@ def _read(path: Path, options: argparse.Namespace) -> Source:
     own = {objective.name for objective in explorer.objectives}
     if unknown := [objective.name for objective in objectives if objective.name not in own]:
         raise ObjectiveError(f"{path} did not measure {unknown[0]!r}: it has {', '.join(sorted(own))}")
-    limits = read_limits(options.limits) or explorer.limits
+    limits = {} if options.no_limits else read_limits(options.limits) or explorer.limits
     names = [objective.name for objective in explorer.objectives]
     indices, values = explorer.history.measured()
     points: list[Point] = [
@@ -115,22 +120,12 @@ def _read_table(path: Path, options: argparse.Namespace) -> Source:
     needed = dict.fromkeys([*(item.name for item in objectives), *limits, *split(options.prefer)])
     points: list[Point] = []
     failed = 0
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, restval="")
-            columns = list(reader.fieldnames or [])
-            if missing := [name for name in needed if name not in columns]:
-                raise ObjectiveError(f"{path} has no column {missing[0]!r}: it has {', '.join(columns)}")
-            for row in reader:
-                values = {name: _number(row[name]) for name in needed}
-                if any(map(math.isnan, values.values())):
-                    failed += 1
-                else:
-                    points.append(({name: row[name] for name in columns if name not in needed}, values))
-    except OSError as error:
-        raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ScenarioError(f"{path} is no CSV file in UTF-8: {error}") from error
+    for _, row in read_rows(path, needed):  # without a space, every row is a point of its own
+        values = {name: number(row[name]) for name in needed}
+        if any(map(math.isnan, values.values())):
+            failed += 1
+        else:
+            points.append(({name: cell for name, cell in row.items() if name not in needed}, values))
     return Source(objectives, limits, points, failed)
 
 
@@ -165,7 +160,7 @@ def _front(points: list[Point], names: list[str], upwards: list[bool]) -> list[P
     """Return the non-dominated points, by the first objective."""
     values = _values(points, names)
     kept = np.flatnonzero(nondominated(values, upwards))
-    signed = values[kept] * np.where(upwards, -1.0, 1.0)
+    signed = values[kept] * signs(upwards, len(names))
     return [points[row] for row in kept[np.lexsort(signed.T[::-1])]]
 
 
@@ -201,15 +196,3 @@ def _known(limits: dict[str, float], names: set[str]) -> dict[str, float]:
                 f"limit on {name!r}, which was not measured: {', '.join(sorted(names))} were"
             )
     return limits
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def _is_plain(options: argparse.Namespace) -> bool:
-    asked = (options.objectives, options.maximise, options.limits, options.prefer, options.knee)
-    return not any(asked) and not options.attained and not options.output

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pareto.errors import ObjectiveError
+from pareto.front import signs
 
 
 def hypervolume(
@@ -32,9 +33,7 @@ def hypervolume(
         if (table <= 0).any() or (bounds <= 0).any():
             raise ObjectiveError("only positive values have a logarithm: use log=False")
         table, bounds = np.log(table), np.log(bounds)
-    sign = np.where(
-        np.zeros(len(bounds), dtype=bool) if maximise is None else np.asarray(maximise), -1.0, 1.0
-    )
+    sign = signs(maximise, len(bounds))
     table, bounds = table * sign, bounds * sign
     table = table[(table < bounds).all(axis=1)]
     if len(table) == 0:
@@ -62,7 +61,7 @@ def reference_point(
     bounds = [None] * count if limits is None else list(limits)
     if len(bounds) != count:
         raise ObjectiveError(f"{len(bounds)} limits do not fit {count} objectives: one each, or None")
-    sign = np.where(np.zeros(count, dtype=bool) if maximise is None else np.asarray(maximise), -1.0, 1.0)
+    sign = signs(maximise, count)
     worst = (table * sign).max(axis=0) * sign
     return np.array(
         [value if bound is None else bound for value, bound in zip(worst, bounds, strict=True)],
@@ -84,7 +83,7 @@ def hypervolume_growth(
         return np.zeros(len(table))
     reference = reference_point(table, limits, maximise)
     log = bool(np.nanmin(table) > 0 and reference.min() > 0)
-    sign = np.where(np.zeros(len(reference), dtype=bool) if maximise is None else np.asarray(maximise), -1, 1)
+    sign = signs(maximise, len(reference))
     minimised, bound = table * sign, reference * sign
     volumes = np.zeros(len(table))
     front: list[int] = []

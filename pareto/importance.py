@@ -14,11 +14,12 @@ def importance(space: Space, indices: Indices, values: ArrayLike, seed: int = 0)
 
     `values` (n) were measured at `indices` (n), NaN where a measurement failed; positive values are taken as
     logarithms. For every tree of a random forest, the rows that it never saw are predicted as they are and
-    with one parameter's values permuted among them; the growth of the squared error, over twice the
-    variance, is the share (Breiman 2001, section 10). Where the measurements are a random sample that is an
-    estimate of the total-effect Sobol index (Gregorutti et al. 2017, proposition 1): interactions count for
-    each of their parameters, so shares may add up to more than 1, and noise for none, so they may add up to
-    less. Where a search has gathered its measurements near the front, they tell what matters there.
+    with one parameter's values permuted among them (Breiman 2001, section 10); the growth of the squared
+    error, over twice the variance, is the share. For a true model and independent parameters, as in a random
+    sample, that is the total-effect Sobol index, which Jansen 1999 estimates by the same differences; a
+    forest knows the model only roughly. Interactions count for each of their parameters, so shares may add
+    up to more than 1, and noise for none, so they may add up to less. Where a search has gathered its
+    measurements near the front, parameters depend on each other, and shares only hint at what matters there.
 
     A parameter that tells nothing has 0. None, not a guess, for fewer than 20 measurements or values that are
     all equal. Equal seeds give equal answers.

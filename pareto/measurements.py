@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from pareto.errors import ParetoError, ScenarioError
+from pareto.errors import ObjectiveError, ParetoError, ScenarioError
 from pareto.objective import Objective
 from pareto.space import Configuration, Space
 
@@ -17,38 +17,69 @@ Measurement = tuple[Configuration, dict[str, float] | None]
 def read_measurements(path: Path, space: Space, objectives: Sequence[Objective]) -> list[Measurement]:
     """Return every row of a CSV file with a column for each parameter and objective, in order.
 
-    The values are None where the measurement failed: where a cell is empty, text, or not finite. Further
-    columns are ignored, so `evaluations.csv` of an exploration is such a file.
+    The values are None where the measurement failed: where a cell is no finite number. Several rows of one
+    configuration are measurements of it, to be averaged. Further columns are ignored, so `evaluations.csv` of
+    an exploration is such a file.
 
     Raises ScenarioError when the file cannot be read, lacks a column, or holds a configuration that is not
-    in the space; the message names the line.
+    in the space (the message names the line), ObjectiveError for objectives that share a column.
     """
-    wanted = [*space.names, *(objective.name for objective in objectives)]
     found: list[Measurement] = []
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file, restval="")
-            if missing := [name for name in wanted if name not in (reader.fieldnames or [])]:
-                raise ScenarioError(f"{path} has no column {missing[0]!r}: it has {reader.fieldnames}")
-            for row in reader:
-                try:
-                    configuration = {item.name: item.parse(row[item.name]) for item in space.parameters}
-                    space.encode(configuration)
-                except ParetoError as error:
-                    raise ScenarioError(f"{path}, line {reader.line_num}: {error}") from error
-                numbers = {objective.name: _number(row[objective.name]) for objective in objectives}
-                failed = any(math.isnan(number) for number in numbers.values())
-                found.append((configuration, None if failed else numbers))
-    except OSError as error:
-        raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ScenarioError(f"{path} is no CSV file in UTF-8: {error}") from error
+    for line, row in read_rows(path, columns(space, objectives)):
+        try:
+            configuration = {item.name: item.parse(row[item.name]) for item in space.parameters}
+            space.encode(configuration)
+        except ParetoError as error:
+            raise ScenarioError(f"{path}, line {line}: {error}") from error
+        numbers = {objective.name: number(row[objective.name]) for objective in objectives}
+        failed = any(map(math.isnan, numbers.values()))
+        found.append((configuration, None if failed else numbers))
     return found
 
 
-def _number(cell: str) -> float:
+def read_rows(path: Path, wanted: Iterable[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    """Yield line number and cells by column of each row of a CSV file that has the `wanted` columns.
+
+    Where a row is too short its last cells are empty. Raises ScenarioError when the file cannot be read,
+    lacks a wanted column or has it more than once.
+    """
+    line = 1
     try:
-        number = float(cell)
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, restval="")
+            header = list(reader.fieldnames or [])
+            for name in wanted:
+                if (times := header.count(name)) != 1:
+                    many = "more than one" if times else "no"
+                    raise ScenarioError(f"{path} has {many} column {name!r}: it has {', '.join(header)}")
+            for row in reader:
+                line = reader.line_num
+                row.pop(None, None)  # cells beyond the header's
+                yield line, row
+    except OSError as error:
+        raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ScenarioError(f"{path}, after line {line}, is no CSV file in UTF-8: {error}") from error
+
+
+def columns(space: Space, objectives: Iterable[Objective]) -> list[str]:
+    """Return the names of parameters and objectives, in order.
+
+    Raises ObjectiveError for an objective with a parameter's name: they would share a column.
+    """
+    names = [objective.name for objective in objectives]
+    if shared := [name for name in names if name in space.names]:
+        raise ObjectiveError(
+            f"objective {shared[0]!r} has the name of a parameter, and in a CSV file both would be one "
+            "column: rename one of them"
+        )
+    return [*space.names, *names]
+
+
+def number(cell: str) -> float:
+    """Return the finite number that a cell holds; NaN for all else, which is a failed measurement."""
+    try:
+        value = float(cell)
     except ValueError:
         return math.nan
-    return number if math.isfinite(number) else math.nan
+    return value if math.isfinite(value) else math.nan

@@ -29,10 +29,12 @@ def from_command(
     """Return a function that runs `command` and reads its last line of output, a JSON object, for values.
 
     The command is split like a shell would, without a shell; `{config}` in an argument becomes the
-    configuration as JSON, `{name}` the value of that parameter. The function raises EvaluationError with the
-    reason when the program fails, prints no values, says with its `feasible` (field, text when true) that the
-    configuration does not count, or takes longer than `timeout` seconds: then all that it has started ends
-    with it. Raises ScenarioError for a command that cannot be split or a program that is not there.
+    configuration as JSON, even where a parameter has that name, and `{name}` the value of that parameter.
+    The function raises EvaluationError with the reason when the program fails, prints no values, says with
+    its `feasible` (field, text when true) that the configuration does not count, or takes longer than
+    `timeout` seconds: then its whole process group ends, which is all that it has started but for what has
+    left the group (setsid). Raises ScenarioError for a command that cannot be split or a program that is not
+    there.
     """
     try:
         arguments = shlex.split(command)
@@ -45,8 +47,8 @@ def from_command(
 
     def evaluate(configuration: Configuration) -> dict[str, float]:
         fields = {
-            "config": json.dumps(configuration),
             **{name: str(value) for name, value in configuration.items()},
+            "config": json.dumps(configuration),
         }
         code, output, complaints = _run([_fill(argument, fields) for argument in arguments], timeout)
         if code != 0:
@@ -73,7 +75,7 @@ def _run(arguments: list[str], timeout: float | None) -> tuple[int, str, str]:
     # Files, not pipes: a grandchild that keeps a pipe open would keep us waiting for its end.
     with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as complaints:
         try:
-            # A session of its own, so that all that the program starts can be ended together.
+            # A session, and with it a process group, of its own: what is in the group ends together.
             program = subprocess.Popen(
                 arguments, stdin=subprocess.DEVNULL, stdout=output, stderr=complaints, start_new_session=True
             )
@@ -90,7 +92,7 @@ def _run(arguments: list[str], timeout: float | None) -> tuple[int, str, str]:
 
 
 def _end(program: subprocess.Popen[bytes]) -> None:
-    """Kill the program and all that it has started."""
+    """Kill the program and what it has started in its process group; on Windows the program alone."""
     if hasattr(os, "killpg"):
         os.killpg(program.pid, signal.SIGKILL)
     else:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pareto.explorer import Explorer
 from pareto.folder import made_here
+from pareto.front import nondominated
 from pareto.hypervolume import hypervolume, reference_point
 
 ON_TERMINAL, ELSEWHERE = 0.1, 10.0  # seconds between two lines, at least
@@ -57,25 +58,28 @@ def describe(explorer: Explorer, budget: int, left: float) -> str:
     parts = [f"{made_here(explorer)}/{budget} measured"]
     if failed := len(explorer.history.failed()):
         parts.append(f"{failed} failed")
-    parts.append(f"{len(explorer.history.front()[0])} on the front")
-    parts.append(f"hypervolume {present_volume(explorer):.4g}")
+    front, volume = present_front(explorer)
+    parts.append(f"{front} on the front")
+    parts.append(f"hypervolume {volume:.4g}")
     parts.append(f"{duration(left)} left")
     return ", ".join(parts)
 
 
-def present_volume(explorer: Explorer) -> float:
-    """Return the hypervolume of the front up to the limits, or the worst value where there is none.
+def present_front(explorer: Explorer) -> tuple[int, float]:
+    """Return the front's size, and its hypervolume up to the limits, or the worst value where there is none.
 
-    The last value of `hypervolume_growth` over the same measurements.
+    The volume is the last value of `hypervolume_growth` over the same measurements.
     """
     _, values = explorer.history.measured()
     if len(values) == 0:
-        return 0.0
+        return 0, 0.0
     maximise = [objective.maximise for objective in explorer.objectives]
     limits = [explorer.limits.get(objective.name) for objective in explorer.objectives]
     reference = reference_point(values, limits, maximise)
     log = bool(values.min() > 0 and reference.min() > 0)
-    return hypervolume(explorer.history.front()[1], reference, maximise, log)
+    values = values[explorer.history.within_limits(values)]
+    front = values[nondominated(values, maximise)]
+    return len(front), hypervolume(front, reference, maximise, log)
 
 
 def duration(seconds: float) -> str:

@@ -19,7 +19,7 @@ from pareto.plot.models import grown, importances, parameter_importance, predict
 from pareto.plot.scatter import scatter
 from pareto.plot.style import FONT, INK, LINE, MUTED, label, number
 from pareto.prediction import out_of_bag
-from pareto.progress import present_volume
+from pareto.progress import present_front
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -77,13 +77,14 @@ def page(explorer: Explorer, units: Mapping[str, str]) -> str:
 
 def _summary(explorer: Explorer) -> str:
     failed = len(explorer.history.failed())
+    size, volume = present_front(explorer)
     facts = {
         "space": f"{len(explorer.space):,} points",
         "method": f"{explorer.method}, seed {explorer.seed}",
         "measured": f"{made_here(explorer):,}",
         "failed": f"{failed:,}",
-        "on the front": f"{len(explorer.front()):,}",
-        "hypervolume": number(present_volume(explorer)),
+        "on the front": f"{size:,}",
+        "hypervolume": number(volume),
     }
     items = "".join(f"<div><dt>{name}</dt><dd>{html.escape(fact)}</dd></div>" for name, fact in facts.items())
     return f"<dl>{items}</dl>"

@@ -11,7 +11,7 @@ from pareto.commands import main
 from pareto.explorer import Explorer
 from pareto.folder import Folder
 from pareto.hypervolume import hypervolume_growth
-from pareto.progress import Progress, duration, present_volume
+from pareto.progress import Progress, duration, present_front
 from pareto.space import Space
 from tests.pareto.conftest import SPACE, explore, rows
 
@@ -21,10 +21,7 @@ def test_exploring_a_table_writes_evaluations_front_and_state(toy, capsys):
     evaluations = rows(toy / "out" / "evaluations.csv")
     assert [row["number"] for row in evaluations] == [str(number) for number in range(1, 41)]
     failures = {row["failure"] for row in evaluations if row["x"] in ("7", "20")}
-    assert failures == {
-        "not a number in the table: could not convert string to float: 'failed'",
-        "not in the table",
-    }
+    assert failures == {"error is 'failed' in the table, no finite number", "not in the table"}
     front = rows(toy / "out" / "front.csv")
     assert [int(row["x"]) for row in front] == [x for x in range(19, 0, -1) if x != 7]
     assert {row["mode"] for row in front} == {"a,b"}
@@ -62,13 +59,16 @@ def test_when_nothing_succeeds_the_reason_is_told(toy, capsys):
     false = [sys.executable, "-c", "raise SystemExit('no GPU')"]
     assert explore(toy, "--budget", "3", source=["--command", subprocess.list2cmdline(false)]) == 0
     output = capsys.readouterr()
-    assert "no measurement succeeded; 3 times the reason was: exit code 1: no GPU" in output.err
+    assert "pareto: all 3 configurations failed: " in output.err
+    assert "pareto: 3 times the reason was: exit code 1: no GPU" in output.err
     assert "0 points on the front" in output.out
 
 
 def test_when_nothing_keeps_the_limits_that_is_told(toy, capsys):
     assert explore(toy, "--budget", "10", "--limits", "error=0.001,seconds=5") == 0
-    assert "nothing that was measured keeps the limits" in capsys.readouterr().err
+    errors = capsys.readouterr().err
+    assert "measured configurations keeps error <= 0.001 and seconds <= 5; the best of each are" in errors
+    assert "the reason was" not in errors
 
 
 def test_random_measurements_come_first_as_many_as_asked_for(toy):
@@ -138,6 +138,54 @@ def test_a_file_that_is_no_space_is_one_line_and_exit_code_2(toy, capsys, text):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_a_folder_goes_on_with_what_measured_it_and_nothing_else(toy, capsys):
+    assert explore(toy, "--budget", "3") == 0
+    measured = (toy / "out" / "evaluations.csv").read_bytes()
+    (toy / "moved.csv").write_bytes((toy / "table.csv").read_bytes())
+    (toy / "other.csv").write_bytes((toy / "table.csv").read_bytes().replace(b"1.0", b"2.0"))
+    for source in (["--table", str(toy / "other.csv")], ["--command", "true {config}"]):
+        capsys.readouterr()
+        assert explore(toy, "--budget", "5", source=source) == 2
+        error = capsys.readouterr().err
+        assert "was measured by" in error
+        assert "source.json" in error
+        assert error.count("\n") == 1
+    assert (toy / "out" / "evaluations.csv").read_bytes() == measured
+    assert explore(toy, "--budget", "5", source=["--table", str(toy / "moved.csv")]) == 0
+    assert len(rows(toy / "out" / "evaluations.csv")) == 5
+    (toy / "out" / "source.json").write_text("{")
+    assert explore(toy, "--budget", "6") == 2
+    assert "source.json is damaged" in capsys.readouterr().err
+
+
+def test_what_measures_may_be_mended_until_something_was_measured(toy, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Folder, "append", interrupted)
+    assert explore(toy, "--budget", "3", source=["--command", "true"]) == 130
+    monkeypatch.undo()
+    assert explore(toy, "--budget", "3") == 0
+    assert "sha256 of the table" in (toy / "out" / "source.json").read_text()
+
+
+@pytest.mark.parametrize(
+    ("objectives", "message"),
+    [
+        ("x", "objective 'x' has the name of a parameter"),
+        ("error,failure", "'failure' is a column that evaluations.csv has anyway"),
+        ("phase", "'phase' is a column"),
+    ],
+)
+def test_names_that_would_share_a_column_are_refused(toy, capsys, objectives, message):
+    program = ["--command", "true {config}"]
+    assert explore(toy, "--budget", "3", "--objectives", objectives, source=program) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (toy / "out").exists()
+
+
 def test_a_folder_that_cannot_be_written_is_named(toy, capsys):
     (toy / "out").write_text("a file")
     assert explore(toy, "--budget", "2") == 2
@@ -201,12 +249,14 @@ def test_the_volume_told_is_where_its_curve_ends():
     explorer = Explorer(
         Space.from_dict(SPACE), ["error", "seconds"], {"seconds": 9.0}, method="random", seed=3
     )
-    assert present_volume(explorer) == 0.0
+    assert present_front(explorer) == (0, 0.0)
     batch = explorer.ask(20)
     told = [{"error": 1 / point["x"], "seconds": float(point["x"])} for point in batch]
     explorer.tell(batch, told)
     growth = hypervolume_growth([[item["error"], item["seconds"]] for item in told], [None, 9.0])
-    assert present_volume(explorer) == pytest.approx(growth[-1])
+    size, volume = present_front(explorer)
+    assert size == len(explorer.front())
+    assert volume == pytest.approx(growth[-1])
     assert growth[-1] > 0
 
 

@@ -2,8 +2,9 @@
 
 import pytest
 
-from pareto.errors import EvaluationError, ScenarioError
+from pareto.errors import EvaluationError, ObjectiveError, ScenarioError
 from pareto.evaluation import from_table
+from pareto.measurements import read_measurements
 from pareto.objective import read_objectives
 from pareto.space import Space
 from tests.pareto.conftest import SPACE
@@ -37,6 +38,37 @@ def test_the_feasible_column_decides_whether_a_row_counts(toy):
         evaluate({"x": 2, "mode": "c"})
     with pytest.raises(EvaluationError, match="not in the table"):
         evaluate({"x": 3, "mode": "c"})
+
+
+def test_several_rows_of_a_configuration_are_measurements_of_it(toy):
+    lines = [
+        "x,mode,error,seconds",
+        "1,c,1,1",
+        "1,c,inf,9",
+        "1,c,3,2",
+        "2,c,oops,1",
+        "2,c,nan,1",
+        "3,c,0.1,0.3",
+    ]
+    (toy / "t.csv").write_text("\n".join(lines) + "\n")
+    evaluate = from_table(toy / "t.csv", Space.from_dict(SPACE), OBJECTIVES)
+    assert evaluate({"x": 1, "mode": "c"}) == {"error": 2.0, "seconds": 1.5}
+    assert evaluate({"x": 3, "mode": "c"}) == {"error": 0.1, "seconds": 0.3}
+    with pytest.raises(EvaluationError, match="error is 'nan' in the table, no finite number"):
+        evaluate({"x": 2, "mode": "c"})
+
+
+def test_columns_that_mean_two_things_are_refused(toy):
+    space = Space.from_dict(SPACE)
+    with pytest.raises(ObjectiveError, match="'x' has the name of a parameter"):
+        from_table(toy / "table.csv", space, read_objectives(["x"]))
+    with pytest.raises(ObjectiveError, match="'mode' has the name of a parameter"):
+        read_measurements(toy / "table.csv", space, read_objectives(["error", "mode"]))
+    (toy / "twice.csv").write_text("x,mode,error,seconds,error\n1,c,1,1,2\n")
+    with pytest.raises(ScenarioError, match="more than one column 'error'"):
+        from_table(toy / "twice.csv", space, OBJECTIVES)
+    with pytest.raises(ScenarioError, match="more than one column 'error'"):
+        read_measurements(toy / "twice.csv", space, OBJECTIVES)
 
 
 def test_rows_that_constraints_forbid_do_no_harm(toy):

@@ -23,24 +23,47 @@ def explored(toy):
     return toy / "out"
 
 
-def test_a_folder_tells_its_front_and_writes_it_anew(explored, toy, capsys):
+def test_a_folder_tells_its_front_and_is_only_read(explored, toy, capsys):
     written = (explored / "front.csv").read_text()
     (explored / "front.csv").unlink()
+    before = {path.name: path.read_bytes() for path in explored.iterdir()}
     for place in ([explored], ["--space", toy / "space.json", "--out", explored]):
         code, lines, _ = front(capsys, *place)
         assert code == 0
-        assert "\n".join(lines) + "\n" == (explored / "front.csv").read_text() == written
+        assert "\n".join(lines) + "\n" == written
+    assert {path.name: path.read_bytes() for path in explored.iterdir()} == before
 
 
 def test_limits_choice_and_knee_pick_from_a_folder(explored, capsys):
-    before = (explored / "front.csv").read_text()
     _, lines, _ = front(capsys, explored, "--limits", "seconds=3", "--limit", "error=0.6")
     assert lines == ["x,mode,error,seconds", '3,"a,b",0.3333333333333333,3.0', '2,"a,b",0.5,2.0']
     _, lines, _ = front(capsys, explored, "--limits", "error=0.3", "--prefer", "seconds")
     assert lines[1:] == ['4,"a,b",0.25,4.0']
     _, lines, _ = front(capsys, explored, "--knee")
     assert lines[1:] == ['4,"a,b",0.25,4.0']
-    assert (explored / "front.csv").read_text() == before
+
+
+def test_limits_of_an_exploration_hold_unless_they_are_dropped_or_replaced(toy, capsys):
+    explore(toy, "--budget", "40", "--limits", "seconds=3", out="tight")
+    explore(toy, "--budget", "40", "--limits", "seconds=5", out="wide")
+    _, lines, _ = front(capsys, toy / "tight")
+    assert [line.split(",")[0] for line in lines[1:]] == ["3", "2", "1"]
+    _, lines, _ = front(capsys, toy / "tight", "--limits", "error=0.06")
+    assert [line.split(",")[0] for line in lines[1:]] == ["19", "18", "17"]
+    _, lines, _ = front(capsys, toy / "tight", "--no-limits")
+    assert len(lines) == 1 + 18
+
+    both = [toy / "tight", toy / "wide"]
+    code, _, complaints = front(capsys, *both)
+    assert code == 2
+    assert "wide has limits {'seconds': 5.0} and" in complaints
+    assert "give --limits, or --no-limits" in complaints
+    for choice, count in ((["--no-limits"], 18), (["--limits", "seconds=4"], 4)):
+        code, lines, _ = front(capsys, *both, *choice)
+        assert (code, len(set(lines[1:]))) == (0, count)
+    code, _, complaints = front(capsys, toy / "tight", "--no-limits", "--limits", "seconds=4")
+    assert code == 2
+    assert "contradict" in complaints
 
 
 def test_of_equally_good_points_the_one_chosen_is_not_beaten(toy, capsys):
@@ -67,6 +90,16 @@ def test_a_table_is_filtered_by_the_columns_named(toy, capsys):
     assert [line.split(",")[0] for line in lines[1:]] == ["19", "19"]  # 7 has no error, but seconds
 
 
+def test_in_a_table_infinity_is_a_failure_and_a_column_given_twice_is_refused(toy, capsys):
+    (toy / "t.csv").write_text("x,error,seconds\n1,1,-inf\n2,1,3\n3,nan,1\n")
+    code, lines, complaints = front(capsys, toy / "t.csv", "--objectives", "error,seconds")
+    assert (code, lines, complaints) == (0, ["x,error,seconds", "2,1.0,3.0"], "")
+    (toy / "t.csv").write_text("error,x,error\n1,1,2\n")
+    code, _, complaints = front(capsys, toy / "t.csv", "--objectives", "error")
+    assert (code, complaints.count("\n")) == (2, 1)
+    assert "more than one column 'error'" in complaints
+
+
 def test_several_runs_have_one_front_or_what_they_all_attain(toy, capsys):
     explore(toy, "--budget", "8", "--seed", "1", out="one")
     explore(toy, "--budget", "8", "--seed", "2", out="two")
@@ -79,9 +112,12 @@ def test_several_runs_have_one_front_or_what_they_all_attain(toy, capsys):
 
     assert both[0] == "error,seconds"
     assert set(values(either)) == set(values(union))
-    for error, seconds in values(both):
-        assert any(e <= error and s <= seconds for e, s in values(union))
     assert values(both) != values(either)
+    assert len(both) > 1
+    for run in ("one", "two"):
+        _, alone, _ = front(capsys, toy / run)
+        for error, seconds in values(both):
+            assert any(e <= error and s <= seconds for e, s in values(alone))
 
 
 def test_nothing_within_the_limits_is_said(explored, capsys):

@@ -25,6 +25,14 @@ def test_a_command_is_given_the_configuration_and_its_last_line_is_read():
     assert evaluate({"x": 3, "mode": "{x} 'quoted'"}) == {"error": 3.0, "seconds": 3.0}
 
 
+def test_config_is_the_whole_configuration_even_where_a_parameter_has_that_name():
+    code = (
+        "import json, sys; c = json.loads(sys.argv[1]); print(json.dumps(dict(error=c['config'], seconds=2)))"
+    )
+    evaluate = from_command(python(code), OBJECTIVES)
+    assert evaluate({"x": 3, "config": 7}) == {"error": 7.0, "seconds": 2.0}
+
+
 @pytest.mark.parametrize(
     ("code", "reason"),
     [
