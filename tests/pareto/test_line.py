@@ -49,7 +49,7 @@ def test_points_that_do_keep_most_of_theirs():
 
 def test_one_wild_value_does_not_turn_the_line():
     y = 7.0 + X + 0.1 * np.random.default_rng(3).standard_normal(len(X))
-    for place, least in ((0, 0.0), (7, 0.5), (12, 0.5)):  # at an end it may silence the line
+    for place, least in ((0, 0.0), (7, 0.3), (12, 0.3)):  # at an end it may silence the line
         wild = y.copy()
         wild[place] = 1e6
         assert least <= fitted_line(X, wild).slope < 1.5
