@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from tests.benchmarks import crowd_explorations
-from tests.benchmarks.crowd_explorations import COMBINATIONS
 from tests.crowd.documents import (
     device_document,
     front_document,
@@ -186,9 +185,7 @@ def main(say: Callable[[str], Any] = lambda line: sys.stdout.write(f"{line}\n"))
             f"{row['manifest_304']['requests_per_second']:>8} {row['manifest_304']['p95_ms']:>8} "
             f"{row['speedups']['p95_ms']:>16}"
         )
-    results["explorations"] = explorations = {name: crowd_explorations.measure(name) for name in COMBINATIONS}
-    for line in crowd_explorations.table(explorations):
-        say(line)
+    results["explorations"] = crowd_explorations.compare(say)
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=2))
     say(f"Written: {RESULTS}")

@@ -7,10 +7,9 @@ python -m tests.benchmarks.crowd_explorations.
 """
 
 import os
-import sys
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -101,28 +100,26 @@ def _run(installation: Installation) -> dict[str, float]:
     taken = time.perf_counter() - begun
     each = {name: 1e3 * (after - before[name]) / EVALUATIONS for name, after in spent().items()}
     loops.append(loop_seconds())
-    return {"evaluations_per_second": round(EVALUATIONS / taken, 1), "loop_s": round(sum(loops) / 2, 3)} | {
-        f"{name.replace(' ', '_')}_ms": round(value, 2) for name, value in each.items()
+    return {f"{name.replace(' ', '_')}_ms": round(value, 2) for name, value in each.items()} | {
+        "evaluations_per_second": round(EVALUATIONS / taken, 1),
+        "loop_s": round(sum(loops) / 2, 3),
     }
 
 
-def table(found: dict[str, dict[str, float] | str]) -> list[str]:
-    """The figures in lines."""
-    lines = [
-        f"CPU ms an evaluation ({EVALUATIONS}, {WORKERS} workers)",
-        f"{'':22} {'workers':>8} {'web server':>11} {'broker':>7} {'database':>9} "
-        f"{'evaluations/s':>14} {'loop s':>7}",
-    ]
-    for name, row in found.items():
-        if isinstance(row, str):
-            lines.append(f"{name:22} {row}")
-            continue
-        lines.append(
-            f"{name:22} {row['workers_ms']:>8} {row['web_server_ms']:>11} {row['broker_ms']:>7} "
-            f"{row['database_ms']:>9} {row['evaluations_per_second']:>14} {row['loop_s']:>7}"
+def compare(say: Callable[[str], Any]) -> dict[str, dict[str, float] | str]:
+    """The figures of every combination; each is said as soon as it is known."""
+    say(f"CPU ms an evaluation ({EVALUATIONS}, {WORKERS} workers)")
+    columns = ("workers", "web server", "broker", "database", "evaluations/s", "loop s")
+    say(" " * 22 + "".join(f"{column:>14}" for column in columns))
+    found = {}
+    for name in COMBINATIONS:
+        found[name] = row = measure(name)
+        say(
+            f"{name:22}"
+            + (row if isinstance(row, str) else "".join(f"{value:>14}" for value in row.values()))
         )
-    return lines
+    return found
 
 
 if __name__ == "__main__":
-    sys.stdout.write("\n".join(table({name: measure(name) for name in COMBINATIONS})) + "\n")
+    compare(lambda line: print(line, flush=True))
