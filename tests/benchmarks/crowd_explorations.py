@@ -114,10 +114,8 @@ def compare(say: Callable[[str], Any]) -> dict[str, dict[str, float] | str]:
     found = {}
     for name in COMBINATIONS:
         found[name] = row = measure(name)
-        say(
-            f"{name:22}"
-            + (row if isinstance(row, str) else "".join(f"{value:>14}" for value in row.values()))
-        )
+        figures = row if isinstance(row, str) else "".join(f"{value:>14}" for value in row.values())
+        say(f"{name:22}{figures}")
     return found
 
 
