@@ -11,8 +11,9 @@ from slam import commands
 from slam.arguments import UsageError
 from slam.datasets import SequenceError
 from slam.datasets import commands as dataset_commands
+from slam.isolated import NO_DEVICE
 from slam.kfusion.configuration import ConfigurationError
-from slam.opencl import OpenCLError
+from slam.opencl import NoDeviceError, OpenCLError
 from slam.report import ReportError
 from slam.report_page import MissingPlotlyError
 from slam.surface import SurfaceError
@@ -45,7 +46,7 @@ def main(arguments: Ordered[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except MISTAKES as error:
         sys.stderr.write(f"{parser.prog}: {' '.join(str(error).split())}\n")
-        return 2
+        return NO_DEVICE if isinstance(error, NoDeviceError) else 2
     except KeyboardInterrupt:
         return 130
     return 0

@@ -1,7 +1,8 @@
 """One measurement in a process of its own: `python -m slam run` as those start it who must outlive it.
 
 OpenCL hangs in a forked child, a driver may abort its process, and a large volume may exhaust the memory.
-Each such end is a MeasurementError with its reason. On Linux the process ends with the one that started it,
+Each such end is a MeasurementError with its reason; where no configuration could be measured on this machine
+it is a CannotMeasureHereError instead. On Linux the process ends with the one that started it,
 even when that is killed.
 """
 
@@ -17,10 +18,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = (sys.executable, "-m", "slam", "run")
@@ -29,11 +30,17 @@ HEARTBEAT_SECONDS = 15.0
 FIRST_COUNTED_FRAME = 10
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
 REASON_LENGTH = 500
+# What `python -m slam` ends with where the device that it shall measure on is not here.
+NO_DEVICE = 3
 PR_SET_PDEATHSIG = 1
 
 
 class MeasurementError(RuntimeError):
     """A configuration that could not be measured; the message is the reason that is kept."""
+
+
+class CannotMeasureHereError(RuntimeError):
+    """This machine can measure no configuration at all, another one may; the message says why."""
 
 
 class LeaseLostError(RuntimeError):
@@ -64,7 +71,7 @@ def measure(
 
     HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers
     False. Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds or
-    reports no finite values.
+    reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can be started.
     """
     command = [*PROGRAM, "--system", system, "--sequence", str(sequence.absolute())]
     for name, value in configuration.items():
@@ -76,36 +83,30 @@ def measure(
     with tempfile.TemporaryDirectory(prefix="frontrunner-", ignore_cleanup_errors=True) as folder:
         report, errors = Path(folder) / "report.json", Path(folder) / "errors.txt"
         with errors.open("wb") as stream:
-            process = subprocess.Popen(
-                [*command, "--json", str(report)],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=stream,
-                cwd=ROOT,
-                start_new_session=True,
-                preexec_fn=dies_with_parent(signal.SIGKILL, first_to_go=True),
-            )
+            process = _start([*command, "--json", str(report)], stream)
         try:
             code = _wait(process, heartbeat, heartbeat_seconds, timeout)
         finally:
             _end(process)
         if code != 0:
-            raise MeasurementError(_reason(code, errors.read_text(errors="replace")))
+            raise _failure(code, errors.read_text(errors="replace"))
         try:
             return read_report(json.loads(report.read_text()))
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             what = f"the report cannot be read: {type(error).__name__}: {error}"
-            raise MeasurementError(what[:REASON_LENGTH]) from error
+            raise MeasurementError(one_line(what)) from error
 
 
 def read_report(report: Mapping[str, Any]) -> Measurement:
     """The measurement in a report of `python -m slam run --json`.
 
-    Raises MeasurementError where the trajectory error is unknown or a value is not finite: nothing can be
-    learnt from it.
+    Raises MeasurementError where the trajectory error is unknown, no frame was run or a value is not finite:
+    nothing can be learnt from it.
     """
     if report["ate"] is None:
         raise MeasurementError("the sequence has no true trajectory, so the error is unknown")
+    if not report["frames"]:
+        raise MeasurementError("the report holds no frame: nothing was measured")
     counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
     frames = len(report["frames"])
     objectives = {
@@ -122,6 +123,15 @@ def read_report(report: Mapping[str, Any]) -> Measurement:
         if not math.isfinite(value):
             raise MeasurementError(f"{name} is {value}: the program measured nothing finite")
     return Measurement(objectives, stages, dict(report["device"]))
+
+
+def one_line(text: str) -> str:
+    """TEXT on one line of REASON_LENGTH characters at most, without control characters.
+
+    Not every database keeps NUL, and no page should be handed a terminal's escape codes.
+    """
+    printable = "".join(character if character.isprintable() else " " for character in text)
+    return " ".join(printable.split())[:REASON_LENGTH]
 
 
 def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> Callable[[], None] | None:
@@ -143,6 +153,21 @@ def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> 
                 file.write("1000")
 
     return in_child
+
+
+def _start(command: Sequence[str], errors: BinaryIO) -> subprocess.Popen[bytes]:
+    try:
+        return subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            cwd=ROOT,
+            start_new_session=True,
+            preexec_fn=dies_with_parent(signal.SIGKILL, first_to_go=True),
+        )
+    except OSError as error:
+        raise CannotMeasureHereError(one_line(f"no process can be started: {error}")) from error
 
 
 def _wait(
@@ -173,12 +198,14 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def _reason(code: int, errors: str) -> str:
+def _failure(code: int, errors: str) -> MeasurementError | CannotMeasureHereError:
     lines = errors.strip().splitlines()
     last = lines[-1] if lines else "nothing on its error output"
+    if code == NO_DEVICE:
+        return CannotMeasureHereError(one_line(last))
     if code < 0:
         with contextlib.suppress(ValueError):
             name = signal.Signals(-code).name
             likely = " (as the system does when memory runs out)" if name == "SIGKILL" else ""
-            return f"killed by {name}{likely}: {last}"[:REASON_LENGTH]
-    return f"exit code {code}: {last}"[:REASON_LENGTH]
+            return MeasurementError(one_line(f"killed by {name}{likely}: {last}"))
+    return MeasurementError(one_line(f"exit code {code}: {last}"))

@@ -15,9 +15,9 @@ from tests.slam.shipped import LIVING_ROOM
 QUICK = ("--set", "compute_size_ratio=8", "--set", "volume_resolution=64")
 
 
-def complaint(capsys, *arguments):
+def complaint(capsys, *arguments, code=2):
     """The one line on standard error of a command that fails."""
-    assert main([str(argument) for argument in arguments]) == 2
+    assert main([str(argument) for argument in arguments]) == code
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.count("\n") == 1
@@ -196,7 +196,6 @@ def test_the_shipped_sequence_is_listed(capsys):
         (["run", "--sequence", LIVING_ROOM, "--set", "nu=1"], "unknown parameter nu"),
         (["run", "--sequence", LIVING_ROOM, "--set", "mu=0"], "mu=0.0"),
         (["run", "--sequence", LIVING_ROOM, "--frames", "999"], "frames=999"),
-        (["run", "--sequence", LIVING_ROOM, "--device", "abacus"], "no OpenCL device matches 'abacus'"),
         (["run", "--sequence", LIVING_ROOM, "--json", "no/folder/x.json"], "there is no folder no/folder"),
         (["run", "--sequence", LIVING_ROOM, "--tsv", "no/folder/x.tsv"], "there is no folder no/folder"),
         (["run", "--sequence", LIVING_ROOM, "--mesh", "no/folder/x.ply"], "there is no folder no/folder"),
@@ -216,6 +215,11 @@ def test_the_shipped_sequence_is_listed(capsys):
 )
 def test_a_mistake_is_answered_with_one_line(capsys, arguments, message):
     assert message in complaint(capsys, *arguments)
+
+
+def test_a_device_that_is_not_here_has_an_exit_code_of_its_own(capsys):
+    arguments = ("run", "--sequence", LIVING_ROOM, "--device", "abacus")
+    assert "no OpenCL device matches 'abacus'" in complaint(capsys, *arguments, code=3)
 
 
 def test_trajectories_of_different_times_are_told_apart(tmp_path, capsys):

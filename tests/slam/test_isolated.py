@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from slam import isolated
-from slam.isolated import LeaseLostError, MeasurementError, measure, read_report
+from slam.isolated import CannotMeasureHereError, LeaseLostError, MeasurementError, measure, read_report
 from tests.slam.tiny import write_tiny_pack
 
 FAST = {"compute_size_ratio": 4, "volume_resolution": 32}
@@ -35,18 +35,27 @@ def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("configuration", "device", "reason"),
-    [
-        ({"mu": -1.0}, "", "exit code 2: .*mu=-1.0"),
-        ({"nonsense": 1}, "", "exit code 2: .*nonsense"),
-        (FAST, "no such device", "exit code 2: .*no such device"),
-    ],
+    ("configuration", "reason"),
+    [({"mu": -1.0}, "exit code 2: .*mu=-1.0"), ({"nonsense": 1}, "exit code 2: .*nonsense")],
 )
 def test_what_cannot_run_is_a_failure_with_its_reason(
-    tiny_pack: Path, configuration: dict[str, Any], device: str, reason: str
+    tiny_pack: Path, configuration: dict[str, Any], reason: str
 ) -> None:
     with pytest.raises(MeasurementError, match=reason):
-        measure("kfusion", configuration, tiny_pack, device=device)
+        measure("kfusion", configuration, tiny_pack)
+
+
+def test_without_its_device_a_machine_can_measure_nothing(tiny_pack: Path) -> None:
+    with pytest.raises(CannotMeasureHereError, match="no OpenCL device matches 'abacus'"):
+        measure("kfusion", FAST, tiny_pack, device="abacus")
+
+
+def test_where_no_process_can_be_started_nothing_is_measured(
+    tiny_pack: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(isolated, "PROGRAM", (str(tmp_path / "no such program"),))
+    with pytest.raises(CannotMeasureHereError, match=r"no process can be started: .*no such program"):
+        measure("kfusion", FAST, tiny_pack)
 
 
 def test_a_measurement_that_takes_too_long_is_ended(tiny_pack: Path) -> None:
@@ -62,6 +71,11 @@ def test_a_measurement_that_nobody_waits_for_is_ended(tiny_pack: Path) -> None:
 def test_a_sequence_without_truth_teaches_nothing() -> None:
     with pytest.raises(MeasurementError, match="no true trajectory"):
         read_report({"ate": None})
+
+
+def test_a_report_of_no_frame_is_no_measurement() -> None:
+    with pytest.raises(MeasurementError, match="no frame"):
+        read_report({"ate": {"max": 0.1}, "frames": [], "runtime": 0.1})
 
 
 def test_only_the_wanted_frames_are_run(tiny_pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,6 +97,10 @@ def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     [
         ("import os; os.abort()", "killed by SIGABRT: nothing on its error output"),
         ("import os; os.kill(os.getpid(), 9)", "killed by SIGKILL .as the system does when memory runs out"),
+        (
+            "raise SystemExit('bell \\a, NUL \\0 and \\x1b[1m bold')",
+            r"^exit code 1: bell , NUL and \[1m bold$",
+        ),
         ("raise MemoryError('no buffer of 512 MiB')", "exit code 1: MemoryError: no buffer of 512 MiB"),
         ("import time; time.sleep(60)", "no result after 2 s"),
         ("pass", "the report cannot be read: FileNotFoundError"),
