@@ -22,7 +22,10 @@ TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Carry out one command; the exit code is 0 when all is sent or safely kept, else as in ClientError."""
+    """Carry out one command; the exit code is 0 when all is sent or safely kept, else as in ClientError.
+
+    Ctrl-C, by which `evaluate` ends, is INTERRUPTED.
+    """
     options = _parser().parse_args(arguments)
     console = Console()
     try:
@@ -31,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"frontrunner: {error}", file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt:
-        print("frontrunner: stopped; finished sessions are kept and go with the next `send`", file=sys.stderr)
+        print(f"frontrunner: {options.when_stopped}", file=sys.stderr)
         return INTERRUPTED
     return 0
 
@@ -40,8 +43,10 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m client_kit",
         description="Measure how fast dense SLAM runs on this device, by the published Pareto front.",
-        epilog="Exit codes: 0 sent or safely kept, 2 usage, 3 cannot measure here, 4 too old.",
+        epilog="Exit codes: 0 sent or safely kept, 2 usage, 3 cannot measure here, 4 too old, "
+        f"{INTERRUPTED} ended by Ctrl-C.",
     )
+    parser.set_defaults(when_stopped="stopped")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
@@ -58,14 +63,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.add_argument("--device", metavar="TEXT", help="the OpenCL device whose name contains this")
     run.add_argument("--ignore-battery", action="store_true", help="measure on a low battery too")
-    run.set_defaults(command=_run)
+    kept = "stopped; finished sessions are kept and go with the next `send`"
+    run.set_defaults(command=_run, when_stopped=kept)
 
     status = commands.add_parser("status", help="what was measured here and what became of it")
     status.set_defaults(command=_status)
 
     send = commands.add_parser("send", help="send what is still on this device")
     send.add_argument("--wait", action="store_true", help="go on, with pauses, until all is sent")
-    send.set_defaults(command=_send)
+    send.set_defaults(command=_send, when_stopped=kept)
 
     export = commands.add_parser("export", help="everything kept here and on the servers, as JSON")
     export.add_argument("--out", type=Path, metavar="FILE", help="write to a file instead of standard output")

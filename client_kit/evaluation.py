@@ -9,16 +9,17 @@ import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from client_kit import APP, __version__, sequences
 from client_kit.console import Console
-from client_kit.errors import ClientError, UsageError
+from client_kit.errors import CannotMeasureError, ClientError, UsageError
 from client_kit.home import Home
 from client_kit.manifest import DIGEST, Chunk, read_chunk
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from slam import isolated
-from slam.isolated import LeaseLostError, MeasurementError
+from slam.isolated import CannotMeasureHereError, LeaseLostError, MeasurementError, one_line
 
 IDLE_SECONDS = 5.0
 FIRST_PAUSE_SECONDS = 1.0
@@ -73,8 +74,8 @@ def serve(
 ) -> None:
     """Measure what waits for DEVICE, one evaluation after another, until Ctrl-C or, if wanted, until idle.
 
-    Raises UsageError for a token that is not this device's, KeyboardInterrupt after giving the present
-    evaluation back, and OutdatedError.
+    Raises UsageError for a token that is not this device's, and, after giving the present evaluation back,
+    KeyboardInterrupt, CannotMeasureError where nothing can be measured here, and OutdatedError.
     """
     if hasattr(signal, "SIGTERM"):
         signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -88,13 +89,27 @@ def serve(
                 return
             pause(IDLE_SECONDS)
             continue
-        lease = Lease.parse(answer)
-        result = _measure(server, token, lease, home, console)
+        try:
+            lease = Lease.parse(answer)
+        except NotFrontrunnerError as error:
+            # Another client, of another version, may read it: this one asks less and less often.
+            _give_back(server, token, str(answer.get("id")), console, str(error))
+            console.say(f"{error}; again in {LONGEST_PAUSE_SECONDS:.0f} s")
+            pause(LONGEST_PAUSE_SECONDS)
+            continue
+        result = _measure(server, token, lease, home, console, pause)
         if result is not None:
             _tell(server, token, lease, result, console, pause)
 
 
-def _measure(server: Server, token: str, lease: Lease, home: Home, console: Console) -> dict[str, Any] | None:
+def _measure(
+    server: Server,
+    token: str,
+    lease: Lease,
+    home: Home,
+    console: Console,
+    pause: Callable[[float], None],
+) -> dict[str, Any] | None:
     """What became of LEASE; None where nobody waits for it any more."""
 
     def heartbeat() -> bool:
@@ -108,7 +123,7 @@ def _measure(server: Server, token: str, lease: Lease, home: Home, console: Cons
 
     software = f"{APP} {__version__}"
     try:
-        pack = sequences.at_hand(lease, home) or sequences.fetch(server, lease, home)
+        pack = sequences.at_hand(lease, home) or _download(server, lease, home, heartbeat, console, pause)
         measured = isolated.measure(
             lease.application,
             lease.configuration,
@@ -121,12 +136,18 @@ def _measure(server: Server, token: str, lease: Lease, home: Home, console: Cons
         )
     except MeasurementError as error:
         console.say(f"{lease.id}: failed: {error}")
-        return {"status": "failed", "error": str(error), "software": software}
+        return {"status": "failed", "error": one_line(str(error)), "software": software}
     except LeaseLostError:
         console.say(f"{lease.id}: the lease is gone, the measurement was ended")
         return None
-    except (KeyboardInterrupt, ClientError):
-        _give_back(server, token, lease, console)
+    except CannotMeasureHereError as error:
+        _give_back(server, token, lease.id, console, str(error))
+        raise CannotMeasureError(str(error)) from error
+    except ClientError as error:
+        _give_back(server, token, lease.id, console, str(error))
+        raise
+    except KeyboardInterrupt:
+        _give_back(server, token, lease.id, console)
         raise
     runtime = measured.objectives["runtime"]
     console.say(f"{lease.id}: {1e3 * runtime:.2f} ms a frame, {1e3 * measured.objectives['ate_max']:.1f} mm")
@@ -137,6 +158,32 @@ def _measure(server: Server, token: str, lease: Lease, home: Home, console: Cons
         "device": measured.device,
         "software": software,
     }
+
+
+def _download(
+    server: Server,
+    lease: Lease,
+    home: Home,
+    heartbeat: Callable[[], bool],
+    console: Console,
+    pause: Callable[[float], None],
+) -> Path:
+    """The sequence, however often the server goes away meanwhile. Raises LeaseLostError."""
+    held = time.monotonic()
+
+    def hold(*_: int) -> None:
+        nonlocal held
+        if time.monotonic() - held >= lease.heartbeat_seconds:
+            held = time.monotonic()
+            if not heartbeat():
+                raise LeaseLostError
+
+    def fetch() -> Path:
+        hold()
+        return sequences.fetch(server, lease, home, progress=hold, pause=pause)
+
+    found: Path = _insist(fetch, console, pause)
+    return found
 
 
 def _tell(
@@ -153,13 +200,14 @@ def _tell(
         console.say(f"{lease.id}: the result was not taken: {problem}")
 
 
-def _give_back(server: Server, token: str, lease: Lease, console: Console) -> None:
+def _give_back(server: Server, token: str, lease: str, console: Console, reason: str = "") -> None:
+    result = {"status": "returned"} | ({"error": one_line(reason)} if reason else {})
     try:
-        server.finish(token, lease.id, {"status": "returned"})
+        server.finish(token, lease, result)
     except ClientError as error:
-        console.say(f"{lease.id} could not be given back, its lease will run out: {error}")
+        console.say(f"{lease} could not be given back, its lease will run out: {error}")
     else:
-        console.say(f"{lease.id} is given back")
+        console.say(f"{lease} is given back")
 
 
 def _insist(ask: Callable[[], Any], console: Console, pause: Callable[[float], None]) -> Any:

@@ -11,12 +11,12 @@ import pytest
 from client_kit import __main__ as command_line
 from client_kit import evaluation
 from client_kit.console import Console
-from client_kit.errors import UsageError
+from client_kit.errors import CannotMeasureError, UsageError
 from client_kit.evaluation import serve
 from client_kit.home import Home
 from client_kit.server import Server
 from slam.datasets.pack import Pack
-from slam.isolated import LeaseLostError, Measurement, MeasurementError
+from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
 from tests.client_kit import room
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
@@ -39,10 +39,15 @@ class Lab:
         self.results: list[dict[str, Any]] = []
         self.heartbeat = Reply(200, {"lease_seconds": 90})
         self.refusals: list[Reply] = []
+        self.unreadable = 0  # leases of a version that this client does not know
+        self.trouble: list[Reply] = []  # before a part of the sequence is given
+        self.heartbeat_seconds = 15.0
         self.server = ScriptedServer(self.answer)
 
     def answer(self, request: Request) -> Reply:
         if request.path.startswith("/sequences/"):
+            if self.trouble:
+                return self.trouble.pop(0)
             return Reply(
                 raw=(self.pack._chunks.folder / "chunks" / request.path.rpartition("/")[2]).read_bytes()
             )
@@ -57,6 +62,8 @@ class Lab:
         if not self.left:
             return Reply(204, raw=b"")
         self.left -= 1
+        if self.left < self.unreadable:
+            return Reply(201, {"id": "6-1", "tasks": []})
         return Reply(201, self.lease())
 
     def lease(self) -> dict[str, Any]:
@@ -68,7 +75,7 @@ class Lab:
             "opencl_device": "GPU",
             "sequence": self.sequence,
             "lease_seconds": 90,
-            "heartbeat_seconds": 15,
+            "heartbeat_seconds": self.heartbeat_seconds,
             "timeout_seconds": 900,
         }
 
@@ -167,6 +174,82 @@ def test_a_server_in_trouble_does_not_end_a_measurement_and_gets_the_result_late
 
     assert pauses == [7.0] * 3
     assert [result["status"] for result in lab.results] == ["done"]
+
+
+def test_a_server_that_restarts_during_the_download_ends_nothing(
+    pack: Pack, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab = Lab(pack)
+    lab.trouble = [problem(503, "starting", Retry_After="3")] * 5  # more than one download stands
+
+    said, pauses = serve_lab(lab)
+
+    assert pauses == [3.0] * 5
+    assert "again in 3 s" in said
+    assert [result["status"] for result in lab.results] == ["done"]
+
+
+def test_a_long_download_holds_its_lease_and_ends_when_that_is_gone(
+    pack: Pack, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab = Lab(pack)
+    lab.heartbeat_seconds = 0.0
+    lab.heartbeat = problem(410, "lease_gone", "taken over")
+
+    said, _ = serve_lab(lab)
+
+    assert "the lease is gone" in said
+    assert (measured, lab.results) == ([], [])
+
+
+def test_a_lease_that_cannot_be_read_is_given_back_and_ends_nothing(
+    pack: Pack, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab = Lab(pack, leases=2)
+    lab.unreadable = 1
+
+    said, pauses = serve_lab(lab)
+
+    assert [result["status"] for result in lab.results] == ["done", "returned"]
+    assert "the lease cannot be read" in lab.results[1]["error"]
+    assert "the lease cannot be read" in said
+    assert evaluation.LONGEST_PAUSE_SECONDS in pauses
+
+
+def test_a_machine_that_cannot_measure_gives_back_with_the_reason_and_ends(
+    pack: Pack, serve_lab: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nothing(*_: Any, **__: Any) -> Measurement:
+        raise CannotMeasureHereError("no OpenCL device here")
+
+    monkeypatch.setattr(evaluation.isolated, "measure", nothing)
+    lab = Lab(pack, leases=2)
+
+    with pytest.raises(CannotMeasureError, match="no OpenCL device here") as ended:
+        serve_lab(lab)
+
+    assert ended.value.exit_code == 3
+    assert lab.results == [{"status": "returned", "error": "no OpenCL device here"}]
+
+
+def test_ctrl_c_has_its_exit_code_and_promises_nothing(
+    pack: Pack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> Measurement:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluation.isolated, "measure", interrupted)
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(tmp_path))
+    lab = Lab(pack)
+    try:
+        code = command_line.main(
+            ["evaluate", "--server", lab.server.url, "--device", "board", "--token", "secret"]
+        )
+    finally:
+        lab.server.close()
+
+    assert code == 130
+    assert capsys.readouterr().err == "frontrunner: stopped\n"
 
 
 def test_ctrl_c_gives_the_evaluation_back(
