@@ -18,11 +18,14 @@ def switch(name: str, default: bool = False) -> bool:
     return os.environ.get(name, "1" if default else "0").strip().lower() in {"1", "true", "yes", "on"}
 
 
-def integer(name: str, default: int) -> int:
-    """The environment variable NAME as a whole number from 0 on. Raises SettingError for anything else."""
+def integer(name: str, default: int, least: int = 0, most: int | None = None) -> int:
+    """The environment variable NAME as a whole number from LEAST to MOST. Raises SettingError otherwise."""
     text = os.environ.get(name, str(default))
     if not text.isdecimal():
         raise SettingError(f"{name}={text}: give a whole number, such as {default}")
+    if int(text) < least or (most is not None and int(text) > most):
+        bounds = f"{least} or more" if most is None else f"one from {least} to {most}"
+        raise SettingError(f"{name}={text}: give {bounds}")
     return int(text)
 
 

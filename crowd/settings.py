@@ -15,7 +15,7 @@
 | FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are told to update |
 | FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | accepted submissions of one installation |
 | FRONTRUNNER_LEASE_SECONDS | 90 | after so long without a heartbeat a measurement's worker counts as dead |
-| FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement |
+| FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement, less than a lease |
 | FRONTRUNNER_REAP_SECONDS | 60 | between two searches for what dead workers and lost messages left behind |
 | FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS | 900 | after which a measurement counts as failed |
 """
@@ -42,10 +42,13 @@ FRONTRUNNER_SUBMISSIONS_PER_MINUTE = integer("FRONTRUNNER_SUBMISSIONS_PER_MINUTE
 FRONTRUNNER_CONSENT_VERSION = 1
 # What measures an evaluation of an exploration: any function like this one.
 FRONTRUNNER_EVALUATOR = "crowd.explorations.measurement.measure"
-FRONTRUNNER_LEASE_SECONDS = integer("FRONTRUNNER_LEASE_SECONDS", 90)
-FRONTRUNNER_HEARTBEAT_SECONDS = integer("FRONTRUNNER_HEARTBEAT_SECONDS", 15)
-FRONTRUNNER_REAP_SECONDS = integer("FRONTRUNNER_REAP_SECONDS", 60)
-FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS = integer("FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS", 900)
+FRONTRUNNER_LEASE_SECONDS = integer("FRONTRUNNER_LEASE_SECONDS", 90, least=2)
+# A lease that is not renewed in time is given to another while its holder still measures.
+FRONTRUNNER_HEARTBEAT_SECONDS = integer(
+    "FRONTRUNNER_HEARTBEAT_SECONDS", 15, least=1, most=FRONTRUNNER_LEASE_SECONDS - 1
+)
+FRONTRUNNER_REAP_SECONDS = integer("FRONTRUNNER_REAP_SECONDS", 60, least=1)
+FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS = integer("FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS", 900, least=1)
 # What one request may cost: the body as sent, and the body after gzip.
 FRONTRUNNER_MAX_BODY_BYTES = 1 << 20
 FRONTRUNNER_MAX_INFLATED_BYTES = 8 << 20

@@ -93,6 +93,25 @@ def test_a_port_that_is_none_is_one_clear_line(tmp_path: Path) -> None:
     assert done.stderr.strip() == "manage.py: FRONTRUNNER_PORT=http: give a whole number, such as 8000"
 
 
+@pytest.mark.parametrize(
+    ("environment", "complaint"),
+    [
+        (
+            {"FRONTRUNNER_LEASE_SECONDS": "15", "FRONTRUNNER_HEARTBEAT_SECONDS": "15"},
+            "FRONTRUNNER_HEARTBEAT_SECONDS=15: give one from 1 to 14",
+        ),
+        ({"FRONTRUNNER_HEARTBEAT_SECONDS": "0"}, "FRONTRUNNER_HEARTBEAT_SECONDS=0: give one from 1 to 89"),
+        ({"FRONTRUNNER_REAP_SECONDS": "0"}, "FRONTRUNNER_REAP_SECONDS=0: give 1 or more"),
+    ],
+)
+def test_times_of_leases_that_cannot_work_are_one_clear_line(
+    tmp_path: Path, environment: dict[str, str], complaint: str
+) -> None:
+    done = run("manage.py", "serve", var=tmp_path, **environment)
+
+    assert (done.returncode, done.stderr.strip()) == (1, f"manage.py: {complaint}")
+
+
 def test_a_data_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
 
