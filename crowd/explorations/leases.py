@@ -8,19 +8,27 @@ import logging
 import os
 import socket
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
 from datetime import timedelta
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 from django.conf import settings
 from django.db import Error, InterfaceError, OperationalError, connection, transaction
-from django.db.models import F, Q, QuerySet
+from django.db.models import Exists, F, OuterRef, Q, QuerySet
 from django.utils import timezone
 
 from crowd.explorations import software
-from crowd.explorations.measurement import LeaseLostError, Measurement, MeasurementError
+from crowd.explorations.measurement import (
+    CannotMeasureHereError,
+    LeaseLostError,
+    Measurement,
+    MeasurementError,
+)
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from slam.isolated import one_line
 
 MOST_LOSSES = 3
 UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
@@ -30,6 +38,7 @@ READ = (
     *("number", "configuration", "frames", "state", "attempt", "losses", "lease_until"),
     *("exploration__application", "exploration__sequence", "exploration__sequence_sha256"),
     *("exploration__state", "exploration__synchronous", "exploration__batch", "exploration__objectives"),
+    "exploration__note",
     *("exploration__reference_device__name", "exploration__reference_device__queue"),
     *("exploration__reference_device__opencl_device", "exploration__reference_device__machines"),
 )
@@ -46,8 +55,8 @@ log = logging.getLogger(__name__)
 
 
 def here() -> str:
-    """This process as a holder of leases."""
-    return f"{socket.gethostname()}:{os.getpid()}"
+    """This process as a holder of leases: its machine, which start of it, and its number there."""
+    return f"{socket.gethostname()}:{_boot()}:{os.getpid()}"
 
 
 class DeviceBusyError(RuntimeError):
@@ -60,7 +69,8 @@ def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
 
     While the device is busy it is waited for, up to as long as a lease lasts. Any exception of the
     measurement makes it a failed evaluation with its reason. Where the process is asked to end it is given
-    back; trouble with the database leaves it to whoever finds the lease run out.
+    back; trouble with the database leaves it to whoever finds the lease run out. A CannotMeasureHereError
+    gives it back too, says so in the exploration's note, and is raised.
     """
     evaluation = _take_in_turn(evaluation_id, worker or here())
     if evaluation is None:
@@ -70,6 +80,10 @@ def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
         yield evaluation
     except MeasurementError as error:
         fail(evaluation, str(error))
+    except CannotMeasureHereError as error:
+        log.error("%s cannot be measured on this machine, it is given back: %s", evaluation, error)
+        give_back(evaluation, str(error))
+        raise
     except LeaseLostError:
         log.warning("%s is measured by someone else by now, or no longer wanted", evaluation)
     except Error:
@@ -88,14 +102,17 @@ def take(evaluation_id: int, worker: str) -> Evaluation | None:
     Raises DeviceBusyError.
     """
     with transaction.atomic():
-        try:
-            evaluation = (
-                Evaluation.objects.select_for_update(of=("self", "exploration__reference_device"))
-                .select_related("exploration__reference_device")
-                .only(*READ)
-                .get(pk=evaluation_id)
-            )
-        except Evaluation.DoesNotExist:
+        # The device first, as take_next does: of two of its workers the second sees what the first took.
+        devices = ReferenceDevice.objects.select_for_update(of=("self",))
+        list(devices.filter(explorations__evaluations=evaluation_id).only("pk"))
+        evaluation = (
+            Evaluation.objects.select_for_update(of=("self",))
+            .select_related("exploration__reference_device")
+            .only(*READ)
+            .filter(pk=evaluation_id)
+            .first()
+        )
+        if evaluation is None:
             return None
         if evaluation.exploration.state != Exploration.State.RUNNING or not _free(evaluation):
             return None
@@ -117,15 +134,29 @@ def _take_in_turn(evaluation_id: int, worker: str) -> Evaluation | None:
         time.sleep(ASK_AGAIN_SECONDS)
 
 
-def take_next(device: ReferenceDevice, worker: str) -> Evaluation | None:
-    """Lease what waits longest for DEVICE; None where nothing does, or all its machines are busy."""
+def take_next(device: ReferenceDevice, worker: str, among: Collection[int]) -> Evaluation | None:
+    """Lease what waits longest for DEVICE; None where nothing does, or all its machines are busy.
+
+    AMONG are the keys of the explorations that are looked at.
+    """
     with transaction.atomic():
         locked = ReferenceDevice.objects.select_for_update().get(pk=device.pk)
         ReferenceDevice.objects.filter(pk=device.pk).update(seen_at=timezone.now())
         if free_machines(locked) < 1:
             return None
-        evaluation = waiting(locked).select_related("exploration__reference_device").first()
-        return None if evaluation is None else _lease(evaluation, worker)
+        found = waiting(locked).filter(exploration__in=among).select_related("exploration__reference_device")
+        while (evaluation := found.first()) is not None:
+            # Where a late result has finished it since it was read the next one is had.
+            if _lease(evaluation, worker) is not None:
+                return evaluation
+        return None
+
+
+def served(device: ReferenceDevice) -> list[Exploration]:
+    """The explorations of which something waits for DEVICE, the oldest first."""
+    pending = Evaluation.objects.filter(exploration=OuterRef("pk"), state=Evaluation.State.PENDING)
+    running = Exploration.objects.filter(Exists(pending), state=Exploration.State.RUNNING)
+    return list(running.filter(reference_device=device).order_by("pk"))
 
 
 def waiting(device: ReferenceDevice) -> QuerySet[Evaluation]:
@@ -164,7 +195,7 @@ def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = 
 
     MEASURED_BY is the software's version where it is not this process's own.
     """
-    return _finish(
+    stored = _finish(
         evaluation,
         state=Evaluation.State.DONE,
         objectives=measurement.objectives,
@@ -172,6 +203,11 @@ def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = 
         device=measurement.device,
         software=measured_by or software.version(),
     )
+    exploration = evaluation.exploration
+    if stored and exploration.note:
+        # It can be measured after all. The note of a search that paused itself is a newer one, and stays.
+        _noted(exploration).filter(note=exploration.note).update(note="")
+    return stored
 
 
 def fail(evaluation: Evaluation, reason: str, measured_by: str = "") -> bool:
@@ -179,14 +215,23 @@ def fail(evaluation: Evaluation, reason: str, measured_by: str = "") -> bool:
     return _finish(
         evaluation,
         state=Evaluation.State.FAILED,
-        error=reason or "no reason given",
+        error=one_line(reason) or "no reason given",
         software=measured_by or software.version(),
     )
 
 
-def give_back(evaluation: Evaluation) -> bool:
-    """Let another measure it; False where the lease is lost anyway."""
-    return bool(_held(evaluation).update(state=Evaluation.State.PENDING, lease_until=None))
+def give_back(evaluation: Evaluation, reason: str = "") -> bool:
+    """Let another measure it; False where the lease is lost anyway. It is no loss of the evaluation's.
+
+    REASON, why it cannot be measured where it was held, becomes the exploration's note.
+    """
+    given = bool(_held(evaluation).update(state=Evaluation.State.PENDING, lease_until=None))
+    if given and reason:
+        device = evaluation.exploration.reference_device
+        _noted(evaluation.exploration).update(
+            note=f"a machine of {device} cannot measure: {one_line(reason)}"
+        )
+    return given
 
 
 def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
@@ -216,8 +261,9 @@ def reap_after_restart() -> list[Exploration]:
     running = Evaluation.objects.filter(
         state=Evaluation.State.RUNNING, worker__startswith=f"{socket.gethostname()}:"
     )
-    dead = [row.pk for row in running.only("worker") if not _alive(row.worker.rpartition(":")[2])]
-    return _reap(Q(lease_until__lt=timezone.now()) | Q(pk__in=dead))
+    workers = set(running.values_list("worker", flat=True))
+    dead = [worker for worker in workers if not _alive(worker)]
+    return _reap(Q(lease_until__lt=timezone.now()) | Q(worker__in=dead))
 
 
 def _reap(gone: Q) -> list[Exploration]:
@@ -234,8 +280,10 @@ def _reap(gone: Q) -> list[Exploration]:
     return list(running.select_related("reference_device").order_by("pk"))
 
 
-def _lease(evaluation: Evaluation, worker: str) -> Evaluation:
+def _lease(evaluation: Evaluation, worker: str) -> Evaluation | None:
+    """Hold EVALUATION; None where it is not any more as it was read."""
     now = timezone.now()
+    as_read = Evaluation.objects.filter(pk=evaluation.pk, state=evaluation.state, attempt=evaluation.attempt)
     if evaluation.state == Evaluation.State.RUNNING:
         evaluation.losses += 1
     evaluation.state = Evaluation.State.RUNNING
@@ -244,8 +292,8 @@ def _lease(evaluation: Evaluation, worker: str) -> Evaluation:
     evaluation.started_at = evaluation.heartbeat_at = now
     evaluation.lease_until = now + _duration()
     fields = ("state", "attempt", "losses", "worker", "started_at", "heartbeat_at", "lease_until")
-    Evaluation.objects.filter(pk=evaluation.pk).update(**{name: getattr(evaluation, name) for name in fields})
-    return evaluation
+    leased = as_read.update(**{name: getattr(evaluation, name) for name in fields})
+    return evaluation if leased else None
 
 
 def _finish(evaluation: Evaluation, **values: Any) -> bool:
@@ -280,6 +328,11 @@ def _held(evaluation: Evaluation) -> QuerySet[Evaluation]:
     )
 
 
+def _noted(exploration: Exploration) -> QuerySet[Exploration]:
+    """The row, while measurements may change its note: a search that does not run has its own reason."""
+    return Exploration.objects.filter(pk=exploration.pk, state=Exploration.State.RUNNING)
+
+
 def _free(evaluation: Evaluation) -> bool:
     if evaluation.state == Evaluation.State.RUNNING:
         return evaluation.lease_until is not None and evaluation.lease_until < timezone.now()
@@ -290,9 +343,21 @@ def _duration() -> timedelta:
     return timedelta(seconds=settings.FRONTRUNNER_LEASE_SECONDS)
 
 
-def _alive(pid: str) -> bool:
+@cache
+def _boot() -> str:
+    """What tells this start of the machine from others, where the system says so: numbers come again."""
+    with suppress(OSError):
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip().partition("-")[0]
+    return ""
+
+
+def _alive(worker: str) -> bool:
+    """Whether a process of this machine still runs, as far as its name says."""
+    machine, _, pid = worker.rpartition(":")
     if not pid.isdecimal():
         return True
+    if machine != here().rpartition(":")[0]:
+        return False
     try:
         os.kill(int(pid), 0)
     except ProcessLookupError:

@@ -8,14 +8,19 @@ from django.conf import settings
 
 from crowd.decoding import decoded
 from crowd.explorations import leases, tasks
-from crowd.explorations.measurement import Measurement, MeasurementError, pack_of
-from crowd.explorations.models import Evaluation, ReferenceDevice
+from crowd.explorations.measurement import CannotMeasureHereError, Measurement, pack_of
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts import answers
 from crowd.problems import Problem
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Reason = Annotated[str, msgspec.Meta(max_length=500)]
 Name = Annotated[str, msgspec.Meta(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
+# Seconds, metres, bytes, joules: JSON has no infinite numbers, and none of these is negative.
+Quantity = Annotated[float, msgspec.Meta(ge=0)]
+Quantities = Annotated[dict[Name, Quantity], msgspec.Meta(max_length=64)]
+Description = Annotated[dict[Text, Reason | float | bool | None], msgspec.Meta(max_length=32)]
+NEEDED = ("runtime", "ate_max")  # by every page, whatever an exploration minimises
 
 
 class Wish(msgspec.Struct):
@@ -46,13 +51,14 @@ class Result(msgspec.Struct):
     """What became of it.
 
     `done` has `objectives` (seconds a frame, metres), `stages` (mean seconds a frame) and the `device`;
-    `failed` has an `error`; `returned` gives it back to be measured by another.
+    `failed` has an `error`; `returned` gives it back to be measured by another, and may say in `error` why
+    this machine cannot.
     """
 
     status: Literal["done", "failed", "returned"]
-    objectives: dict[Name, float] | None = None
-    stages: dict[Name, float] | None = None
-    device: dict[Text, Any] | None = None
+    objectives: Quantities | None = None
+    stages: Quantities | None = None
+    device: Description | None = None
     error: Reason = ""
     software: Annotated[str, msgspec.Meta(max_length=64)] = ""
 
@@ -77,15 +83,18 @@ def begin(device: ReferenceDevice, body: bytes) -> Lease | None:
     """The next evaluation for DEVICE, None where none waits or all its machines are busy.
 
     Raises Problem: 400 for a body that does not fit, 403 for another device's token, 409 where the server
-    lacks the sequence.
+    lacks the sequences of all that waits.
     """
     wish = decoded(_WISH, body) if body else Wish()
     if wish.device is not None and wish.device != device.name:
         raise Problem(
             403, "another_device", f"this token belongs to {device.name}, not {wish.device}", field="device"
         )
-    evaluation = leases.take_next(device, wish.worker or device.name)
-    return None if evaluation is None else _told(evaluation)
+    packs, lacking = _packs(leases.served(device))
+    evaluation = leases.take_next(device, wish.worker or device.name, packs)
+    if evaluation is None and lacking and not packs:
+        raise Problem(409, "sequence_missing", f"the server has {lacking[0]}")
+    return None if evaluation is None else _told(evaluation, packs[evaluation.exploration_id])
 
 
 def renew(device: ReferenceDevice, key: int, attempt: int) -> Held:
@@ -114,12 +123,12 @@ def finish(device: ReferenceDevice, key: int, attempt: int, body: bytes) -> Stor
 
 def _stored(evaluation: Evaluation, result: Result) -> bool:
     if result.status == "returned":
-        return leases.give_back(evaluation)
+        return leases.give_back(evaluation, result.error)
     if result.status == "failed":
         return leases.fail(evaluation, result.error, result.software)
     objectives = result.objectives or {}
-    missing = [name for name in evaluation.exploration.objectives if name not in objectives]
-    if missing:
+    wanted = dict.fromkeys((*NEEDED, *evaluation.exploration.objectives))
+    if missing := [name for name in wanted if name not in objectives]:
         raise Problem(400, "invalid_field", f"objectives lack {', '.join(missing)}", field="objectives")
     measurement = Measurement(objectives, result.stages or {}, result.device or {})
     return leases.record(evaluation, measurement, result.software)
@@ -135,13 +144,19 @@ def _as_before(device: ReferenceDevice, key: int, attempt: int) -> Stored:
     return Stored(row.state)
 
 
-def _told(evaluation: Evaluation) -> Lease:
+def _packs(explorations: list[Exploration]) -> tuple[dict[int, Any], list[CannotMeasureHereError]]:
+    """The descriptions of their sequences by exploration, and why others have none."""
+    packs, lacking = {}, []
+    for exploration in explorations:
+        try:
+            packs[exploration.pk] = json.loads((pack_of(exploration) / "pack.json").read_text())
+        except CannotMeasureHereError as error:
+            lacking.append(error)
+    return packs, lacking
+
+
+def _told(evaluation: Evaluation, pack: dict[str, Any]) -> Lease:
     exploration = evaluation.exploration
-    try:
-        pack = json.loads((pack_of(exploration) / "pack.json").read_text())
-    except MeasurementError as error:
-        leases.give_back(evaluation)
-        raise Problem(409, "sequence_missing", f"the server has {error}") from error
     return Lease(
         id=f"{evaluation.pk}-{evaluation.attempt}",
         application=exploration.application,

@@ -11,12 +11,20 @@ from django.utils.module_loading import import_string
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts import sequences
 from slam import isolated
-from slam.isolated import LeaseLostError, Measurement, MeasurementError
+from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
 
 Heartbeat = Callable[[], bool]
 Evaluator = Callable[[Evaluation, Heartbeat | None], Measurement]
 
-__all__ = ["LeaseLostError", "Measurement", "MeasurementError", "evaluator", "measure", "pack_of"]
+__all__ = [
+    "CannotMeasureHereError",
+    "LeaseLostError",
+    "Measurement",
+    "MeasurementError",
+    "evaluator",
+    "measure",
+    "pack_of",
+]
 
 
 def evaluator() -> Evaluator:
@@ -31,7 +39,10 @@ def _imported(path: str) -> Evaluator:
 
 
 def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measurement:
-    """Measure EVALUATION's configuration in a fresh process; HEARTBEAT and errors as in `slam.isolated`."""
+    """Measure EVALUATION's configuration in a fresh process; HEARTBEAT and errors as in `slam.isolated`.
+
+    Raises CannotMeasureHereError, too, where the sequence is not on this machine.
+    """
     exploration = evaluation.exploration
     return isolated.measure(
         exploration.application,
@@ -48,7 +59,7 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
 def pack_of(exploration: Exploration) -> Path:
     """The folder of the exploration's sequence.
 
-    Raises MeasurementError where this machine has no such pack: another name, or other content.
+    Raises CannotMeasureHereError where this machine has no such pack: another name, or other content.
     """
     for pack in sequences.packs():
         description = json.loads((pack / "pack.json").read_text())
@@ -57,7 +68,7 @@ def pack_of(exploration: Exploration) -> Path:
             exploration.sequence_sha256,
         ):
             return pack
-    raise MeasurementError(
+    raise CannotMeasureHereError(
         f"no pack {exploration.sequence} with digest {exploration.sequence_sha256[:12]}... on this machine: "
         "put it into one of the sequence folders"
     )

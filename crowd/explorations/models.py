@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from django.conf import settings
 from django.core.exceptions import ValidationError
 from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
 from django.db import models
@@ -11,6 +12,7 @@ from pareto.methods import DEFAULT, METHODS
 from pareto.space import Space
 from slam.isolated import FIRST_COUNTED_FRAME
 
+MOST_BUDGET = 1_000_000
 NAME = RegexValidator(
     r"\A[a-z0-9][a-z0-9_-]*\Z", "lower-case letters, digits, - and _, starting with a letter or digit"
 )
@@ -53,6 +55,12 @@ class ReferenceDevice(models.Model):
     def __str__(self) -> str:
         return self.name
 
+    def clean(self) -> None:
+        """Raises ValidationError for the queue of the server's own worker, which must never measure."""
+        own = settings.CELERY_TASK_DEFAULT_QUEUE
+        if self.queue == own:
+            raise ValidationError({"queue": f"{own} is the queue of the server's own tasks: choose another"})
+
 
 class Exploration(models.Model):
     """A search over a space: what to minimise on which sequence, and how far it has come.
@@ -94,12 +102,15 @@ class Exploration(models.Model):
     recheck = models.BooleanField(
         default=True, help_text="measure again what lies far from what its neighbours lead to expect"
     )
-    budget = models.PositiveIntegerField(validators=[MinValueValidator(1)])
+    budget = models.PositiveIntegerField(validators=[MinValueValidator(1), MaxValueValidator(MOST_BUDGET)])
     batch = models.PositiveSmallIntegerField(default=8, validators=[MinValueValidator(1)])
     points = models.PositiveSmallIntegerField(default=12, validators=[MinValueValidator(2)])
     repeats = models.PositiveSmallIntegerField(default=3, validators=[MaxValueValidator(100)])
     command = models.TextField(blank=True, help_text="the command line that created it, if one did")
     state = models.CharField(max_length=16, choices=State.choices, default=State.RUNNING)
+    note = models.TextField(
+        blank=True, help_text="why it was paused by itself, or why a machine could not measure for it"
+    )
     warm_start_from = models.ForeignKey(
         "self",
         on_delete=models.SET_NULL,

@@ -103,17 +103,18 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     The others' word is a random forest's out-of-bag prediction, in logarithms where all values are positive.
     Far is beyond OUTLIER_DEVIATIONS robust standard deviations (1.4826 times the median absolute one) of all
     such residuals, and more than LEAST_OUTLIER times more or less; at most MOST_OUTLIERS of all, the
-    farthest. Looked for whenever the number of finished searched evaluations passed FIRST_LOOK, twice that,
-    four times that, ...: not every batch, as it takes a second.
+    farthest. Looked for once whenever the search has asked for FIRST_LOOK evaluations, twice that, four times
+    that, ...: not every batch, as it takes a second. What was asked for tells that and not what is finished,
+    since in an asynchronous search a look must neither be left out nor come twice.
     """
-    searched = [row for row in evaluations if row.phase in SEARCHED and row.state in FINISHED]
+    searched = [row for row in evaluations if row.phase in SEARCHED]
     newest = max((row.iteration for row in searched), default=0)
     before = sum(row.iteration < newest for row in searched)
     looked = any(row.phase == Phase.CHECK and row.iteration > newest for row in evaluations)
     if looked or _looks(len(searched)) == _looks(before):
         return []
     checked = {row.place for row in evaluations if row.phase == Phase.CHECK}
-    done = [row for row in searched if row.objectives is not None and row.place not in checked]
+    done = [row for row in searched if row.state == State.DONE and row.place not in checked]
     space = space_of(exploration)
     indices = np.array([row.place for row in done], dtype=np.int64)
     far = np.zeros(len(done))
@@ -170,10 +171,16 @@ def _finished(row: Row) -> tuple[float, int]:
     return (row.finished_at.timestamp() if row.finished_at else 0.0, row.number)
 
 
+def prior(exploration: Exploration, pairs: Sequence[tuple[Any, Any]]) -> dict[str, Any]:
+    """The option of `fresh` for what other devices say, where there is any and the method can use it.
+
+    PAIRS are configurations in the space with their objectives, None for a failure.
+    """
+    return {"prior": pairs} if pairs and METHODS[exploration.method].uses_prior else {}
+
+
 def _prior(exploration: Exploration) -> dict[str, Any]:
-    """What other devices say, for methods that can use it."""
-    if exploration.warm_start_from_id is None or not METHODS[exploration.method].uses_prior:
+    if exploration.warm_start_from_id is None:
         return {}
     told = exploration.evaluations.filter(phase=Phase.PRIOR, index__isnull=False).order_by("number")
-    pairs = list(told.values_list("configuration", "objectives"))
-    return {"prior": pairs} if pairs else {}
+    return prior(exploration, list(told.values_list("configuration", "objectives")))

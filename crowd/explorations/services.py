@@ -2,20 +2,22 @@
 
 import hashlib
 import json
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from django.core.exceptions import ValidationError
-from django.db import connection, transaction
-from django.db.models import Max, QuerySet
+from django.db import Error, connection, transaction
+from django.db.models import F, Max, QuerySet
 from django.utils import timezone
 
 from crowd.explorations import known, points, search
-from crowd.explorations.measurement import MeasurementError, pack_of
-from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.measurement import CannotMeasureHereError, pack_of
+from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
 from crowd.explorations.search import FINISHED, SEARCHED
 from pareto import Space
 from pareto.errors import ConfigurationError, ParetoError
+from slam.isolated import one_line
 
 MEASURED = (
     "runtime",
@@ -34,7 +36,10 @@ UNFINISHED = f"""
     LIMIT %s
 """
 COPIED = (Evaluation.Phase.KNOWN, Evaluation.Phase.PRIOR)
+MAY_GO_ON = (Exploration.State.RUNNING, Exploration.State.PAUSED, Exploration.State.DONE)
 Wanted = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
+
+log = logging.getLogger(__name__)
 
 
 def check(exploration: Exploration) -> None:
@@ -51,9 +56,9 @@ def check(exploration: Exploration) -> None:
     if earlier is not None and earlier.application != exploration.application:
         raise ValidationError(f"{earlier} explores {earlier.application}: choose one of the same application")
     try:
-        search.fresh(exploration)
+        _ask_once(exploration)
         pack = json.loads((pack_of(exploration) / "pack.json").read_text())
-    except (ParetoError, MeasurementError) as error:
+    except (ParetoError, CannotMeasureHereError) as error:
         raise ValidationError(str(error)) from error
     if exploration.frames is not None and exploration.frames > pack["frames"]:
         raise ValidationError(f"frames {exploration.frames}: {pack['name']} has {pack['frames']}")
@@ -68,7 +73,7 @@ def create(exploration: Exploration) -> Exploration:
     check(exploration)
     exploration.save()
     if exploration.warm_start_from is not None:
-        _copy(exploration, exploration.warm_start_from)
+        Evaluation.objects.bulk_create(_copies(exploration, exploration.warm_start_from))
     space = search.space_of(exploration)
     given = known.configurations(exploration.application, space).items()
     _add(
@@ -84,26 +89,30 @@ def clone(exploration: Exploration, **changes: Any) -> Exploration:
     kept = {
         field.name: getattr(exploration, field.name)
         for field in Exploration._meta.concrete_fields
-        if field.name not in {"id", "state", "command", "created_at", "finished_at"}
+        if field.name not in {"id", "state", "note", "command", "created_at", "finished_at"}
     }
     return Exploration(**(kept | changes))
 
 
+@transaction.atomic
 def pause(exploration: Exploration) -> None:
     """Begin no further measurement until it is resumed; what is being measured now is finished."""
-    _move(exploration, (Exploration.State.RUNNING,), Exploration.State.PAUSED)
+    _lock(exploration, Exploration.State.RUNNING)
+    _change(exploration, state=Exploration.State.PAUSED, note="")
 
 
+@transaction.atomic
 def resume(exploration: Exploration) -> None:
     """Go on with a paused exploration."""
-    _move(exploration, (Exploration.State.PAUSED,), Exploration.State.RUNNING)
+    _lock(exploration, Exploration.State.PAUSED)
+    _change(exploration, state=Exploration.State.RUNNING, note="")
 
 
 @transaction.atomic
 def cancel(exploration: Exploration) -> None:
     """Measure nothing more of it, for good; what is measured stays, what is being measured is given up."""
-    unfinished = (Exploration.State.RUNNING, Exploration.State.PAUSED)
-    _move(exploration, unfinished, Exploration.State.CANCELLED, finished_at=timezone.now())
+    _lock(exploration, Exploration.State.RUNNING, Exploration.State.PAUSED)
+    _change(exploration, state=Exploration.State.CANCELLED, finished_at=timezone.now())
     exploration.evaluations.filter(state=Evaluation.State.RUNNING).update(
         state=Evaluation.State.PENDING, lease_until=None
     )
@@ -112,16 +121,23 @@ def cancel(exploration: Exploration) -> None:
 @transaction.atomic
 def raise_budget(exploration: Exploration, budget: int) -> None:
     """Search up to BUDGET configurations in all; a finished exploration goes on."""
+    _lock(exploration, *MAY_GO_ON)
     if budget <= exploration.budget:
         raise ValidationError(f"budget {budget}: it is {exploration.budget} already, give a larger one")
-    _go_on(exploration, budget=budget)
+    if budget > MOST_BUDGET:
+        raise ValidationError(f"budget {budget}: give {MOST_BUDGET} at most")
+    _change(exploration, budget=budget)
+    _go_on(exploration)
 
 
 @transaction.atomic
 def retry_failures(exploration: Exploration) -> int:
     """Measure once more what failed; how many evaluations that are. A finished exploration goes on."""
+    _lock(exploration, *MAY_GO_ON)
     failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exclude(phase__in=COPIED)
-    count = failed.update(state=Evaluation.State.PENDING, losses=0, error="", finished_at=None)
+    # Whoever held a former lease, and was given up for dead, shall not fail it again.
+    anew = {"state": Evaluation.State.PENDING, "attempt": F("attempt") + 1, "losses": 0}
+    count = failed.update(**anew, error="", finished_at=None)
     if count:
         _go_on(exploration)
     return count
@@ -140,6 +156,7 @@ def measure_again(
         raise ValidationError(
             f"{times} times {len(configurations)} configurations: give at least one of each"
         )
+    _lock(exploration, *MAY_GO_ON)
     _go_on(exploration)
     return _add(
         exploration, _rounds([(configuration, label, times) for configuration, label in configurations])
@@ -150,12 +167,23 @@ def advance(exploration_id: int) -> list[Evaluation]:
     """Learn from what was measured and ask for more; return the new evaluations, in order.
 
     Nothing happens while it is not `due`. Asking may take seconds and is done outside of the transaction: of
-    two who ask at once one is heard.
+    two who ask at once one is heard. Where asking is impossible the exploration pauses, with the reason in
+    its note: to try again every minute would not make it possible.
     """
     exploration = Exploration.objects.get(pk=exploration_id)
     if exploration.state != Exploration.State.RUNNING or not due(exploration):
         return []
-    return _ask(exploration, search.rows_of(exploration))
+    try:
+        return _ask(exploration, search.rows_of(exploration))
+    except Error:
+        raise
+    except Exception as error:
+        log.exception("%s cannot go on", exploration)
+        kind = "" if isinstance(error, ParetoError) else f"{type(error).__name__}: "
+        Exploration.objects.filter(pk=exploration_id, state=Exploration.State.RUNNING).update(
+            state=Exploration.State.PAUSED, note=one_line(f"the search cannot go on: {kind}{error}")
+        )
+        return []
 
 
 def due(exploration: Exploration) -> bool:
@@ -185,13 +213,16 @@ def key(configuration: Mapping[str, Any]) -> str:
 def _ask(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Evaluation]:
     """Search on; then measure the best again; then be done."""
     wanted = _search(exploration, evaluations)
-    unfinished = any(row.state not in FINISHED for row in evaluations)
+    unfinished = sum(row.state not in FINISHED for row in evaluations)
     if not wanted and not unfinished:
         wanted = _repeats(exploration)
     with transaction.atomic():
         present = Exploration.objects.select_for_update().get(pk=exploration.pk)
-        # A number is never given back, so that their count tells whether someone else asked meanwhile.
-        if present.state != Exploration.State.RUNNING or _count(present) != len(evaluations):
+        if present.state != Exploration.State.RUNNING or present.budget != exploration.budget:
+            return []
+        # A number is never given back, so that their count tells whether someone else asked meanwhile; and
+        # more that is unfinished than before is what failed and shall be measured once more.
+        if _count(present) != len(evaluations) or unfinished_of(present).count() > unfinished:
             return []
         if wanted:
             return _add(exploration, wanted)
@@ -271,14 +302,25 @@ def _add(
     )
 
 
-def _copy(exploration: Exploration, earlier: Exploration) -> None:
+def _ask_once(exploration: Exploration) -> None:
+    """Raise ParetoError where nothing could be asked for. Nothing is learnt for it: that may take long."""
+    if exploration.warm_start_from is None:
+        search.fresh(exploration).propose(1)
+        return
+    copies = _copies(exploration, exploration.warm_start_from)
+    told = [row for row in copies if row.phase == Evaluation.Phase.PRIOR and row.index is not None]
+    pairs = [(row.configuration, row.objectives) for row in told]
+    search.fresh(exploration, **search.prior(exploration, pairs))
+
+
+def _copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
     """What EARLIER measured is known: as if measured here where nothing differs, else as a prior."""
     same = ("reference_device_id", "sequence_sha256", "frames")
     alike = all(getattr(earlier, name) == getattr(exploration, name) for name in same)
     space = search.space_of(exploration)
     found = earlier.evaluations.filter(state__in=FINISHED).exclude(phase__in=COPIED)
     rows = [row for row in found if row.frames == earlier.frames]
-    Evaluation.objects.bulk_create(
+    return [
         Evaluation(
             exploration=exploration,
             number=number,
@@ -293,7 +335,7 @@ def _copy(exploration: Exploration, earlier: Exploration) -> None:
             **{name: getattr(row, name) for name in ("error", "worker", "finished_at")},
         )
         for number, row in enumerate(rows)
-    )
+    ]
 
 
 def _index(space: Space, configuration: Mapping[str, Any]) -> int | None:
@@ -307,20 +349,26 @@ def _count(exploration: Exploration) -> int:
     return exploration.evaluations.count()
 
 
-def _go_on(exploration: Exploration, **changes: Any) -> None:
-    """Let a finished exploration run again."""
-    kept = {Exploration.State.RUNNING, Exploration.State.PAUSED}
-    if exploration.state not in kept:
-        changes |= {"state": Exploration.State.RUNNING, "finished_at": None}
-    possible = (*kept, Exploration.State.DONE)
-    _move(exploration, possible, changes.pop("state", exploration.state), **changes)
+def _lock(exploration: Exploration, *possible: str) -> None:
+    """Read the row as it is now, and keep it so to the end of the transaction.
 
-
-def _move(exploration: Exploration, possible: Iterable[str], state: str, **changes: Any) -> None:
-    """Give the exploration another state. Raises ValidationError where it is in none of the POSSIBLE ones."""
-    moved = Exploration.objects.filter(pk=exploration.pk, state__in=possible).update(state=state, **changes)
-    exploration.refresh_from_db()
-    if not moved:
+    Raises ValidationError where it is in none of the POSSIBLE states.
+    """
+    exploration.refresh_from_db(from_queryset=Exploration.objects.select_for_update())
+    if exploration.state not in possible:
         raise ValidationError(
             f"{exploration} is {exploration.state}: this needs one that is {' or '.join(possible)}"
         )
+
+
+def _change(exploration: Exploration, **changes: Any) -> None:
+    """Store CHANGES of a locked row."""
+    for name, value in changes.items():
+        setattr(exploration, name, value)
+    exploration.save(update_fields=list(changes))
+
+
+def _go_on(exploration: Exploration) -> None:
+    """Let a finished exploration run again; one that is paused stays so."""
+    if exploration.state == Exploration.State.DONE:
+        _change(exploration, state=Exploration.State.RUNNING, finished_at=None, note="")

@@ -5,15 +5,19 @@ before everything is measured: then the reaper announces again what waits.
 """
 
 import logging
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from celery import Task, current_app, shared_task
 from celery.signals import worker_ready
+from django.db import transaction
 from django.utils import timezone
 from kombu.exceptions import OperationalError
 
-from crowd.explorations import leases, services
-from crowd.explorations.measurement import evaluator
+from crowd.explorations import interruption, leases, services
+from crowd.explorations.measurement import CannotMeasureHereError, Measurement, evaluator
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
 BROKER_PATIENCE_SECONDS = 2
@@ -24,19 +28,19 @@ log = logging.getLogger(__name__)
 @shared_task
 def advance(exploration_id: int) -> None:
     """Ask for more where that is due, and announce it."""
-    evaluations = services.advance(exploration_id)
-    for evaluation in evaluations:
-        _send(evaluate, evaluation.pk, evaluation.exploration.reference_device.queue)
+    _announce(services.advance(exploration_id))
 
 
 @shared_task
 def evaluate(evaluation_id: int) -> None:
     """Measure one configuration on this worker's device, unless someone else already does."""
-    with leases.leased(evaluation_id) as evaluation:
-        if evaluation is None:
-            return
-        leases.record(evaluation, evaluator()(evaluation, lambda: leases.renew(evaluation)))
-    follow(evaluation)
+    # What cannot be measured here waits for another machine, or for the reaper to announce it again.
+    with suppress(CannotMeasureHereError):
+        with leases.leased(evaluation_id) as evaluation:
+            if evaluation is None:
+                return
+            leases.record(evaluation, _measured(evaluation))
+        follow(evaluation)
 
 
 @shared_task
@@ -49,10 +53,8 @@ def reap() -> None:
 
 
 def dispatch(exploration: Exploration) -> None:
-    """Announce everything of the exploration that waits."""
-    if exploration.state == Exploration.State.RUNNING:
-        for evaluation in services.waiting(exploration):
-            _send(evaluate, evaluation.pk, exploration.reference_device.queue)
+    """Announce everything of the exploration that waits, as soon as an open transaction is over."""
+    transaction.on_commit(partial(_dispatch, exploration))
 
 
 def go_on(exploration: Exploration) -> None:
@@ -75,7 +77,34 @@ def reap_at_start(sender: Any = None, **_: object) -> None:
         go_on(exploration)
 
 
+def _measured(evaluation: Evaluation) -> Measurement:
+    """Raises WorkerShutdown as soon as this process is told to end."""
+
+    def heartbeat() -> bool:
+        with interruption.measuring.held_off():
+            return leases.renew(evaluation)
+
+    with interruption.measuring.allowed():
+        return evaluator()(evaluation, heartbeat)
+
+
+def _dispatch(exploration: Exploration) -> None:
+    if exploration.state == Exploration.State.RUNNING:
+        _announce(services.waiting(exploration))
+
+
+def _announce(evaluations: Iterable[Evaluation]) -> None:
+    """Send a message for each, up to the first that cannot be sent: the reaper sends the others later."""
+    for evaluation in evaluations:
+        if not _send(evaluate, evaluation.pk, evaluation.exploration.reference_device.queue):
+            return
+
+
 def _ask_where_due(exploration: Exploration) -> None:
+    transaction.on_commit(partial(_advance_where_due, exploration))
+
+
+def _advance_where_due(exploration: Exploration) -> None:
     if exploration.state == Exploration.State.RUNNING and services.due(exploration):
         _send(advance, exploration.pk)
 
@@ -91,9 +120,11 @@ def _queued(queue: str) -> int:
             return 0
 
 
-def _send(task: Task, key: int, queue: str | None = None) -> None:
-    """Without a broker the reaper does it later: nothing is raised."""
+def _send(task: Task, key: int, queue: str | None = None) -> bool:
+    """Whether it is sent. Without a broker the reaper does it later: nothing is raised."""
     try:
         task.apply_async(args=[key], retry=False, **({"queue": queue} if queue else {}))
     except (OperationalError, OSError) as error:
         log.warning("the broker does not answer (%s): the reaper will send %s(%s)", error, task.name, key)
+        return False
+    return True

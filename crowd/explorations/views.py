@@ -63,7 +63,9 @@ class LeasesView(DeviceEndpoint):
         responses={201: leasing.Lease, 204: None},
     )
     def post(self, request: Request) -> HttpResponse:
-        wish = body(request) if request._request.body else b""
+        # Not by reading it: `body` refuses one that is too large before that.
+        sent = int(request._request.META.get("CONTENT_LENGTH") or 0) or "Transfer-Encoding" in request.headers
+        wish = body(request) if sent else b""
         lease = leasing.begin(device_asking(request), wish)
         if lease is None:
             return HttpResponse(status=204, headers={"Retry-After": str(ASK_AGAIN_SECONDS)})

@@ -57,6 +57,12 @@ def exploration(unsaved: Exploration) -> Exploration:
 
 
 @pytest.fixture
+def committing(django_capture_on_commit_callbacks: Any) -> Any:
+    """A with statement at whose end the transaction counts as stored: what waits for that is done."""
+    return lambda: django_capture_on_commit_callbacks(execute=True)
+
+
+@pytest.fixture
 def unread_queues() -> Iterator[None]:
     """Tasks are sent as to a worker, and nobody reads them; what earlier tests sent is gone."""
     with app.connection_for_write() as broker:

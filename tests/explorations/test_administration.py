@@ -89,11 +89,12 @@ def test_the_form_offers_what_is_there_with_defaults(administrator: Client, unsa
 
 
 def test_a_created_exploration_is_what_the_form_said_and_its_measurements_are_sent(
-    administrator: Client, unsaved: Exploration, unread_queues: None
+    administrator: Client, unsaved: Exploration, unread_queues: None, committing: Any
 ) -> None:
-    answer = administrator.post(
-        reverse(ADD), wish(unsaved, method="two-stage", max_runtime_ms="200", random_first="4")
-    )
+    with committing():
+        answer = administrator.post(
+            reverse(ADD), wish(unsaved, method="two-stage", max_runtime_ms="200", random_first="4")
+        )
 
     assert answer.status_code == 302, answer.context["errors"]
     created = Exploration.objects.get()
@@ -180,11 +181,12 @@ def test_a_budget_that_is_no_larger_one_is_refused(
 
 
 def test_a_finished_exploration_goes_on_with_a_larger_budget(
-    administrator: Client, exploration: Exploration, unread_queues: None
+    administrator: Client, exploration: Exploration, unread_queues: None, committing: Any
 ) -> None:
     run_to_the_end(exploration)
 
-    step(administrator, exploration, "raise", budget="8")
+    with committing():
+        step(administrator, exploration, "raise", budget="8")
 
     assert exploration.state == "running"
     assert [exploration.pk] in sent("crowd")

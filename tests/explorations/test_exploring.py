@@ -11,6 +11,7 @@ from django.utils import timezone
 from crowd.explorations import leases, search, services
 from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
+from pareto.errors import ObjectiveError
 from tests.explorations.conftest import finish, measurement, run_to_the_end
 
 LONG_AGO = timedelta(hours=1)
@@ -83,6 +84,75 @@ def test_of_two_who_ask_at_once_one_is_heard(exploration: Exploration) -> None:
     assert exploration.evaluations.count() == 9
 
 
+def test_a_budget_raised_while_it_is_asked_keeps_the_exploration_from_ending(
+    exploration: Exploration,
+) -> None:
+    late, seen = _about_to_be_done(exploration)
+
+    services.raise_budget(exploration, 8)
+
+    assert services._ask(late, seen) == []
+    exploration.refresh_from_db()
+    assert (exploration.state, exploration.finished_at) == ("running", None)
+    assert len(services.advance(exploration.pk)) == 2
+
+
+def test_failures_retried_while_it_is_asked_keep_the_exploration_from_ending(
+    exploration: Exploration,
+) -> None:
+    late, seen = _about_to_be_done(exploration, failing=True)
+
+    assert services.retry_failures(exploration) == 1
+
+    assert services._ask(late, seen) == []
+    exploration.refresh_from_db()
+    assert exploration.state == "running"
+    run_to_the_end(exploration)
+    assert exploration.state == "done"
+    assert not exploration.evaluations.exclude(state="done").exists()
+
+
+def _about_to_be_done(
+    exploration: Exploration, failing: bool = False
+) -> tuple[Exploration, list[search.Row]]:
+    """All is measured, and what somebody has read who is about to find that there is nothing more to do."""
+    Exploration.objects.filter(pk=exploration.pk).update(repeats=0)
+    exploration.refresh_from_db()
+    while waiting := services.waiting(exploration):
+        if failing:
+            with leases.leased(waiting.pop().pk):
+                raise MeasurementError("no memory")
+            failing = False
+        finish(waiting)
+        if exploration.evaluations.filter(phase="random").count() < exploration.budget:
+            services.advance(exploration.pk)
+    return Exploration.objects.get(pk=exploration.pk), search.rows_of(exploration)
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [(ObjectiveError("runtime is missing"), "runtime is missing"), (ValueError(0), "ValueError: 0")],
+)
+def test_a_search_that_cannot_go_on_pauses_with_its_reason(
+    exploration: Exploration, monkeypatch: pytest.MonkeyPatch, error: Exception, told: str
+) -> None:
+    finish(services.waiting(exploration))
+
+    def fail(*_: Any) -> None:
+        raise error
+
+    with monkeypatch.context() as broken:
+        broken.setattr(search, "explorer", fail)
+        assert services.advance(exploration.pk) == []
+
+    exploration.refresh_from_db()
+    assert (exploration.state, exploration.note) == ("paused", f"the search cannot go on: {told}")
+    assert leases.reap() == []  # nobody tries again every minute
+    services.resume(exploration)
+    assert exploration.note == ""
+    assert len(services.advance(exploration.pk)) == 4
+
+
 def test_a_measured_evaluation_is_stored_whole(exploration: Exploration) -> None:
     row = services.waiting(exploration)[0]
 
@@ -143,6 +213,39 @@ def test_an_evaluation_whose_worker_died_is_given_to_another(exploration: Explor
 
     row.refresh_from_db()
     assert (row.state, row.attempt) == ("done", 2)
+
+
+def test_a_result_that_came_late_is_not_taken_for_work(
+    exploration: Exploration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = exploration.reference_device
+    late, following = services.waiting(exploration)[:2]
+    holder = leases.take(late.pk, "slow")
+    assert holder is not None
+    Evaluation.objects.filter(pk=late.pk).update(state="pending", lease_until=None)  # as the reaper does
+    lease = leases._lease
+
+    def told_meanwhile(evaluation: Evaluation, worker: str) -> Evaluation | None:
+        leases.record(holder, measurement(holder.configuration))
+        return lease(evaluation, worker)
+
+    monkeypatch.setattr(leases, "_lease", told_meanwhile)
+
+    taken = leases.take_next(device, "quick", {exploration.pk})
+
+    late.refresh_from_db()
+    assert (late.state, late.attempt) == ("done", 1)
+    assert taken is not None
+    assert taken.pk == following.pk
+
+
+def test_control_characters_of_a_reason_are_not_stored(exploration: Exploration) -> None:
+    row = services.waiting(exploration)[0]
+    with leases.leased(row.pk):
+        raise MeasurementError("\x1b[31mkilled\x00 by\nSIGABRT")
+
+    row.refresh_from_db()
+    assert row.error == "[31mkilled by SIGABRT"
 
 
 def test_a_lease_that_ran_out_may_be_taken_over_even_before_the_reaper_comes(

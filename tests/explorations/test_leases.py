@@ -127,22 +127,84 @@ def test_a_late_result_counts_while_nobody_else_has_begun(board: Board) -> None:
     assert Evaluation.objects.get(state="done").attempt == 1
 
 
+GOOD = {"runtime": 0.1, "ate_max": 0.1}
+
+
 @pytest.mark.parametrize(
-    ("result", "refusal"),
+    ("result", "where", "detail"),
     [
-        ({"status": "ready"}, (400, "invalid_field")),
-        ({"status": "done", "objectives": {"runtime": 0.1}}, (400, "invalid_field")),
-        ({"status": "done", "objectives": {"runtime": "fast", "ate_max": 0.1}}, (400, "invalid_field")),
-        ({"status": "failed", "error": "x" * 501}, (400, "invalid_field")),
-        ([], (400, "invalid_field")),
+        ({"status": "ready"}, "status", "ready"),
+        ({"status": "done"}, "objectives", "lack runtime, ate_max"),
+        ({"status": "done", "objectives": {"ate_max": 0.1}}, "objectives", "lack runtime"),
+        ({"status": "done", "objectives": {"runtime": 0.1}}, "objectives", "lack ate_max"),
+        ({"status": "done", "objectives": GOOD | {"runtime": "fast"}}, "objectives[...]", "`str`"),
+        ({"status": "done", "objectives": GOOD | {"runtime": -0.1}}, "objectives[...]", ">= 0"),
+        ({"status": "done", "objectives": GOOD | {"ate_max": -1}}, "objectives[...]", ">= 0"),
+        ({"status": "done", "objectives": GOOD, "stages": {"tracking": -1}}, "stages[...]", ">= 0"),
+        ({"status": "done", "objectives": GOOD, "device": {"name": ["x"]}}, "device[...]", "`array`"),
+        ({"status": "done", "objectives": GOOD, "device": {"name": "x" * 501}}, "device[...]", "<= 500"),
+        (
+            {"status": "done", "objectives": GOOD, "device": {f"fact {n}": n for n in range(33)}},
+            *("device", "<= 32"),
+        ),
+        ({"status": "failed", "error": "x" * 501}, "error", "<= 500"),
+        ([], None, "`object`"),
     ],
 )
-def test_a_result_that_does_not_fit_changes_nothing(
-    board: Board, result: Any, refusal: tuple[int, str]
+def test_a_result_that_does_not_fit_is_told_where_and_changes_nothing(
+    board: Board, result: Any, where: str | None, detail: str
 ) -> None:
     lease = board.take()
-    assert problem(board.post(f"/{lease['id']}/result", result)) == refusal
+
+    answer = board.post(f"/{lease['id']}/result", result)
+
+    assert problem(answer) == (400, "invalid_field")
+    assert answer.json().get("field") == where
+    assert detail in answer.json()["detail"]
     assert Evaluation.objects.get(state="running").attempt == 1
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999"])
+def test_a_value_that_is_not_finite_is_refused(board: Board, number: str) -> None:
+    lease = board.take()
+    body = f'{{"status": "done", "objectives": {{"runtime": {number}, "ate_max": 0.1}}}}'
+
+    answer = board.client.post(f"{API}/{lease['id']}/result", body, "application/json", headers=board.headers)
+
+    assert problem(answer) == (400, "not_finite")
+    assert Evaluation.objects.get(state="running").objectives is None
+
+
+def test_a_body_that_is_too_large_is_not_read(board: Board, settings: Any) -> None:
+    wish = {"worker": "x" * settings.FRONTRUNNER_MAX_BODY_BYTES}
+    assert problem(board.post("", wish)) == (413, "body_too_large")
+    assert not Evaluation.objects.filter(state="running").exists()
+
+
+def test_why_a_machine_gives_back_is_noted(board: Board, exploration: Exploration) -> None:
+    lease = board.take()
+
+    board.post(f"/{lease['id']}/result", {"status": "returned", "error": "no OpenCL device here"})
+
+    exploration.refresh_from_db()
+    assert exploration.note == "a machine of bench cannot measure: no OpenCL device here"
+    assert exploration.evaluations.get(attempt=1).losses == 0
+
+
+def test_an_exploration_whose_sequence_the_server_lacks_keeps_no_other_from_being_measured(
+    board: Board, exploration: Exploration
+) -> None:
+    other = services.create(services.clone(exploration))
+    Exploration.objects.filter(pk=exploration.pk).update(sequence="gone")
+
+    lease = board.take()
+    board.post(f"/{lease['id']}/result", {"status": "returned"})
+
+    assert not exploration.evaluations.exclude(attempt=0).exists()
+    assert other.evaluations.filter(attempt=1).count() == 1
+    services.cancel(other)
+    assert problem(board.post("")) == (409, "sequence_missing")
+    assert not exploration.evaluations.exclude(attempt=0).exists()
 
 
 def test_a_token_is_shown_once_and_opens_one_device_alone(

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from django.core.exceptions import ValidationError
 
@@ -62,13 +63,42 @@ def test_failures_are_measured_once_more(exploration: Exploration) -> None:
         raise MeasurementError("no memory")
     assert services.retry_failures(exploration) == 1
     row.refresh_from_db()
-    assert (row.state, row.error, row.attempt) == ("pending", "", 1)
+    assert (row.state, row.error, row.attempt) == ("pending", "", 2)
 
     finish([row])
 
     row.refresh_from_db()
-    assert (row.state, row.attempt) == ("done", 2)
+    assert (row.state, row.attempt) == ("done", 3)
     assert services.retry_failures(exploration) == 0
+
+
+def test_whoever_was_given_up_does_not_fail_what_is_measured_once_more(exploration: Exploration) -> None:
+    row = services.waiting(exploration)[0]
+    given_up = leases.take(row.pk, "slow")
+    assert given_up is not None
+    Evaluation.objects.filter(pk=row.pk).update(state="failed", lease_until=None, error="lost 3 times")
+
+    services.retry_failures(exploration)
+
+    assert not leases.fail(given_up, "no memory")
+    row.refresh_from_db()
+    assert row.state == "pending"
+
+
+def test_a_step_is_judged_by_the_row_as_it_is_now(exploration: Exploration) -> None:
+    stale = Exploration.objects.get(pk=exploration.pk)
+    services.raise_budget(exploration, 10)
+    with pytest.raises(ValidationError, match="it is 10 already"):
+        services.raise_budget(stale, 8)
+    with pytest.raises(ValidationError, match="1000000 at most"):
+        services.raise_budget(stale, 10**30)
+
+    stale = Exploration.objects.get(pk=exploration.pk)
+    run_to_the_end(exploration)
+    services.raise_budget(stale, 12)
+
+    exploration.refresh_from_db()
+    assert (exploration.state, exploration.finished_at, exploration.budget) == ("running", None, 12)
 
 
 def test_points_measured_again_run_over_the_whole_sequence_in_turn(unsaved: Exploration) -> None:
@@ -139,6 +169,22 @@ def test_a_synchronous_search_is_the_same_however_often_it_is_interrupted(unsave
     assert set(stormy.evaluations.values_list("attempt", flat=True)) == {2}
 
 
+def test_a_prior_that_lacks_an_objective_is_refused_at_once(exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    board = ReferenceDevice.objects.create(name="board", queue="board")
+    wishes = {"reference_device": board, "method": "two-stage", "warm_start_from": exploration}
+
+    with pytest.raises(ValidationError, match="objective 'cpu_seconds' is missing"):
+        services.create(
+            services.clone(exploration, objectives=["runtime", "cpu_seconds"], limits={}, **wishes)
+        )
+
+
+def test_the_queue_of_the_servers_own_tasks_serves_no_device(db: None) -> None:
+    with pytest.raises(ValidationError, match="crowd is the queue of the server's own tasks"):
+        ReferenceDevice(name="bench", queue="crowd").full_clean()
+
+
 def test_an_asynchronous_search_asks_before_everything_is_finished(unsaved: Exploration) -> None:
     unsaved.synchronous, unsaved.batch = False, 4
     exploration = services.create(unsaved)
@@ -176,6 +222,30 @@ def test_an_outlier_is_measured_twice_more_and_the_median_counts(unsaved: Explor
     assert run_to_the_end(exploration).evaluations.filter(phase="check").count() == len(checks)
 
 
+def test_an_asynchronous_search_looks_for_outliers_at_50_and_at_100_once(
+    unsaved: Exploration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unsaved.synchronous, unsaved.budget, unsaved.batch, unsaved.repeats = False, 72, 6, 0
+    monkeypatch.setattr(search, "FIRST_LOOK", 20)
+    exploration = services.create(unsaved)
+    looks: list[int] = []
+
+    def far(_: Any, indices: Any, __: Any) -> Any:
+        looks.append(exploration.evaluations.filter(phase="random").count())
+        return np.zeros(len(indices))
+
+    monkeypatch.setattr(search, "_far", far)
+    while True:
+        asked = services.advance(exploration.pk)
+        waiting = services.waiting(exploration)
+        if not asked and not waiting:
+            break
+        finish(waiting[-4:] if len(waiting) > 4 else waiting)  # the newest first: the oldest is late
+
+    assert len(looks) == 2 * len(exploration.objectives)
+    assert [20 <= looks[0] < 26, 40 <= looks[-1] < 46] == [True, True]
+
+
 def test_a_busy_device_is_not_disturbed(exploration: Exploration) -> None:
     first, second = services.waiting(exploration)[:2]
     assert leases.take(first.pk, "one") is not None
@@ -186,14 +256,16 @@ def test_a_busy_device_is_not_disturbed(exploration: Exploration) -> None:
 def test_what_a_dead_process_of_this_machine_held_is_given_back_at_once(
     exploration: Exploration, tmp_path: Path
 ) -> None:
-    mine, dead = services.waiting(exploration)[:2]
-    exploration.reference_device.machines = 2
+    rows = services.waiting(exploration)[:3]
+    exploration.reference_device.machines = 3
     exploration.reference_device.save()
-    assert leases.take(mine.pk, leases.here()) is not None
-    assert leases.take(dead.pk, leases.here().rpartition(":")[0] + ":999999999") is not None
+    machine, _, pid = leases.here().rpartition(":")
+    other_start = f"{machine.partition(':')[0]}:another:{pid}"
+    for row, worker in zip(rows, (leases.here(), f"{machine}:999999999", other_start), strict=True):
+        assert leases.take(row.pk, worker) is not None
 
     leases.reap_after_restart()
 
-    mine.refresh_from_db()
-    dead.refresh_from_db()
-    assert (mine.state, dead.state, dead.losses) == ("running", "pending", 1)
+    for row in rows:
+        row.refresh_from_db()
+    assert [(row.state, row.losses) for row in rows] == [("running", 0), ("pending", 1), ("pending", 1)]
