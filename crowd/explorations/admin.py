@@ -108,9 +108,9 @@ class ExplorationAdmin(PagesAdmin):
         ("Against noise", {"fields": ("points", "repeats", "recheck", "synchronous")}),
     )
     shown_fields = (
-        *("state", "application", "sequence", "sequence_sha256", "reference_device", "objectives", "limits"),
-        *("method", "options", "seed", "frames", "synchronous", "recheck", "budget", "batch", "points"),
-        *("repeats", "warm_start_from", "command", "created_at", "finished_at", "space"),
+        *("state", "note", "application", "sequence", "sequence_sha256", "reference_device", "objectives"),
+        *("limits", "method", "options", "seed", "frames", "synchronous", "recheck", "budget", "batch"),
+        *("points", "repeats", "warm_start_from", "command", "created_at", "finished_at", "space"),
     )
 
     def get_urls(self) -> list[URLPattern]:

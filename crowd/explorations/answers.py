@@ -69,6 +69,7 @@ class ExplorationDetail(ExplorationSummary):
     """An exploration in full; `measurements` by pages, `next` is the address of the following one or null.
 
     Its front is that of what was measured over the whole sequence, as long as nothing was that of the search.
+    `note` tells why it was paused by itself, or why a machine cannot measure.
     """
 
     space: dict[str, Any]
@@ -77,6 +78,7 @@ class ExplorationDetail(ExplorationSummary):
     limits: dict[str, float]
     frames: int | None
     command: str
+    note: str
     front: list[FrontPoint]
     measurements: list[EvaluationAnswer]
     next: str | None
@@ -100,6 +102,7 @@ def detail(
         limits=row.limits,
         frames=row.frames,
         command=public(row.command),
+        note=public(row.note),
         front=[_front_point(row, point) for point in front],
         measurements=[_evaluation(evaluation) for evaluation in measurements],
         next=following,

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from django.core.exceptions import ValidationError
 
 from crowd.explorations import services, tasks
-from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
 
 State = Exploration.State
-MOST = 1_000_000  # configurations: more than anybody waits for, and any database can hold the number
 LONGEST = 40  # characters of what was typed that a refusal repeats
 
 
@@ -39,9 +38,11 @@ def offered(exploration: Exploration) -> list[Step]:
 def budget_of(text: str, exploration: Exploration) -> int:
     """The larger budget that TEXT is. Raises ValidationError where it is none."""
     digits = text.strip()
-    if not digits.isdecimal() or len(digits) > len(str(MOST)) or not exploration.budget < int(digits) <= MOST:
+    short = digits.isdecimal() and len(digits) <= len(str(MOST_BUDGET))
+    if not short or not exploration.budget < int(digits) <= MOST_BUDGET:
         raise ValidationError(
-            f"budget {text[:LONGEST]!r}: give a whole number above {exploration.budget}, {MOST} at most"
+            f"budget {text[:LONGEST]!r}: give a whole number above {exploration.budget}, "
+            f"{MOST_BUDGET} at most"
         )
     return int(digits)
 

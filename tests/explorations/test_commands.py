@@ -13,7 +13,7 @@ from django.core.management import CommandError, call_command, load_command_clas
 from django.test import Client
 
 from crowd.explorations import leases, services
-from crowd.explorations.measurement import Measurement
+from crowd.explorations.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.services import publish_file
 from tests.explorations.conftest import SPACE, measurement, run_to_the_end
@@ -114,6 +114,19 @@ def test_an_exploration_that_is_paused_meanwhile_has_no_front_yet(
 
     assert Exploration.objects.get().state == "done"
     assert (tmp_path / "kfusion-7.json").exists()
+
+
+def test_a_machine_that_cannot_measure_ends_the_command_with_the_reason(
+    db: None, measured_by: Any, tmp_path: Path
+) -> None:
+    def lacking(evaluation: Evaluation) -> Measurement:
+        raise CannotMeasureHereError("no OpenCL device matches 'abacus'")
+
+    measured_by(lacking)
+    with pytest.raises(CommandError, match="abacus"):
+        call_command(*explore(tmp_path))
+
+    assert not Evaluation.objects.exclude(state="pending").exists()
 
 
 def test_what_another_worker_measures_is_waited_for_and_is_no_failure(

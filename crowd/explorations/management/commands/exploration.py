@@ -100,7 +100,7 @@ class Command(BaseCommand):
         ]
         if seen.seconds_left is not None:
             words.append(f"about {seen.seconds_left / 60:.0f} minutes left")
-        return ", ".join(words)
+        return ", ".join(words) + (f": {row.note}" if row.note else "")
 
     def _pause(self, exploration: Exploration, _: dict[str, Any]) -> None:
         services.pause(exploration)

@@ -14,7 +14,7 @@ from crowd import first_run
 from crowd.explorations import leases, publishing, reference_devices, services
 from crowd.explorations.management import files
 from crowd.explorations.management.wishes import add_wishes, command_line, wished
-from crowd.explorations.measurement import evaluator
+from crowd.explorations.measurement import CannotMeasureHereError, evaluator
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.search import FINISHED
 
@@ -48,6 +48,8 @@ class Command(BaseCommand):
             self._measure_here(exploration)
         except ValidationError as error:
             raise CommandError("; ".join(error.messages)) from error
+        except CannotMeasureHereError as error:
+            raise CommandError(str(error)) from error
         self.stdout.write(files.write_front(exploration, options["out"]))
 
     def _unfinished(self) -> Exploration | None:
@@ -71,7 +73,8 @@ class Command(BaseCommand):
     def _measure_here(self, exploration: Exploration) -> None:
         """Measure whatever waits until the exploration is done; workers of a running server may help.
 
-        Raises CommandError where it is paused or cancelled: half an exploration has no front.
+        Raises CommandError where it is paused or cancelled: half an exploration has no front; and
+        CannotMeasureHereError.
         """
         told = timezone.now()
         while exploration.state == Exploration.State.RUNNING:
@@ -85,7 +88,8 @@ class Command(BaseCommand):
             told = self._tell(exploration, since=told)
             exploration.refresh_from_db()
         if exploration.state != Exploration.State.DONE:
-            raise CommandError(f"{exploration} is {exploration.state}: no front was written")
+            why = f" ({exploration.note})" if exploration.note else ""
+            raise CommandError(f"{exploration} is {exploration.state}{why}: no front was written")
 
     def _tell(self, exploration: Exploration, since: datetime) -> datetime:
         """A line about each evaluation that was finished SINCE then; when the last of them was."""
