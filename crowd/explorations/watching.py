@@ -191,7 +191,8 @@ def _unserved(exploration: Exploration, waiting: int, running: Sequence[Evaluati
 
 
 def _setting(exploration: Exploration) -> list[Any]:
-    return [exploration.pk, exploration.state, exploration.budget, exploration.reference_device.machines]
+    told = [exploration.pk, exploration.state, exploration.budget, exploration.note]
+    return [*told, exploration.reference_device.machines]
 
 
 def _digest(facts: list[Any]) -> str:
