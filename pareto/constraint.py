@@ -57,10 +57,6 @@ class Constraint:
         used = {name for clause in self.clauses for name in clause.names}
         self.names = tuple(parameter.name for parameter in parameters if parameter.name in used)
 
-    def holds(self, codes: Codes) -> NDArray[np.bool_]:
-        """Return where the condition holds, in the shape that the `codes` of its parameters broadcast to."""
-        return np.logical_and.reduce(np.broadcast_arrays(*(clause.holds(codes) for clause in self.clauses)))
-
 
 @dataclass(frozen=True)
 class _Term:

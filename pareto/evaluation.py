@@ -38,7 +38,8 @@ def from_table(
         rows.setdefault(place, []).append(row)
 
     def evaluate(configuration: Configuration) -> dict[str, float]:
-        measured, failures = [], ["not in the table"]
+        measured: list[list[float]] = []
+        failures = ["not in the table"]
         for row in rows.get(tuple(item.encode(configuration[item.name]) for item in space.parameters), []):
             try:
                 measured.append(_values(row, names, feasible))

@@ -140,10 +140,6 @@ class Space:
         flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)
         return np.stack(np.unravel_index(flat, self.shape), axis=-1).astype(np.int64, copy=False)
 
-    def indices(self, codes: NDArray[np.integer]) -> Indices:
-        """Return the indices of (n, parameters) value positions; the inverse of `codes`."""
-        return np.ravel_multi_index(tuple(np.asarray(codes).T), self.shape).astype(np.int64, copy=False)
-
     def allowed(self, indices: Iterable[int] | Indices) -> NDArray[np.bool_]:
         """Return a mask of the `indices` that keep all constraints: all of them where there are none."""
         flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)

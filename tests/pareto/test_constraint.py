@@ -32,7 +32,10 @@ def kept(text: str) -> set[str]:
     constraint = Constraint(text, SPACE.parameters)
     values = [parameter.values for parameter in SPACE.parameters if parameter.name in constraint.names]
     grid = np.meshgrid(*(np.arange(len(choices)) for choices in values), indexing="ij")
-    mask = constraint.holds(dict(zip(constraint.names, grid, strict=True)))
+    columns = dict(zip(constraint.names, grid, strict=True))
+    mask = np.ones(grid[0].shape, dtype=bool)
+    for clause in constraint.clauses:
+        mask &= clause.holds(columns)
     return {
         json.dumps([choices[code] for choices, code in zip(values, codes, strict=True)])
         for codes in np.argwhere(mask)
