@@ -60,19 +60,20 @@ def _yields(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
 
 
 def _points(exploration: Exploration, every: Sequence[Point]) -> str:
-    front = {_identity(point) for point in points.front(exploration, every)}
     again = [point for point in every if point.repeats or point.label]
+    # Among themselves: a single lucky measurement of another point beats none of these medians.
+    front = {_identity(point) for point in points.front(exploration, again)}
     default = points.default(every)
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
     lines: list[list[Any]] = []
     for point in sorted(again, key=lambda point: point.values.get("runtime", 0.0)):
         runtime, error = point.values.get("runtime"), point.values.get("ate_max")
-        slower = default.values["runtime"] / runtime if default and runtime else None
+        speedup = default.values["runtime"] / runtime if default and runtime else None
         lines.append(
             [
                 point.label or ("front" if _identity(point) in front else "near the front"),
                 "" if runtime is None else f"{runtime * 1e3:.2f}",
-                "" if slower is None else f"{slower:.1f}x",
+                "" if speedup is None else f"{speedup:.1f}x",
                 "" if error is None else f"{error * 100:.2f}",
                 point.measurements,
                 *(_written(point.configuration.get(name)) for name in parameters),
