@@ -55,7 +55,7 @@ def test_numbers_stay_numbers(exploration: Exploration) -> None:
 @pytest.mark.parametrize(
     ("text", "shown"),
     [
-        ('File "/work/main/slam/run.py", line 3', 'File "run.py", line 3'),
+        ('File "/srv/frontrunner/slam/run.py", line 3', 'File "run.py", line 3'),
         (r"C:\Users\anna\cache\kernel.cl: no", "kernel.cl: no"),
         ("--space pareto/spaces/kfusion.json", "--space pareto/spaces/kfusion.json"),
         ("--space=/home/anna/space.json --out /tmp/a/b.json", "--space=space.json --out b.json"),
