@@ -49,6 +49,19 @@ def read_objectives(names: str | None, maximise: str, otherwise: Iterable[Object
     return wanted
 
 
+def read_problem(options: argparse.Namespace) -> tuple[Space, list[Objective]]:
+    """Return the space of --space, and the objectives of --objectives or else of that scenario.
+
+    Raises ObjectiveError where neither names any.
+    """
+    space, scenario = read_space(options.space)
+    otherwise = scenario.objectives if scenario else ()
+    objectives = read_objectives(options.objectives, options.maximise, otherwise)
+    if not objectives:
+        raise ObjectiveError("--objectives is missing: a,b")
+    return space, objectives
+
+
 def read_limits(texts: Iterable[str]) -> dict[str, float]:
     """Return the limits of NAME=VALUE texts, several in one separated by commas."""
     limits = {}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.arguments import read_objectives, read_space
+from pareto.arguments import read_problem
 from pareto.correlation import MINIMUM, Correlation, Estimate, correlate, ranks_of_best
 from pareto.errors import ScenarioError
 from pareto.measurements import Measurement, read_measurements
@@ -36,11 +36,7 @@ def add_compare(commands: Any) -> None:
 
 def compare_devices(options: argparse.Namespace) -> int:
     """Print the correlations of every two devices, and where the best of one comes on the other."""
-    space, scenario = read_space(options.space)
-    otherwise = scenario.objectives if scenario else ()
-    objectives = read_objectives(options.objectives, options.maximise, otherwise)
-    if not objectives:
-        raise ScenarioError("--objectives is missing: a,b")
+    space, objectives = read_problem(options)
     if len(options.tables) < 2:
         raise ScenarioError("compare needs two CSV files or more, one a device")
     measured = [read_measurements(path, space, objectives) for path in options.tables]

@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from pareto.arguments import add_objectives, count, read_limits, read_objectives, read_space
-from pareto.errors import ScenarioError
+from pareto.arguments import add_objectives, count, read_limits, read_problem
 from pareto.folder import table
 from pareto.measurements import read_measurements
 from pareto.zero_shot import promises
@@ -30,11 +29,7 @@ def add_transfer(commands: Any) -> None:
 
 def print_promises(options: argparse.Namespace) -> int:
     """Print the configurations as CSV: expected values here, values there, measured here, within limits."""
-    space, scenario = read_space(options.space)
-    otherwise = scenario.objectives if scenario else ()
-    objectives = read_objectives(options.objectives, options.maximise, otherwise)
-    if not objectives:
-        raise ScenarioError("--objectives is missing: a,b")
+    space, objectives = read_problem(options)
     found = promises(
         space,
         objectives,

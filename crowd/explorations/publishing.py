@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from django.utils import timezone
 
-from crowd.explorations import disclosure, points, repeating, services
+from crowd.explorations import disclosure, points, repeating, search, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
 from crowd.fronts import selectors as published
@@ -211,7 +211,7 @@ def _predicted(point: Point) -> dict[str, float]:
 def _provenance(
     exploration: Exploration, evaluations: Sequence[Evaluation], chosen: Sequence[Point]
 ) -> dict[str, Any]:
-    own = [evaluation for evaluation in evaluations if evaluation.phase not in services.COPIED]
+    own = [evaluation for evaluation in evaluations if evaluation.phase not in search.COPIED]
     done = [evaluation for evaluation in own if evaluation.state == Evaluation.State.DONE]
     failed = [evaluation for evaluation in own if evaluation.state == Evaluation.State.FAILED]
     warm_start = (

@@ -21,6 +21,7 @@ from pareto.methods import METHODS
 Phase, State = Evaluation.Phase, Evaluation.State
 FINISHED = (State.DONE, State.FAILED)
 SEARCHED = (Phase.RANDOM, Phase.ACTIVE)
+COPIED = (Phase.KNOWN, Phase.PRIOR)  # measured by another exploration
 # Below this number of measurements nothing can be called an outlier; it is looked for whenever their number
 # has doubled since.
 FIRST_LOOK = 50

@@ -14,7 +14,7 @@ from django.utils import timezone
 from crowd.explorations import known, points, search
 from crowd.explorations.measurement import CannotMeasureHereError, pack_of
 from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
-from crowd.explorations.search import FINISHED, SEARCHED
+from crowd.explorations.search import COPIED, FINISHED, SEARCHED
 from pareto import Space
 from pareto.errors import ConfigurationError, ParetoError
 from slam.isolated import one_line
@@ -35,7 +35,6 @@ UNFINISHED = f"""
     WHERE exploration_id = %s AND state IN ('{Evaluation.State.PENDING}', '{Evaluation.State.RUNNING}')
     LIMIT %s
 """
-COPIED = (Evaluation.Phase.KNOWN, Evaluation.Phase.PRIOR)
 MAY_GO_ON = (Exploration.State.RUNNING, Exploration.State.PAUSED, Exploration.State.DONE)
 Wanted = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
 

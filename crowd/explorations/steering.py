@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from django.core.exceptions import ValidationError
 
-from crowd.explorations import services, tasks
+from crowd.explorations import search, services, tasks
 from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
 
 State = Exploration.State
@@ -27,7 +27,7 @@ class Step:
 
 def offered(exploration: Exploration) -> list[Step]:
     """The steps that make sense now."""
-    failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exclude(phase__in=services.COPIED)
+    failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exclude(phase__in=search.COPIED)
     return [
         step
         for step in STEPS.values()

@@ -18,10 +18,9 @@ from django.utils import timezone
 from crowd.explorations import points
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
-from crowd.explorations.search import FINISHED, SEARCHED
+from crowd.explorations.search import COPIED, FINISHED, SEARCHED
 
 State, Phase = Evaluation.State, Evaluation.Phase
-COPIED = (Phase.KNOWN, Phase.PRIOR)  # measured by another exploration
 RECENT = 50  # measurements from which the time left is judged
 AGES_EVERY = 15  # seconds after which a page tells anew since when somebody measures
 SILENT = timedelta(minutes=2)  # a device unheard of for so long has no worker

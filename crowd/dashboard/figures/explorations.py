@@ -106,24 +106,7 @@ def hypervolume_line(growth: Sequence[float], random: int, theme: Theme) -> go.F
         showlegend=False,
     )
     if 0 < random < len(growth):
-        figure.add_shape(
-            type="line",
-            x0=random,
-            x1=random,
-            yref="paper",
-            y0=0,
-            y1=1,
-            line={"color": theme.muted, "dash": "dot"},
-        )
-        figure.add_annotation(
-            x=random,
-            yref="paper",
-            y=1,
-            yanchor="bottom",
-            text="active learning begins",
-            font={"color": theme.muted},
-            showarrow=False,
-        )
+        layout.upright_line(figure, random, "active learning begins", theme.muted)
     return figure
 
 

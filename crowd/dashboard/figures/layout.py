@@ -118,23 +118,28 @@ def shade_uncounted(figure: go.Figure, first_counted: int, theme: Theme) -> None
 
 def limit_line(figure: go.Figure, centimetres: float, theme: Theme, log: bool = False) -> None:
     """The upright line between valid and invalid trajectories, with its label."""
+    upright_line(figure, centimetres, f"valid below {centimetres:g} cm", theme.limit, log=log)
+
+
+def upright_line(figure: go.Figure, x: float, words: str, colour: str, log: bool = False) -> None:
+    """A dashed line over the whole height at X, with WORDS above it; LOG: the x axis is logarithmic."""
     figure.add_shape(
         type="line",
-        x0=centimetres,
-        x1=centimetres,
+        x0=x,
+        x1=x,
         yref="paper",
         y0=0,
         y1=1,
-        line={"color": theme.limit, "width": 1.5, "dash": "dash"},
+        line={"color": colour, "width": 1.5, "dash": "dash"},
     )
     figure.add_annotation(
         # On a logarithmic axis plotly places shapes by value and annotations by exponent.
-        x=float(np.log10(centimetres)) if log else centimetres,
+        x=float(np.log10(x)) if log else x,
         yref="paper",
         y=1,
         yanchor="bottom",
-        text=f"valid below {centimetres:g} cm",
-        font={"color": theme.limit, "size": 13},
+        text=words,
+        font={"color": colour, "size": 13},
         showarrow=False,
     )
 
