@@ -10,11 +10,21 @@ class Installation(models.Model):
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
+    next_token_sha256 = models.CharField(
+        max_length=64,
+        unique=True,
+        null=True,
+        editable=False,
+        help_text="of a token given out and not used yet; with its first use it takes the place of the other",
+    )
     app = models.CharField(max_length=64)
     app_version = models.CharField(max_length=32)
     consent_version = models.PositiveSmallIntegerField()
     created_at = models.DateTimeField(auto_now_add=True)
     revoked_at = models.DateTimeField(null=True, blank=True)
+    simulated = models.BooleanField(
+        default=False, editable=False, help_text="made up, measured by nobody: never part of the open data"
+    )
 
     class Meta:
         ordering = ["-created_at"]
