@@ -5,22 +5,18 @@ machines that share a database must agree to within a fraction of a lease.
 """
 
 import logging
-import os
-import socket
 import time
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import timedelta
-from functools import cache
-from pathlib import Path
 from typing import Any, TypeVar
 
 from django.conf import settings
 from django.db import Error, InterfaceError, OperationalError, connection, transaction
-from django.db.models import Exists, F, OuterRef, Q, QuerySet
+from django.db.models import Exists, OuterRef, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import software
+from crowd.explorations import software, workers
 from crowd.explorations.measurement import (
     CannotMeasureHereError,
     LeaseLostError,
@@ -30,7 +26,6 @@ from crowd.explorations.measurement import (
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from slam.isolated import one_line
 
-MOST_LOSSES = 3
 UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
 ASK_AGAIN_SECONDS = 0.5
 # What a measurement reads: the rest, such as the space, is fetched by whoever asks for it.
@@ -54,11 +49,6 @@ T = TypeVar("T")
 log = logging.getLogger(__name__)
 
 
-def here() -> str:
-    """This process as a holder of leases: its machine, which start of it, and its number there."""
-    return f"{socket.gethostname()}:{_boot()}:{os.getpid()}"
-
-
 class DeviceBusyError(RuntimeError):
     """All machines of the device measure; the message names it."""
 
@@ -72,7 +62,7 @@ def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
     back; trouble with the database leaves it to whoever finds the lease run out. A CannotMeasureHereError
     gives it back too, says so in the exploration's note, and is raised.
     """
-    evaluation = _take_in_turn(evaluation_id, worker or here())
+    evaluation = _take_in_turn(evaluation_id, worker or workers.here())
     if evaluation is None:
         yield None
         return
@@ -248,38 +238,6 @@ def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluatio
     )
 
 
-def reap() -> list[Exploration]:
-    """Give back evaluations whose holder is gone; return the explorations that run.
-
-    One that was lost MOST_LOSSES times is failed, since it would take down its next worker too.
-    """
-    return _reap(Q(lease_until__lt=timezone.now()))
-
-
-def reap_after_restart() -> list[Exploration]:
-    """As `reap`, and at once what a process of this machine held that is no longer alive."""
-    running = Evaluation.objects.filter(
-        state=Evaluation.State.RUNNING, worker__startswith=f"{socket.gethostname()}:"
-    )
-    workers = set(running.values_list("worker", flat=True))
-    dead = [worker for worker in workers if not _alive(worker)]
-    return _reap(Q(lease_until__lt=timezone.now()) | Q(worker__in=dead))
-
-
-def _reap(gone: Q) -> list[Exploration]:
-    lost = Evaluation.objects.filter(gone, state=Evaluation.State.RUNNING)
-    lost.filter(losses__gte=MOST_LOSSES - 1).update(
-        state=Evaluation.State.FAILED,
-        losses=F("losses") + 1,
-        lease_until=None,
-        finished_at=timezone.now(),
-        error=f"lost {MOST_LOSSES} times: its worker died while measuring it",
-    )
-    lost.update(state=Evaluation.State.PENDING, lease_until=None, losses=F("losses") + 1)
-    running = Exploration.objects.filter(state=Exploration.State.RUNNING)
-    return list(running.select_related("reference_device").order_by("pk"))
-
-
 def _lease(evaluation: Evaluation, worker: str) -> Evaluation | None:
     """Hold EVALUATION; None where it is not any more as it was read."""
     now = timezone.now()
@@ -341,27 +299,3 @@ def _free(evaluation: Evaluation) -> bool:
 
 def _duration() -> timedelta:
     return timedelta(seconds=settings.FRONTRUNNER_LEASE_SECONDS)
-
-
-@cache
-def _boot() -> str:
-    """What tells this start of the machine from others, where the system says so: numbers come again."""
-    with suppress(OSError):
-        return Path("/proc/sys/kernel/random/boot_id").read_text().strip().partition("-")[0]
-    return ""
-
-
-def _alive(worker: str) -> bool:
-    """Whether a process of this machine still runs, as far as its name says."""
-    machine, _, pid = worker.rpartition(":")
-    if not pid.isdecimal():
-        return True
-    if machine != here().rpartition(":")[0]:
-        return False
-    try:
-        os.kill(int(pid), 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from django.utils import timezone
 
-from crowd.explorations import disclosure, points, repeating, search, services
+from crowd.explorations import batches, disclosure, points, repeating, search, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
 from crowd.fronts import selectors as published
@@ -70,10 +70,10 @@ def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
         named, reason = name_points(measured), ""
     except NothingToPublishError as error:
         named, reason = {}, str(error)
-    names = {services.key(point.configuration): name for name, point in named.items()}
+    names = {batches.key(point.configuration): name for name, point in named.items()}
     fronts_of = (measured, points.searched(exploration, evaluations))
     front = {
-        services.key(point.configuration) for kind in fronts_of for point in points.front(exploration, kind)
+        batches.key(point.configuration) for kind in fronts_of for point in points.front(exploration, kind)
     }
     found = [Candidate(key, point, names.get(key, "")) for key, point in _keyed(measured).items()]
     shown = [row for row in found if row.name or row.point.label or row.point.repeats or row.key in front]
@@ -176,7 +176,7 @@ def name_points(measured: Sequence[Point]) -> dict[str, Point]:
 
 
 def _keyed(measured: Iterable[Point]) -> dict[str, Point]:
-    return {services.key(point.configuration): point for point in measured}
+    return {batches.key(point.configuration): point for point in measured}
 
 
 def _document(

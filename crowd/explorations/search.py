@@ -5,7 +5,7 @@ numbers, any other in the order in which they were finished.
 """
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from functools import lru_cache
 from math import log2
@@ -16,6 +16,7 @@ import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
 from pareto import Explorer, Space
+from pareto.errors import ConfigurationError
 from pareto.methods import METHODS
 
 Phase, State = Evaluation.Phase, Evaluation.State
@@ -52,6 +53,14 @@ def fresh(exploration: Exploration, **more: Any) -> Explorer:
         **exploration.options,
         **more,
     )
+
+
+def place_of(space: Space, configuration: Mapping[str, Any]) -> int | None:
+    """The number of CONFIGURATION in SPACE; None for a known one beside the grid."""
+    try:
+        return int(space.encode(configuration))
+    except ConfigurationError:
+        return None
 
 
 class Row(NamedTuple):

@@ -1,22 +1,21 @@
 """Writes of explorations: create, steer, go on. The row is the truth, messages are hints."""
 
-import hashlib
 import json
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.db import Error, connection, transaction
-from django.db.models import F, Max, QuerySet
+from django.db.models import F, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import known, points, search
+from crowd.explorations import batches, known, points, search, warm_start
+from crowd.explorations.batches import Wanted
 from crowd.explorations.measurement import CannotMeasureHereError, pack_of
 from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
 from crowd.explorations.search import COPIED, FINISHED, SEARCHED
-from pareto import Space
-from pareto.errors import ConfigurationError, ParetoError
+from pareto.errors import ParetoError
 from slam.isolated import one_line
 
 MEASURED = (
@@ -36,7 +35,6 @@ UNFINISHED = f"""
     LIMIT %s
 """
 MAY_GO_ON = (Exploration.State.RUNNING, Exploration.State.PAUSED, Exploration.State.DONE)
-Wanted = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +53,10 @@ def check(exploration: Exploration) -> None:
     if earlier is not None and earlier.application != exploration.application:
         raise ValidationError(f"{earlier} explores {earlier.application}: choose one of the same application")
     try:
-        _ask_once(exploration)
+        if earlier is None:
+            search.fresh(exploration).propose(1)
+        else:
+            warm_start.check(exploration, earlier)
         pack = json.loads((pack_of(exploration) / "pack.json").read_text())
     except (ParetoError, CannotMeasureHereError) as error:
         raise ValidationError(str(error)) from error
@@ -72,10 +73,10 @@ def create(exploration: Exploration) -> Exploration:
     check(exploration)
     exploration.save()
     if exploration.warm_start_from is not None:
-        Evaluation.objects.bulk_create(_copies(exploration, exploration.warm_start_from))
+        Evaluation.objects.bulk_create(warm_start.copies(exploration, exploration.warm_start_from))
     space = search.space_of(exploration)
     given = known.configurations(exploration.application, space).items()
-    _add(
+    batches.add(
         exploration,
         [(configuration, Evaluation.Phase.GIVEN, label) for label, configuration in given],
         iteration=0,
@@ -148,8 +149,7 @@ def measure_again(
 ) -> list[Evaluation]:
     """Ask for (configuration, label) TIMES more over the whole sequence, in turn; the new evaluations.
 
-    Round after round, so that a slow drift of the machine meets every one alike. A finished exploration
-    runs again until they are measured.
+    A finished exploration runs again until they are measured.
     """
     if times < 1 or not configurations:
         raise ValidationError(
@@ -157,8 +157,9 @@ def measure_again(
         )
     _lock(exploration, *MAY_GO_ON)
     _go_on(exploration)
-    return _add(
-        exploration, _rounds([(configuration, label, times) for configuration, label in configurations])
+    return batches.add(
+        exploration,
+        batches.rounds([(configuration, label, times) for configuration, label in configurations]),
     )
 
 
@@ -204,11 +205,6 @@ def unfinished_of(exploration: Exploration) -> QuerySet[Evaluation]:
     return exploration.evaluations.filter(state__in=(Evaluation.State.PENDING, Evaluation.State.RUNNING))
 
 
-def key(configuration: Mapping[str, Any]) -> str:
-    """A digest by which measurements of one configuration find each other."""
-    return hashlib.sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()
-
-
 def _ask(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Evaluation]:
     """Search on; then measure the best again; then be done."""
     wanted = _search(exploration, evaluations)
@@ -221,10 +217,10 @@ def _ask(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Ev
             return []
         # A number is never given back, so that their count tells whether someone else asked meanwhile; and
         # more that is unfinished than before is what failed and shall be measured once more.
-        if _count(present) != len(evaluations) or unfinished_of(present).count() > unfinished:
+        if present.evaluations.count() != len(evaluations) or unfinished_of(present).count() > unfinished:
             return []
         if wanted:
-            return _add(exploration, wanted)
+            return batches.add(exploration, wanted)
         if not unfinished:
             present.state, present.finished_at = Exploration.State.DONE, timezone.now()
             present.save(update_fields=["state", "finished_at"])
@@ -259,93 +255,10 @@ def _repeats(exploration: Exploration) -> list[Wanted]:
     own = [row for row in evaluations if row.phase != Evaluation.Phase.PRIOR]
     missing = []
     for point in points.worth_publishing(exploration, own):
-        wanted = key(point.configuration)
+        wanted = batches.key(point.configuration)
         so_far = sum(row.configuration_key == wanted for row in repeats)
         missing.append((point.configuration, point.label, exploration.repeats - so_far))
-    return _rounds(missing)
-
-
-def _rounds(missing: Iterable[tuple[Mapping[str, Any], str, int]]) -> list[Wanted]:
-    """Each (configuration, label, times) as often as it says, in turn with the others."""
-    missing = list(missing)
-    return [
-        (configuration, Evaluation.Phase.REPEAT, label)
-        for number in range(max((times for _, _, times in missing), default=0))
-        for configuration, label, times in missing
-        if number < times
-    ]
-
-
-def _add(
-    exploration: Exploration, wanted: Sequence[Wanted], iteration: int | None = None
-) -> list[Evaluation]:
-    """Store new evaluations, numbered on; repeats run over the whole sequence."""
-    space = search.space_of(exploration)
-    if iteration is None:
-        last = exploration.evaluations.aggregate(last=Max("iteration"))["last"]
-        iteration = 1 + (last or 0)
-    first = _count(exploration)
-    return Evaluation.objects.bulk_create(
-        Evaluation(
-            exploration=exploration,
-            number=first + place,
-            phase=phase,
-            label=label,
-            configuration=configuration,
-            configuration_key=key(configuration),
-            index=_index(space, configuration),
-            iteration=iteration,
-            frames=None if phase == Evaluation.Phase.REPEAT else exploration.frames,
-        )
-        for place, (configuration, phase, label) in enumerate(wanted)
-    )
-
-
-def _ask_once(exploration: Exploration) -> None:
-    """Raise ParetoError where nothing could be asked for. Nothing is learnt for it: that may take long."""
-    if exploration.warm_start_from is None:
-        search.fresh(exploration).propose(1)
-        return
-    copies = _copies(exploration, exploration.warm_start_from)
-    told = [row for row in copies if row.phase == Evaluation.Phase.PRIOR and row.index is not None]
-    pairs = [(row.configuration, row.objectives) for row in told]
-    search.fresh(exploration, **search.prior(exploration, pairs))
-
-
-def _copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
-    """What EARLIER measured is known: as if measured here where nothing differs, else as a prior."""
-    same = ("reference_device_id", "sequence_sha256", "frames")
-    alike = all(getattr(earlier, name) == getattr(exploration, name) for name in same)
-    space = search.space_of(exploration)
-    found = earlier.evaluations.filter(state__in=FINISHED).exclude(phase__in=COPIED)
-    rows = [row for row in found if row.frames == earlier.frames]
-    return [
-        Evaluation(
-            exploration=exploration,
-            number=number,
-            phase=Evaluation.Phase.KNOWN if alike else Evaluation.Phase.PRIOR,
-            label=row.label,
-            configuration=row.configuration,
-            configuration_key=row.configuration_key,
-            index=_index(space, row.configuration),
-            frames=row.frames,
-            copied_from=row,
-            **{name: getattr(row, name) for name in ("state", "objectives", "stages", "device", "software")},
-            **{name: getattr(row, name) for name in ("error", "worker", "finished_at")},
-        )
-        for number, row in enumerate(rows)
-    ]
-
-
-def _index(space: Space, configuration: Mapping[str, Any]) -> int | None:
-    try:
-        return int(space.encode(configuration))
-    except ConfigurationError:
-        return None  # a known configuration beside the grid
-
-
-def _count(exploration: Exploration) -> int:
-    return exploration.evaluations.count()
+    return batches.rounds(missing)
 
 
 def _lock(exploration: Exploration, *possible: str) -> None:

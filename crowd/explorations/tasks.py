@@ -16,7 +16,7 @@ from django.db import transaction
 from django.utils import timezone
 from kombu.exceptions import OperationalError
 
-from crowd.explorations import interruption, leases, services
+from crowd.explorations import interruption, leases, reaping, services
 from crowd.explorations.measurement import CannotMeasureHereError, Measurement, evaluator
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
@@ -46,7 +46,7 @@ def evaluate(evaluation_id: int) -> None:
 @shared_task
 def reap() -> None:
     """Give back what dead workers held, and announce what no message tells of any more."""
-    for exploration in leases.reap():
+    for exploration in reaping.reap():
         if not _queued(exploration.reference_device.queue):
             dispatch(exploration)
         _ask_where_due(exploration)
@@ -73,7 +73,7 @@ def reap_at_start(sender: Any = None, **_: object) -> None:
     """A worker that starts looks for what was left behind, at once for what an earlier one here held."""
     queues = list(sender.app.amqp.queues.consume_from) if sender is not None else []
     ReferenceDevice.objects.filter(queue__in=queues).update(seen_at=timezone.now())
-    for exploration in leases.reap_after_restart():
+    for exploration in reaping.reap_after_restart():
         go_on(exploration)
 
 

@@ -8,7 +8,7 @@ from django.core.exceptions import ValidationError
 from django.db import IntegrityError
 from django.utils import timezone
 
-from crowd.explorations import leases, search, services
+from crowd.explorations import leases, reaping, search, services
 from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from pareto.errors import ObjectiveError
@@ -147,7 +147,7 @@ def test_a_search_that_cannot_go_on_pauses_with_its_reason(
 
     exploration.refresh_from_db()
     assert (exploration.state, exploration.note) == ("paused", f"the search cannot go on: {told}")
-    assert leases.reap() == []  # nobody tries again every minute
+    assert reaping.reap() == []  # nobody tries again every minute
     services.resume(exploration)
     assert exploration.note == ""
     assert len(services.advance(exploration.pk)) == 4
@@ -202,7 +202,7 @@ def test_an_evaluation_whose_worker_died_is_given_to_another(exploration: Explor
     with leases.leased(row.pk) as dead:
         assert dead is not None
         let_leases_run_out()
-        assert [found.pk for found in leases.reap()] == [exploration.pk]
+        assert [found.pk for found in reaping.reap()] == [exploration.pk]
         with leases.leased(row.pk) as alive:
             assert alive is not None
             assert not leases.renew(dead)
@@ -262,10 +262,10 @@ def test_a_lease_that_ran_out_may_be_taken_over_even_before_the_reaper_comes(
 def test_what_kills_its_worker_three_times_is_failed(exploration: Exploration) -> None:
     row = services.waiting(exploration)[0]
     Evaluation.objects.filter(pk=row.pk).update(
-        state="running", losses=leases.MOST_LOSSES - 1, lease_until=timezone.now() - LONG_AGO
+        state="running", losses=reaping.MOST_LOSSES - 1, lease_until=timezone.now() - LONG_AGO
     )
 
-    leases.reap()
+    reaping.reap()
 
     row.refresh_from_db()
     assert row.state == "failed"
@@ -278,7 +278,7 @@ def test_a_cancelled_exploration_measures_nothing_more(exploration: Exploration)
     with leases.leased(services.waiting(exploration)[0].pk) as evaluation:
         assert evaluation is None
     assert services.advance(exploration.pk) == []
-    assert leases.reap() == []
+    assert reaping.reap() == []
 
 
 def test_the_default_method_learns_from_given_configurations_in_its_space(unsaved: Exploration) -> None:

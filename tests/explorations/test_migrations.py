@@ -6,7 +6,7 @@ import pytest
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
-from crowd.explorations import search, services
+from crowd.explorations import batches, search
 from crowd.explorations.models import Evaluation, Exploration
 from pareto import Explorer, Space
 from tests.explorations.conftest import SPACE
@@ -51,7 +51,7 @@ def filled(transactional_db: None) -> dict[str, Any]:
             number=number,
             phase=phase,
             configuration=configuration,
-            configuration_key=services.key(configuration),
+            configuration_key=batches.key(configuration),
             state="done",
             objectives={"runtime": 0.1 + number, "ate_max": 0.01},
         )

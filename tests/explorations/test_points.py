@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.explorations import leases, points, publishing, services, steering
+from crowd.explorations import batches, leases, points, publishing, services, steering
 from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.report import markdown
@@ -49,7 +49,7 @@ def finish(exploration: Exploration) -> None:
 
 
 def keys(found: list[points.Point]) -> set[str]:
-    return {services.key(point.configuration) for point in found}
+    return {batches.key(point.configuration) for point in found}
 
 
 def test_what_is_measured_again_is_chosen_by_the_searchs_front_alone(short: Exploration) -> None:

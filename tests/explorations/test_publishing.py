@@ -9,7 +9,7 @@ import pytest
 from django.core.management import call_command
 
 import pareto
-from crowd.explorations import points, publishing, repeating, services
+from crowd.explorations import batches, points, publishing, repeating, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point, spread
 from crowd.fronts import services as fronts
@@ -133,7 +133,7 @@ def test_a_point_that_was_not_measured_again_is_no_figure_yet(exploration: Explo
     run_to_the_end(exploration)
     names = choice(exploration)
     once = next(
-        services.key(found.configuration)
+        batches.key(found.configuration)
         for found in points.measured(exploration.evaluations.all())
         if not found.repeats
     )

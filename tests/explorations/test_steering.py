@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from django.core.exceptions import ValidationError
 
-from crowd.explorations import leases, search, services
+from crowd.explorations import leases, reaping, search, services, workers
 from crowd.explorations.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from tests.explorations.conftest import finish, measurement, run_to_the_end
@@ -162,7 +162,7 @@ def test_a_synchronous_search_is_the_same_however_often_it_is_interrupted(unsave
         for row in reversed(waiting):  # another order of finishing
             assert leases.take(row.pk, "a worker that dies") is not None
             Evaluation.objects.filter(pk=row.pk).update(lease_until="2020-01-01T00:00Z")
-            leases.reap()
+            reaping.reap()
             finish([row])
 
     assert searched(stormy) == searched(calm)
@@ -259,12 +259,12 @@ def test_what_a_dead_process_of_this_machine_held_is_given_back_at_once(
     rows = services.waiting(exploration)[:3]
     exploration.reference_device.machines = 3
     exploration.reference_device.save()
-    machine, _, pid = leases.here().rpartition(":")
+    machine, _, pid = workers.here().rpartition(":")
     other_start = f"{machine.partition(':')[0]}:another:{pid}"
-    for row, worker in zip(rows, (leases.here(), f"{machine}:999999999", other_start), strict=True):
+    for row, worker in zip(rows, (workers.here(), f"{machine}:999999999", other_start), strict=True):
         assert leases.take(row.pk, worker) is not None
 
-    leases.reap_after_restart()
+    reaping.reap_after_restart()
 
     for row in rows:
         row.refresh_from_db()

@@ -11,7 +11,7 @@ from django.db import transaction
 from django.utils import timezone
 
 from crowd import first_run
-from crowd.explorations import leases, publishing, reference_devices, services
+from crowd.explorations import leases, publishing, reaping, reference_devices, services
 from crowd.explorations.management import files
 from crowd.explorations.management.wishes import add_wishes, command_line, wished
 from crowd.explorations.measurement import CannotMeasureHereError, evaluator
@@ -60,7 +60,7 @@ class Command(BaseCommand):
         self.stdout.write(f"Going on with {found}")
         if found.state == Exploration.State.PAUSED:
             services.resume(found)
-        leases.reap_after_restart()
+        reaping.reap_after_restart()
         return found
 
     def _created(self, application: str, options: dict[str, Any]) -> Exploration:
@@ -84,7 +84,7 @@ class Command(BaseCommand):
                 told = self._tell(exploration, since=told)
             if not waiting and services.unfinished_of(exploration).exists():
                 time.sleep(LOOK_AGAIN_SECONDS)  # another worker measures
-                leases.reap()
+                reaping.reap()
             told = self._tell(exploration, since=told)
             exploration.refresh_from_db()
         if exploration.state != Exploration.State.DONE:
