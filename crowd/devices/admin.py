@@ -1,36 +1,190 @@
-"""Devices and installations for administrators."""
+"""Devices for administrators: queues of what the rules do not know, aliases to review, installations."""
 
+from collections.abc import Callable
 from typing import Any
 
-from django.contrib import admin
+from django.contrib import admin, messages
 from django.db.models import Count, QuerySet
 from django.http import HttpRequest
 from django.utils import timezone
 
-from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.devices import decisions
+from crowd.devices.models import (
+    CatalogueEntry,
+    DeviceAlias,
+    DeviceDescription,
+    DeviceModel,
+    DeviceSplit,
+    Installation,
+)
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
+
+DECIDE = "devices.change_devicemodel"
+
+
+class DecidingAdmin(ReadOnlyAdmin):
+    """A list that is read, with actions for those who may decide about models."""
+
+    def has_decide_permission(self, request: HttpRequest) -> bool:
+        """Whoever may change models decides what is one; the forms stay read-only."""
+        return bool(request.user.has_perm(DECIDE))
+
+    def decide(self, request: HttpRequest, decision: Callable[[str], object], done: str) -> None:
+        """Carry out a decision in the user's name, and say what became of it."""
+        try:
+            decision(request.user.get_username())
+        except decisions.DecisionError as error:
+            self.message_user(request, str(error), messages.ERROR)
+        else:
+            self.message_user(request, f"{done}; its figures follow within a minute")
+
+
+class QueueFilter(admin.SimpleListFilter):
+    """What waits for a person: kinds that the rules set and that nobody has looked at."""
+
+    title = "queue"
+    parameter_name = "queue"
+
+    def lookups(self, request: HttpRequest, model_admin: Any) -> list[tuple[str, str]]:  # noqa: ARG002
+        return [("unknown", "unknown devices"), ("emulator", "emulators")]
+
+    def queryset(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> QuerySet[DeviceModel]:  # noqa: ARG002
+        return queryset.filter(kind=self.value(), judged_by="") if self.value() else queryset
 
 
 class DescriptionInline(ReadOnlyInline):
     model = DeviceDescription
-    fields = ("first_seen_at", "raw")
+    fields = ("first_seen_at", "driver_name", "driver_version", "raw")
 
 
 @admin.register(DeviceModel)
-class DeviceModelAdmin(ReadOnlyAdmin):
+class DeviceModelAdmin(DecidingAdmin):
     """Models as derived from raw strings, with the strings."""
 
-    list_display = ("name", "manufacturer", "soc", "gpu", "os", "session_count", "created_at")
-    list_filter = ("os", "manufacturer")
-    search_fields = ("name", "manufacturer", "slug", "soc", "gpu", "cpu")
+    list_display = (
+        "shown_name", "manufacturer", "soc", "gpu", "os", "kind", "rare", "canonical", "session_count",
+        "created_at",
+    )  # fmt: skip
+    list_filter = (
+        QueueFilter,
+        "kind",
+        "rare",
+        "os",
+        ("canonical", admin.EmptyFieldListFilter),
+        "manufacturer",
+    )
+    search_fields = ("name", "market_name", "manufacturer", "slug", "soc", "gpu", "cpu")
+    list_select_related = ("canonical",)
     inlines = (DescriptionInline,)
+    actions = ("merge", "is_device", "is_emulator", "ask_rules")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[DeviceModel]:
-        return super().get_queryset(request).annotate(session_count=Count("sessions"))
+        return super().get_queryset(request).annotate(session_count=Count("descriptions__sessions"))
 
     @admin.display(description="sessions", ordering="session_count")
     def session_count(self, row: Any) -> int:
         return int(row.session_count)
+
+    @admin.action(description="Merge into the one with most sessions", permissions=["decide"])
+    def merge(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
+        models = list(queryset.order_by("-session_count", "pk"))
+        self.decide(
+            request,
+            lambda by: decisions.merge(models, models[0], by),
+            f"{len(models) - 1} merged into {models[0]}",
+        )
+
+    @admin.action(description="Mark as real, known devices", permissions=["decide"])
+    def is_device(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
+        models = list(queryset)
+        self.decide(
+            request,
+            lambda by: decisions.judge(models, DeviceModel.Kind.DEVICE, by),
+            f"{len(models)} marked as devices",
+        )
+
+    @admin.action(description="Mark as emulators", permissions=["decide"])
+    def is_emulator(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
+        models = list(queryset)
+        self.decide(
+            request,
+            lambda by: decisions.judge(models, DeviceModel.Kind.EMULATOR, by),
+            f"{len(models)} marked as emulators",
+        )
+
+    @admin.action(description="Undo marking: let the rules say what it is", permissions=["decide"])
+    def ask_rules(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
+        models = list(queryset)
+        self.decide(request, lambda _by: decisions.leave_to_rules(models), f"{len(models)} left to the rules")
+
+
+@admin.register(DeviceDescription)
+class DeviceDescriptionAdmin(DecidingAdmin):
+    """Raw strings as sent; those of one model can be split off."""
+
+    list_display = ("model", "driver_name", "driver_version", "rules", "split", "first_seen_at")
+    list_filter = ("driver_name", ("split", admin.EmptyFieldListFilter))
+    search_fields = ("model__name", "model__manufacturer", "digest")
+    list_select_related = ("model", "split__model", "split__source")
+    actions = ("split_off",)
+
+    @admin.action(description="Split off into a model of their own", permissions=["decide"])
+    def split_off(self, request: HttpRequest, queryset: QuerySet[DeviceDescription]) -> None:
+        rows = list(queryset)
+        self.decide(request, lambda by: decisions.split(rows, by), f"{len(rows)} descriptions split off")
+
+
+@admin.register(DeviceAlias)
+class DeviceAliasAdmin(DecidingAdmin):
+    """Proposals to review, and every decision with who made it and who undid it."""
+
+    list_display = (
+        "alias", "model", "reason", "state", "proposed_at", "decided_by", "decided_at", "undone_by",
+    )  # fmt: skip
+    list_filter = ("state", "reason", "model__manufacturer")
+    search_fields = ("alias__name", "model__name", "model__market_name", "model__manufacturer")
+    list_select_related = ("alias", "model")
+    actions = ("accept", "refuse", "undo")
+
+    def each(self, request: HttpRequest, queryset: QuerySet[DeviceAlias], act: Any, done: str) -> None:
+        """One decision for each row, so that an impossible one does not stop the others."""
+        for row in queryset.order_by("pk"):
+            self.decide(request, lambda by, row=row: act(row, by), f"{row}: {done}")
+
+    @admin.action(description="Accept: show the alias as the model", permissions=["decide"])
+    def accept(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
+        self.each(request, queryset, decisions.accept, "merged")
+
+    @admin.action(description="Refuse: these are two", permissions=["decide"])
+    def refuse(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
+        self.each(request, queryset, decisions.refuse, "refused")
+
+    @admin.action(description="Undo the decision", permissions=["decide"])
+    def undo(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
+        self.each(request, queryset, decisions.undo, "undone")
+
+
+@admin.register(DeviceSplit)
+class DeviceSplitAdmin(DecidingAdmin):
+    """Splits, with who made and who undid them."""
+
+    list_display = ("model", "source", "decided_by", "decided_at", "undone_by", "undone_at")
+    list_filter = (("undone_at", admin.EmptyFieldListFilter),)
+    list_select_related = ("model", "source")
+    actions = ("undo",)
+
+    @admin.action(description="Undo: put the descriptions back", permissions=["decide"])
+    def undo(self, request: HttpRequest, queryset: QuerySet[DeviceSplit]) -> None:
+        for row in queryset.order_by("pk"):
+            self.decide(request, lambda by, row=row: decisions.undo_split(row, by), f"{row}: undone")
+
+
+@admin.register(CatalogueEntry)
+class CatalogueEntryAdmin(ReadOnlyAdmin):
+    """What was imported."""
+
+    list_display = ("market_name", "maker", "code", "device", "soc", "gpu")
+    search_fields = ("market_name", "code", "device", "maker")
 
 
 @admin.register(Installation)
@@ -42,13 +196,20 @@ class InstallationAdmin(ReadOnlyAdmin):
         "app",
         "app_version",
         "consent_version",
+        "show_model",
         "session_count",
         "created_at",
         "revoked_at",
     )
-    list_filter = ("app", "app_version", "consent_version", ("revoked_at", admin.EmptyFieldListFilter))
+    list_filter = (
+        "app",
+        "app_version",
+        "consent_version",
+        "show_model",
+        ("revoked_at", admin.EmptyFieldListFilter),
+    )
     search_fields = ("id",)
-    exclude = ("token_sha256",)
+    exclude = ("token_sha256", "next_token_sha256")
     actions = ("revoke",)
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Installation]:

@@ -4,6 +4,7 @@ from drf_spectacular.extensions import OpenApiAuthenticationExtension
 from rest_framework.authentication import BaseAuthentication
 from rest_framework.request import Request
 
+from crowd import limits
 from crowd.api import Endpoint
 from crowd.devices.models import Installation
 from crowd.devices.services import installation_of
@@ -40,6 +41,7 @@ class OwnEndpoint(Endpoint):
     """An address that an installation asks with its token."""
 
     authentication_classes = [TokenAuthentication]
+    throttle_classes = [limits.OwnRequests]
 
 
 def installation_asking(request: Request) -> Installation:

@@ -4,6 +4,8 @@ import uuid
 
 from django.db import models
 
+from crowd.devices import names, normalisation
+
 
 class Installation(models.Model):
     """One installed client. Of its token only the digest is kept; of its address nothing."""
@@ -20,6 +22,9 @@ class Installation(models.Model):
     app = models.CharField(max_length=64)
     app_version = models.CharField(max_length=32)
     consent_version = models.PositiveSmallIntegerField()
+    show_model = models.BooleanField(
+        default=False, help_text="the participant agreed that the model is named, however rare it is"
+    )
     created_at = models.DateTimeField(auto_now_add=True)
     revoked_at = models.DateTimeField(null=True, blank=True)
     simulated = models.BooleanField(
@@ -34,7 +39,18 @@ class Installation(models.Model):
 
 
 class DeviceModel(models.Model):
-    """What people call the device, derived from its raw strings: the key of every published figure."""
+    """What people call the device, derived from its raw strings; or a group that rare models are shown under.
+
+    Sessions and figures carry the row that the public sees: the model, or its group while it is rare. A
+    model that is another's alias (`canonical`) is shown as that one.
+    """
+
+    class Kind(models.TextChoices):
+        DEVICE = normalisation.DEVICE
+        UNKNOWN = normalisation.UNKNOWN_DEVICE, "unknown device"
+        EMULATOR = normalisation.EMULATOR
+        VIRTUAL = normalisation.VIRTUAL, "virtual machine"
+        GROUP = "group", "group of rare models"
 
     key = models.CharField(
         max_length=200, unique=True, editable=False, help_text="maker and name, as compared"
@@ -42,17 +58,60 @@ class DeviceModel(models.Model):
     slug = models.SlugField(max_length=120, unique=True)
     manufacturer = models.CharField(max_length=100, blank=True)
     name = models.CharField(max_length=150)
+    market_name = models.CharField(
+        max_length=150, blank=True, help_text="what it is sold as, from the imported catalogue"
+    )
     cpu = models.CharField(max_length=150, blank=True)
     soc = models.CharField(max_length=100, blank=True)
     gpu = models.CharField(max_length=150, blank=True)
     os = models.CharField(max_length=50, blank=True, help_text="family: Android, Linux, macOS, Windows")
+    kind = models.CharField(max_length=10, choices=Kind.choices, default=Kind.DEVICE)
+    judged_by = models.CharField(
+        max_length=150, blank=True, help_text="who set the kind by hand; empty: the rules did"
+    )
+    judged_at = models.DateTimeField(null=True, blank=True)
+    rare = models.BooleanField(
+        default=True, help_text="measured by too few installations to be named; shown as its group"
+    )
+    canonical = models.ForeignKey(
+        "self",
+        on_delete=models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="members",
+        help_text="the model that this one is an alias of",
+    )
+    group = models.ForeignKey(
+        "self", on_delete=models.PROTECT, null=True, blank=True, related_name="rare_models"
+    )
+    changed = models.BooleanField(
+        default=True, editable=False, help_text="its sessions wait to be put under what the public sees"
+    )
+    examined = models.BooleanField(default=False, editable=False, help_text="aliases were looked for")
     created_at = models.DateTimeField(auto_now_add=True)
 
     class Meta:
         ordering = ["slug"]
+        indexes = [
+            models.Index(fields=["id"], name="device_changed", condition=models.Q(changed=True)),
+            models.Index(fields=["id"], name="device_unexamined", condition=models.Q(examined=False)),
+        ]
 
     def __str__(self) -> str:
-        return f"{self.manufacturer} {self.name}".strip()
+        return f"{self.manufacturer} {self.shown_name}".strip()
+
+    @property
+    def shown_name(self) -> str:
+        """The market name with the code behind it, or the name alone."""
+        market = names.without_maker(self.market_name, self.manufacturer)
+        if not market or names.folded(market) == names.folded(self.name):
+            return self.name
+        return f"{market} ({self.name})"
+
+    @property
+    def shown(self) -> "DeviceModel":
+        """The model that this one is an alias of, else itself."""
+        return self.canonical or self
 
 
 class DeviceDescription(models.Model):
@@ -61,10 +120,107 @@ class DeviceDescription(models.Model):
     digest = models.CharField(max_length=64, unique=True, editable=False)
     raw = models.JSONField()
     model = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="descriptions")
+    driver_name = models.CharField(max_length=50, blank=True)
+    driver_version = models.CharField(max_length=50, blank=True)
+    rules = models.PositiveSmallIntegerField(
+        default=0, editable=False, help_text="version of the rules that derived the model"
+    )
+    split = models.ForeignKey(
+        "DeviceSplit",
+        on_delete=models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="descriptions",
+        help_text="the decision that took it out of the model that the rules would choose",
+    )
     first_seen_at = models.DateTimeField(auto_now_add=True)
 
     class Meta:
         ordering = ["-first_seen_at"]
+        indexes = [models.Index(fields=["rules", "id"], name="description_rules")]
 
     def __str__(self) -> str:
         return f"{self.model} {self.digest[:8]}"
+
+    @property
+    def driver(self) -> str:
+        """The OpenCL driver by name and version."""
+        return f"{self.driver_name} {self.driver_version}".strip()
+
+
+class DeviceAlias(models.Model):
+    """Two names of one model: proposed by a rule or said by an administrator, decided by one, undone by one.
+
+    Rows are never edited back: an undone decision stays, with who and when.
+    """
+
+    class State(models.TextChoices):
+        PROPOSED = "proposed"
+        ACCEPTED = "accepted"
+        REFUSED = "refused"
+        UNDONE = "undone"
+
+    alias = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="aliases")
+    model = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="alias_of")
+    reason = models.CharField(max_length=100)
+    state = models.CharField(max_length=10, choices=State.choices, default=State.PROPOSED)
+    proposed_at = models.DateTimeField(auto_now_add=True)
+    decided_at = models.DateTimeField(null=True, blank=True)
+    decided_by = models.CharField(max_length=150, blank=True)
+    undone_at = models.DateTimeField(null=True, blank=True)
+    undone_by = models.CharField(max_length=150, blank=True)
+
+    class Meta:
+        verbose_name_plural = "device aliases"
+        ordering = ["-id"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["alias"], condition=models.Q(state="accepted"), name="one_model_of_an_alias"
+            ),
+            models.UniqueConstraint(
+                fields=["alias", "model"],
+                condition=models.Q(state__in=["proposed", "refused"]),
+                name="one_proposal_of_a_pair",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.alias} = {self.model}"
+
+
+class DeviceSplit(models.Model):
+    """Descriptions that an administrator took out of a model that the rules put them in."""
+
+    source = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="splits")
+    model = models.OneToOneField(DeviceModel, on_delete=models.CASCADE, related_name="split_from")
+    decided_at = models.DateTimeField(auto_now_add=True)
+    decided_by = models.CharField(max_length=150)
+    undone_at = models.DateTimeField(null=True, blank=True)
+    undone_by = models.CharField(max_length=150, blank=True)
+
+    class Meta:
+        ordering = ["-id"]
+
+    def __str__(self) -> str:
+        return f"{self.model} out of {self.source}"
+
+
+class CatalogueEntry(models.Model):
+    """A line of an imported catalogue: what a maker's code is sold as, and the chips in it."""
+
+    maker = models.CharField(max_length=100, blank=True, help_text="as compared; empty: the list names none")
+    device = models.CharField(max_length=100, blank=True, db_index=True, help_text="Android's Build.DEVICE")
+    code = models.CharField(max_length=100, blank=True, db_index=True, help_text="Android's Build.MODEL")
+    market_name = models.CharField(max_length=150)
+    soc = models.CharField(max_length=100, blank=True)
+    gpu = models.CharField(max_length=150, blank=True)
+
+    class Meta:
+        verbose_name_plural = "catalogue entries"
+        ordering = ["maker", "market_name"]
+        constraints = [
+            models.UniqueConstraint(fields=["maker", "device", "code"], name="catalogue_key"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.market_name} ({self.code or self.device})"

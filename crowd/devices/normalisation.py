@@ -12,50 +12,35 @@ from typing import Any
 
 from django.utils.text import slugify
 
+from crowd.devices import chips, names
+from crowd.devices.emulators import is_emulator, is_virtual_machine
+from crowd.devices.names import text
+
+# Counts up with every change of a rule: descriptions derived by older rules are derived again.
+RULES = 1
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
 # What a model is known by, and the driver that ran.
 RAW_STRINGS = frozenset(
     {
-        "board", "board_platform", "brand", "cpu", "egl", "manufacturer", "model", "opencl_device",
-        "opencl_driver", "opencl_platform", "os", "soc_manufacturer", "soc_model",
+        "board", "board_platform", "brand", "cpu", "device", "egl", "manufacturer", "model",
+        "opencl_device", "opencl_driver", "opencl_platform", "os", "product", "soc_manufacturer",
+        "soc_model",
     }
 )  # fmt: skip
-# What firmware says when nobody filled in the form.
-PLACEHOLDERS = frozenset(
-    {
-        "", "0", "all series", "default string", "invalid", "n/a", "none", "not applicable", "not specified",
-        "null", "o.e.m.", "oem", "system manufacturer", "system product name", "system version",
-        "to be filled by o.e.m.", "undefined", "unknown",
-    }
-)  # fmt: skip
-COMPANY = re.compile(
-    r"[,.]?\s+(inc|incorporated|corp|corporation|co|company|ltd|limited|llc|gmbh|ag|s\.?a|b\.?v|plc)\b\.?,?",
-    re.IGNORECASE,
-)
-# Makers write their own name in several ways; the way people know it.
-MAKERS = {
-    "asus": "ASUS", "asustek": "ASUS", "asustek computer": "ASUS", "dell": "Dell", "google": "Google",
-    "hewlett-packard": "HP", "hp": "HP", "htc": "HTC", "huawei": "Huawei", "innotek": "VirtualBox",
-    "lenovo": "Lenovo", "lg": "LG",
-    "lge": "LG", "micro-star international": "MSI", "motorola": "Motorola", "msi": "MSI", "nokia": "Nokia",
-    "nvidia": "NVIDIA", "oneplus": "OnePlus", "oppo": "OPPO", "qemu": "QEMU", "realme": "realme",
-    "samsung": "Samsung", "sony": "Sony", "tcl": "TCL", "vivo": "vivo", "vmware": "VMware",
-    "xiaomi": "Xiaomi", "zte": "ZTE",
-}  # fmt: skip
-CPU_NOISE = re.compile(
-    r"\((r|tm|c)\)|\b(cpu|processor)\b|@.*$|\b\d+(\.\d+)?\s*[mg]hz\b|\b\d+-core\b|\bwith (radeon|amd)\b.*$",
-    re.IGNORECASE,
-)
 SYSTEMS = {"android": "Android", "windows": "Windows", "macos": "macOS", "darwin": "macOS", "ios": "iOS"}
+HANDHELD = frozenset({"Android", "iOS"})
 # Platforms whose devices are the processor itself, not a graphics chip.
 CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu", re.IGNORECASE)
-CPU_DEVICE = re.compile(r"^(cpu|pthread|basic)\b|^pocl|\bcpu\b", re.IGNORECASE)
+
+DEVICE, UNKNOWN_DEVICE, EMULATOR, VIRTUAL = "device", "unknown", "emulator", "virtual"
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What raw strings come to. `key` starts with the maker: no model merges across makers."""
+    """What raw strings come to. `key` starts with the maker: no model merges across makers. `kind` is DEVICE,
+    UNKNOWN_DEVICE (its strings tell no model), EMULATOR or VIRTUAL (a PC's virtual machine).
+    """
 
     key: str
     slug: str
@@ -65,20 +50,24 @@ class Identity:
     soc: str
     gpu: str
     os: str
+    kind: str
+
+    @property
+    def emulator(self) -> bool:
+        """Whether its figures say nothing of the device that it names."""
+        return self.kind == EMULATOR
 
 
 def identify(raw: Mapping[str, Any]) -> Identity:
     """The identity behind RAW, the client's strings; every one may be absent or null."""
-    system = operating_system(_text(raw, "os"))
-    maker = manufacturer(_text(raw, "manufacturer") or _text(raw, "brand"))
-    model = _without_prefix(_text(raw, "model") or _text(raw, "board"), maker)
-    cpu = processor(_text(raw, "cpu"))
-    soc = " ".join(filter(None, (_text(raw, "soc_manufacturer"), _text(raw, "soc_model"))))
-    soc = soc or _text(raw, "board_platform")
+    system = operating_system(text(raw, "os"))
+    maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
+    model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
+    cpu = chips.processor(text(raw, "cpu"))
+    soc = system_on_chip(raw, system)
     # A PC's product name says little of its speed, a virtual machine's nothing: the processor belongs to
     # the name.
-    handheld = system in {"Android", "iOS", "macOS"}
-    if handheld and model:
+    if model and (system in HANDHELD or system == "macOS"):
         name = model
     elif model and cpu:
         name = f"{model}, {cpu}"
@@ -94,6 +83,7 @@ def identify(raw: Mapping[str, Any]) -> Identity:
         soc=soc[:100],
         gpu=graphics(raw)[:150],
         os=system[:50],
+        kind=kind_of(raw, system, maker, model or cpu),
     )
 
 
@@ -103,46 +93,40 @@ def slug_of(maker: str, name: str, key: str = "") -> str:
     return f"{slug}-{hashlib.sha256(key.encode()).hexdigest()[:8]}" if key else slug
 
 
-def manufacturer(text: str) -> str:
-    """The maker's name without its legal form, written as people know it."""
-    short = COMPANY.sub("", text).strip(" ,.")
-    known = MAKERS.get(short.casefold())
-    if known:
-        return known
-    return short.capitalize() if short.islower() or (short.isupper() and len(short) > 4) else short
+def kind_of(raw: Mapping[str, Any], system: str, maker: str, model: str) -> str:
+    """Which of DEVICE, UNKNOWN_DEVICE, EMULATOR and VIRTUAL the strings come to."""
+    handheld = system in HANDHELD
+    if is_emulator(raw, handheld):
+        return EMULATOR
+    if not handheld and is_virtual_machine(raw):
+        return VIRTUAL
+    return UNKNOWN_DEVICE if names.says_nothing(maker, model) else DEVICE
 
 
-def processor(text: str) -> str:
-    """A processor's model without trade marks, clocks and core counts."""
-    return " ".join(CPU_NOISE.sub(" ", text).split())
-
-
-def operating_system(text: str) -> str:
+def operating_system(line: str) -> str:
     """The family: Android, Windows, macOS, iOS, Linux for every distribution; empty when unknown."""
-    if not text:
+    if not line:
         return ""
-    return next((name for start, name in SYSTEMS.items() if text.casefold().startswith(start)), "Linux")
+    return next((name for start, name in SYSTEMS.items() if line.casefold().startswith(start)), "Linux")
+
+
+def system_on_chip(raw: Mapping[str, Any], system: str) -> str:
+    """The system on a chip, by the properties that name it, the board's code name, or an old phone's kernel
+    (which writes it where others write the processor). Empty for a PC.
+    """
+    told = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
+    board = text(raw, "board_platform")
+    if system == "Android":
+        kernel = chips.system_on_chip(text(raw, "cpu"))
+        return chips.system_on_chip(told, board, kernel if kernel != text(raw, "cpu") else "")
+    return chips.system_on_chip(told, board)
 
 
 def graphics(raw: Mapping[str, Any]) -> str:
     """The graphics chip: the OpenCL device where it is one, else the name of Android's driver."""
-    device, platform = _text(raw, "opencl_device"), _text(raw, "opencl_platform")
-    if device and not CPU_PLATFORM.search(platform) and not CPU_DEVICE.search(device):
-        return re.sub(r"\((r|tm)\)", "", device, flags=re.IGNORECASE)
-    egl = _text(raw, "egl")
-    return egl.capitalize() if egl.islower() else egl
-
-
-def _text(raw: Mapping[str, Any], field: str) -> str:
-    value = raw.get(field)
-    if not isinstance(value, str):
-        return ""
-    text = " ".join(value.split())
-    return "" if text.casefold() in PLACEHOLDERS else text
-
-
-def _without_prefix(model: str, maker: str) -> str:
-    """'HUAWEI NXT-L29' by Huawei is NXT-L29, so that the maker is not said twice."""
-    if maker and model.casefold().startswith(f"{maker.casefold()} "):
-        return model[len(maker) :].strip()
-    return model
+    if not CPU_PLATFORM.search(text(raw, "opencl_platform")):
+        chip = chips.graphics(text(raw, "opencl_device"))
+        if chip is not None:
+            return chip.name
+    driver = chips.graphics(text(raw, "egl"))
+    return driver.name if driver else ""

@@ -1,14 +1,13 @@
-"""Writes of devices: enrolment of an installation, recognition of the model behind raw strings."""
+"""Writes of installations: enrolment, tokens, whether their models are named."""
 
 import hashlib
 import secrets
-from typing import Any
 
-import msgspec
 from django.db import transaction
+from django.db.models import Q
 
-from crowd.devices import normalisation
-from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.devices import recognition
+from crowd.devices.models import DeviceModel, Installation
 
 
 def enrol(app: str, app_version: str, consent_version: int) -> tuple[Installation, str]:
@@ -20,41 +19,43 @@ def enrol(app: str, app_version: str, consent_version: int) -> tuple[Installatio
     return installation, token
 
 
+def renew_token(installation: Installation) -> str:
+    """A token that takes the place of the present one when it is used first; until then both work.
+
+    An answer that never arrived thus locks nobody out. Of several such tokens only the last works.
+    """
+    token = secrets.token_urlsafe(32)
+    Installation.objects.filter(pk=installation.pk).update(next_token_sha256=_digest(token))
+    return token
+
+
 def installation_of(token: str) -> Installation | None:
-    """Whose TOKEN it is; None for one that is unknown or revoked. One query."""
-    return Installation.objects.filter(token_sha256=_digest(token), revoked_at=None).first()
+    """Whose TOKEN it is; None for one that is unknown, was followed by another or revoked. One query."""
+    digest = _digest(token)
+    known = Installation.objects.filter(revoked_at=None)
+    installation = known.filter(Q(token_sha256=digest) | Q(next_token_sha256=digest)).first()
+    if installation is not None and installation.next_token_sha256 == digest:
+        Installation.objects.filter(next_token_sha256=digest).update(
+            token_sha256=digest, next_token_sha256=None
+        )
+    return installation
 
 
 @transaction.atomic
-def recognise(raw: dict[str, Any]) -> DeviceDescription:
-    """The stored description equal to RAW, and through it the model; both are made on first sight."""
-    digest = hashlib.sha256(msgspec.json.encode(raw, order="sorted")).hexdigest()
-    known = DeviceDescription.objects.select_related("model").filter(digest=digest).first()
-    if known is not None:
-        return known
-    description, _ = DeviceDescription.objects.get_or_create(
-        digest=digest, defaults={"raw": raw, "model": _model(normalisation.identify(raw))}
-    )
-    return description
+def choose_disclosure(installation: Installation, show_model: bool | None) -> None:
+    """Name the models of INSTALLATION however rare they are, or do not; None: as before.
 
-
-def _model(identity: normalisation.Identity) -> DeviceModel:
-    """The model with the identity's key. Parts that an earlier device did not tell are filled in."""
-    taken = DeviceModel.objects.filter(slug=identity.slug).exclude(key=identity.key).exists()
-    slug = (
-        normalisation.slug_of(identity.manufacturer, identity.name, identity.key) if taken else identity.slug
+    Its earlier sessions follow in a task.
+    """
+    if show_model is None or show_model == installation.show_model:
+        return
+    installation.show_model = show_model
+    installation.save(update_fields=["show_model"])
+    recognition.announce(
+        DeviceModel.objects.filter(descriptions__sessions__installation=installation).values_list(
+            "pk", flat=True
+        )
     )
-    parts = {"cpu": identity.cpu, "soc": identity.soc, "gpu": identity.gpu, "os": identity.os}
-    model, new = DeviceModel.objects.get_or_create(
-        key=identity.key,
-        defaults={"slug": slug, "manufacturer": identity.manufacturer, "name": identity.name, **parts},
-    )
-    missing = {part: value for part, value in parts.items() if value and not getattr(model, part)}
-    if not new and missing:
-        for part, value in missing.items():
-            setattr(model, part, value)
-        model.save(update_fields=list(missing))
-    return model
 
 
 def _digest(token: str) -> str:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from crowd.devices.models import DeviceModel
 from crowd.devices.normalisation import identify
-from crowd.devices.services import recognise
+from crowd.devices.recognition import recognise
 
 PC = {
     "os": "Debian GNU/Linux",

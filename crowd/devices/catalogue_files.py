@@ -1,0 +1,104 @@
+"""Catalogues of Android devices as files: Google Play's device catalogue and lists of model names, as CSV.
+
+| column | names it goes by |
+|---|---|
+| maker | Manufacturer, Retail Branding, Brand |
+| market name | Model Name, Marketing Name, Name |
+| device (Build.DEVICE) | Device, Codename; Model Code where there is neither |
+| code (Build.MODEL) | Model Code, Model |
+| system on a chip, graphics chip | System on Chip; GPU |
+"""
+
+import csv
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+COLUMNS = {
+    "maker": ("manufacturer", "retail branding", "brand"),
+    "market_name": ("model name", "marketing name", "name"),
+    "device": ("device", "codename", "model code"),
+    "code": ("model code", "model"),
+    "soc": ("system on chip",),
+    "gpu": ("gpu",),
+}
+LONGEST = {"maker": 100, "market_name": 150, "device": 100, "code": 100, "soc": 200, "gpu": 200}
+ABSENT = frozenset({"", "unknown", "null", "n/a"})
+
+
+class CatalogueFileError(ValueError):
+    """A file that is no such catalogue; the message says what it has and what would be right."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """One device of a catalogue. Empty text where the catalogue says nothing."""
+
+    number: int
+    maker: str
+    market_name: str
+    device: str
+    code: str
+    soc: str
+    gpu: str
+
+
+@dataclass(frozen=True)
+class BadLine:
+    """A line that is no device, and why."""
+
+    number: int
+    reason: str
+
+
+def read(path: Path) -> Iterator[Line | BadLine]:
+    """The devices in PATH, UTF-8 or UTF-16, in their order. Raises CatalogueFileError, OSError."""
+    with path.open("rb") as probe:
+        encoding = "utf-16" if probe.read(2) in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    with path.open(newline="", encoding=encoding) as file:
+        rows = csv.reader(file)
+        try:
+            header = next(rows, [])
+            columns = _columns(header)
+            for row in rows:
+                if any(cell.strip() for cell in row):
+                    yield _line(rows.line_num, row, len(header), columns)
+        except UnicodeDecodeError as error:
+            raise CatalogueFileError(f"{path} is neither UTF-8 nor UTF-16 with a mark: {error}") from error
+        except csv.Error as error:
+            raise CatalogueFileError(f"{path}, line {rows.line_num}: {error}") from error
+
+
+def _columns(header: list[str]) -> dict[str, int]:
+    """Where each column is. Raises CatalogueFileError where the names or the keys of devices are missing."""
+    places = {name.strip().casefold(): place for place, name in enumerate(header)}
+    columns = {
+        column: places[known]
+        for column, names in COLUMNS.items()
+        for known in reversed(names)
+        if known in places
+    }
+    if "market_name" not in columns or not {"device", "code"} & columns.keys():
+        had = ", ".join(header) or "nothing"
+        raise CatalogueFileError(
+            f"the first line names {had}: a catalogue needs a column Model Name, Marketing Name or Name, and "
+            "one of Device, Codename, Model Code or Model"
+        )
+    return columns
+
+
+def _line(number: int, row: list[str], width: int, columns: Mapping[str, int]) -> Line | BadLine:
+    if len(row) != width:
+        return BadLine(number, f"{len(row)} columns instead of {width}")
+    cells = {column: " ".join(row[place].split()) for column, place in columns.items()}
+    told = {column: "" if cells.get(column, "").casefold() in ABSENT else cells[column] for column in COLUMNS}
+    if not told["market_name"]:
+        return BadLine(number, "no name that it is sold by")
+    if not told["device"] and not told["code"]:
+        return BadLine(number, "neither a device name nor a code")
+    for column, most in LONGEST.items():
+        if len(told[column]) > most or "\0" in told[column]:
+            return BadLine(
+                number, f"{column} {told[column][:40]!r}... is longer than {most} characters or holds NUL"
+            )
+    return Line(number=number, **told)

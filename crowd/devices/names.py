@@ -1,0 +1,74 @@
+"""Names as firmware writes them and as people know them: strings, makers, spellings that mean the same."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+# What firmware says when nobody filled in the form.
+PLACEHOLDERS = frozenset(
+    {
+        "", "-", "0", "all series", "by o.e.m.", "default", "default string", "invalid", "n/a", "none",
+        "not applicable", "not specified", "null", "o.e.m.", "oem", "system manufacturer",
+        "system product name", "system version", "to be filled by o.e.m.", "undefined", "unknown", "xxx",
+    }
+)  # fmt: skip
+COMPANY = re.compile(
+    r"[,.]?\s+(inc|incorporated|corp|corporation|co|company|ltd|limited|llc|gmbh|ag|s\.?a|b\.?v|plc)\b\.?,?",
+    re.IGNORECASE,
+)
+# Makers write their own name in several ways; the way people know it.
+MAKERS = {
+    "asus": "ASUS", "asustek": "ASUS", "asustek computer": "ASUS", "dell": "Dell", "google": "Google",
+    "hewlett-packard": "HP", "hewlett packard": "HP", "hp": "HP", "htc": "HTC", "huawei": "Huawei",
+    "innotek": "VirtualBox", "lenovo": "Lenovo", "lg": "LG", "lge": "LG", "lg electronics": "LG",
+    "micro-star international": "MSI", "motorola": "Motorola", "msi": "MSI", "nokia": "Nokia",
+    "nvidia": "NVIDIA", "oneplus": "OnePlus", "oppo": "OPPO", "qemu": "QEMU", "realme": "realme",
+    "samsung": "Samsung", "samsung electronics": "Samsung", "sony": "Sony", "tcl": "TCL", "vivo": "vivo",
+    "vmware": "VMware", "xiaomi": "Xiaomi", "zte": "ZTE",
+}  # fmt: skip
+# Chip makers, and what their kits for building phones leave in the maker's place: no maker's name.
+REFERENCE_MAKERS = frozenset(
+    {"allwinner", "alps", "android", "aosp", "mediatek", "mtk", "qualcomm", "rockchip", "softwinner", "sprd"}
+)
+NAMES_NOTHING = re.compile(
+    r"^(generic\b.*|generic_.*|.* for arm(64)?|full[ _](android|aosp|base).*|aosp.*|mt6\d{3}|rk3\d{3}.*|"
+    r"sprd.*)$",
+    re.IGNORECASE,
+)
+
+
+def text(raw: Mapping[str, Any], field: str) -> str:
+    """RAW's string of that name in one line; empty where it is absent, no string, or a placeholder."""
+    value = raw.get(field)
+    if not isinstance(value, str):
+        return ""
+    line = " ".join(value.split())
+    return "" if line.casefold() in PLACEHOLDERS else line
+
+
+def manufacturer(name: str) -> str:
+    """The maker's name without its legal form, written as people know it."""
+    short = COMPANY.sub("", name).strip(" ,.")
+    known = MAKERS.get(short.casefold())
+    if known:
+        return known
+    return short.capitalize() if short.islower() or (short.isupper() and len(short) > 4) else short
+
+
+def without_maker(model: str, maker: str) -> str:
+    """'HUAWEI NXT-L29' by Huawei is NXT-L29, so that the maker is not said twice."""
+    if maker and model.casefold().startswith(f"{maker.casefold()} "):
+        return model[len(maker) :].strip()
+    return model
+
+
+def folded(name: str) -> str:
+    """Letters and digits alone, small: 'Redmi_Note-3' and 'REDMI NOTE 3' are one spelling. '+' counts, as a
+    Galaxy S9+ is no Galaxy S9.
+    """
+    return "".join(c for c in name.casefold() if c.isalnum() or c == "+")
+
+
+def says_nothing(maker: str, model: str) -> bool:
+    """Whether the two tell no device: no model, or the names of a chip maker's kit."""
+    return not model or maker.casefold() in REFERENCE_MAKERS or bool(NAMES_NOTHING.match(model))

@@ -1,0 +1,214 @@
+"""From raw strings to stored models: on first sight, and again when a rule or the catalogue got better."""
+
+import hashlib
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+from django.db import transaction
+from django.db.models import QuerySet
+
+from crowd.devices import catalogue, disclosure, drivers, normalisation
+from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.devices.normalisation import Identity
+from crowd.devices.signals import models_changed
+
+PARTS = ("cpu", "soc", "gpu", "os", "market_name")
+BATCH = 200
+
+
+@transaction.atomic
+def recognise(raw: dict[str, Any]) -> DeviceDescription:
+    """The stored description equal to RAW, with its model, what that is an alias of, and the group of both;
+    all are made on first sight. One query for what is known.
+    """
+    digest = hashlib.sha256(msgspec.json.encode(raw, order="sorted")).hexdigest()
+    known = _described().filter(digest=digest).first()
+    if known is None:
+        identity, entry = _derived(raw)
+        driver = drivers.driver(raw)
+        DeviceDescription.objects.get_or_create(
+            digest=digest,
+            defaults={
+                "raw": raw,
+                "model": _model(identity, entry),
+                "driver_name": driver.name,
+                "driver_version": driver.version[:50],
+                "rules": normalisation.RULES,
+            },
+        )
+        known = _described().get(digest=digest)
+    if known.model.shown.group is None:
+        _regroup(known.model.shown)
+    return known
+
+
+def renormalise_waiting(limit: int = BATCH) -> int:
+    """Derive again what older rules derived, at most LIMIT descriptions; how many there were."""
+    waiting = DeviceDescription.objects.filter(rules__lt=normalisation.RULES).order_by("pk")[:limit]
+    return renormalise(DeviceDescription.objects.filter(pk__in=list(waiting.values_list("pk", flat=True))))
+
+
+@transaction.atomic
+def renormalise(descriptions: QuerySet[DeviceDescription]) -> int:
+    """Derive models and drivers of DESCRIPTIONS again; how many. What an administrator decided stays.
+
+    A model all of whose descriptions get one new, free name is renamed and keeps its address, its aliases
+    and its sessions; else descriptions move, and their sessions follow in a task. Models whose descriptions
+    are not all among DESCRIPTIONS are derived from all of theirs.
+    """
+    keys = set(descriptions.values_list("model_id", flat=True))
+    rows = list(
+        DeviceDescription.objects.filter(model_id__in=keys).select_related("model", "split").order_by("pk")
+    )
+    by_model: dict[int, list[DeviceDescription]] = {}
+    for row in rows:
+        by_model.setdefault(row.model_id, []).append(row)
+    touched: set[int] = set()
+    for described in by_model.values():
+        touched |= _rederive(described)
+    if touched:
+        announce(touched)
+    return len(rows)
+
+
+def _rederive(described: list[DeviceDescription]) -> set[int]:
+    """Derive one model's descriptions again; keys of the models whose sessions or figures that changes."""
+    old = described[0].model
+    derived = [(row, *_derived(row.raw)) for row in described]
+    ruled = [identity for row, identity, _ in derived if row.split_id is None]
+    keys = {identity.key for identity in ruled}
+    if len(keys) == 1 and old.key not in keys and not DeviceModel.objects.filter(key__in=keys).exists():
+        old.key, old.manufacturer, old.name = ruled[0].key, ruled[0].manufacturer, ruled[0].name
+        old.save(update_fields=["key", "manufacturer", "name"])
+    touched: set[int] = set()
+    reset: dict[int, DeviceModel] = {}
+    for row, identity, entry in derived:
+        model = old if row.split_id is not None else _model(identity, entry)
+        if model.pk not in reset:
+            kind = model.kind
+            _reset_parts(model, identity, entry)
+            reset[model.pk] = model
+            if model.kind != kind:
+                touched.add(model.pk)
+        _complete(reset[model.pk], identity, entry)
+        if model.pk != row.model_id:
+            touched |= {model.pk, row.model_id}
+        driver = drivers.driver(row.raw)
+        row.model, row.rules = reset[model.pk], normalisation.RULES
+        row.driver_name, row.driver_version = driver.name, driver.version[:50]
+        row.save(update_fields=["model", "rules", "driver_name", "driver_version"])
+    return touched
+
+
+def _described() -> QuerySet[DeviceDescription]:
+    return DeviceDescription.objects.select_related("model__group", "model__canonical__group")
+
+
+def _derived(raw: dict[str, Any]) -> tuple[Identity, catalogue.Entry]:
+    return normalisation.identify(raw), catalogue.look_up(raw)
+
+
+def _model(identity: Identity, entry: catalogue.Entry) -> DeviceModel:
+    """The model with the identity's key. Parts that an earlier device did not tell are filled in."""
+    taken = DeviceModel.objects.filter(slug=identity.slug).exclude(key=identity.key).exists()
+    slug = (
+        normalisation.slug_of(identity.manufacturer, identity.name, identity.key) if taken else identity.slug
+    )
+    model, new = DeviceModel.objects.get_or_create(
+        key=identity.key,
+        defaults={
+            "slug": slug,
+            "manufacturer": identity.manufacturer,
+            "name": identity.name,
+            "kind": identity.kind,
+            "rare": disclosure.is_rare(1),
+            "changed": False,
+            **_parts(identity, entry),
+        },
+    )
+    if new:
+        _regroup(model)
+    else:
+        _complete(model, identity, entry)
+    return model
+
+
+def _parts(identity: Identity, entry: catalogue.Entry) -> dict[str, str]:
+    """What is told of the device itself; the catalogue fills in what the device kept to itself."""
+    return {
+        "cpu": identity.cpu,
+        "soc": identity.soc or entry.soc,
+        "gpu": identity.gpu or entry.gpu,
+        "os": identity.os,
+        "market_name": entry.market_name,
+    }
+
+
+def _complete(model: DeviceModel, identity: Identity, entry: catalogue.Entry) -> None:
+    missing = {
+        part: text for part, text in _parts(identity, entry).items() if text and not getattr(model, part)
+    }
+    if missing:
+        for part, value in missing.items():
+            setattr(model, part, value)
+        model.save(update_fields=list(missing))
+        _regroup(model)
+
+
+def _reset_parts(model: DeviceModel, identity: Identity, entry: catalogue.Entry) -> None:
+    """What older rules said of MODEL goes; its kind stays where an administrator set it."""
+    for part, value in _parts(identity, entry).items():
+        setattr(model, part, value)
+    if not model.judged_by:
+        model.kind = identity.kind
+    model.save(update_fields=[*PARTS, "kind"])
+    _regroup(model)
+
+
+def regroup(models: Iterable[DeviceModel]) -> None:
+    """Give each of MODELS the group that its parts ask for."""
+    for model in models:
+        _regroup(model)
+
+
+def _regroup(model: DeviceModel) -> None:
+    group = disclosure.group_of(model)
+    if model.group is not None and model.group.key == group.key:
+        return
+    earlier = model.group_id
+    slug = normalisation.slug_of("", group.name)
+    if DeviceModel.objects.filter(slug=slug).exclude(key=group.key).exists():
+        slug = normalisation.slug_of("", group.name, group.key)
+    model.group, _ = DeviceModel.objects.get_or_create(
+        key=group.key,
+        defaults={
+            "slug": slug,
+            "name": group.name[:150],
+            "cpu": group.cpu,
+            "soc": group.soc,
+            "gpu": group.gpu,
+            "os": group.os,
+            "kind": DeviceModel.Kind.GROUP,
+            "rare": False,
+            "changed": False,
+            "examined": True,
+        },
+    )
+    model.save(update_fields=["group"])
+    if earlier is not None:
+        announce({model.pk})
+
+
+def announce(keys: Iterable[int]) -> None:
+    """Mark the models KEYS, and tell after the transaction that their sessions may have to move."""
+    changed = sorted(set(keys))
+    DeviceModel.objects.filter(pk__in=changed).update(changed=True)
+    transaction.on_commit(lambda: models_changed.send(sender=DeviceModel, keys=changed))
+
+
+def mark_all() -> list[int]:
+    """Mark every model for a new count of who measured it; their primary keys."""
+    models = DeviceModel.objects.exclude(kind=DeviceModel.Kind.GROUP)
+    models.update(changed=True)
+    return list(models.values_list("pk", flat=True))

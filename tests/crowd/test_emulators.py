@@ -1,0 +1,64 @@
+"""What is no device of its own."""
+
+import pytest
+
+from crowd.devices.normalisation import DEVICE, EMULATOR, UNKNOWN_DEVICE, VIRTUAL, identify
+
+
+@pytest.mark.parametrize(
+    "strings",
+    [
+        {"manufacturer": "Google", "model": "sdk_gphone64_arm64", "board_platform": ""},
+        {"manufacturer": "unknown", "model": "Android SDK built for x86_64"},
+        {"manufacturer": "Google", "model": "Pixel 8", "board": "goldfish_x86_64"},
+        {"manufacturer": "Samsung", "model": "SM-G930F", "board_platform": "ranchu"},
+        {"manufacturer": "Samsung", "model": "SM-G930F", "device": "generic_x86"},
+        {"manufacturer": "Genymotion", "model": "Nexus 5"},
+        {"manufacturer": "BlueStacks", "model": "BlueStacks"},
+        {"manufacturer": "UNKNOWN", "model": "FULL ANDROID ON EMULATOR"},
+        {"manufacturer": "UNKNOWN", "model": "GCE X86 PHONE"},
+        {"manufacturer": "innotek GmbH", "model": "VirtualBox"},
+        {"manufacturer": "Unknown", "model": "sdk"},
+    ],
+)
+def test_an_emulated_phone_is_an_emulator(strings: dict[str, str]) -> None:
+    identity = identify({"os": "Android", **strings})
+
+    assert identity.emulator
+    assert identity.kind == EMULATOR
+
+
+@pytest.mark.parametrize(
+    "strings",
+    [
+        {"manufacturer": "innotek GmbH", "model": "VirtualBox", "cpu": "Intel(R) Core(TM) i7-8550U"},
+        {"manufacturer": "QEMU", "model": "Standard PC (Q35 + ICH9, 2009)", "cpu": "AMD EPYC 7B13"},
+        {"manufacturer": "VMware, Inc.", "model": "VMware Virtual Platform", "cpu": "Intel Xeon"},
+        {"manufacturer": "Microsoft Corporation", "model": "Virtual Machine", "cpu": "Intel Xeon"},
+        {"manufacturer": "Xen", "model": "HVM domU", "cpu": "Intel Xeon"},
+    ],
+)
+def test_a_pcs_virtual_machine_is_marked_and_counts(strings: dict[str, str]) -> None:
+    identity = identify({"os": "Debian GNU/Linux", **strings})
+
+    assert identity.kind == VIRTUAL
+    assert not identity.emulator
+
+
+def test_a_played_processor_is_an_emulator_on_a_pc_too() -> None:
+    assert identify({"os": "Linux", "manufacturer": "QEMU", "cpu": "QEMU Virtual CPU version 2.5+"}).emulator
+
+
+@pytest.mark.parametrize(
+    ("maker", "model"),
+    [("ALPS", "E5533"), ("OPPO", "MSM8916 for arm64"), ("unknown", "generic_a53_32"), ("", ""), ("HTC", "")],
+)
+def test_names_of_a_chip_makers_kit_are_unknown_devices(maker: str, model: str) -> None:
+    assert identify({"os": "Android", "manufacturer": maker, "model": model}).kind == UNKNOWN_DEVICE
+
+
+@pytest.mark.parametrize(
+    ("maker", "model"), [("Nokia", "Nokia 6.1"), ("Samsung", "SM-N9005"), ("ANDY", "Android One X")]
+)
+def test_an_ordinary_phone_is_a_device(maker: str, model: str) -> None:
+    assert identify({"os": "Android", "manufacturer": maker, "model": model}).kind == DEVICE
