@@ -1,6 +1,7 @@
 """What every endpoint of the API shares: JSON in and out, bodies with a limit, lists by cursor."""
 
 import base64
+import re
 import zlib
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
@@ -8,16 +9,21 @@ from urllib.parse import urlencode
 
 import msgspec
 from django.conf import settings
-from django.http import HttpRequest, HttpResponse
+from django.http import HttpRequest, HttpResponse, UnreadablePostError
+from django.http.response import HttpResponseBase
 from rest_framework.negotiation import BaseContentNegotiation
 from rest_framework.request import Request
 from rest_framework.views import APIView
 
+from crowd import limits
 from crowd.problems import Problem
 
 T = TypeVar("T")
 PAGE = 100
 LONGEST_PAGE = 1000
+WHOLE_NUMBER = re.compile(r"[0-9]{1,9}")
+# A body may inflate to what it might have been without gzip, and beyond that to so many times its size.
+INFLATION = 100
 
 
 class AnyAccept(BaseContentNegotiation):
@@ -31,9 +37,26 @@ class AnyAccept(BaseContentNegotiation):
 
 
 class Endpoint(APIView):
-    """A public address of the API."""
+    """A public address of the API: anybody may ask, so often."""
 
     content_negotiation_class = AnyAccept
+    throttle_classes: list[type[limits.Limit]] = [limits.Reads]
+    usage: limits.Usage | None = None  # set by the limit, once it has counted
+
+    def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
+        """What holds before any view: PostgreSQL knows no NUL in text, so that no address names one."""
+        if "\0" in request.path or "%00" in request._request.META.get("QUERY_STRING", ""):
+            raise Problem(400, "null_character", "the address holds the character NUL (%00): leave it out")
+        super().initial(request, *args, **kwargs)
+
+    def finalize_response(
+        self, request: Request, response: HttpResponseBase, *args: Any, **kwargs: Any
+    ) -> HttpResponseBase:
+        """Every answer, refusals too, tells what is left of the limit."""
+        final: HttpResponseBase = super().finalize_response(request, response, *args, **kwargs)
+        for name, value in (self.usage.headers if self.usage else {}).items():
+            final[name] = value
+        return final
 
 
 def answer(content: Any, status: int = 200, headers: dict[str, str] | None = None) -> HttpResponse:
@@ -47,7 +70,7 @@ def body(request: Request) -> bytes:
     """The request's JSON, inflated where it is gzipped.
 
     Raises Problem 415 for another type or encoding, 411 without a length, 413 for more bytes than the
-    server takes, before or after inflating, 400 for damaged gzip.
+    server takes, before or after inflating, 400 for damaged gzip or a body that broke off.
     """
     kind = request.headers.get("Content-Type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
@@ -57,16 +80,28 @@ def body(request: Request) -> bytes:
         raise Problem(415, "unsupported_encoding", f"send gzip or no Content-Encoding, not {encoding}")
     http: HttpRequest = request._request
     limit = settings.FRONTRUNNER_MAX_BODY_BYTES
-    if int(http.META.get("CONTENT_LENGTH") or 0) > limit:
+    if content_length(http) > limit:
         raise Problem(413, "body_too_large", f"at most {limit} bytes a request: send fewer runs at once")
     if "CONTENT_LENGTH" not in http.META and "Transfer-Encoding" in request.headers:
         raise Problem(411, "length_required", "send Content-Length: chunked bodies are not read")
-    content = http.body
+    try:
+        content = http.body
+    except UnreadablePostError as error:
+        raise Problem(400, "body_incomplete", "the connection ended before the body did") from error
     return _inflated(content) if encoding == "gzip" else content
 
 
+def content_length(http: HttpRequest) -> int:
+    """How many bytes the request says that its body has; 0 where it does not say. Raises Problem 411."""
+    text = str(http.META.get("CONTENT_LENGTH") or "0")
+    if not WHOLE_NUMBER.fullmatch(text):
+        raise Problem(411, "length_required", f"Content-Length: {text:.20}: send a number of bytes")
+    return int(text)
+
+
 def _inflated(content: bytes) -> bytes:
-    limit = settings.FRONTRUNNER_MAX_INFLATED_BYTES
+    likely = max(settings.FRONTRUNNER_MAX_BODY_BYTES, INFLATION * len(content))
+    limit = min(settings.FRONTRUNNER_MAX_INFLATED_BYTES, likely)
     inflater = zlib.decompressobj(wbits=16 + zlib.MAX_WBITS)
     try:
         inflated = inflater.decompress(content, limit + 1)
@@ -74,7 +109,9 @@ def _inflated(content: bytes) -> bytes:
         raise Problem(400, "damaged_gzip", f"Content-Encoding is gzip, the body is not: {error}") from error
     if len(inflated) > limit:
         raise Problem(
-            413, "inflated_too_large", f"the body inflates to more than {limit} bytes: send fewer runs"
+            413,
+            "inflated_too_large",
+            f"{len(content)} bytes inflate to more than {limit}: send fewer runs at once",
         )
     if not inflater.eof or inflater.unused_data:
         raise Problem(400, "damaged_gzip", "the gzip body is cut off, or goes on after its end")
@@ -90,8 +127,8 @@ def page(
     neither skipped nor repeated. Raises Problem 400 for a limit or cursor that is none.
     """
     text = request.query_params.get("limit", str(PAGE))
-    if not text.isdecimal() or not 1 <= int(text) <= LONGEST_PAGE:
-        raise Problem(400, "invalid_limit", f"limit={text}: give 1 to {LONGEST_PAGE}", field="limit")
+    if not WHOLE_NUMBER.fullmatch(text) or not 1 <= int(text) <= LONGEST_PAGE:
+        raise Problem(400, "invalid_limit", f"limit={text:.50}: give 1 to {LONGEST_PAGE}", field="limit")
     limit, start = int(text), 0
     cursor = request.query_params.get("cursor")
     if cursor is not None:

@@ -1,6 +1,18 @@
 """How views describe themselves in the OpenAPI document."""
 
 from drf_spectacular.openapi import AutoSchema
+from drf_spectacular.utils import OpenApiParameter
+
+from crowd.api import LONGEST_PAGE, PAGE
+
+PAGING = [
+    OpenApiParameter(
+        "limit",
+        {"type": "integer", "minimum": 1, "maximum": LONGEST_PAGE, "default": PAGE},
+        description="rows of a page",
+    ),
+    OpenApiParameter("cursor", str, description="where the page starts: as `next` of the one before says"),
+]
 
 
 class ExplicitSchema(AutoSchema):

@@ -1,6 +1,7 @@
 """What settings come from: environment variables, and the folder where a server keeps what it writes."""
 
 import os
+import re
 import secrets
 from pathlib import Path
 
@@ -18,6 +19,14 @@ def switch(name: str, default: bool = False) -> bool:
     return os.environ.get(name, "1" if default else "0").strip().lower() in {"1", "true", "yes", "on"}
 
 
+def choice(name: str, default: str, *others: str) -> str:
+    """The environment variable NAME as DEFAULT or one of OTHERS. Raises SettingError otherwise."""
+    text = os.environ.get(name, default)
+    if text not in (default, *others):
+        raise SettingError(f"{name}={text}: give {' or '.join((default, *others))}")
+    return text
+
+
 def integer(name: str, default: int, least: int = 0, most: int | None = None) -> int:
     """The environment variable NAME as a whole number from LEAST to MOST. Raises SettingError otherwise."""
     text = os.environ.get(name, str(default))
@@ -27,6 +36,14 @@ def integer(name: str, default: int, least: int = 0, most: int | None = None) ->
         bounds = f"{least} or more" if most is None else f"one from {least} to {most}"
         raise SettingError(f"{name}={text}: give {bounds}")
     return int(text)
+
+
+def matching(name: str, default: str, pattern: str, example: str) -> str:
+    """The environment variable NAME as a text that PATTERN matches whole. Raises SettingError otherwise."""
+    text = os.environ.get(name, default)
+    if not re.fullmatch(pattern, text):
+        raise SettingError(f"{name}={text}: give a text such as {example}")
+    return text
 
 
 def prepared(folder: Path) -> Path:

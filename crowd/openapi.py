@@ -1,6 +1,7 @@
 """The OpenAPI document: shapes come from the same structs that read and write the JSON."""
 
 from collections.abc import Iterable
+from functools import cache
 from typing import Any
 
 import msgspec
@@ -12,6 +13,7 @@ from drf_spectacular.generators import SchemaGenerator
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
+from crowd import codes
 from crowd.api import Endpoint, answer
 from crowd.results import schema
 
@@ -21,16 +23,23 @@ PROBLEM = {
     "description": "RFC 9457: a stable code, what was wrong and where.",
     "required": ["type", "title", "status", "code", "detail"],
     "properties": {
-        "type": {"type": "string"},
+        "type": {"type": "string", "format": "uri-reference", "description": "where the code is documented"},
         "title": {"type": "string"},
         "status": {"type": "integer"},
-        "code": {"type": "string"},
+        "code": {"type": "string", "pattern": "^[a-z][a-z0-9_]*$"},
         "detail": {"type": "string"},
-        "field": {"type": "string"},
+        "field": {"type": "string", "description": "the member, parameter or header that is wrong"},
+        "request_id": {"type": "string", "description": "names the request in the server's log"},
+        "minimum_app_version": {"type": "string", "description": "with the code app_outdated"},
         "items": {"type": "array", "items": {"$ref": "#/components/schemas/Item"}},
     },
 }
 
+# What limited addresses add to every answer.
+HEADERS = {
+    "RateLimit-Policy": 'The limit: "name";q=requests;w=seconds',
+    "RateLimit": 'What is left of it: "name";r=requests;t=seconds until it starts again',
+}
 
 # The structs that views name; the structs inside them follow when the document is complete.
 _described: set[type[msgspec.Struct]] = set()
@@ -63,18 +72,27 @@ def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
     # Runs are read one by one, so that the session's struct holds them undecoded.
     schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
     schemas["Problem"] = PROBLEM
+    result["components"]["headers"] = {
+        name: {"description": text, "schema": {"type": "string"}} for name, text in HEADERS.items()
+    }
+    limits = {name: {"$ref": f"#/components/headers/{name}"} for name in HEADERS}
+    waiting = {"description": "seconds to wait, with 429 and 503", "schema": {"type": "integer"}}
     refusal = {
         "description": "Refused",
-        "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
+        "headers": {**limits, "Retry-After": waiting},
+        "content": {"application/problem+json": {"schema": {"$ref": TEMPLATE.format(name="Problem")}}},
     }
     for operations in result["paths"].values():
         for operation in operations.values():
+            for response in operation["responses"].values():
+                response.setdefault("headers", limits)
             operation["responses"].setdefault("default", refusal)
     return result
 
 
+@cache
 def document() -> dict[str, Any]:
-    """The OpenAPI 3.1 document of the whole API."""
+    """The OpenAPI 3.1 document of the whole API, made once a process."""
     generator = SchemaGenerator()
     described: dict[str, Any] = generator.get_schema(request=None, public=True)
     return described
@@ -97,4 +115,5 @@ def docs(request: HttpRequest) -> HttpResponse:
         for path, methods in described["paths"].items()
         for method, operation in methods.items()
     ]
-    return render(request, "api/docs.html", {"info": described["info"], "operations": operations})
+    context = {"info": described["info"], "operations": operations, "groups": codes.GROUPS}
+    return render(request, "api/docs.html", context)

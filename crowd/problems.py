@@ -1,6 +1,7 @@
 """Errors of the API as application/problem+json (RFC 9457): a stable code, what was wrong and where."""
 
 import logging
+import math
 from http import HTTPStatus
 from typing import Any
 
@@ -8,8 +9,11 @@ import msgspec
 from django.core.exceptions import PermissionDenied
 from django.db import OperationalError
 from django.http import Http404, HttpRequest, HttpResponse
+from django.views.decorators.csrf import csrf_exempt
 from django.views.defaults import bad_request, server_error
 from rest_framework import exceptions
+
+from crowd import codes
 
 CONTENT_TYPE = "application/problem+json"
 RETRY_SECONDS = 5
@@ -18,7 +22,10 @@ log = logging.getLogger(__name__)
 
 
 class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
-    """A refusal that the client is told in full: a stable `code`, `detail` for people, `field` says where."""
+    """A refusal that the client is told in full: a stable `code`, `detail` for people, `field` says where.
+
+    Raises KeyError for a code that is not documented.
+    """
 
     def __init__(
         self,
@@ -31,6 +38,7 @@ class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
         **members: Any,
     ) -> None:
         super().__init__(detail)
+        self.type = codes.address(code)
         self.status = status
         self.code = code
         self.detail = detail
@@ -41,7 +49,7 @@ class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
     def response(self) -> HttpResponse:
         """The refusal as an HTTP answer."""
         document = {
-            "type": "about:blank",
+            "type": self.type,
             "title": HTTPStatus(self.status).phrase,
             "status": self.status,
             "code": self.code,
@@ -71,10 +79,12 @@ def handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  
             return error.response()
         case exceptions.MethodNotAllowed():
             return Problem(405, "method_not_allowed", str(error.detail)).response()
+        case exceptions.Throttled():
+            wait = math.ceil(error.wait or 1)
+            detail = f"too many requests: wait {wait} s"
+            return Problem(429, "too_many_requests", detail, retry_after=wait).response()
         case exceptions.APIException():
-            code = error.get_codes()
-            name = code if isinstance(code, str) else "invalid"
-            return Problem(error.status_code, name, str(error.detail)).response()
+            return Problem(error.status_code, "bad_request", str(error.detail)).response()
         case Http404():
             return not_found(str(error) or "there is nothing here").response()
         case PermissionDenied():
@@ -103,6 +113,8 @@ def unforeseen(request: HttpRequest) -> HttpResponse:
     return Problem(500, "internal_error", detail).response()
 
 
+# Without the exemption a POST would be told of cookies that no client has.
+@csrf_exempt
 def unknown_address(request: HttpRequest) -> HttpResponse:
     """Any address under the API that no view answers."""
     return not_found(f"{request.path} is no address of this API: see /api/v1/docs").response()

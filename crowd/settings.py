@@ -10,10 +10,22 @@
 | FRONTRUNNER_SECRET_KEY | a file in the data folder | the key that signs sessions |
 | DATABASE_URL | SQLite in the data folder | any database of dj-database-url; PostgreSQL is tested |
 | CELERY_BROKER_URL | filesystem:// in the data folder | any Celery broker; Redis and RabbitMQ are tested |
+| FRONTRUNNER_DATABASE_PATIENCE_SECONDS | 10 | longest wait for a locked database |
+| FRONTRUNNER_LOGS | text | json writes one object a line |
 | DEBUG | 0 | Django's debug pages |
+| FRONTRUNNER_RARE_BELOW | 5 | a model that fewer installations measured is shown as its chip; 1 names all |
 | FRONTRUNNER_ACCEPTING | 1 | 0 closes the intake of measurements: clients keep theirs and try later |
 | FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are told to update |
-| FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | accepted submissions of one installation |
+| FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | submissions of one installation; 0: no limit, as below |
+| FRONTRUNNER_EXPORTS_KEPT | 7 | nightly exports of the open data that can be had at a time |
+| FRONTRUNNER_REQUIRE_TOTP | 0 | 1 lets nobody into the administration without a one-time password |
+| FRONTRUNNER_OWN_REQUESTS_PER_MINUTE | 120 | what one installation asks about itself |
+| FRONTRUNNER_ENROLMENTS_PER_HOUR | 120 | new installations from one address |
+| FRONTRUNNER_READS_PER_MINUTE | 600 | API requests without a token from one address |
+| FRONTRUNNER_PROXIES | 1 with HTTPS, else 0 | proxies before the server that add to X-Forwarded-For |
+| FRONTRUNNER_CACHE_URL | (none) | a Redis where several machines count requests together; else a file |
+| FRONTRUNNER_MAX_BODY_BYTES | 1048576 | the largest body of a request, as sent |
+| FRONTRUNNER_MAX_INFLATED_BYTES | 8388608 | the largest body of a request after gzip |
 | FRONTRUNNER_LEASE_SECONDS | 90 | after so long without a heartbeat a measurement's worker counts as dead |
 | FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement, less than a lease |
 | FRONTRUNNER_REAP_SECONDS | 60 | between two searches for what dead workers and lost messages left behind |
@@ -26,7 +38,7 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
-from crowd.environment import integer, prepared, secret_key, switch
+from crowd.environment import choice, integer, matching, prepared, secret_key, switch
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 
@@ -37,9 +49,18 @@ FRONTRUNNER_BIND = os.environ.get("FRONTRUNNER_BIND", "127.0.0.1")
 FRONTRUNNER_FRONTS = BASE_DIR / "fixtures" / "fronts"
 FRONTRUNNER_SEQUENCES = [BASE_DIR / "fixtures" / "sequences", FRONTRUNNER_VAR / "sequences"]
 FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
-FRONTRUNNER_MINIMUM_APP_VERSION = os.environ.get("FRONTRUNNER_MINIMUM_APP_VERSION", "0.1.0")
+FRONTRUNNER_MINIMUM_APP_VERSION = matching(
+    "FRONTRUNNER_MINIMUM_APP_VERSION", "0.1.0", r"[0-9]{1,6}(\.[0-9]{1,6})*", "0.1.0"
+)
 FRONTRUNNER_SUBMISSIONS_PER_MINUTE = integer("FRONTRUNNER_SUBMISSIONS_PER_MINUTE", 60)
+FRONTRUNNER_OWN_REQUESTS_PER_MINUTE = integer("FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", 120)
+FRONTRUNNER_ENROLMENTS_PER_HOUR = integer("FRONTRUNNER_ENROLMENTS_PER_HOUR", 120)
+FRONTRUNNER_READS_PER_MINUTE = integer("FRONTRUNNER_READS_PER_MINUTE", 600)
+FRONTRUNNER_CACHE_URL = matching("FRONTRUNNER_CACHE_URL", "", r"((rediss?|unix)://.+)?", "redis://host/1")
 FRONTRUNNER_CONSENT_VERSION = 1
+FRONTRUNNER_RARE_BELOW = integer("FRONTRUNNER_RARE_BELOW", 5, least=1)
+# Exports of the open data that can be had at a time, the newest ones.
+FRONTRUNNER_EXPORTS_KEPT = integer("FRONTRUNNER_EXPORTS_KEPT", 7, least=1)
 # What measures an evaluation of an exploration: any function like this one.
 FRONTRUNNER_EVALUATOR = "crowd.explorations.measurement.measure"
 FRONTRUNNER_LEASE_SECONDS = integer("FRONTRUNNER_LEASE_SECONDS", 90, least=2)
@@ -50,8 +71,10 @@ FRONTRUNNER_HEARTBEAT_SECONDS = integer(
 FRONTRUNNER_REAP_SECONDS = integer("FRONTRUNNER_REAP_SECONDS", 60, least=1)
 FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS = integer("FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS", 900, least=1)
 # What one request may cost: the body as sent, and the body after gzip.
-FRONTRUNNER_MAX_BODY_BYTES = 1 << 20
-FRONTRUNNER_MAX_INFLATED_BYTES = 8 << 20
+FRONTRUNNER_MAX_BODY_BYTES = integer("FRONTRUNNER_MAX_BODY_BYTES", 1 << 20, least=1 << 10)
+FRONTRUNNER_MAX_INFLATED_BYTES = integer(
+    "FRONTRUNNER_MAX_INFLATED_BYTES", 8 << 20, least=FRONTRUNNER_MAX_BODY_BYTES
+)
 DATA_UPLOAD_MAX_MEMORY_SIZE = FRONTRUNNER_MAX_BODY_BYTES
 
 DEBUG = switch("DEBUG")
@@ -67,7 +90,7 @@ INSTALLED_APPS = [
     "crowd.devices",
     "crowd.results",
     "crowd.explorations",
-    "django.contrib.admin",
+    "crowd.administration.Administration",
     "django.contrib.auth",
     "django.contrib.contenttypes",
     "django.contrib.sessions",
@@ -77,9 +100,12 @@ INSTALLED_APPS = [
     "rest_framework",
     "drf_spectacular",
     "csp",
+    "django_otp",
+    "django_otp.plugins.otp_totp",
 ]
 
 MIDDLEWARE = [
+    "crowd.middleware.RequestMiddleware",
     "django.middleware.security.SecurityMiddleware",
     "csp.middleware.CSPMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
@@ -87,6 +113,7 @@ MIDDLEWARE = [
     "django.middleware.common.CommonMiddleware",
     "django.middleware.csrf.CsrfViewMiddleware",
     "django.contrib.auth.middleware.AuthenticationMiddleware",
+    "django_otp.middleware.OTPMiddleware",
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
 ]
@@ -117,11 +144,15 @@ DATABASES = {
         conn_health_checks=True,
     )
 }
+_patience = integer("FRONTRUNNER_DATABASE_PATIENCE_SECONDS", 10, least=1)
+if DATABASES["default"]["ENGINE"] == "django.db.backends.postgresql":
+    # A request that waits for a lock for ever would hold its thread for ever.
+    DATABASES["default"].setdefault("OPTIONS", {}).setdefault("options", f"-c lock_timeout={_patience}s")
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     # Readers never wait for the writer (WAL), a writer takes its lock at once instead of failing halfway
-    # (IMMEDIATE), and waits for another writer up to 20 s.
+    # (IMMEDIATE), and waits for another writer.
     DATABASES["default"]["OPTIONS"] = {
-        "timeout": 20,
+        "timeout": _patience,
         "transaction_mode": "IMMEDIATE",
         "init_command": "PRAGMA journal_mode=WAL;",
     }
@@ -152,6 +183,7 @@ CELERY_WORKER_ENABLE_REMOTE_CONTROL = False
 CELERY_TIMEZONE = "UTC"
 CELERY_BEAT_SCHEDULE = {
     "summarise what no message reached": {"task": "crowd.results.tasks.sweep", "schedule": 30.0},
+    "write the open data when it is due": {"task": "crowd.results.tasks.export", "schedule": 300.0},
     "measure what no message reached": {
         "task": "crowd.explorations.tasks.reap",
         "schedule": FRONTRUNNER_REAP_SECONDS,
@@ -196,6 +228,7 @@ REST_FRAMEWORK = {
     "DEFAULT_PARSER_CLASSES": [],
     "DEFAULT_SCHEMA_CLASS": "crowd.descriptions.ExplicitSchema",
     "EXCEPTION_HANDLER": "crowd.problems.handler",
+    "NUM_PROXIES": integer("FRONTRUNNER_PROXIES", int(HTTPS)),
     "UNAUTHENTICATED_USER": None,
 }
 SPECTACULAR_SETTINGS = {
@@ -224,6 +257,9 @@ CONTENT_SECURITY_POLICY = {
 SECURE_CONTENT_TYPE_NOSNIFF = True
 SECURE_REFERRER_POLICY = "same-origin"
 X_FRAME_OPTIONS = "DENY"
+# One-time passwords of the administration (RFC 6238); an account with a device always needs one.
+FRONTRUNNER_REQUIRE_TOTP = switch("FRONTRUNNER_REQUIRE_TOTP")
+OTP_TOTP_ISSUER = "Frontrunner"
 SESSION_COOKIE_HTTPONLY = True
 SESSION_COOKIE_SECURE = HTTPS
 CSRF_COOKIE_SECURE = HTTPS
@@ -241,10 +277,13 @@ elif not PUBLIC_HOSTS:
     # HTTPS and Secure cookies would only lock its user out. With a public host each of these checks counts.
     SILENCED_SYSTEM_CHECKS = ["security.W004", "security.W008", "security.W012", "security.W016"]
 
+FRONTRUNNER_LOGS = choice("FRONTRUNNER_LOGS", "text", "json")
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
-    "formatters": {"line": {"format": "{asctime} {levelname} {name} {message}", "style": "{"}},
-    "handlers": {"console": {"class": "logging.StreamHandler", "formatter": "line"}},
+    "formatters": {"text": {"()": "crowd.logs.TextFormatter"}, "json": {"()": "crowd.logs.JsonFormatter"}},
+    "handlers": {"console": {"class": "logging.StreamHandler", "formatter": FRONTRUNNER_LOGS}},
     "root": {"handlers": ["console"], "level": "INFO"},
+    # Our own line tells of every request by its address's pattern; this one writes the address out.
+    "loggers": {"django.request": {"level": "ERROR"}},
 }

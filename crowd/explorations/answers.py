@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from crowd.explorations.disclosure import public
+from crowd.disclosure import public
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
 from crowd.explorations.selectors import Progress

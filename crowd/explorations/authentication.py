@@ -39,9 +39,10 @@ class DeviceTokenScheme(OpenApiAuthenticationExtension):
 
 
 class DeviceEndpoint(Endpoint):
-    """An address that a reference device asks with its token."""
+    """An address that a reference device asks with its token, as often as it likes."""
 
     authentication_classes = [DeviceAuthentication]
+    throttle_classes = []
 
 
 def device_asking(request: Request) -> ReferenceDevice:

@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from crowd.explorations.disclosure import public
+from crowd.disclosure import public
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.services import MEASURED
 from slam.system import STAGES

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from django.utils import timezone
 
-from crowd.explorations import batches, disclosure, points, repeating, search, services
+from crowd.disclosure import public
+from crowd.explorations import batches, points, repeating, search, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
 from crowd.fronts import selectors as published
@@ -247,7 +248,7 @@ def _provenance(
             "frames": exploration.frames or "all",
         },
         **warm_start,
-        "command": disclosure.public(exploration.command) or repeating.command(exploration) or UNSPOKEN,
+        "command": public(exploration.command) or repeating.command(exploration) or UNSPOKEN,
     }
 
 

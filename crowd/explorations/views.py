@@ -3,10 +3,11 @@
 from django.http import HttpResponse, HttpResponseBase
 from django.utils.cache import get_conditional_response
 from django.utils.http import quote_etag
-from drf_spectacular.utils import OpenApiParameter, extend_schema
+from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.api import Endpoint, answer, body, page
+from crowd.api import Endpoint, answer, body, content_length, page
+from crowd.descriptions import PAGING
 from crowd.explorations import answers, leasing, selectors, watching
 from crowd.explorations.authentication import DeviceEndpoint, device_asking
 from crowd.problems import not_found
@@ -20,7 +21,7 @@ class ExplorationsView(Endpoint):
     @extend_schema(
         operation_id="explorations",
         summary="Explorations and how far they have come, newest first",
-        parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
+        parameters=PAGING,
         responses={200: answers.ExplorationPage},
     )
     def get(self, request: Request) -> HttpResponse:
@@ -35,7 +36,7 @@ class ExplorationView(Endpoint):
         operation_id="exploration",
         summary="One exploration: what was measured and its front",
         description="Measurements come in pages; ask again with If-None-Match: 304 where nothing changed.",
-        parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
+        parameters=PAGING,
         responses={200: answers.ExplorationDetail, 304: None},
     )
     def get(self, request: Request, key: int) -> HttpResponseBase:
@@ -64,7 +65,7 @@ class LeasesView(DeviceEndpoint):
     )
     def post(self, request: Request) -> HttpResponse:
         # Not by reading it: `body` refuses one that is too large before that.
-        sent = int(request._request.META.get("CONTENT_LENGTH") or 0) or "Transfer-Encoding" in request.headers
+        sent = content_length(request._request) or "Transfer-Encoding" in request.headers
         wish = body(request) if sent else b""
         lease = leasing.begin(device_asking(request), wish)
         if lease is None:

@@ -11,9 +11,9 @@ from django.shortcuts import redirect
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 
-from crowd.fronts import contents, manifests, selectors, services
+from crowd.fronts import contents, manifests, policy, selectors, services
 from crowd.fronts.difference import difference
-from crowd.fronts.models import AuditEntry, Configuration, FrontVersion
+from crowd.fronts.models import AuditEntry, Configuration, FrontVersion, IntakePolicy
 from crowd.fronts.steps import PUBLISH, STEPS, SUBMIT, Step
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
@@ -44,6 +44,23 @@ class AuditEntryAdmin(ReadOnlyAdmin):
     @admin.display(description="digest")
     def short_digest(self, row: AuditEntry) -> str:
         return row.digest[:12]
+
+
+@admin.register(IntakePolicy)
+class IntakePolicyAdmin(admin.ModelAdmin):
+    """The kill switch: one form, heeded by every process at its next request; its history says who."""
+
+    fields = ("accepting", "message", "minimum_app_version", "changed_at")
+    readonly_fields = ("changed_at",)
+
+    def has_add_permission(self, request: HttpRequest) -> bool:
+        return super().has_add_permission(request) and not IntakePolicy.objects.exists()
+
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:  # noqa: ARG002
+        row = IntakePolicy.objects.first()
+        if row is None:
+            return redirect("admin:fronts_intakepolicy_add")
+        return redirect("admin:fronts_intakepolicy_change", row.pk)
 
 
 @admin.register(FrontVersion)
@@ -120,7 +137,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def manifest_page(self, request: HttpRequest, key: int) -> HttpResponse:
         """The manifest that clients would read, with its address for machines."""
         front = self._seen(request, key)
-        manifest = manifests.content(selectors.any_front(key))
+        manifest = manifests.content(selectors.any_front(key), policy.current())
         return self._page(
             request,
             "manifest",
@@ -134,7 +151,8 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def manifest(self, request: HttpRequest, key: int) -> HttpResponse:
         """Those bytes."""
         self._seen(request, key)
-        return HttpResponse(manifests.content(selectors.any_front(key)), content_type="application/json")
+        manifest = manifests.content(selectors.any_front(key), policy.current())
+        return HttpResponse(manifest, content_type="application/json")
 
     def compare_page(self, request: HttpRequest, key: int) -> HttpResponse:
         """What this version gained and lost against another: the one clients measure now, unless named."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import Front
 
 
@@ -39,7 +40,10 @@ class Sequence(msgspec.Struct):
 
 
 class Manifest(msgspec.Struct):
-    """What a client is asked to measure now."""
+    """What a client is asked to measure now.
+
+    Where `accepting` is false nothing is taken at present; `message` says why, null where nobody did.
+    """
 
     application: str
     front_version: str
@@ -49,6 +53,7 @@ class Manifest(msgspec.Struct):
     consent_version: int
     minimum_app_version: str
     accepting: bool
+    message: str | None
 
 
 class FrontSummary(msgspec.Struct):
@@ -83,17 +88,18 @@ class FrontPage(msgspec.Struct):
     next: str | None
 
 
-def manifest(front: Front, *, consent_version: int, minimum_app_version: str, accepting: bool) -> Manifest:
-    """FRONT as clients are told of it."""
+def manifest(front: Front, policy: Policy) -> Manifest:
+    """FRONT as clients are told of it under POLICY."""
     return Manifest(
         application=front.application,
         front_version=front.slug,
         configurations=configurations(front),
         protocol=front.protocol,
         sequence=sequence(front.sequence),
-        consent_version=consent_version,
-        minimum_app_version=minimum_app_version,
-        accepting=accepting,
+        consent_version=policy.consent_version,
+        minimum_app_version=policy.minimum_app_version,
+        accepting=policy.accepting,
+        message=policy.message or None,
     )
 
 

@@ -1,24 +1,45 @@
 """The manifest as bytes: what clients read, and what those who decide see before."""
 
 import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
 
 import msgspec
-from django.conf import settings
 
-from crowd.fronts import answers
+from crowd.fronts import answers, selectors
+from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import Front
 
 
-def content(front: Front) -> bytes:
+@dataclass(frozen=True)
+class Manifest:
+    """One manifest, the same for everyone, and its ETag."""
+
+    content: bytes
+    etag: str
+
+
+def current(application: str, policy: Policy) -> Manifest | None:
+    """What clients of APPLICATION are told now; None where no front of it is published.
+
+    One query, two more after a front or POLICY that this process has not seen: the content of a published
+    front is fixed under its digest.
+    """
+    named = selectors.current_name(application)
+    return None if named is None else _made(*named, policy)
+
+
+@lru_cache(maxsize=32)
+def _made(slug: str, digest: str, policy: Policy) -> Manifest:  # noqa: ARG001 - the digest is part of the key
+    front = selectors.front(slug)
+    assert front is not None  # what was published stays
+    made = content(front, policy)
+    return Manifest(made, etag(made))
+
+
+def content(front: Front, policy: Policy) -> bytes:
     """The manifest that tells clients to measure FRONT, byte for byte."""
-    return msgspec.json.encode(
-        answers.manifest(
-            front,
-            consent_version=settings.FRONTRUNNER_CONSENT_VERSION,
-            minimum_app_version=settings.FRONTRUNNER_MINIMUM_APP_VERSION,
-            accepting=settings.FRONTRUNNER_ACCEPTING,
-        )
-    )
+    return msgspec.json.encode(answers.manifest(front, policy))
 
 
 def etag(manifest: bytes) -> str:

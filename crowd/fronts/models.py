@@ -11,6 +11,7 @@ NAME = RegexValidator(
     r"\A[a-z0-9][a-z0-9_-]*\Z", "lower-case letters, digits, - and _, starting with a letter or digit"
 )
 VERSION = RegexValidator(r"\A[a-z0-9][a-z0-9._-]*\Z", "lower-case letters, digits, dots, - and _")
+NUMBERS = RegexValidator(r"\A[0-9]{1,6}(\.[0-9]{1,6}){0,4}\Z", "numbers with dots, as 1.2.0")
 # What may still change once a version is out of draft: how far its publication has come.
 MUTABLE = frozenset({"state", "published_at", "retired_at"})
 
@@ -202,6 +203,41 @@ class Configuration(models.Model):
         front = FrontVersion.objects.filter(pk=self.front_id).exclude(state=FrontVersion.State.DRAFT).first()
         if front is not None:
             raise FrozenFrontError(front.slug)
+
+
+class IntakePolicy(models.Model):
+    """Whether measurements are taken, and from which programs: one row at most, changed while serving.
+
+    What it leaves open is as the deployment's settings say, and all of it where there is no row.
+    """
+
+    ONLY = 1
+
+    id = models.PositiveSmallIntegerField(primary_key=True, default=ONLY, editable=False)
+    accepting = models.BooleanField(
+        "measurements",
+        null=True,
+        blank=True,
+        choices=[(None, "as FRONTRUNNER_ACCEPTING says"), (True, "are taken"), (False, "are not taken")],
+        help_text="Closed, clients are told so, keep what they have and try again later.",
+    )
+    message = models.CharField(
+        max_length=300, blank=True, help_text="told to people whose clients are turned away: why, how long"
+    )
+    minimum_app_version = models.CharField(
+        max_length=32,
+        blank=True,
+        validators=[NUMBERS],
+        help_text="Older programs are told to update. Empty: as FRONTRUNNER_MINIMUM_APP_VERSION says.",
+    )
+    changed_at = models.DateTimeField(auto_now=True)
+
+    class Meta:
+        verbose_name = verbose_name_plural = "intake policy"
+        constraints = [models.CheckConstraint(condition=models.Q(pk=1), name="intake_policy_only")]
+
+    def __str__(self) -> str:
+        return "Intake policy"
 
 
 class AuditEntryQuerySet(models.QuerySet["AuditEntry"]):

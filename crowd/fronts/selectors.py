@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from django.db.models import QuerySet
+
 from crowd.fronts.models import FrontVersion
 
 DEFAULT = "default"
@@ -112,9 +114,14 @@ def next_version(application: str) -> str:
 
 def current(application: str) -> Front | None:
     """What clients of APPLICATION measure now: the last front published and not retired. Two queries."""
-    row = (
-        FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
-        .prefetch_related("configurations")
-        .first()
-    )
+    row = _published(application).prefetch_related("configurations").first()
     return None if row is None else _front(row)
+
+
+def current_name(application: str) -> tuple[str, str] | None:
+    """Slug and digest of the same front. One query."""
+    return _published(application).values_list("slug", "digest").first()
+
+
+def _published(application: str) -> QuerySet[FrontVersion]:
+    return FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)

@@ -14,7 +14,8 @@ from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, page
-from crowd.fronts import answers, manifests, selectors, sequences
+from crowd.descriptions import PAGING
+from crowd.fronts import answers, manifests, policy, selectors, sequences
 from crowd.problems import Problem, not_found
 
 DEFAULT_APPLICATION = "kfusion"
@@ -33,16 +34,14 @@ class ManifestView(Endpoint):
     )
     def get(self, request: Request) -> HttpResponseBase:
         application = request.query_params.get("application", DEFAULT_APPLICATION)
-        front = selectors.current(application)
-        if front is None:
+        manifest = manifests.current(application, policy.current())
+        if manifest is None:
             raise Problem(
-                404, "no_front", f"no front of {application!r} is published here", field="application"
+                404, "no_front", f"no front of {application!r:.60} is published here", field="application"
             )
-        content = manifests.content(front)
-        etag = manifests.etag(content)
-        full = HttpResponse(content, content_type="application/json")
-        response = get_conditional_response(request._request, etag=etag, response=full) or full
-        response["ETag"] = etag
+        full = HttpResponse(manifest.content, content_type="application/json")
+        response = get_conditional_response(request._request, etag=manifest.etag, response=full) or full
+        response["ETag"] = manifest.etag
         response["Cache-Control"] = "public, no-cache"
         return response
 
@@ -53,7 +52,7 @@ class FrontsView(Endpoint):
     @extend_schema(
         operation_id="fronts",
         summary="Published fronts, newest first",
-        parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
+        parameters=PAGING,
         responses={200: answers.FrontPage},
     )
     def get(self, request: Request) -> HttpResponse:

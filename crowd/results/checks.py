@@ -11,14 +11,13 @@ import msgspec
 from crowd.devices.normalisation import RAW_STRINGS
 from crowd.problems import Problem
 from crowd.results import packing, statistics
-from crowd.results.models import Run as StoredRun
-from crowd.results.models import State
 from crowd.results.schema import Run
 
 MAX_RUNS = 50
 MAX_STAGES = 16
 MAX_DEVICE_BYTES = 16 << 10
 MAX_DEVICE_DEPTH = 8
+MAX_EXTRA_DEPTH = 8
 # Words of a member's name that tell who somebody is, or where.
 PERSONAL = frozenset(
     {
@@ -79,13 +78,37 @@ def check_device(raw: Mapping[str, Any]) -> None:
                 f"device.{member} is {raw[member]!r:.50}: send the device's own string, or null",
                 field=f"device.{member}",
             )
-    name = _personal(raw)
+    _refuse_personal(raw, "device.")
+
+
+def check_extra(members: Mapping[str, Any], most: int, where: str) -> None:
+    """Raises Problem 400 where MEMBERS, found at WHERE (a path up to its dot), are nested too deeply, take
+    more than MOST bytes, or one's name could identify a person.
+    """
+    if _deeper(members, MAX_EXTRA_DEPTH):
+        text = f"unknown members are nested deeper than {MAX_EXTRA_DEPTH} levels"
+        raise Problem(400, "extra_too_deep", text, field=f"{where}{next(iter(members))}")
+    check_size(members, most, f"{where}{next(iter(members))}")
+    _refuse_personal(members, where)
+
+
+def check_size(members: Any, most: int, field: str) -> None:
+    """Raises Problem 400 where unknown MEMBERS take more than MOST bytes."""
+    size = len(msgspec.json.encode(members))
+    if size > most:
+        raise Problem(
+            400, "extra_too_large", f"unknown members take {size} bytes, at most {most} are kept", field=field
+        )
+
+
+def _refuse_personal(members: Mapping[str, Any], where: str) -> None:
+    name = _personal(members)
     if name is not None:
         raise Problem(
             400,
             "personal_data",
-            f"device.{name} could identify a person and is not accepted: leave it out",
-            field=f"device.{name}",
+            f"{where}{name} could identify a person and is not accepted: leave it out",
+            field=f"{where}{name}",
         )
 
 
@@ -178,16 +201,3 @@ def _check_errors(run: Run) -> Rejection | None:
                 "negative_error", f"{field} is {value}: a distance in metres is 0 or more", field
             )
     return None
-
-
-def judge(run: Run, protocol: Protocol) -> tuple[State, str]:
-    """Whether a stored run counts, and the code of the rule that says otherwise ("" for a valid one)."""
-    if run.status == StoredRun.Status.FAILED:
-        return State.INVALID, "failed"
-    if run.ate_max is None:
-        return State.INVALID, "ate_missing"
-    if run.ate_max >= protocol.max_ate:
-        return State.INVALID, "ate_above_limit"
-    if statistics.stages_exceed_frames(run.frame_us, run.stages_us or {}):
-        return State.SUSPECT, "stages_exceed_frames"
-    return State.VALID, ""

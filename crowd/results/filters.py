@@ -1,5 +1,6 @@
 """Which speedups to show: the same filters in every address of pages and API."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import date
@@ -8,6 +9,8 @@ from typing import Any
 from crowd.fronts.selectors import BEST
 
 ALL = "all"
+WHOLE_NUMBER = re.compile(r"[0-9]{1,7}")
+MOST = 1_000_000
 PARSED = frozenset({"since", "min_sessions"})
 
 
@@ -44,13 +47,16 @@ class SpeedupFilters:
                 filters = replace(filters, since=date.fromisoformat(given["since"]))
             except ValueError:
                 raise InvalidFilterError(
-                    "since", f"since={given['since']}: give a day as 2026-11-30"
+                    "since", f"since={given['since']:.50}: give a day as 2026-11-30"
                 ) from None
         if "min_sessions" in given:
-            if not given["min_sessions"].isdecimal() or not 1 <= int(given["min_sessions"]) <= 1_000_000:
+            if (
+                not WHOLE_NUMBER.fullmatch(given["min_sessions"])
+                or not 1 <= int(given["min_sessions"]) <= MOST
+            ):
                 raise InvalidFilterError(
                     "min_sessions",
-                    f"min_sessions={given['min_sessions']}: give a whole number from 1 to 1000000",
+                    f"min_sessions={given['min_sessions']:.50}: give a whole number from 1 to 1000000",
                 )
             filters = replace(filters, min_sessions=int(given["min_sessions"]))
         return filters

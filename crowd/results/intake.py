@@ -1,7 +1,7 @@
 """A submission checked run by run against what is published and stored, before anything is written."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC
 from typing import Any
 from uuid import UUID
@@ -9,7 +9,7 @@ from uuid import UUID
 from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.problems import Problem
-from crowd.results import checks, schema
+from crowd.results import checks, extras, schema
 from crowd.results.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
 
@@ -31,7 +31,9 @@ class Item:
 
     id: str | None
     session: schema.Session
+    beyond: extras.SessionExtras
     run: schema.Run | None = None
+    extra: dict[str, Any] = field(default_factory=dict)
     rejection: Rejection | None = None
     duplicate: bool = False
 
@@ -53,6 +55,7 @@ class Intake:
     """A checked request: its items in the request's order, the fronts and stored sessions that they name."""
 
     submission: schema.Submission
+    extras: extras.Extras
     fronts: dict[str, Front]
     sessions: dict[UUID, MeasurementSession]
     items: list[Item]
@@ -68,8 +71,8 @@ class Intake:
         raise Problem(422, "all_runs_rejected", "no run can be taken: items tell why", items=answers)
 
 
-def check(submission: schema.Submission, installation: Installation) -> Intake:
-    """SUBMISSION with a verdict on each of its runs. Four queries.
+def check(submission: schema.Submission, beyond: extras.Extras, installation: Installation) -> Intake:
+    """SUBMISSION, with what came BEYOND its schema, with a verdict on each of its runs. Four queries.
 
     Raises Problem for what concerns the whole request: the device's description, the number of runs.
     """
@@ -83,11 +86,13 @@ def check(submission: schema.Submission, installation: Installation) -> Intake:
     items = [
         item
         for place, session in enumerate(submission.sessions)
-        for item in _session_items(place, session, fronts.get(session.front_version), sessions, installation)
+        for item in _session_items(
+            place, session, beyond.sessions[place], fronts.get(session.front_version), sessions, installation
+        )
     ]
     _mark_duplicates(items)
     _refuse_taken_repeats(items)
-    return Intake(submission, fronts, sessions, items)
+    return Intake(submission, beyond, fronts, sessions, items)
 
 
 def _fronts(slugs: set[str]) -> dict[str, Front]:
@@ -101,18 +106,20 @@ def _fronts(slugs: set[str]) -> dict[str, Front]:
 def _session_items(
     place: int,
     session: schema.Session,
+    beyond: extras.SessionExtras,
     front: Front | None,
     stored: dict[UUID, MeasurementSession],
     installation: Installation,
 ) -> Iterator[Item]:
     refusal = _check_session(session, front, stored.get(session.id), installation)
     for number, raw in enumerate(session.runs):
-        item = Item(schema.id_of(raw), session, rejection=refusal)
+        item = Item(schema.id_of(raw), session, beyond, rejection=refusal)
         where = f"sessions[{place}]"
         if refusal is None and front is not None:
             where = f"{where}.runs[{number}]"
             try:
                 item.run = schema.run(raw)
+                item.extra = extras.of_run(raw)
                 item.rejection = checks.check_run(item.run, front.configurations, front.protocol)
             except Problem as problem:
                 item.rejection = Rejection(problem.code, problem.detail, problem.field)

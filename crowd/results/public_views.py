@@ -1,17 +1,18 @@
 """The API's addresses that anybody may read: speedups, devices, comparisons."""
 
 from django.http import HttpResponse
+from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, page
+from crowd.descriptions import PAGING
 from crowd.problems import Problem, not_found
-from crowd.results import answers, selectors
-from crowd.results.filters import InvalidFilterError, SpeedupFilters
+from crowd.results import answers, correlations, selectors
+from crowd.results.filters import MOST, InvalidFilterError, SpeedupFilters
 from crowd.results.rows import DeviceDetail
 
 MOST_COMPARED = 6
-PAGING = [OpenApiParameter("cursor", str), OpenApiParameter("limit", int)]
 
 
 class SpeedupsView(Endpoint):
@@ -33,8 +34,10 @@ class SpeedupsView(Endpoint):
             OpenApiParameter("gpu", str),
             OpenApiParameter("os", str),
             OpenApiParameter("backend", str),
-            OpenApiParameter("since", str, description="a day, as 2026-11-30: only sessions from then on"),
-            OpenApiParameter("min_sessions", int),
+            OpenApiParameter(
+                "since", OpenApiTypes.DATE, description="a day, as 2026-11-30: only sessions from then on"
+            ),
+            OpenApiParameter("min_sessions", {"type": "integer", "minimum": 1, "maximum": MOST}),
             *PAGING,
         ],
         responses={200: answers.SpeedupPage},
@@ -88,7 +91,9 @@ class CompareView(Endpoint):
         if not 2 <= len(slugs) <= MOST_COMPARED:
             detail = f"devices={','.join(slugs)}: name 2 to {MOST_COMPARED} devices, as devices=a,b"
             raise Problem(400, "invalid_filter", detail, field="devices")
-        return answer({"results": [_detail(slug) for slug in slugs]})
+        results = [_detail(slug) for slug in slugs]
+        found = [answers.correlated(row) for row in correlations.between(slugs)]
+        return answer({"results": results, "correlations": found})
 
 
 def _detail(slug: str) -> answers.DeviceDetailAnswer:

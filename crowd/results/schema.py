@@ -1,7 +1,7 @@
 """The shape of a submission. Types are checked strictly while JSON is read, values run by run.
 
-Runs stay undecoded at first, so that one with a wrong type costs nothing but itself. Unknown members are
-ignored: a newer client may send more.
+Runs stay undecoded at first, so that one with a wrong type costs nothing but itself. Unknown members are no
+error, a newer client may send more: `crowd.results.extras` keeps them.
 """
 
 from datetime import datetime
@@ -71,6 +71,8 @@ class Submission(msgspec.Struct):
     consent_version: Small
     device: dict[str, Any]
     sessions: Annotated[list[Session], msgspec.Meta(max_length=50)]
+    # Whether the device's model may be named however rare it is; absent: as this installation said before.
+    show_model: bool | None = None
 
 
 class Enrolment(msgspec.Struct):

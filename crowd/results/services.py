@@ -3,19 +3,25 @@
 import hashlib
 import json
 from dataclasses import dataclass
-from datetime import timedelta
 from typing import Any
 from uuid import UUID
 
-from django.conf import settings
+import msgspec
 from django.db import transaction
 from django.utils import timezone
 
+from crowd.devices.disclosure import published
 from crowd.devices.models import DeviceDescription, Installation
-from crowd.devices.services import recognise
+from crowd.devices.recognition import recognise
+from crowd.devices.services import choose_disclosure
+from crowd.disclosure import public
+from crowd.fronts import policy
+from crowd.fronts.policy import Policy
 from crowd.problems import Problem
-from crowd.results import checks, intake, packing, schema, statistics
+from crowd.results import extras, intake, judging, packing, schema
 from crowd.results.models import MeasurementSession, Run, Submission
+
+CLOSED_SECONDS = 3600
 
 
 @dataclass(frozen=True)
@@ -45,8 +51,10 @@ def accept_submission(installation: Installation, key: str, body: bytes) -> Acce
                     409, "idempotency_key_reused", "this key came with another body before: use a new key"
                 )
             return Acceptance(earlier.answer, replayed=True)
-        _refuse_unless_open(installation)
-        checked = _checked(installation, body)
+        holding = policy.current()
+        _refuse_unless_open(holding)
+        checked = _checked(installation, body, holding)
+        choose_disclosure(installation, checked.submission.show_model)
         submission = Submission(
             installation=installation,
             idempotency_key=key,
@@ -54,6 +62,7 @@ def accept_submission(installation: Installation, key: str, body: bytes) -> Acce
             schema_version=checked.submission.schema_version,
             app_version=checked.submission.app_version,
             consent_version=checked.submission.consent_version,
+            extra=checked.extras.members,
         )
         items = [item.answer() for item in checked.items]
         submission.answer = json.dumps({"submission_id": str(submission.pk), "items": items})
@@ -63,52 +72,50 @@ def accept_submission(installation: Installation, key: str, body: bytes) -> Acce
 
 def validate_submission(installation: Installation, body: bytes) -> list[dict[str, Any]]:
     """What accept_submission would answer for each run of BODY, nothing stored. Raises the same problems."""
-    return [item.answer() for item in _checked(installation, body).items]
+    return [item.answer() for item in _checked(installation, body, policy.current()).items]
 
 
-def refuse_outdated(app_version: str) -> None:
-    """Raises Problem 426 for a program older than this server's minimum, 400 for a version that is none."""
+def refuse_outdated(app_version: str, holding: Policy) -> None:
+    """Raises Problem 426 for a program older than the policy's minimum, 400 for a version that is none."""
     try:
-        numbers = tuple(int(part) for part in app_version.split("+")[0].split("-")[0].split("."))
+        outdated = holding.outdates(app_version)
     except ValueError:
         raise Problem(
             400, "invalid_field", f"app_version {app_version!r}: write numbers, as 1.2.0", field="app_version"
         ) from None
-    minimum = settings.FRONTRUNNER_MINIMUM_APP_VERSION
-    if numbers < tuple(int(part) for part in minimum.split(".")):
-        raise Problem(426, "app_outdated", f"version {app_version} is too old: {minimum} or newer is needed")
+    if outdated:
+        minimum = holding.minimum_app_version
+        text = f"version {app_version} is too old: {minimum} or newer is needed"
+        raise Problem(426, "app_outdated", _with(holding.message, text), minimum_app_version=minimum)
 
 
-def refuse_other_consent(version: int) -> None:
+def refuse_other_consent(version: int, holding: Policy) -> None:
     """Raises Problem 400 for a consent to another text than the present one."""
-    present = settings.FRONTRUNNER_CONSENT_VERSION
-    if version != present:
+    if version != holding.consent_version:
         raise Problem(
             400,
             "consent_outdated",
-            f"consent_version {version} is not the present one, {present}: ask the participant again",
+            f"consent_version {version} is not the present one, {holding.consent_version}: ask again",
             field="consent_version",
         )
 
 
-def _refuse_unless_open(installation: Installation) -> None:
-    if not settings.FRONTRUNNER_ACCEPTING:
-        raise Problem(
-            503, "not_accepting", "no measurements are taken at present: keep them", retry_after=3600
-        )
-    limit = settings.FRONTRUNNER_SUBMISSIONS_PER_MINUTE
-    recent = Submission.objects.filter(
-        installation=installation, received_at__gt=timezone.now() - timedelta(minutes=1)
-    )
-    if recent.count() >= limit:
-        raise Problem(429, "too_many_requests", f"at most {limit} submissions a minute", retry_after=60)
+def _refuse_unless_open(holding: Policy) -> None:
+    if not holding.accepting:
+        text = _with(holding.message, "no measurements are taken at present: keep them")
+        raise Problem(503, "not_accepting", text, retry_after=CLOSED_SECONDS)
 
 
-def _checked(installation: Installation, body: bytes) -> intake.Intake:
+def _with(message: str, text: str) -> str:
+    """TEXT, and what the administrator says to it."""
+    return f"{text} ({message})" if message else text
+
+
+def _checked(installation: Installation, body: bytes, holding: Policy) -> intake.Intake:
     submission = schema.submission(body)
-    refuse_outdated(submission.app_version)
-    refuse_other_consent(submission.consent_version)
-    checked = intake.check(submission, installation)
+    refuse_outdated(submission.app_version, holding)
+    refuse_other_consent(submission.consent_version, holding)
+    checked = intake.check(submission, extras.of_submission(body), installation)
     checked.refuse_if_all_bad()
     return checked
 
@@ -125,8 +132,8 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
         assert item.run is not None  # an item without a run is rejected
         front = checked.fronts[item.session.front_version]
         if item.session.id not in sessions:
-            sessions[item.session.id] = _session(submission, checked, item.session, description)
-        rows.append(_row(item.run, sessions[item.session.id], front))
+            sessions[item.session.id] = _session(submission, checked, item, description)
+        rows.append(_row(item.run, item.extra, sessions[item.session.id], front))
     Run.objects.bulk_create(rows)
     # A session that was summarised before has more runs now.
     again = [session.pk for session in sessions.values() if session.summary_algorithm is not None]
@@ -136,9 +143,10 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
 
 
 def _session(
-    submission: Submission, checked: intake.Intake, session: schema.Session, description: DeviceDescription
+    submission: Submission, checked: intake.Intake, item: intake.Item, description: DeviceDescription
 ) -> MeasurementSession:
-    """The stored session with this id, or a new one."""
+    """The stored session that ITEM belongs to, or a new one."""
+    session, beyond = item.session, item.beyond
     stored = checked.sessions.get(session.id)
     if stored is not None:
         return stored
@@ -148,19 +156,21 @@ def _session(
         installation=submission.installation,
         submission=submission,
         description=description,
-        device=description.model,
+        device=published(description.model, submission.installation.show_model),
         front=checked.fronts[session.front_version].row,
         protocol_version=session.protocol_version,
         backend=session.backend,
         processor=_text(raw, "opencl_device"),
         platform=_text(raw, "opencl_platform"),
-        driver=_text(raw, "opencl_driver"),
+        # Not the whole string: with the digest of a phone's build in it, it would name a rare model.
+        driver=description.driver,
         # A phone whose clock runs ahead must not be the latest for ever.
         started_at=min(session.started_at, timezone.now()),
         samples=[
-            {"t": s.t, "temperature_c": s.temperature_c, "cpu_mhz": s.cpu_mhz, "battery": s.battery}
-            for s in session.samples
+            msgspec.structs.asdict(sample) | more
+            for sample, more in zip(session.samples, beyond.samples, strict=True)
         ],
+        extra=beyond.members,
     )
 
 
@@ -169,19 +179,17 @@ def _text(raw: dict[str, Any], name: str) -> str:
     return value[:200] if isinstance(value, str) else ""
 
 
-def _row(run: schema.Run, session: MeasurementSession, front: intake.Front) -> Run:
-    state, reason = checks.judge(run, front.protocol)
+def _row(run: schema.Run, extra: dict[str, Any], session: MeasurementSession, front: intake.Front) -> Run:
     names, stages_us = packing.pack_stages(run.stages_us or {})
     tracked = run.tracked if isinstance(run.tracked, list) else []
-    first = front.protocol.first_counted_frame
-    return Run(
+    row = Run(
         uuid=run.id,
         session=session,
         configuration=front.configurations[run.configuration],
         repeat=run.repeat,
         order=run.order,
         status=run.status,
-        failure=run.failure or "",
+        failure=public(run.failure or ""),
         frame_us=packing.pack(run.frame_us),
         stages=names,
         stages_us=stages_us,
@@ -191,11 +199,11 @@ def _row(run: schema.Run, session: MeasurementSession, front: intake.Front) -> R
         else run.tracked
         if isinstance(run.tracked, int)
         else None,
-        mean_us=statistics.run_value(run.frame_us, first) if len(run.frame_us) > first else None,
         ate_max=run.ate_max,
         ate_mean=run.ate_mean,
         ate_rmse=run.ate_rmse,
         trajectory_sha256=run.trajectory_sha256 or "",
-        state=state,
-        reason=reason,
+        extra=extra,
     )
+    judging.judge(row, front.protocol)
+    return row

@@ -1,24 +1,27 @@
-"""The API's addresses that clients use: enrol, submit, ask what became of it, export, erase."""
+"""The API's addresses that clients use: enrol, submit, ask what became of it."""
 
 import re
 from uuid import UUID
 
 from django.http import HttpResponse
-from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
+from crowd import limits
 from crowd.api import Endpoint, answer, body
 from crowd.devices.authentication import OwnEndpoint, installation_asking
 from crowd.devices.services import enrol
+from crowd.fronts import policy
 from crowd.problems import Problem, not_found
-from crowd.results import answers, erasure, schema, selectors, services, tasks
+from crowd.results import answers, schema, selectors, services, tasks
 
 KEY = re.compile(r"[\x21-\x7e]{1,128}")
 
 
 class EnrolView(Endpoint):
     """A new, anonymous installation."""
+
+    throttle_classes = [limits.Enrolments]
 
     @extend_schema(
         operation_id="enrol",
@@ -28,14 +31,17 @@ class EnrolView(Endpoint):
     )
     def post(self, request: Request) -> HttpResponse:
         wish = schema.enrolment(body(request))
-        services.refuse_outdated(wish.app_version)
-        services.refuse_other_consent(wish.consent_version)
+        holding = policy.current()
+        services.refuse_outdated(wish.app_version, holding)
+        services.refuse_other_consent(wish.consent_version, holding)
         installation, token = enrol(wish.app, wish.app_version, wish.consent_version)
         return answer(answers.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
 
 
 class SubmissionsView(OwnEndpoint):
     """Measured sessions come in."""
+
+    throttle_classes = [limits.Submissions]
 
     @extend_schema(
         operation_id="submit",
@@ -69,6 +75,8 @@ class SubmissionsView(OwnEndpoint):
 class ValidationView(OwnEndpoint):
     """A dry run."""
 
+    throttle_classes = [limits.Submissions]
+
     @extend_schema(
         operation_id="validate",
         summary="What would become of a submission; nothing is stored",
@@ -92,36 +100,3 @@ class SubmissionView(OwnEndpoint):
         if state is None:
             raise not_found(f"this installation sent no submission {key}")
         return answer(answers.submission(state))
-
-
-class OwnDataView(OwnEndpoint):
-    """Export."""
-
-    @extend_schema(
-        operation_id="own_data",
-        summary="Everything that is kept of this installation",
-        responses={200: OpenApiTypes.OBJECT},
-    )
-    def get(self, request: Request) -> HttpResponse:
-        return answer(erasure.own_data(installation_asking(request)), headers={"Cache-Control": "no-store"})
-
-
-class OwnView(OwnEndpoint):
-    """Erasure of everything."""
-
-    @extend_schema(
-        operation_id="erase", summary="Erase this installation and all it sent", responses={204: None}
-    )
-    def delete(self, request: Request) -> HttpResponse:
-        erasure.erase_installation(installation_asking(request))
-        return HttpResponse(status=204)
-
-
-class OwnRunView(OwnEndpoint):
-    """Erasure of one run."""
-
-    @extend_schema(operation_id="erase_run", summary="Erase one run", responses={204: None})
-    def delete(self, request: Request, key: UUID) -> HttpResponse:
-        if not erasure.erase_run(installation_asking(request), key):
-            raise not_found(f"this installation sent no run {key}")
-        return HttpResponse(status=204)

@@ -40,6 +40,16 @@ def test_an_unchanged_manifest_answers_304(client: Client, front: FrontVersion) 
     assert again.headers["ETag"] == first.headers["ETag"]
 
 
+def test_everyone_gets_the_same_manifest_and_etag(client: Client, front: FrontVersion) -> None:
+    first = client.get(f"{API}/manifest")
+
+    for headers in ({"Accept": "text/html"}, {"Accept-Language": "de"}, {"Cookie": "sessionid=x"}):
+        other = Client().get(f"{API}/manifest", headers=headers, REMOTE_ADDR="192.0.2.7")
+        assert (other.content, other.headers["ETag"]) == (first.content, first.headers["ETag"])
+    assert "Vary" not in first.headers
+    assert "Set-Cookie" not in first.headers
+
+
 def test_a_new_front_or_a_closed_intake_changes_the_etag(
     client: Client, front: FrontVersion, pack: dict[str, Any], settings: Any
 ) -> None:

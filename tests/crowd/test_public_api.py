@@ -1,4 +1,4 @@
-"""What anybody may read: speedups, devices, comparisons; in a counted number of queries."""
+"""What anybody may read: speedups, devices, comparisons."""
 
 from collections.abc import Callable
 from typing import Any
@@ -159,32 +159,3 @@ def test_nothing_public_tells_who_measured(client: Client, participant: Particip
         text = client.get(f"{API}{path}").content.decode()
         assert participant.installation_id not in text
         assert "10:17" not in text
-
-
-@pytest.mark.parametrize(
-    ("path", "budget"),
-    [
-        ("/manifest", 2),
-        ("/fronts", 2),
-        ("/fronts/kfusion-test", 2),
-        ("/speedups", 3),
-        ("/speedups?since=2026-01-01", 5),
-        ("/devices", 4),
-        ("/devices/google-phone-x", 8),
-    ],
-)
-def test_lists_cost_a_counted_number_of_queries(
-    client: Client, crowd: None, django_assert_max_num_queries: Any, path: str, budget: int
-) -> None:
-    with django_assert_max_num_queries(budget):
-        assert client.get(f"{API}{path}").status_code == 200
-
-
-def test_a_submission_costs_a_counted_number_of_queries(
-    participant: Participant, no_worker: None, django_assert_max_num_queries: Any
-) -> None:
-    participant.submit(submission_document())
-    document = submission_document()
-
-    with django_assert_max_num_queries(18):
-        assert participant.submit(document).status_code == 202

@@ -13,7 +13,7 @@ from django.db import IntegrityError, connection, transaction
 from django.db.models import ProtectedError
 from django.test import Client
 
-from crowd.fronts import contents, guards, manifests, selectors, sequences, services
+from crowd.fronts import contents, guards, manifests, policy, selectors, sequences, services
 from crowd.fronts.models import AppendOnlyError, AuditEntry, FrontVersion, FrozenFrontError, TransitionError
 from tests.crowd.documents import front_document
 
@@ -101,7 +101,7 @@ def test_nothing_of_a_draft_or_a_review_is_public(client: Client, draft: FrontVe
 
 def test_a_preview_is_what_clients_then_read(client: Client, draft: FrontVersion) -> None:
     services.submit(draft)
-    preview = manifests.content(selectors.any_front(draft.pk))
+    preview = manifests.content(selectors.any_front(draft.pk), policy.current())
 
     services.publish(draft)
 

@@ -5,8 +5,8 @@ import json
 
 import pytest
 
+from crowd.disclosure import public
 from crowd.explorations import exports, leases, services
-from crowd.explorations.disclosure import public
 from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Exploration
 

@@ -9,9 +9,9 @@ from django import template
 
 from crowd.dashboard import formats
 from crowd.dashboard.protocols import first_counted_frame, max_ate
-from crowd.dashboard.rules import RULES
-from crowd.explorations.disclosure import public
+from crowd.disclosure import public
 from crowd.results.rows import Device, Speedup
+from crowd.results.rules import RULES
 from crowd.results.statistics import MAX_DRIFT
 
 register = template.Library()
@@ -92,7 +92,7 @@ def pack_size(sequence: Mapping[str, Any]) -> int:
 @register.filter
 def rule(code: str) -> str:
     """The rule behind a state's reason, in a sentence; the code itself where no sentence is known."""
-    return RULES.get(code, code)
+    return RULES[code].words if code in RULES else code
 
 
 @register.filter

@@ -1,4 +1,4 @@
-"""What everybody may read of a text that a measuring machine wrote: nothing of how its disk is laid out."""
+"""What everybody may read of a text that a machine wrote: nothing of how its disk is laid out."""
 
 import re
 

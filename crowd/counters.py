@@ -1,0 +1,164 @@
+"""How often something happened in a while, counted across all processes that serve.
+
+The counts lie in a small SQLite file of their own beside the database, or in the Redis that
+FRONTRUNNER_CACHE_URL names. They are kept out of the database on purpose: a read must not wait for a
+writer, a request must not cost a transaction, and nothing of an address may end in a backup.
+"""
+
+import contextlib
+import hashlib
+import hmac
+import secrets
+import sqlite3
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import Protocol
+
+import redis
+from django.conf import settings
+
+PATIENCE_SECONDS = 0.5
+A_DAY = 24 * 3600
+PREFIX = "frontrunner:"
+
+
+class CountingError(Exception):
+    """Nothing can be counted now. Whoever counts decides what that means; requests are let through."""
+
+
+@dataclass(frozen=True)
+class Count:
+    """How often a key was counted in its present window, and the seconds until that ends."""
+
+    used: int
+    resets_in: float
+
+
+class Store(Protocol):
+    """Where counts are kept. Both methods raise CountingError."""
+
+    def count(self, key: str, seconds: int) -> Count:
+        """Count KEY once more. Its window starts with the first count after the last one ended."""
+
+    def salt(self, day: str) -> bytes:
+        """The random salt of DAY, the same for every process, gone a day or two later."""
+
+
+class FileStore:
+    """Counts in a SQLite file: one statement a count, no wait for the disk."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._local = threading.local()
+
+    def count(self, key: str, seconds: int) -> Count:
+        now = time.time()
+        with self._connected() as connection:
+            used, resets = connection.execute(
+                "INSERT INTO counts (key, used, resets) VALUES (:key, 1, :now + :seconds) ON CONFLICT (key) "
+                "DO UPDATE SET used = CASE WHEN resets <= :now THEN 1 ELSE used + 1 END, "
+                "resets = CASE WHEN resets <= :now THEN :now + :seconds ELSE resets END "
+                "RETURNING used, resets",
+                {"key": key, "now": now, "seconds": seconds},
+            ).fetchone()
+            if used == 1:
+                connection.execute("DELETE FROM counts WHERE resets <= ?", (now,))
+        return Count(used, max(resets - now, 0.0))
+
+    def salt(self, day: str) -> bytes:
+        with self._connected() as connection:
+            connection.execute("DELETE FROM salts WHERE day < ?", (day,))
+            connection.execute(
+                "INSERT INTO salts (day, salt) VALUES (?, ?) ON CONFLICT DO NOTHING",
+                (day, secrets.token_bytes(32)),
+            )
+            (salt,) = connection.execute("SELECT salt FROM salts WHERE day = ?", (day,)).fetchone()
+        return bytes(salt)
+
+    @contextlib.contextmanager
+    def _connected(self) -> Iterator[sqlite3.Connection]:
+        """This thread's connection."""
+        try:
+            connection: sqlite3.Connection | None = getattr(self._local, "connection", None)
+            if connection is None:
+                connection = self._local.connection = self._connect()
+            yield connection
+        except sqlite3.Error as error:
+            raise CountingError(f"{self.path}: {error}") from error
+
+    def _connect(self) -> sqlite3.Connection:
+        connection = sqlite3.connect(self.path, timeout=PATIENCE_SECONDS, isolation_level=None)
+        connection.executescript(
+            # NORMAL with a write-ahead log: no wait for the disk, and whole after a power cut.
+            "PRAGMA journal_mode = WAL; PRAGMA synchronous = NORMAL;"
+            "CREATE TABLE IF NOT EXISTS counts "
+            "(key TEXT PRIMARY KEY, used INTEGER, resets REAL) WITHOUT ROWID;"
+            "CREATE INDEX IF NOT EXISTS counts_resets ON counts (resets);"
+            "CREATE TABLE IF NOT EXISTS salts (day TEXT PRIMARY KEY, salt BLOB) WITHOUT ROWID;"
+        )
+        return connection
+
+
+class RedisStore:
+    """Counts in a Redis that several machines share: one round trip a count."""
+
+    def __init__(self, url: str) -> None:
+        self._redis = redis.Redis.from_url(
+            url, socket_timeout=PATIENCE_SECONDS, socket_connect_timeout=PATIENCE_SECONDS
+        )
+
+    def count(self, key: str, seconds: int) -> Count:
+        name = f"{PREFIX}{key}"
+        try:
+            with self._redis.pipeline(transaction=True) as steps:
+                steps.set(name, 0, ex=seconds, nx=True)
+                steps.incr(name)
+                steps.pttl(name)
+                _, used, left = steps.execute()
+        except redis.RedisError as error:
+            raise CountingError(f"Redis: {error}") from error
+        return Count(used, max(left, 0) / 1000)
+
+    def salt(self, day: str) -> bytes:
+        name = f"{PREFIX}salt:{day}"
+        try:
+            with self._redis.pipeline(transaction=True) as steps:
+                steps.set(name, secrets.token_hex(32), ex=2 * A_DAY, nx=True)
+                steps.get(name)
+                _, salt = steps.execute()
+        except redis.RedisError as error:
+            raise CountingError(f"Redis: {error}") from error
+        return bytes(salt)
+
+
+def count(key: str, seconds: int) -> Count:
+    """Count KEY once more in its window of SECONDS. Raises CountingError."""
+    return _store().count(key, seconds)
+
+
+def disguised(address: str) -> str:
+    """ADDRESS as a keyed hash that holds for a day: the salt is random, and gone when the day is.
+
+    Raises CountingError.
+    """
+    salt = _salt(_store(), datetime.now(UTC).date().isoformat())
+    return hmac.new(salt, address.encode(), hashlib.sha256).hexdigest()[:32]
+
+
+def _store() -> Store:
+    return _opened(settings.FRONTRUNNER_CACHE_URL, Path(settings.FRONTRUNNER_VAR) / "counters.sqlite3")
+
+
+@lru_cache(maxsize=1)
+def _opened(url: str, path: Path) -> Store:
+    return RedisStore(url) if url else FileStore(path)
+
+
+@lru_cache(maxsize=2)
+def _salt(store: Store, day: str) -> bytes:
+    return store.salt(day)

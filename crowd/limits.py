@@ -1,0 +1,130 @@
+"""How often one may ask: by installation where there is a token, else by address, which is never stored.
+
+The answers tell it in the fields RateLimit-Policy and RateLimit of the IETF's draft "RateLimit header fields
+for HTTP" (draft-ietf-httpapi-ratelimit-headers-10): quota q in a window of w seconds, r left for t seconds.
+"""
+
+import ipaddress
+import logging
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from django.conf import settings
+from django.http import HttpRequest
+from rest_framework.request import Request
+from rest_framework.throttling import BaseThrottle
+
+from crowd import counters
+
+A_MINUTE, AN_HOUR = 60, 3600
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Usage:
+    """Where the one who asks stands under the limit NAME: `quota` requests in `seconds`, `used` so far."""
+
+    name: str
+    quota: int
+    seconds: int
+    used: int
+    resets_in: float
+
+    @property
+    def exceeded(self) -> bool:
+        return self.used > self.quota
+
+    @property
+    def headers(self) -> dict[str, str]:
+        """The draft's two fields."""
+        left, reset = max(self.quota - self.used, 0), math.ceil(self.resets_in)
+        return {
+            "RateLimit-Policy": f'"{self.name}";q={self.quota};w={self.seconds}',
+            "RateLimit": f'"{self.name}";r={left};t={reset}',
+        }
+
+
+class Limit(BaseThrottle):
+    """One limit of the API: NAME, the setting with its quota (0: none) and the seconds of its window."""
+
+    name: ClassVar[str]
+    setting: ClassVar[str]
+    seconds: ClassVar[int]
+
+    def __init__(self) -> None:
+        self.usage: Usage | None = None
+
+    def whose(self, request: Request) -> str:
+        """What tells the one who asks from all others, with nothing in it that names them."""
+        raise NotImplementedError
+
+    def allow_request(self, request: Request, view: Any) -> bool:
+        """Count this request; `view.usage` becomes what its answer tells."""
+        quota = int(getattr(settings, self.setting))
+        if not quota:
+            return True
+        try:
+            count = counters.count(f"{self.name}:{self.whose(request)}", self.seconds)
+        except counters.CountingError as error:
+            # A full disk or an absent Redis must not close the server.
+            log.warning("requests are not counted now: %s", error)
+            return True
+        self.usage = view.usage = Usage(self.name, quota, self.seconds, count.used, count.resets_in)
+        return not self.usage.exceeded
+
+    def wait(self) -> float | None:
+        """Seconds until the next request may be made."""
+        return None if self.usage is None else max(self.usage.resets_in, 1.0)
+
+
+class ByAddress(Limit):
+    """Counts by the client's address, as a keyed hash that nobody can undo the day after."""
+
+    def whose(self, request: Request) -> str:
+        return counters.disguised(address_of(request))
+
+
+class ByInstallation(Limit):
+    """Counts by whose token it is."""
+
+    def whose(self, request: Request) -> str:
+        return str(request.auth.pk)
+
+
+class Reads(ByAddress):
+    """What anybody may read."""
+
+    name, setting, seconds = "reads", "FRONTRUNNER_READS_PER_MINUTE", A_MINUTE
+
+
+class Enrolments(ByAddress):
+    """New installations."""
+
+    name, setting, seconds = "enrolments", "FRONTRUNNER_ENROLMENTS_PER_HOUR", AN_HOUR
+
+
+class Submissions(ByInstallation):
+    """Submissions and dry runs."""
+
+    name, setting, seconds = "submissions", "FRONTRUNNER_SUBMISSIONS_PER_MINUTE", A_MINUTE
+
+
+class OwnRequests(ByInstallation):
+    """What an installation asks about itself."""
+
+    name, setting, seconds = "own", "FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", A_MINUTE
+
+
+def address_of(request: Request | HttpRequest) -> str:
+    """Where REQUEST comes from: the connection's address, or what the nearest of FRONTRUNNER_PROXIES saw.
+
+    Of an IPv6 address the network alone (/64): one machine has all addresses in it.
+    """
+    text = str(BaseThrottle().get_ident(request))
+    try:
+        address = ipaddress.ip_address(text)
+    except ValueError:
+        return text
+    return str(ipaddress.ip_network((address, 64), strict=False)) if address.version == 6 else text

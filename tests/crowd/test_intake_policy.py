@@ -1,0 +1,124 @@
+"""An administrator closes the intake, or asks for newer programs, while the server runs."""
+
+from typing import Any
+
+import pytest
+from django.contrib.auth import get_user_model
+from django.core.exceptions import ValidationError
+from django.db import IntegrityError, transaction
+from django.test import Client
+from django.urls import reverse
+
+from crowd.fronts import policy
+from crowd.fronts.models import IntakePolicy
+from crowd.results.models import Submission
+from tests.crowd.documents import submission_document
+from tests.crowd.participant import API, Participant
+
+
+@pytest.fixture
+def administrator(db: None) -> Client:
+    client = Client()
+    client.force_login(get_user_model().objects.create_superuser("keeper"))
+    return client
+
+
+def decide(administrator: Client, **fields: str) -> None:
+    """Fill in the form of the admin's one row, made on first use."""
+    page = administrator.get(reverse("admin:fronts_intakepolicy_changelist"), follow=True)
+    response = administrator.post(page.redirect_chain[-1][0], {"accepting": "", **fields})
+    assert response.status_code == 302, response.content
+
+
+def test_without_a_decision_the_settings_hold(db: None, settings: Any) -> None:
+    settings.FRONTRUNNER_ACCEPTING = False
+    settings.FRONTRUNNER_MINIMUM_APP_VERSION = "1.2"
+
+    assert policy.current() == policy.Policy(False, "", "1.2", 1)
+
+
+def test_a_closed_intake_says_why_and_opens_again(administrator: Client, participant: Participant) -> None:
+    decide(administrator, accepting="False", message="moving house until Monday")
+    manifest = participant.get("/manifest").json()
+    refused = participant.submit(submission_document(), key="a")
+
+    decide(administrator, accepting="True")
+    taken = participant.submit(submission_document(), key="a")
+
+    assert (manifest["accepting"], manifest["message"]) == (False, "moving house until Monday")
+    assert (refused.status_code, refused.json()["code"]) == (503, "not_accepting")
+    assert "moving house until Monday" in refused.json()["detail"]
+    assert int(refused.headers["Retry-After"]) > 0
+    assert taken.status_code == 202
+    assert Submission.objects.count() == 1
+
+
+def test_a_decision_outweighs_the_settings(
+    administrator: Client, participant: Participant, settings: Any
+) -> None:
+    settings.FRONTRUNNER_ACCEPTING = False
+
+    decide(administrator, accepting="True")
+
+    assert participant.get("/manifest").json()["accepting"] is True
+    assert participant.submit(submission_document()).status_code == 202
+
+
+def test_a_repeated_request_is_answered_even_while_closed(
+    administrator: Client, participant: Participant
+) -> None:
+    document = submission_document()
+    first = participant.submit(document, key="a")
+    decide(administrator, accepting="False")
+
+    again = participant.submit(document, key="a")
+
+    assert (again.status_code, again.content) == (200, first.content)
+
+
+def test_older_programs_are_told_to_update(
+    administrator: Client, participant: Participant, client: Client
+) -> None:
+    decide(administrator, minimum_app_version="0.2")
+    wish = {"app": "test", "app_version": "0.1.9", "consent_version": 1}
+
+    enrolment = client.post(f"{API}/enrol", wish, content_type="application/json")
+    refused = participant.submit(submission_document(app_version="0.1.9"))
+    taken = participant.submit(submission_document(app_version="0.2.0+build.7"))
+
+    assert participant.get("/manifest").json()["minimum_app_version"] == "0.2"
+    for response in (enrolment, refused):
+        assert (response.status_code, response.json()["code"]) == (426, "app_outdated")
+        assert response.json()["minimum_app_version"] == "0.2"
+    assert taken.status_code == 202
+
+
+@pytest.mark.parametrize(
+    ("version", "outdated"),
+    [
+        ("1.9.9", True),
+        ("1.10", False),
+        ("1.10.0", False),
+        ("1.10.0-beta", False),
+        ("2", False),
+        ("0.99", True),
+    ],
+)
+def test_versions_are_compared_as_numbers(version: str, outdated: bool) -> None:
+    assert policy.Policy(True, "", "1.10.0", 1).outdates(version) is outdated
+
+
+def test_there_is_one_policy_with_a_version_of_numbers(db: None, administrator: Client) -> None:
+    IntakePolicy.objects.create()
+    with pytest.raises(IntegrityError), transaction.atomic():
+        IntakePolicy.objects.create(pk=2)
+    with pytest.raises(ValidationError):
+        IntakePolicy(minimum_app_version="newest").full_clean()
+    assert administrator.get(reverse("admin:fronts_intakepolicy_add")).status_code == 403
+
+
+def test_the_change_is_in_the_rows_history(administrator: Client, front: Any) -> None:
+    decide(administrator, accepting="False")
+
+    page = administrator.get(reverse("admin:fronts_intakepolicy_history", args=[IntakePolicy.ONLY]))
+    assert "keeper" in page.content.decode()

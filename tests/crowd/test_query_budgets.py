@@ -1,0 +1,93 @@
+"""What each address of the API may cost in queries, whatever the number of rows."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from tests.crowd.documents import device_document, run_document, session_document, submission_document
+from tests.crowd.participant import API, Participant
+
+READS = {
+    "/manifest": 2,
+    "/fronts": 2,
+    "/fronts/kfusion-test": 2,
+    "/speedups": 4,
+    "/speedups?since=2026-01-01": 5,
+    "/speedups?gpu=mali&min_sessions=2&limit=1": 4,
+    "/devices": 4,
+    "/devices/google-pixel-8": 8,
+    "/compare?devices=google-pixel-8,google-pixel-9": 18,
+    "/explorations": 1,
+    "/exports": 1,
+    "/openapi.json": 0,
+    "/docs": 0,
+}
+OWN = {"/submissions/{submission}": 5, "/me/data": 8}
+SUBMISSION, VALIDATION, ENROLMENT = 17, 8, 2
+
+
+@pytest.fixture
+def crowd(front: Any, join: Callable[[], Participant]) -> Participant:
+    """Two models with two sessions each."""
+    for model in ("Pixel 8", "Pixel 9"):
+        for _ in range(2):
+            participant = join()
+            document = submission_document(session_document(), device=device_document(model))
+            assert participant.submit(document).status_code == 202
+    return participant
+
+
+@pytest.mark.parametrize(("path", "budget"), READS.items())
+def test_a_read_costs_at_most(
+    crowd: Participant, client: Client, django_assert_max_num_queries: Any, path: str, budget: int
+) -> None:
+    assert client.get(f"{API}{path}").status_code == 200  # what a process keeps is kept now
+
+    with django_assert_max_num_queries(budget):
+        client.get(f"{API}{path}")
+
+
+def test_an_unchanged_manifest_costs_at_most(
+    crowd: Participant, client: Client, django_assert_max_num_queries: Any
+) -> None:
+    etag = client.get(f"{API}/manifest").headers["ETag"]
+
+    with django_assert_max_num_queries(2):
+        assert client.get(f"{API}/manifest", headers={"If-None-Match": etag}).status_code == 304
+
+
+@pytest.mark.parametrize(("path", "budget"), OWN.items())
+def test_what_an_installation_asks_costs_at_most(
+    participant: Participant, django_assert_max_num_queries: Any, path: str, budget: int
+) -> None:
+    submission = participant.submit(submission_document()).json()["submission_id"]
+
+    with django_assert_max_num_queries(budget):
+        response = participant.get(path.format(submission=submission))
+        assert response.status_code == 200
+        assert b"".join(response)
+
+
+@pytest.mark.parametrize("runs", [4, 50])
+def test_a_submission_costs_the_same_however_many_runs_it_has(
+    participant: Participant, no_worker: None, django_assert_max_num_queries: Any, runs: int
+) -> None:
+    participant.submit(submission_document())  # the device is known from now on
+    measured = [run_document("best", n, n, 1000) for n in range(runs)]
+    document = submission_document(session_document() | {"runs": measured})
+
+    with django_assert_max_num_queries(VALIDATION):
+        assert participant.submit(document, path="/submissions:validate").status_code == 200
+    with django_assert_max_num_queries(SUBMISSION):
+        assert participant.submit(document, key="a").status_code == 202
+    with django_assert_max_num_queries(5):
+        assert participant.submit(document, key="a").status_code == 200
+
+
+def test_an_enrolment_costs_at_most(client: Client, db: None, django_assert_max_num_queries: Any) -> None:
+    wish = {"app": "test", "app_version": "0.1.0", "consent_version": 1}
+
+    with django_assert_max_num_queries(ENROLMENT):
+        assert client.post(f"{API}/enrol", wish, content_type="application/json").status_code == 201
