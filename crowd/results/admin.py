@@ -1,14 +1,30 @@
-"""What the crowd sent and what was derived from it, for administrators: readable, never editable."""
+"""What the crowd sent and what was derived from it, for administrators: readable, never editable.
 
-from django.contrib import admin
-from django.db.models import QuerySet
-from django.http import HttpRequest
-from django.urls import reverse
+Sessions and runs can be hidden or let count; that is a decision beside them, which is logged.
+"""
+
+from typing import Any
+
+from django.contrib import admin, messages
+from django.core.exceptions import PermissionDenied, ValidationError
+from django.db.models import Q, QuerySet
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
+from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
-from crowd.results import statistics
-from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
+from crowd.results import moderation, statistics
+from crowd.results.models import (
+    Decision,
+    DeviceSpeedup,
+    MeasurementSession,
+    Run,
+    SessionSummary,
+    Submission,
+)
+
+DECIDE = "results.add_decision"
 
 
 class RunInline(ReadOnlyInline):
@@ -20,6 +36,56 @@ class SummaryInline(ReadOnlyInline):
     model = SessionSummary
     fk_name = "session"
     fields = ("configuration", "baseline", "log_ratio", "pairs", "drift", "state", "reason")
+
+
+class ModeratedAdmin(ReadOnlyAdmin):
+    """Rows on which those who may add decisions decide, each time with a reason."""
+
+    change_form_template = "admin/results/moderated.html"
+
+    def get_urls(self) -> list[URLPattern]:
+        decide = self.admin_site.admin_view(self.decide)
+        return [path("<int:key>/decide/", decide, name=self._name("decide")), *super().get_urls()]
+
+    def change_view(
+        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
+    ) -> HttpResponse:
+        row = self.get_object(request, object_id)
+        context = {} if row is None else self._moderation(request, row)
+        return super().change_view(request, object_id, form_url, context | (extra_context or {}))
+
+    def decide(self, request: HttpRequest, key: int) -> HttpResponse:
+        """Carry out the decision that the form names; 403 for those who may not take one."""
+        row = self.get_object(request, str(key))
+        if row is None or request.method != "POST" or not request.user.has_perm(DECIDE):
+            raise PermissionDenied
+        given = {name: request.POST.get(name, "") for name in ("action", "reason")}
+        try:
+            decision = moderation.decide(**given, by=request.user.get_username(), **_subject(row))
+        except ValidationError as error:
+            self.message_user(request, f"Nothing was done: {'; '.join(error.messages)}", messages.ERROR)
+        else:
+            self.message_user(request, f"Logged: {decision}", messages.SUCCESS)
+        return redirect(f"admin:{self._name('change')}", key)
+
+    def _moderation(self, request: HttpRequest, row: Any) -> dict[str, Any]:
+        subject = _subject(row)
+        log = Decision.objects.filter(session=subject["session"]).select_related("run")
+        if "run" in subject:
+            log = log.filter(Q(run=None) | Q(run=subject["run"]))
+        return {
+            "may_decide": request.user.has_perm(DECIDE),
+            "decide": reverse(f"admin:{self._name('decide')}", args=[row.pk]),
+            "log": log,
+        }
+
+    def _name(self, page: str) -> str:
+        return f"{self.opts.app_label}_{self.opts.model_name}_{page}"
+
+
+def _subject(row: Any) -> dict[str, Any]:
+    """What a decision on ROW, a session or a run, is about."""
+    return {"session": row.session, "run": row} if isinstance(row, Run) else {"session": row}
 
 
 @admin.register(Submission)
@@ -34,7 +100,7 @@ class SubmissionAdmin(ReadOnlyAdmin):
 
 
 @admin.register(MeasurementSession)
-class MeasurementSessionAdmin(ReadOnlyAdmin):
+class MeasurementSessionAdmin(ModeratedAdmin):
     """Sessions with their runs and summaries."""
 
     list_display = ("uuid", "device", "front", "backend", "processor", "started_at", "summary_algorithm")
@@ -46,7 +112,7 @@ class MeasurementSessionAdmin(ReadOnlyAdmin):
 
 
 @admin.register(Run)
-class RunAdmin(ReadOnlyAdmin):
+class RunAdmin(ModeratedAdmin):
     """Runs with their states; the frames are on the run's own page."""
 
     list_display = (
@@ -107,3 +173,14 @@ class SessionSummaryAdmin(ReadOnlyAdmin):
     @admin.display(ordering="log_ratio")
     def speedup(self, row: SessionSummary) -> str:
         return "" if row.log_ratio is None else f"{statistics.ratio(row.log_ratio):.2f}"
+
+
+@admin.register(Decision)
+class DecisionAdmin(ReadOnlyAdmin):
+    """Who hid or released what, and why."""
+
+    list_display = ("at", "actor", "action", "session", "run", "reason")
+    list_filter = ("action", "actor")
+    list_select_related = ("session", "run")
+    search_fields = ("session__uuid", "run__uuid", "actor", "reason")
+    date_hierarchy = "at"

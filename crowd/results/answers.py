@@ -5,7 +5,16 @@ from uuid import UUID
 
 import msgspec
 
-from crowd.results.rows import Device, DeviceRow, Headline, SessionRow, SessionSpeedup, Speedup, SubmissionRow
+from crowd.results.rows import (
+    Device,
+    DeviceCorrelation,
+    DeviceRow,
+    Headline,
+    SessionRow,
+    SessionSpeedup,
+    Speedup,
+    SubmissionRow,
+)
 
 
 class Enrolled(msgspec.Struct):
@@ -100,11 +109,13 @@ class SpeedupAnswer(msgspec.Struct):
 
 
 class Crowd(msgspec.Struct):
-    """The crowd in one line, over device models."""
+    """The crowd in one line, over device models; low and high are the geometric mean's 95 % interval."""
 
     devices: int
     sessions: int
     geometric_mean: float | None
+    low: float | None
+    high: float | None
     min: float | None
     max: float | None
     suspect: bool
@@ -158,10 +169,32 @@ class DeviceDetailAnswer(msgspec.Struct):
     sessions: list[SessionAnswer]
 
 
+class Coefficient(msgspec.Struct):
+    """A correlation coefficient with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Correlated(msgspec.Struct):
+    """How alike the times of two devices are over the configurations of a front that both measured.
+
+    Pearson is that of the logarithms of time, Spearman that of the ranks.
+    """
+
+    devices: list[str]
+    front: str
+    configurations: int
+    pearson: Coefficient
+    spearman: Coefficient
+
+
 class Comparison(msgspec.Struct):
-    """Devices side by side, in the order asked for."""
+    """Devices side by side, in the order asked for; a pair with too little in common has no correlation."""
 
     results: list[DeviceDetailAnswer]
+    correlations: list[Correlated]
 
 
 def speedup(row: Speedup) -> SpeedupAnswer:
@@ -191,7 +224,16 @@ def speedup(row: Speedup) -> SpeedupAnswer:
 
 def crowd(row: Headline) -> Crowd:
     """The headline as JSON."""
-    return Crowd(row.devices, row.sessions, row.geometric_mean, row.min, row.max, row.suspect)
+    return Crowd(
+        row.devices,
+        row.sessions,
+        row.geometric_mean,
+        row.low,
+        row.high,
+        row.min,
+        row.max,
+        row.suspect,
+    )
 
 
 def device(row: DeviceRow) -> DeviceAnswer:
@@ -219,6 +261,17 @@ def device_detail(
         installations=installations,
         speedups=[speedup(row) for row in speedups],
         sessions=[session(row) for row in sessions],
+    )
+
+
+def correlated(row: DeviceCorrelation) -> Correlated:
+    """A correlation as JSON."""
+    return Correlated(
+        devices=[row.first, row.second],
+        front=row.front,
+        configurations=row.configurations,
+        pearson=Coefficient(row.pearson.value, row.pearson.low, row.pearson.high),
+        spearman=Coefficient(row.spearman.value, row.spearman.low, row.spearman.high),
     )
 
 

@@ -1,7 +1,8 @@
 """What the crowd measured, as it arrived, and the summaries that tasks derive from it.
 
-Submission, MeasurementSession and Run are raw and never edited. SessionSummary and DeviceSpeedup are
-derived: both can be deleted and computed again from the raw rows.
+Submission, MeasurementSession and Run are raw; of a run, mean, fingerprint, state and reason are derived.
+Cohort, SessionSummary, DeviceSpeedup and DeviceActivity are derived altogether: they can be deleted and
+computed again from the raw rows and the Decisions of administrators.
 """
 
 import uuid
@@ -13,11 +14,16 @@ from crowd.fronts.models import Configuration, FrontVersion
 
 
 class State(models.TextChoices):
-    """Whether a measurement counts. Suspect ones are kept apart from the figures, not thrown away."""
+    """Whether a measurement counts; crowd.results.rules has the rules that decide.
+
+    Suspect ones make a figure only where there is no valid one. Quarantined ones never do, until what hides
+    them is gone. Invalid ones never do.
+    """
 
     VALID = "valid"
     SUSPECT = "suspect"
     INVALID = "invalid"
+    QUARANTINED = "quarantined"
 
 
 class Submission(models.Model):
@@ -32,6 +38,7 @@ class Submission(models.Model):
     app_version = models.CharField(max_length=32)
     consent_version = models.PositiveSmallIntegerField()
     received_at = models.DateTimeField(auto_now_add=True, db_index=True)
+    extra = models.JSONField(default=dict, blank=True, help_text="members that this version does not know")
 
     class Meta:
         ordering = ["-received_at"]
@@ -64,6 +71,7 @@ class MeasurementSession(models.Model):
     samples = models.JSONField(
         default=list, help_text="temperature, clock and battery, at most once a second"
     )
+    extra = models.JSONField(default=dict, blank=True, help_text="members that this version does not know")
     summary_algorithm = models.PositiveSmallIntegerField(
         null=True,
         editable=False,
@@ -74,7 +82,8 @@ class MeasurementSession(models.Model):
         ordering = ["-id"]
         indexes = [
             models.Index(fields=["summary_algorithm", "id"], name="session_waiting"),
-            models.Index(fields=["device", "front"], name="session_device_front"),
+            models.Index(fields=["device", "-id"], name="session_device_newest"),
+            models.Index(fields=["device", "installation", "started_at"], name="session_device_activity"),
         ]
 
     def __str__(self) -> str:
@@ -109,7 +118,14 @@ class Run(models.Model):
     ate_mean = models.FloatField(null=True, blank=True, help_text="m")
     ate_rmse = models.FloatField(null=True, blank=True, help_text="m")
     trajectory_sha256 = models.CharField(max_length=64, blank=True)
-    state = models.CharField(max_length=8, choices=State.choices)
+    extra = models.JSONField(default=dict, blank=True, help_text="members that this version does not know")
+    fingerprint = models.BigIntegerField(
+        null=True,
+        db_index=True,
+        editable=False,
+        help_text="digest of the frames' times, where they vary enough to be nobody else's",
+    )
+    state = models.CharField(max_length=16, choices=State.choices)
     reason = models.CharField(max_length=64, blank=True, help_text="code of the rule that set the state")
 
     class Meta:
@@ -122,9 +138,63 @@ class Run(models.Model):
         return str(self.uuid)
 
 
+class Decision(models.Model):
+    """What an administrator decided on a session or on one run: the newest decision holds. Never edited."""
+
+    class Action(models.TextChoices):
+        QUARANTINE = "quarantine"
+        RELEASE = "release"
+
+    at = models.DateTimeField(auto_now_add=True)
+    actor = models.CharField(max_length=150, help_text="user name")
+    action = models.CharField(max_length=16, choices=Action.choices)
+    reason = models.CharField(max_length=500)
+    session = models.ForeignKey(MeasurementSession, on_delete=models.CASCADE, related_name="decisions")
+    run = models.ForeignKey(
+        Run,
+        on_delete=models.CASCADE,
+        null=True,
+        blank=True,
+        related_name="decisions",
+        help_text="empty: the whole session",
+    )
+
+    class Meta:
+        ordering = ["-id"]
+
+    def __str__(self) -> str:
+        return f"{self.action} by {self.actor}"
+
+
+class Cohort(models.Model):
+    """Sessions that may be averaged with each other: of one device model, front, backend and processor.
+
+    Who writes summaries of its sessions, or figures from them, holds a lock on its row.
+    """
+
+    device = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="cohorts")
+    front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="cohorts")
+    backend = models.CharField(max_length=32)
+    processor = models.CharField(max_length=200, blank=True, help_text="the OpenCL device that computed")
+    stale = models.BooleanField(default=False, help_text="its figures do not know its newest sessions yet")
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["device", "front", "backend", "processor"], name="cohort_key"),
+        ]
+        indexes = [
+            models.Index(fields=["id"], name="cohort_stale", condition=models.Q(stale=True)),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.device_id} {self.front_id} {self.backend} {self.processor}"
+
+
 class SessionSummary(models.Model):
     """One session's answer for one configuration: the mean of its paired log ratios over the baseline."""
 
+    cohort = models.ForeignKey(Cohort, on_delete=models.CASCADE, related_name="summaries")
+    installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="+")
     session = models.ForeignKey(MeasurementSession, on_delete=models.CASCADE, related_name="summaries")
     configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
     baseline = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
@@ -134,14 +204,24 @@ class SessionSummary(models.Model):
     )
     pairs = models.PositiveSmallIntegerField()
     drift = models.FloatField(
-        null=True, help_text="largest ratio of a second repeat over the first, frame by frame"
+        null=True, help_text="largest ratio of the last repeat over the first, frame by frame"
     )
     ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration's runs, m")
-    state = models.CharField(max_length=8, choices=State.choices)
-    reason = models.CharField(max_length=64, blank=True)
+    state = models.CharField(max_length=16, choices=State.choices)
+    reason = models.CharField(max_length=64, blank=True, help_text="code of the rule that set the state")
+    started_at = models.DateTimeField(help_text="the session's")
+    day = models.DateField(help_text="of started_at, UTC")
+    counted = models.BooleanField(
+        help_text="among the first sessions of its installation and day that have its state"
+    )
 
     class Meta:
         verbose_name_plural = "session summaries"
+        indexes = [
+            models.Index(fields=["cohort", "installation", "day"], name="summary_day"),
+            models.Index(fields=["cohort", "configuration", "log_ratio"], name="summary_log_ratio"),
+            models.Index(fields=["started_at"], name="summary_started_at"),
+        ]
         constraints = [
             models.UniqueConstraint(fields=["session", "configuration"], name="session_summary_key"),
         ]
@@ -173,7 +253,7 @@ class DeviceSpeedup(models.Model):
         null=True, help_text="largest ATE of the configuration among those sessions, m"
     )
     state = models.CharField(
-        max_length=8, choices=State.choices, help_text="suspect: no valid session, only suspect ones"
+        max_length=16, choices=State.choices, help_text="suspect: no valid session, only suspect ones"
     )
     last_session_at = models.DateTimeField()
     computed_at = models.DateTimeField(auto_now=True)
@@ -188,6 +268,21 @@ class DeviceSpeedup(models.Model):
 
     def __str__(self) -> str:
         return f"{self.device_id} {self.configuration_id} {self.speedup:.2f}"
+
+
+class DeviceActivity(models.Model):
+    """How much of a device model was measured, kept so that no page has to count sessions."""
+
+    device = models.OneToOneField(DeviceModel, on_delete=models.CASCADE, related_name="activity")
+    sessions = models.PositiveIntegerField()
+    installations = models.PositiveIntegerField()
+    last_session_at = models.DateTimeField()
+
+    class Meta:
+        verbose_name_plural = "device activities"
+
+    def __str__(self) -> str:
+        return f"{self.device_id}: {self.sessions} sessions"
 
 
 class WorkerPulse(models.Model):

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from crowd.fronts.selectors import BEST
 from crowd.results.filters import SpeedupFilters
+from pareto.correlation import Estimate
 
 
 @dataclass(frozen=True)
 class Device:
-    """A device model as people call it, with what is known of its parts ("" where nothing is)."""
+    """A device model as people call it, with what is known of its parts ("" where nothing is); or a group of
+    rare ones, which is its `kind` then.
+    """
 
     slug: str
     manufacturer: str
@@ -25,6 +28,7 @@ class Device:
     soc: str
     gpu: str
     os: str
+    kind: str = "device"
 
     @property
     def title(self) -> str:
@@ -67,6 +71,7 @@ class Speedup:
 class Headline:
     """The crowd in one line, over device models: None where there is no device.
 
+    low and high are a 95 % interval of the geometric mean over models, None below three of them.
     Suspect figures are left out as long as one valid figure exists; `suspect` says that there is none. Where
     ALL configurations are shown, the line is about the best one.
     """
@@ -74,6 +79,8 @@ class Headline:
     devices: int
     sessions: int
     geometric_mean: float | None
+    low: float | None
+    high: float | None
     min: float | None
     max: float | None
     suspect: bool
@@ -98,6 +105,20 @@ class DeviceRow:
     installations: int
     last_session_at: datetime | None
     speedup: Speedup | None
+
+
+@dataclass(frozen=True)
+class DeviceCorrelation:
+    """Of two devices (slugs): how alike their times over the configurations of one front are, of `configurations`
+    that both measured. Pearson of the logarithms, Spearman of the ranks, each with its 95 % interval.
+    """
+
+    first: str
+    second: str
+    front: str
+    configurations: int
+    pearson: Estimate
+    spearman: Estimate
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,24 @@ from datetime import UTC, datetime, time
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Count, Max, Prefetch, Q, QuerySet
+from django.db.models import Exists, OuterRef, Prefetch, Q, QuerySet
 
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST
 from crowd.results import packing, statistics, summaries
 from crowd.results.filters import ALL, SpeedupFilters
 from crowd.results.intake import REJECTED
-from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State, Submission
+from crowd.results.models import (
+    Cohort,
+    DeviceActivity,
+    DeviceSpeedup,
+    MeasurementSession,
+    Run,
+    SessionSummary,
+    State,
+    Submission,
+)
 from crowd.results.rows import (
     Device,
     DeviceDetail,
@@ -33,6 +42,7 @@ from crowd.results.rows import (
 )
 
 LISTED_SESSIONS = 20
+LISTED_DESCRIPTIONS = 20
 
 
 def measured_front(application: str) -> str | None:
@@ -51,18 +61,24 @@ def speedups(filters: SpeedupFilters) -> Speedups:
 
 
 def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
-    """The crowd's figure over device models; a model measured on several processors counts once."""
+    """The crowd's figure over device models; a model measured on several processors counts once.
+
+    The models of which no valid figure exists count only where there is none of any model.
+    """
     name = BEST if configuration == ALL else configuration
     shown = [row for row in rows if row.configuration == name]
     counted = [row for row in shown if not row.suspect] or shown
     by_model: dict[str, list[float]] = defaultdict(list)
     for row in counted:
         by_model[row.device.slug].append(row.speedup)
-    models = [value for values in by_model.values() if (value := statistics.crowd_speedup(values))]
+    models = [mean.value for values in by_model.values() if (mean := statistics.crowd_speedup(values))]
+    crowd = statistics.crowd_speedup(models)
     return Headline(
         devices=len(models),
         sessions=sum(row.sessions for row in counted),
-        geometric_mean=statistics.crowd_speedup(models),
+        geometric_mean=crowd.value if crowd else None,
+        low=crowd.low if crowd else None,
+        high=crowd.high if crowd else None,
         min=min(models, default=None),
         max=max(models, default=None),
         suspect=bool(counted) and counted[0].suspect,
@@ -70,22 +86,14 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
 
 
 def devices() -> tuple[DeviceRow, ...]:
-    """Every device that somebody measured, fastest first, those without a figure last. Four queries."""
+    """Every device of which a session was summarised, fastest first, those without a figure last. Five queries."""
     best = {row.device.slug: row for row in reversed(speedups(SpeedupFilters()).rows)}
-    models = DeviceModel.objects.annotate(
-        session_count=Count("sessions"),
-        installation_count=Count("sessions__installation", distinct=True),
-        last=Max("sessions__started_at"),
-    ).filter(session_count__gt=0)
+    counts = DeviceActivity.objects.values_list("device_id", "sessions", "installations", "last_session_at")
+    models = {model.pk: model for model in DeviceModel.objects.filter(activity__isnull=False)}
     rows = (
-        DeviceRow(
-            _device(model),
-            model.session_count,
-            model.installation_count,
-            _hour(model.last),
-            best.get(model.slug),
-        )
-        for model in models
+        DeviceRow(_device(model), sessions, installations, _hour(last), best.get(model.slug))
+        for key, sessions, installations, last in counts
+        if (model := models.get(key)) is not None
     )
     return tuple(
         sorted(rows, key=lambda row: (-(row.speedup.speedup if row.speedup else 0.0), row.device.slug))
@@ -93,23 +101,27 @@ def devices() -> tuple[DeviceRow, ...]:
 
 
 def device(slug: str) -> DeviceDetail | None:
-    """One device: every configuration, newest front first; newest sessions. None for an unknown SLUG."""
+    """One device: every configuration, newest front first; newest sessions.
+
+    None for an unknown SLUG, and for a model of which nothing is shown under its own name.
+    """
     model = DeviceModel.objects.filter(slug=slug).first()
     if model is None:
         return None
     sessions = _sessions().filter(device=model)
-    speedups = _speedup_rows().filter(device=model).order_by("-front__published_at", "-speedup")
-    counts = model.sessions.aggregate(
-        sessions=Count("id"), installations=Count("installation", distinct=True)
-    )
     listed = tuple(sessions[:LISTED_SESSIONS])
+    if not listed:
+        return None
+    speedups = _speedup_rows().filter(device=model).order_by("-front__published_at", "-speedup")
+    activity = DeviceActivity.objects.filter(device=model).first()
     return DeviceDetail(
         device=_device(model),
         speedups=tuple(_speedup(row) for row in speedups),
         sessions=tuple(_session(row) for row in listed),
-        session_count=counts["sessions"],
-        installations=counts["installations"],
-        descriptions=tuple(model.descriptions.order_by("first_seen_at").values_list("raw", flat=True)),
+        # Before the first summary of a device nothing has counted its sessions.
+        session_count=activity.sessions if activity else len(listed),
+        installations=activity.installations if activity else 0,
+        descriptions=_descriptions(model),
         latest=_detail(listed[0]) if listed else None,
     )
 
@@ -117,6 +129,12 @@ def device(slug: str) -> DeviceDetail | None:
 def latest_sessions(limit: int = LISTED_SESSIONS) -> tuple[SessionRow, ...]:
     """The sessions that arrived last, newest first. Two queries."""
     return tuple(_session(row) for row in _sessions()[:limit])
+
+
+def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:
+    """The sessions of INSTALLATION on MODEL, or on an alias of it, newest first. Two queries."""
+    own = Q(description__model=model) | Q(description__model__canonical=model)
+    return tuple(_session(row) for row in _sessions().filter(own, installation=installation)[:limit])
 
 
 def session(uuid: UUID) -> SessionDetail | None:
@@ -160,6 +178,14 @@ def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
     )
 
 
+def _descriptions(model: DeviceModel) -> tuple[dict[str, object], ...]:
+    """Raw strings of MODEL's newest descriptions, of those that have a session under its name."""
+    public = MeasurementSession.objects.filter(description=OuterRef("pk"), device=model)
+    rows = DeviceDescription.objects.filter(Q(model=model) | Q(model__canonical=model)).filter(Exists(public))
+    newest = rows.order_by("-first_seen_at")[:LISTED_DESCRIPTIONS]
+    return tuple(newest.values_list("raw", flat=True))
+
+
 def _hour(moment: datetime) -> datetime:
     return moment.replace(minute=0, second=0, microsecond=0)
 
@@ -168,11 +194,12 @@ def _device(model: DeviceModel) -> Device:
     return Device(
         slug=model.slug,
         manufacturer=model.manufacturer,
-        name=model.name,
+        name=model.shown_name,
         cpu=model.cpu,
         soc=model.soc,
         gpu=model.gpu,
         os=model.os,
+        kind=model.kind,
     )
 
 
@@ -197,29 +224,27 @@ def _stored_speedups(filters: SpeedupFilters, front: str | None) -> list[Speedup
 
 
 def _speedups_since(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
-    """The same figures from the sessions of a period alone, which no stored row holds."""
+    """The same figures from the sessions of a period alone, which no stored row holds. Four queries."""
     assert filters.since is not None
+    cohorts = Cohort.objects.filter(front__slug=front, **_device_restrictions(filters, "device__"))
+    if filters.backend:
+        cohorts = cohorts.filter(backend=filters.backend)
+    found = {cohort.pk: cohort for cohort in cohorts.select_related("device")}
     rows = SessionSummary.objects.filter(
-        session__front__slug=front,
-        session__started_at__gte=datetime.combine(filters.since, time.min, UTC),
-        **_device_restrictions(filters, "session__device__"),
+        cohort__in=cohorts.values("pk"), started_at__gte=datetime.combine(filters.since, time.min, UTC)
     )
     if filters.configuration != ALL:
         rows = rows.filter(configuration__name=filters.configuration)
-    if filters.backend:
-        rows = rows.filter(session__backend=filters.backend)
-    figures = summaries.figures(rows)
-    models = DeviceModel.objects.in_bulk({key.device for key in figures})
     version = FrontVersion.objects.filter(slug=front).prefetch_related("configurations").first()
     names = {c.pk: c.name for c in version.configurations.all()} if version else {}
     return [
         Speedup(
-            device=_device(models[key.device]),
+            device=_device(found[key.cohort].device),
             front=front or "",
             configuration=names[key.configuration],
             baseline=names[key.baseline],
-            backend=key.backend,
-            processor=key.processor,
+            backend=found[key.cohort].backend,
+            processor=found[key.cohort].processor,
             speedup=figure.model.speedup.value,
             low=figure.model.speedup.low,
             high=figure.model.speedup.high,
@@ -231,7 +256,7 @@ def _speedups_since(filters: SpeedupFilters, front: str | None) -> list[Speedup]
             last_session_at=_hour(figure.last_session_at),
             suspect=figure.state == State.SUSPECT,
         )
-        for key, figure in figures.items()
+        for key, figure in summaries.figures(rows).items()
         if figure.model.sessions >= filters.min_sessions
     ]
 

@@ -7,27 +7,41 @@ interval over either covers the truth far too seldom.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 # Stored on every summary; raise it with any change of a figure below, and everything is computed again.
-ALGORITHM = 1
+ALGORITHM = 2
 FIRST_COUNTED_FRAME = 10
 MAX_ATE = 0.05
 MAX_DRIFT = 1.15
 CONFIDENCE = 0.95
 LEAST_INSTALLATIONS = 3
 LEAST_SESSIONS = 3
+LEAST_MODELS = 3
 SESSIONS_PER_DAY = 5
 # Clocks of stages and of the frame are read apart: 5 % and 50 us of a frame may be lost between them.
 STAGE_TOLERANCE = 1.05
 STAGE_SLACK_US = 50
 # What the stages' sum is compared with is the computation; these two lie outside it.
 OUTSIDE_COMPUTATION = frozenset({"acquisition", "rendering", "total", "computation"})
+# 20,000 frames a second: launching a frame's kernels alone takes longer.
+SHORTEST_MEAN_US = 50.0
+# So many different times do not come twice in the same order by chance.
+LEAST_DISTINCT_TIMES = 20
+# Before the clock is said to have fallen, each third of a session has two readings.
+LEAST_READINGS = 6
+OUTLIER_DEVIATIONS = 5.0
+# The median absolute deviation of normal values, times this, estimates their standard deviation.
+NORMAL_MAD = 1.4826
+# Installations of one model differ by a tenth without any fault, and of few the deviation may be 0 by chance.
+LEAST_DEVIATION = math.log(1.1)
+# Two installations agree that are as near to each other as two repeats have to be.
+AGREEMENT = math.log(MAX_DRIFT)
 
 
 def run_value(frame_us: ArrayLike, first_counted_frame: int = FIRST_COUNTED_FRAME) -> float:
@@ -53,20 +67,29 @@ def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, flo
 
 
 def drift(
-    first_us: ArrayLike, second_us: ArrayLike, first_counted_frame: int = FIRST_COUNTED_FRAME
+    first_us: ArrayLike, last_us: ArrayLike, first_counted_frame: int = FIRST_COUNTED_FRAME
 ) -> float | None:
-    """Median over the counted frames of second / first repeat of one configuration; None without frames.
+    """Median over the counted frames of last / first repeat of one configuration; None without frames.
 
     Like is compared with like: the first and the last third of one run would confound the scene with the
     heat.
     """
     first = np.asarray(first_us, dtype=np.float64)[first_counted_frame:]
-    second = np.asarray(second_us, dtype=np.float64)[first_counted_frame:]
-    length = min(first.size, second.size)
-    timed = (first[:length] > 0) & (second[:length] > 0)
+    last = np.asarray(last_us, dtype=np.float64)[first_counted_frame:]
+    length = min(first.size, last.size)
+    timed = (first[:length] > 0) & (last[:length] > 0)
     if not timed.any():
         return None
-    return float(np.median(second[:length][timed] / first[:length][timed]))
+    return float(np.median(last[:length][timed] / first[:length][timed]))
+
+
+def clock_fall(readings_mhz: Sequence[float]) -> float | None:
+    """Median clock of the first third of the readings over that of the last; None for too few of them."""
+    if len(readings_mhz) < LEAST_READINGS:
+        return None
+    third = len(readings_mhz) // 3
+    first, last = np.median(readings_mhz[:third]), np.median(readings_mhz[-third:])
+    return float(first / last) if last > 0 else None
 
 
 def stages_exceed_frames(frame_us: ArrayLike, stages_us: Mapping[str, ArrayLike]) -> bool:
@@ -107,24 +130,40 @@ def geometric_interval(logs: Sequence[float], least: int) -> Interval:
     if not logs:
         raise ValueError("a mean of no values")
     values = np.asarray(logs, dtype=np.float64)
-    centre = float(values.mean())
-    if values.size < least:
-        return Interval(math.exp(centre), None, None)
+    deviation = float(values.std(ddof=1)) if values.size > 1 else 0.0
+    return _interval(float(values.mean()), deviation, values.size, least)
+
+
+def _interval(mean: float, deviation: float, count: int, least: int) -> Interval:
+    if count < max(least, 2):
+        return Interval(math.exp(mean), None, None)
     # scipy.stats takes a second to import, and the web process has no other use of it.
     from scipy.special import stdtrit
 
-    quantile = float(stdtrit(values.size - 1, (1 + CONFIDENCE) / 2))
-    half = quantile * float(values.std(ddof=1)) / math.sqrt(values.size)
-    return Interval(math.exp(centre), math.exp(centre - half), math.exp(centre + half))
+    half = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * deviation / math.sqrt(count)
+    return Interval(math.exp(mean), math.exp(mean - half), math.exp(mean + half))
+
+
+def within_daily_limit(keys: Iterable[Hashable]) -> list[bool]:
+    """Of each key, in the given order, whether it is among the first SESSIONS_PER_DAY of its kind.
+
+    A key says whose session it is, of which day, and what for.
+    """
+    seen: Counter[Hashable] = Counter()
+    counted = []
+    for key in keys:
+        seen[key] += 1
+        counted.append(seen[key] <= SESSIONS_PER_DAY)
+    return counted
 
 
 @dataclass(frozen=True)
-class SessionValue:
-    """One session's log ratio, with who measured it and when."""
+class InstallationValue:
+    """One installation: mean and standard deviation (0 for one session) of its sessions' log ratios."""
 
-    installation: object
-    day: date
     log_ratio: float
+    deviation: float
+    sessions: int
 
 
 @dataclass(frozen=True)
@@ -137,29 +176,59 @@ class ModelSpeedup:
     installations: int
 
 
-def model_speedup(sessions: Iterable[SessionValue]) -> ModelSpeedup:
-    """Sessions of one device model, averaged within each installation, then over installations.
+def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
+    """The mean over INSTALLATIONS, each weighing the same however many sessions it sent.
 
-    At most SESSIONS_PER_DAY sessions of an installation and day count, the first of them in the given order.
-    Raises ValueError for no session.
+    Raises ValueError for no installation.
     """
-    by_installation: dict[object, list[float]] = {}
-    days: dict[tuple[object, date], int] = {}
-    for session in sessions:
-        seen = days.get((session.installation, session.day), 0)
-        if seen < SESSIONS_PER_DAY:
-            days[session.installation, session.day] = seen + 1
-            by_installation.setdefault(session.installation, []).append(session.log_ratio)
-    means = [float(np.mean(logs)) for logs in by_installation.values()]
-    only = next(iter(by_installation.values())) if len(by_installation) == 1 else []
+    repeat = None
+    if len(installations) == 1 and installations[0].sessions >= LEAST_SESSIONS:
+        only = installations[0]
+        repeat = _interval(only.log_ratio, only.deviation, only.sessions, LEAST_SESSIONS)
     return ModelSpeedup(
-        speedup=geometric_interval(means, LEAST_INSTALLATIONS),
-        repeat=geometric_interval(only, LEAST_SESSIONS) if len(only) >= LEAST_SESSIONS else None,
-        sessions=sum(days.values()),
-        installations=len(by_installation),
+        speedup=geometric_interval([each.log_ratio for each in installations], LEAST_INSTALLATIONS),
+        repeat=repeat,
+        sessions=sum(each.sessions for each in installations),
+        installations=len(installations),
     )
 
 
-def crowd_speedup(speedups: Sequence[float]) -> float | None:
-    """Unweighted geometric mean over device models, None for none. Never an arithmetic mean of ratios."""
-    return None if not speedups else float(np.exp(np.mean(np.log(speedups))))
+def usual_range(installations: Sequence[float]) -> tuple[float, float] | None:
+    """Between which log ratios a session is no outlier, of one model's INSTALLATIONS; None for too few.
+
+    OUTLIER_DEVIATIONS robust standard deviations around the median (Leys et al. 2013): unlike mean and standard
+    deviation, neither follows the outlier.
+    """
+    if len(installations) < LEAST_INSTALLATIONS:
+        return None
+    values = np.asarray(installations, dtype=np.float64)
+    median = float(np.median(values))
+    deviation = NORMAL_MAD * float(np.median(np.abs(values - median)))
+    reach = OUTLIER_DEVIATIONS * max(deviation, LEAST_DEVIATION)
+    return median - reach, median + reach
+
+
+def without_agreement(sessions: Sequence[tuple[Hashable, float]]) -> list[bool]:
+    """Of each session (installation, log ratio), whether no other installation has one within AGREEMENT."""
+    order = sorted(range(len(sessions)), key=lambda place: sessions[place][1])
+    alone = [True] * len(sessions)
+    for direction in (order, order[::-1]):
+        nearest: dict[Hashable, float] = {}  # of the last two installations that were met, the nearest value
+        for place in direction:
+            installation, value = sessions[place]
+            others = [known for other, known in nearest.items() if other != installation]
+            if any(abs(value - known) <= AGREEMENT for known in others):
+                alone[place] = False
+            nearest.pop(installation, None)
+            nearest[installation] = value
+            if len(nearest) > 2:
+                del nearest[next(iter(nearest))]
+    return alone
+
+
+def crowd_speedup(speedups: Sequence[float]) -> Interval | None:
+    """Unweighted geometric mean over device models, with an interval over them; None for none.
+
+    Never an arithmetic mean of ratios.
+    """
+    return geometric_interval([math.log(speedup) for speedup in speedups], LEAST_MODELS) if speedups else None

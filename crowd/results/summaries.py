@@ -1,11 +1,13 @@
 """Session summaries grouped into figures of device models: where sessions become a speedup."""
 
+import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
-from django.db.models import QuerySet
+from django.db.models import Avg, Count, F, Max, QuerySet, Sum
 
 from crowd.results import statistics
 from crowd.results.models import SessionSummary, State
@@ -13,14 +15,11 @@ from crowd.results.models import SessionSummary, State
 
 @dataclass(frozen=True)
 class Key:
-    """What one figure is about, as primary keys; processor is the OpenCL device's name."""
+    """What one figure is about, as primary keys."""
 
-    front: int
+    cohort: int
     configuration: int
     baseline: int
-    device: int
-    backend: str
-    processor: str
 
 
 @dataclass(frozen=True)
@@ -34,67 +33,65 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class _Session:
-    installation: object
-    started_at: datetime
-    log_ratio: float
+class _Installation:
+    value: statistics.InstallationValue
     ate_max: float | None
-    state: str
+    last_session_at: datetime
 
 
 def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
-    """The figure of every key that SUMMARIES hold a usable session of. One query.
+    """The figure of every key that SUMMARIES hold a usable session of.
 
-    Valid sessions make the figure; suspect ones do only where there is no valid session. Invalid ones never
-    count.
+    One query, which answers a row for each installation, however many sessions it sent. Valid sessions make
+    the figure; suspect ones do only where there is no valid session. Others never count.
     """
-    groups: dict[Key, list[_Session]] = defaultdict(list)
-    rows = (
-        summaries.exclude(log_ratio=None)
-        .exclude(state=State.INVALID)
-        .order_by("session__started_at", "session_id")
+    groups: dict[Key, dict[str, list[_Installation]]] = defaultdict(lambda: defaultdict(list))
+    for row in _by_installation(summaries):
+        key = Key(row["cohort_id"], row["configuration_id"], row["baseline_id"])
+        groups[key][row["state"]].append(
+            _Installation(
+                statistics.InstallationValue(
+                    row["mean"],
+                    _deviation(row["mean"], row["mean_square"], row["sessions"]),
+                    row["sessions"],
+                ),
+                row["error"],
+                row["last"],
+            )
+        )
+    return {
+        key: _figure(states[state], state)
+        for key, states in groups.items()
+        for state in [State.VALID if State.VALID in states else State.SUSPECT]
+    }
+
+
+def _by_installation(summaries: QuerySet[SessionSummary]) -> QuerySet[SessionSummary, dict[str, Any]]:
+    return (
+        summaries.filter(counted=True, state__in=[State.VALID, State.SUSPECT])
+        .order_by("cohort_id", "configuration_id", "installation_id")
+        .values("cohort_id", "configuration_id", "baseline_id", "installation_id", "state")
+        .annotate(
+            mean=Avg("log_ratio"),
+            mean_square=Sum(F("log_ratio") * F("log_ratio")) / Count("id"),
+            sessions=Count("id"),
+            error=Max("ate_max"),
+            last=Max("started_at"),
+        )
     )
-    for (
-        front,
-        configuration,
-        baseline,
-        device,
-        backend,
-        processor,
-        who,
-        when,
-        log_ratio,
-        ate,
-        state,
-    ) in rows.values_list(
-        "session__front_id",
-        "configuration_id",
-        "baseline_id",
-        "session__device_id",
-        "session__backend",
-        "session__processor",
-        "session__installation_id",
-        "session__started_at",
-        "log_ratio",
-        "ate_max",
-        "state",
-    ):
-        assert log_ratio is not None  # such rows are left out above
-        key = Key(front, configuration, baseline, device, backend, processor)
-        groups[key].append(_Session(who, when, log_ratio, ate, state))
-    return {key: _figure(sessions) for key, sessions in groups.items()}
 
 
-def _figure(sessions: Iterable[_Session]) -> Figure:
-    sessions = list(sessions)
-    valid = [session for session in sessions if session.state == State.VALID]
-    counted = valid or sessions
+def _deviation(mean: float, mean_square: float, count: int) -> float:
+    """Standard deviation of a sample; 0 for a single value."""
+    if count < 2:
+        return 0.0
+    return math.sqrt(max(mean_square - mean * mean, 0.0) * count / (count - 1))
+
+
+def _figure(installations: Sequence[_Installation], state: State) -> Figure:
     return Figure(
-        model=statistics.model_speedup(
-            statistics.SessionValue(session.installation, session.started_at.date(), session.log_ratio)
-            for session in counted
-        ),
-        ate_max=max((session.ate_max for session in counted if session.ate_max is not None), default=None),
-        state=State.VALID if valid else State.SUSPECT,
-        last_session_at=max(session.started_at for session in counted),
+        model=statistics.model_speedup([each.value for each in installations]),
+        ate_max=max((each.ate_max for each in installations if each.ate_max is not None), default=None),
+        state=state,
+        last_session_at=max(each.last_session_at for each in installations),
     )

@@ -1,27 +1,27 @@
-"""Sessions become summaries, summaries become the published figures. Everything here can be run again at
-any time.
-"""
+"""Sessions become summaries. Everything here can be run again at any time, beside anybody else who does."""
 
-from collections import defaultdict
-from itertools import pairwise
-from typing import Any
+from collections.abc import Iterable, Sequence
 
 from django.db import transaction
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 
-from crowd.devices.models import DeviceModel
+from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import DEFAULT
-from crowd.results import packing, statistics, summaries
-from crowd.results.checks import Protocol
-from crowd.results.models import (
-    DeviceSpeedup,
-    MeasurementSession,
-    Run,
-    SessionSummary,
-    State,
-    WorkerPulse,
-)
+from crowd.results import comparing, judging, refreshing, statistics
+from crowd.results.decisions import Decisions
+from crowd.results.models import Cohort, DeviceActivity, MeasurementSession, SessionSummary, WorkerPulse
+
+# Sessions that one transaction works on: other writers wait for a fraction of a second at most.
+BATCH = 100
+MARKED = 5_000
+# A device with more sessions gets its figures from the sweep, for many new sessions at once: what one more
+# session costs does not grow with those that are there.
+LARGE = 1_000
+# In place of the version of the statistics that has seen a session: to be summarised again.
+AGAIN = 0
+
+Group = tuple[int, int, str, str]
 
 
 def waiting() -> QuerySet[MeasurementSession]:
@@ -31,12 +31,32 @@ def waiting() -> QuerySet[MeasurementSession]:
     ).order_by("id")
 
 
-def summarise_waiting(limit: int | None = None) -> int:
-    """Summarise sessions that wait, oldest first, at most LIMIT; how many there were."""
-    keys = list(waiting().values_list("pk", flat=True)[:limit])
-    for key in keys:
-        summarise_session(key)
-    return len(keys)
+def resummarise(sessions: QuerySet[MeasurementSession]) -> int:
+    """Let SESSIONS wait for a summary from their raw runs; how many. Their present ones hold until then."""
+    last, marked = 0, 0
+    seen = sessions.exclude(summary_algorithm=None).order_by("pk")
+    while keys := list(seen.filter(pk__gt=last).values_list("pk", flat=True)[:MARKED]):
+        MeasurementSession.objects.filter(pk__in=keys).update(summary_algorithm=AGAIN)
+        last, marked = keys[-1], marked + len(keys)
+    return marked
+
+
+def summarise_waiting(limit: int | None = None, figures: bool = True) -> list[int]:
+    """Summarise sessions that wait, at most LIMIT, new ones first and then oldest first; their keys.
+
+    Without FIGURES, those stay as they are until `refreshing.refresh_stale`.
+    """
+    done: list[int] = []
+    for sessions in (waiting().filter(summary_algorithm=None), waiting().exclude(summary_algorithm=None)):
+        last = 0
+        while room := BATCH if limit is None else min(BATCH, limit - len(done)):
+            keys = list(sessions.filter(pk__gt=last).values_list("pk", flat=True)[:room])
+            if not keys:
+                break
+            summarise_sessions(keys, figures)
+            last = keys[-1]
+            done += keys
+    return done
 
 
 def pulse(task: str) -> None:
@@ -45,116 +65,84 @@ def pulse(task: str) -> None:
 
 
 @transaction.atomic
+def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
+    """Judge the runs of the sessions KEYS, summarise them and, with FIGURES, compute what rests on them.
+
+    Sessions that are gone are left out. The figures of large devices wait for `refreshing.refresh_stale`.
+    """
+    sessions = list(
+        MeasurementSession.objects.select_for_update(of=("self",))
+        .select_related("front", "description__model")
+        .filter(pk__in=keys)
+        .order_by("pk")
+    )
+    decisions = Decisions.on(sessions)
+    runs = judging.judge_runs(sessions, decisions)
+    cohorts = _cohorts(sessions)
+    # A session whose device was renamed or merged leaves its cohort for another.
+    earlier = SessionSummary.objects.filter(session__in=sessions)
+    touched = {cohort.pk for cohort in cohorts.values()} | set(earlier.values_list("cohort_id", flat=True))
+    locked = refreshing.lock(Cohort.objects.filter(pk__in=touched))
+    earlier.delete()
+    baselines = _baselines(sessions)
+    made = [
+        summary
+        for session in sessions
+        for summary in comparing.summaries(
+            session,
+            cohorts[_group(session)],
+            runs.get(session.pk, ()),
+            baselines.get(session.front_id),
+            decisions.released(session),
+        )
+    ]
+    SessionSummary.objects.bulk_create(made)
+    refreshing.count_days(
+        SessionSummary.objects.filter(
+            cohort__in={row.cohort_id for row in made},
+            installation__in={row.installation_id for row in made},
+            day__in={row.day for row in made},
+        )
+    )
+    done = MeasurementSession.objects.filter(pk__in=[session.pk for session in sessions])
+    done.update(summary_algorithm=statistics.ALGORITHM)
+    Cohort.objects.filter(pk__in=touched, stale=False).update(stale=True)
+    if figures:
+        _refresh_small(locked, {session.device_id for session in sessions})
+
+
 def summarise_session(key: int) -> None:
     """Compute the session's summaries and its device's figures; nothing for a session that is gone."""
-    session = MeasurementSession.objects.select_related("front").filter(pk=key).first()
-    if session is None:
-        return
-    # One writer for a device at a time: each must see the other's sessions.
-    DeviceModel.objects.select_for_update().get(pk=session.device_id)
-    SessionSummary.objects.filter(session=session).delete()
-    SessionSummary.objects.bulk_create(_summaries(session))
-    MeasurementSession.objects.filter(pk=session.pk).update(summary_algorithm=statistics.ALGORITHM)
-    refresh_figures(session.device_id, session.front_id, session.backend, session.processor)
+    summarise_sessions([key])
 
 
-def refresh_figures(device: int, front: int, backend: str, processor: str) -> None:
-    """Compute the figures of one model, front, backend and processor anew; those without sessions go."""
-    group: dict[str, Any] = {
-        "device_id": device,
-        "front_id": front,
-        "backend": backend,
-        "processor": processor,
-    }
-    found = summaries.figures(SessionSummary.objects.filter(**{f"session__{k}": v for k, v in group.items()}))
-    stale = DeviceSpeedup.objects.filter(**group)
-    stale.exclude(configuration_id__in=[key.configuration for key in found]).delete()
-    for key, figure in found.items():
-        model = figure.model
-        DeviceSpeedup.objects.update_or_create(
-            **group,
-            configuration_id=key.configuration,
-            defaults={
-                "baseline_id": key.baseline,
-                "algorithm": statistics.ALGORITHM,
-                "speedup": model.speedup.value,
-                "low": model.speedup.low,
-                "high": model.speedup.high,
-                "repeat_low": model.repeat.low if model.repeat else None,
-                "repeat_high": model.repeat.high if model.repeat else None,
-                "sessions": model.sessions,
-                "installations": model.installations,
-                "ate_max": figure.ate_max,
-                "state": figure.state,
-                "last_session_at": figure.last_session_at,
-            },
+def _refresh_small(cohorts: Iterable[Cohort], devices: set[int]) -> None:
+    """Figures of those COHORTS, and counts of those DEVICES, that are quickly computed."""
+    devices = devices | {cohort.device_id for cohort in cohorts}
+    large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE)
+    small = devices - set(large.values_list("device_id", flat=True))
+    refreshing.refresh([cohort for cohort in cohorts if cohort.device_id in small])
+    refreshing.count_activity(small)
+
+
+def _group(row: MeasurementSession | Cohort) -> Group:
+    return row.device_id, row.front_id, row.backend, row.processor
+
+
+def _cohorts(sessions: Iterable[MeasurementSession]) -> dict[Group, Cohort]:
+    """The cohort of each session, made on first sight."""
+    groups = {_group(session) for session in sessions}
+    known = Cohort.objects.filter(device__in={group[0] for group in groups})
+    found = {_group(cohort): cohort for cohort in known}
+    for group in sorted(groups - found.keys()):
+        device, front, backend, processor = group
+        found[group], _ = Cohort.objects.get_or_create(
+            device_id=device, front_id=front, backend=backend, processor=processor
         )
+    return {group: found[group] for group in groups}
 
 
-def _summaries(session: MeasurementSession) -> list[SessionSummary]:
-    """One summary for every configuration but the baseline; none where the baseline did not run at all."""
-    first = Protocol.of(session.front.protocol).first_counted_frame
-    by_configuration: dict[int, list[Run]] = defaultdict(list)
-    baseline_id = None
-    for run in session.runs.select_related("configuration").order_by("repeat"):
-        by_configuration[run.configuration_id].append(run)
-        if run.configuration.name == DEFAULT:
-            baseline_id = run.configuration_id
-    if baseline_id is None:
-        return []
-    baseline = by_configuration.pop(baseline_id)
-    return [
-        _summary(session, key, candidate, baseline_id, baseline, first)
-        for key, candidate in by_configuration.items()
-    ]
-
-
-def _summary(
-    session: MeasurementSession,
-    candidate_id: int,
-    candidate: list[Run],
-    baseline_id: int,
-    baseline: list[Run],
-    first_counted_frame: int,
-) -> SessionSummary:
-    ratios = statistics.paired_log_ratios(_values(baseline), _values(candidate))
-    drifts = [
-        value
-        for runs in (baseline, candidate)
-        for earlier, later in pairwise(run for run in runs if run.mean_us)
-        if (value := _drift(earlier, later, first_counted_frame)) is not None
-    ]
-    drift = max(drifts, default=None)
-    state, reason = _state(len(ratios), drift, [*candidate, *baseline])
-    return SessionSummary(
-        session=session,
-        configuration_id=candidate_id,
-        baseline_id=baseline_id,
-        algorithm=statistics.ALGORITHM,
-        log_ratio=float(ratios.mean()) if len(ratios) else None,
-        pairs=len(ratios),
-        drift=drift,
-        ate_max=max((run.ate_max for run in candidate if run.ate_max is not None), default=None),
-        state=state,
-        reason=reason,
-    )
-
-
-def _values(runs: list[Run]) -> dict[int, float]:
-    """Mean microseconds by repeat, of the runs that count."""
-    return {run.repeat: run.mean_us for run in runs if run.mean_us and run.state != State.INVALID}
-
-
-def _drift(earlier: Run, later: Run, first_counted_frame: int) -> float | None:
-    return statistics.drift(
-        packing.unpack(earlier.frame_us), packing.unpack(later.frame_us), first_counted_frame
-    )
-
-
-def _state(pairs: int, drift: float | None, runs: list[Run]) -> tuple[State, str]:
-    if not pairs:
-        return State.INVALID, next((run.reason for run in runs if run.state == State.INVALID), "no_pair")
-    if drift is not None and drift > statistics.MAX_DRIFT:
-        return State.SUSPECT, "drift"
-    suspect = next((run.reason for run in runs if run.state == State.SUSPECT), None)
-    return (State.VALID, "") if suspect is None else (State.SUSPECT, suspect)
+def _baselines(sessions: Iterable[MeasurementSession]) -> dict[int, int]:
+    """The key of each front's default configuration."""
+    fronts = {session.front_id for session in sessions}
+    return dict(Configuration.objects.filter(front__in=fronts, name=DEFAULT).values_list("front_id", "pk"))

@@ -1,0 +1,132 @@
+"""The rules that decide whether a measurement counts: one registry for the server, its pages and its docs.
+
+A run, a session's summary and a figure each have a state and, unless that is `valid`, the code of the rule that
+set it. Where several rules apply, the first in this order does.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from crowd.results import statistics
+from crowd.results.models import State
+
+
+class Level(StrEnum):
+    """What a rule looks at."""
+
+    DECISION = "decision of an administrator"
+    RUN = "run"
+    SESSION = "session"
+    MODEL = "device model"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule: the state it sets, at which threshold (None: it has none), and a sentence for people."""
+
+    code: str
+    state: State
+    level: Level
+    threshold: float | None
+    words: str
+
+
+FAILED = Rule("failed", State.INVALID, Level.RUN, None, "the run did not finish")
+FRAME_COUNT = Rule(
+    "frame_count",
+    State.INVALID,
+    Level.RUN,
+    None,
+    "it has another number of frames than the protocol asks for",
+)
+ATE_MISSING = Rule(
+    "ate_missing",
+    State.INVALID,
+    Level.RUN,
+    None,
+    "the client told no trajectory error, so nothing shows that tracking held",
+)
+ATE_ABOVE_LIMIT = Rule(
+    "ate_above_limit",
+    State.INVALID,
+    Level.RUN,
+    statistics.MAX_ATE,
+    "the largest trajectory error reached the limit: fast and lost is not faster",
+)
+IMPLAUSIBLE_TIME = Rule(
+    "implausible_time",
+    State.INVALID,
+    Level.RUN,
+    statistics.SHORTEST_MEAN_US,
+    "its mean time a frame is shorter than any device can compute one: the clock did not run as it should",
+)
+MODERATED = Rule(
+    "moderated", State.QUARANTINED, Level.DECISION, None, "an administrator has taken it out of the figures"
+)
+IDENTICAL_SERIES = Rule(
+    "identical_series",
+    State.QUARANTINED,
+    Level.RUN,
+    statistics.LEAST_DISTINCT_TIMES,
+    "its frames took exactly as long, to the microsecond, as those that another installation sent before",
+)
+NO_PAIR = Rule(
+    "no_pair",
+    State.INVALID,
+    Level.SESSION,
+    None,
+    "no repeat of the configuration has a repeat of the default to be compared with",
+)
+RELEASED = Rule(
+    "released", State.VALID, Level.DECISION, None, "an administrator has looked at it and lets it count"
+)
+EMULATOR = Rule(
+    "emulator",
+    State.SUSPECT,
+    Level.SESSION,
+    None,
+    "its device describes itself as an emulator, whose times are those of another machine",
+)
+THROTTLING = Rule(
+    "throttling",
+    State.SUSPECT,
+    Level.SESSION,
+    statistics.MAX_DRIFT,
+    "the last repeat of a configuration was much slower than the first, and the processor's clock fell",
+)
+DRIFT = Rule(
+    "drift",
+    State.SUSPECT,
+    Level.SESSION,
+    statistics.MAX_DRIFT,
+    "the last repeat of a configuration was much slower than the first: the device slowed down",
+)
+TRAJECTORY_MISSING = Rule(
+    "trajectory_missing",
+    State.SUSPECT,
+    Level.RUN,
+    None,
+    "the client told no digest of the trajectory, so its error cannot be compared with anything",
+)
+STAGES_EXCEED_FRAMES = Rule(
+    "stages_exceed_frames",
+    State.SUSPECT,
+    Level.RUN,
+    statistics.STAGE_TOLERANCE,
+    "its stages take longer together than the computation they are part of",
+)
+OUTLIER = Rule(
+    "outlier",
+    State.QUARANTINED,
+    Level.MODEL,
+    statistics.OUTLIER_DEVIATIONS,
+    "it lies far from what the other installations of its device model measured, and none of them agrees yet",
+)
+
+RULES: dict[str, Rule] = {
+    rule.code: rule
+    for rule in (
+        FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, IMPLAUSIBLE_TIME, MODERATED, IDENTICAL_SERIES, NO_PAIR,
+        RELEASED, EMULATOR, THROTTLING, DRIFT, TRAJECTORY_MISSING, STAGES_EXCEED_FRAMES, OUTLIER,
+    )
+}  # fmt: skip

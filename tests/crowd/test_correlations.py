@@ -1,0 +1,76 @@
+"""How alike devices are, over the configurations that both measured."""
+
+import math
+from typing import Any
+
+import pytest
+from scipy import stats
+
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.services import publish_content
+from crowd.results import correlations
+from tests.crowd.documents import (
+    device_document,
+    front_document,
+    run_document,
+    session_document,
+    submission_document,
+)
+from tests.crowd.participant import Participant
+
+NAMES = ("best", "accurate", "third", "fourth", "fifth")
+
+
+@pytest.fixture
+def wide(pack: dict[str, Any], participant: Participant) -> FrontVersion:
+    """A front with a default and five other configurations."""
+    document = front_document(pack, version="wide")
+    extra = document["configurations"][-1]
+    document["configurations"] += [
+        extra | {"name": name, "parameters": extra["parameters"] | {"integration_rate": 3 + number}}
+        for number, name in enumerate(NAMES[2:])
+    ]
+    return publish_content(document)[0]
+
+
+def measure(participant: Participant, front: FrontVersion, model: str, times: dict[str, int]) -> None:
+    runs = [run_document(name, 0, order, frame_us) for order, (name, frame_us) in enumerate(times.items())]
+    document = submission_document(session_document(front.slug, runs=runs), device=device_document(model))
+    assert participant.submit(document).status_code == 202
+
+
+def test_two_devices_are_compared_over_what_both_measured(
+    wide: FrontVersion, participant: Participant
+) -> None:
+    fast = dict(zip(("default", *NAMES), (80_000, 10_000, 90_000, 40_000, 20_000, 30_000), strict=True))
+    slow = dict(zip(("default", *NAMES), (300_000, 50_000, 260_000, 200_000, 50_500, 90_000), strict=True))
+    measure(participant, wide, "Pixel 8", fast)
+    measure(participant, wide, "Pixel 9", slow)
+
+    (found,) = correlations.between(["google-pixel-8", "google-pixel-9"])
+
+    logs = [[math.log(times[name]) for name in fast] for times in (fast, slow)]
+    assert (found.front, found.configurations) == (wide.slug, 6)
+    assert found.pearson.value == pytest.approx(stats.pearsonr(*logs).statistic)
+    assert found.spearman.value == pytest.approx(stats.spearmanr(*logs).statistic)
+    assert found.pearson.low < found.pearson.value < found.pearson.high
+
+
+def test_too_few_common_configurations_say_nothing(wide: FrontVersion, participant: Participant) -> None:
+    measure(participant, wide, "Pixel 8", {"default": 80_000, "best": 10_000, "accurate": 90_000})
+    measure(participant, wide, "Pixel 9", {"default": 90_000, "best": 12_000, "accurate": 95_000})
+
+    assert correlations.between(["google-pixel-8", "google-pixel-9"]) == ()
+
+
+def test_compare_tells_the_correlations(wide: FrontVersion, participant: Participant) -> None:
+    times = dict(zip(("default", *NAMES), (80_000, 10_000, 90_000, 40_000, 20_000, 30_000), strict=True))
+    measure(participant, wide, "Pixel 8", times)
+    measure(participant, wide, "Pixel 9", {name: 2 * frame_us for name, frame_us in times.items()})
+
+    answer = participant.get("/compare?devices=google-pixel-8,google-pixel-9").json()
+
+    (row,) = answer["correlations"]
+    assert row["devices"] == ["google-pixel-8", "google-pixel-9"]
+    assert row["spearman"]["value"] == pytest.approx(1.0)
+    assert row["pearson"]["low"] < 1.0

@@ -1,0 +1,164 @@
+"""Everything derived can be computed again from raw runs, at any time, in parts, beside others who do."""
+
+from typing import Any
+
+import pytest
+from django.core.management import CommandError, call_command
+
+from crowd.results import refreshing, summarising
+from crowd.results.models import (
+    Cohort,
+    DeviceActivity,
+    DeviceSpeedup,
+    MeasurementSession,
+    Run,
+    SessionSummary,
+)
+from tests.crowd.documents import device_document, run_document, session_document, submission_document
+from tests.crowd.participant import Participant
+
+DERIVED = {
+    Run: ("uuid", "mean_us", "fingerprint", "state", "reason"),
+    SessionSummary: ("session__uuid", "configuration__name", "log_ratio", "pairs", "drift", "state", "reason",
+                     "day", "counted"),
+    DeviceSpeedup: ("device__slug", "configuration__name", "speedup", "low", "high", "repeat_low", "repeat_high",
+                    "sessions", "installations", "ate_max", "state", "last_session_at"),
+    DeviceActivity: ("device__slug", "sessions", "installations", "last_session_at"),
+}  # fmt: skip
+
+
+def derived() -> dict[str, list[tuple[Any, ...]]]:
+    """All that is derived, without keys and dates of computation."""
+    return {
+        model.__name__: sorted(model._default_manager.values_list(*names), key=str)
+        for model, names in DERIVED.items()
+    }
+
+
+@pytest.fixture
+def crowd(participant: Participant, join: Any) -> None:
+    """Two devices, four participants, seven sessions: valid ones, a suspect and an invalid one, an outlier."""
+    for best_us in (10_000, 10_500):
+        participant.submit(submission_document(session_document(best_us=best_us)))
+    join().submit(submission_document(session_document(best_us=11_000)))
+    join().submit(submission_document(session_document(best_us=11_500)))
+    join().submit(submission_document(session_document(best_us=800)))
+    hot = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 10_000)]
+    hot.append(run_document("best", 1, 2, 20_000))
+    lost = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 9_000, ate_max=0.3)]
+    for runs in (hot, lost):
+        document = submission_document(session_document(runs=runs), device=device_document("Pixel 9"))
+        participant.submit(document)
+
+
+def test_recomputing_everything_changes_nothing(crowd: None) -> None:
+    before = derived()
+    assert {row[5] for row in before["SessionSummary"]} == {"valid", "suspect", "invalid", "quarantined"}
+
+    call_command("results", "recompute", "--all")
+
+    assert derived() == before
+
+
+def test_what_was_lost_or_spoilt_is_computed_again(crowd: None) -> None:
+    before = derived()
+    for model in (SessionSummary, DeviceSpeedup, DeviceActivity, Cohort):
+        model.objects.all().delete()
+    Run.objects.update(mean_us=1.0, fingerprint=None, state="valid", reason="")
+
+    call_command("results", "recompute", "--all")
+
+    assert derived() == before
+
+
+def test_only_the_sessions_of_one_device_are_computed_again(
+    crowd: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call_command("results", "recompute", "--device", "google-pixel-9")
+
+    assert "2 sessions to summarise anew" in capsys.readouterr().out
+
+
+def test_a_device_or_front_that_nobody_measured_is_named(crowd: None) -> None:
+    with pytest.raises(CommandError, match="no session"):
+        call_command("results", "recompute", "--front", "kfusion-none")
+
+
+def test_an_interrupted_recomputation_goes_on_where_it_stopped(
+    crowd: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = derived()
+    monkeypatch.setattr(summarising, "BATCH", 2)
+    real, parts = summarising.summarise_sessions, []
+
+    def interrupted(keys: list[int], figures: bool = True) -> None:
+        if len(parts) == 2:
+            raise KeyboardInterrupt
+        parts.append(keys)
+        real(keys, figures)
+
+    monkeypatch.setattr(summarising, "summarise_sessions", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        call_command("results", "recompute", "--all")
+    monkeypatch.setattr(summarising, "summarise_sessions", real)
+    assert summarising.waiting().count() == 3
+    figures = derived()["DeviceSpeedup"]
+    assert figures == before["DeviceSpeedup"]  # they hold meanwhile
+
+    call_command("results", "recompute")
+
+    assert "3 sessions summarised in all" in capsys.readouterr().out
+    assert derived() == before
+    assert not Cohort.objects.filter(stale=True).exists()
+
+
+def test_figures_of_a_device_with_many_sessions_come_with_the_sweep(
+    participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    participant.submit(submission_document())
+    monkeypatch.setattr(summarising, "LARGE", 0)
+
+    participant.submit(submission_document(session_document(best_us=20_000)))
+    assert DeviceSpeedup.objects.get().sessions == 1
+
+    refreshing.refresh_stale()
+    figure = DeviceSpeedup.objects.get()
+    assert (figure.sessions, figure.speedup) == (2, pytest.approx((8 * 4) ** 0.5))
+    assert DeviceActivity.objects.get().sessions == 2
+
+
+def test_sessions_that_move_to_another_device_take_their_figures_along(participant: Participant) -> None:
+    participant.submit(submission_document())
+    participant.submit(submission_document(device=device_document("Pixel 9")))
+    moved = MeasurementSession.objects.latest("pk")
+    MeasurementSession.objects.filter(pk=moved.pk).update(
+        device=MeasurementSession.objects.earliest("pk").device
+    )
+
+    summarising.resummarise(MeasurementSession.objects.filter(pk=moved.pk))
+    summarising.summarise_waiting()
+
+    assert DeviceSpeedup.objects.get().sessions == 2
+    assert Cohort.objects.get().summaries.count() == 2
+    assert DeviceActivity.objects.get().sessions == 2
+
+
+def test_what_one_more_session_asks_of_the_database_does_not_grow(
+    participant: Participant, django_assert_max_num_queries: Any
+) -> None:
+    for _ in range(4):
+        participant.submit(submission_document())
+    session = MeasurementSession.objects.latest("pk")
+
+    with django_assert_max_num_queries(32):
+        summarising.summarise_session(session.pk)
+
+
+def test_a_sweep_takes_many_sessions_for_few_queries(
+    participant: Participant, no_worker: None, django_assert_max_num_queries: Any
+) -> None:
+    participant.submit(submission_document(*(session_document() for _ in range(12))))
+
+    with django_assert_max_num_queries(34):
+        summarising.summarise_waiting()
+    assert SessionSummary.objects.count() == 12

@@ -1,0 +1,165 @@
+"""Which rule hides what, through the API and all the way to the figures."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crowd.devices.models import DeviceModel
+from crowd.results import rules, summarising
+from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
+from tests.crowd.documents import FRAMES, run_document, session_document, submission_document
+from tests.crowd.participant import Participant
+
+Join = Callable[[], Participant]
+
+
+def varied(frame_us: int, seed: int) -> list[int]:
+    """Times as a fine clock tells them, of that mean within a percent."""
+    return np.random.default_rng(seed).normal(frame_us, frame_us * 0.02, FRAMES).astype(int).tolist()
+
+
+def send(participant: Participant, **changes: Any) -> dict[str, Any]:
+    session = session_document(**changes)
+    assert participant.submit(submission_document(session)).status_code == 202
+    return session
+
+
+def states() -> list[tuple[str, str]]:
+    return list(SessionSummary.objects.order_by("session_id").values_list("state", "reason"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "state", "rule"),
+    [
+        ({"status": "failed", "failure": "out of memory"}, State.INVALID, rules.FAILED),
+        ({"ate_max": None}, State.INVALID, rules.ATE_MISSING),
+        ({"ate_max": 0.05}, State.INVALID, rules.ATE_ABOVE_LIMIT),
+        ({"frame_us": [49] * FRAMES, "stages_us": None}, State.INVALID, rules.IMPLAUSIBLE_TIME),
+        ({"trajectory_sha256": None}, State.SUSPECT, rules.TRAJECTORY_MISSING),
+        ({"stages_us": {"tracking": [11_000] * FRAMES}}, State.SUSPECT, rules.STAGES_EXCEED_FRAMES),
+    ],
+    ids=lambda value: getattr(value, "code", None),
+)
+def test_a_run_that_breaks_a_rule_says_which(
+    participant: Participant, changes: dict[str, Any], state: State, rule: rules.Rule
+) -> None:
+    runs = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 10_000, **changes)]
+
+    send(participant, runs=runs)
+
+    best = Run.objects.get(configuration__name="best")
+    assert (best.state, best.reason) == (rule.state, rule.code)
+    assert states() == [(state, rule.code)]
+
+
+def test_a_clock_that_falls_with_the_speed_is_throttling(participant: Participant) -> None:
+    runs = [
+        run_document("default", 0, 0, 80_000),
+        run_document("best", 0, 1, 10_000),
+        run_document("best", 1, 2, 12_000),
+        run_document("default", 1, 3, 80_000),
+    ]
+    clock = [2400.0, 2400.0, 2400.0, 1800.0, 1800.0, 1800.0]
+    samples = [
+        {"t": float(t), "temperature_c": None, "cpu_mhz": mhz, "battery": None} for t, mhz in enumerate(clock)
+    ]
+
+    send(participant, runs=runs, samples=samples)
+    for run in runs:
+        run["id"] = run_document("default", 0, 0, 1)["id"]
+    send(participant, runs=runs)
+
+    assert states() == [("suspect", "throttling"), ("suspect", "drift")]
+
+
+def test_what_an_emulator_measures_is_suspect(participant: Participant) -> None:
+    send(participant)
+    DeviceModel.objects.update(kind=DeviceModel.Kind.EMULATOR)
+
+    summarising.summarise_sessions([MeasurementSession.objects.get().pk])
+
+    assert states() == [("suspect", "emulator")]
+
+
+def test_times_that_another_installation_sent_before_are_hidden(participant: Participant, join: Join) -> None:
+    runs = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 10_000)]
+    runs[1]["frame_us"] = varied(10_000, 1)
+    send(participant, runs=runs)
+    copy = [run_document("default", 0, 0, 90_000), run_document("best", 0, 1, 10_000)]
+    copy[1]["frame_us"] = runs[1]["frame_us"]
+
+    send(join(), runs=copy)
+
+    assert states() == [("valid", ""), ("quarantined", "identical_series")]
+    figure = DeviceSpeedup.objects.get()
+    assert (figure.installations, figure.speedup) == (1, pytest.approx(8.0, rel=0.01))
+
+
+def test_times_of_a_coarse_clock_may_come_twice(participant: Participant, join: Join) -> None:
+    send(participant)
+    send(join())
+
+    assert states() == [("valid", ""), ("valid", "")]
+
+
+def test_an_outlier_is_hidden_until_a_second_installation_agrees(
+    join: Join, participant: Participant
+) -> None:
+    for best_us in (10_000, 10_100, 9_900):
+        send(join(), best_us=best_us)
+    send(participant, best_us=2_000)
+    assert states()[-1] == ("quarantined", "outlier")
+    alone = DeviceSpeedup.objects.get()
+    assert (alone.installations, alone.speedup) == (3, pytest.approx(8.0, rel=0.01))
+
+    send(participant, best_us=2_050)  # the same installation is no second one
+    assert states()[-2:] == [("quarantined", "outlier")] * 2
+
+    send(join(), best_us=2_100)
+    assert states() == [("valid", "")] * 6
+    assert DeviceSpeedup.objects.get().installations == 5
+
+
+def test_two_installations_cannot_outvote_each_other(participant: Participant, join: Join) -> None:
+    send(participant, best_us=10_000)
+    send(join(), best_us=1_000)
+
+    assert states() == [("valid", "")] * 2
+
+
+def test_a_hidden_sessions_runs_are_still_there_to_be_seen(participant: Participant, join: Join) -> None:
+    for _ in range(3):
+        send(join())
+    session = send(participant, best_us=500)
+
+    stored = Run.objects.filter(session__uuid=session["id"])
+    assert [run.state for run in stored] == ["valid"] * len(session["runs"])
+    assert SessionSummary.objects.get(session__uuid=session["id"]).log_ratio == pytest.approx(np.log(160))
+
+
+def test_one_installation_cannot_move_the_crowds_figure(
+    participant: Participant, join: Join, no_worker: None, settings: Any
+) -> None:
+    """400 sessions of one against one each of two others, over days, faster than those by two fifths."""
+    settings.FRONTRUNNER_SUBMISSIONS_PER_MINUTE = 0
+    for _ in range(2):
+        send(join(), best_us=10_000)
+    days = [f"2026-10-{1 + number % 25:02d}T10:00:00Z" for number in range(400)]
+    pair = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 7_000)]
+    for start in range(0, 400, 25):
+        sessions = [
+            session_document(
+                started_at=day, runs=[run | {"id": run_document("best", 0, 0, 1)["id"]} for run in pair]
+            )
+            for day in days[start : start + 25]
+        ]
+        assert participant.submit(submission_document(*sessions)).status_code == 202
+
+    summarising.summarise_waiting()
+
+    figure = DeviceSpeedup.objects.get()
+    assert figure.speedup == pytest.approx((8 * 8 * 80 / 7) ** (1 / 3))
+    assert (figure.installations, figure.sessions) == (3, 2 + 25 * 5)
+    assert participant.get("/speedups").json()["summary"]["geometric_mean"] == pytest.approx(figure.speedup)
