@@ -5,9 +5,7 @@ from django.urls import include, path, re_path
 
 from crowd import health, openapi, problems
 from crowd.fronts.views import chunk
-
-admin.site.site_header = admin.site.site_title = "Frontrunner"
-admin.site.index_title = "Administration"
+from crowd.results.opendata.serving import export_file
 
 handler400 = "crowd.problems.refused"
 handler500 = "crowd.problems.unforeseen"
@@ -18,6 +16,7 @@ urlpatterns = [
     path("readyz", health.readyz),
     path("metrics", health.metrics),
     path("sequences/<str:sha256>", chunk, name="chunk"),
+    path("data/<str:name>/<str:file>", export_file, name="export-file"),
     path("api/v1/", include("crowd.fronts.urls")),
     path("api/v1/", include("crowd.results.urls")),
     path("api/v1/", include("crowd.explorations.urls")),

@@ -14,6 +14,7 @@ from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
 
 from crowd.dashboard.comparison import InvalidComparisonError, compared, labelled, parse_devices
+from crowd.dashboard.exported import newest, tables_of
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.points import measured_points, newest_figure, parameters_of
@@ -30,6 +31,7 @@ from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
 from crowd.results.filters import ALL, InvalidFilterError, SpeedupFilters
+from crowd.results.opendata.tables import LICENCE
 from crowd.results.rows import SessionDetail
 
 APPLICATION = "kfusion"
@@ -237,7 +239,12 @@ def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
 @page
 def data(request: HttpRequest) -> HttpResponse:
     """Where the raw numbers are, and what each field means."""
-    return render(request, "dashboard/data.html")
+    export = newest()
+    return render(
+        request,
+        "dashboard/data.html",
+        {"export": export, "tables": tables_of(export) if export else (), "licence": LICENCE},
+    )
 
 
 @page

@@ -1,0 +1,44 @@
+"""manage.py results export | recompute: what keeps the results, by hand."""
+
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+
+from crowd.results import recomputing, summarising
+from crowd.results.opendata import exports
+
+
+class Command(BaseCommand):
+    help = "Write an export of the open data now; the worker does so every night."
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        actions = parser.add_subparsers(dest="action", required=True)
+        actions.add_parser("export", help="write an export of the open data and publish it")
+        recompute = actions.add_parser(
+            "recompute",
+            help="summarise what waits; sessions that are named here, or all, anew from their raw runs",
+        )
+        recompute.add_argument("--all", action="store_true", help="every session there is")
+        recompute.add_argument("--device", metavar="SLUG", help="sessions of this device")
+        recompute.add_argument("--front", metavar="VERSION", help="sessions of this front, as kfusion-1")
+
+    def handle(self, *args: Any, action: str, **options: Any) -> None:  # noqa: ARG002
+        {"export": self._export, "recompute": self._recompute}[action](**options)
+
+    def _recompute(self, device: str | None, front: str | None, **options: Any) -> None:
+        if options["all"] or device is not None or front is not None:
+            marked = summarising.resummarise(recomputing.chosen(device, front))
+            self.stdout.write(f"{marked} sessions to summarise anew")
+            if not marked and not options["all"]:
+                raise CommandError("no session is of that device and front")
+        sessions, cohorts = recomputing.work(lambda done: self.stdout.write(f"{done} sessions summarised"))
+        self.stdout.write(f"{sessions} sessions summarised in all, figures of {cohorts} cohorts computed")
+
+    def _export(self, **options: Any) -> None:  # noqa: ARG002
+        try:
+            export = exports.make()
+        except exports.ErasedMeanwhileError as error:
+            raise CommandError("something was erased while each attempt was written: run it again") from error
+        for file in export.files:
+            rows = "" if file["rows"] is None else f"{file['rows']} rows, "
+            self.stdout.write(f"{exports.root() / export.folder / file['name']}: {rows}{file['bytes']} bytes")

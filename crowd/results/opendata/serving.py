@@ -1,0 +1,112 @@
+"""Files of the open data over HTTP: an ETag that is the file's digest, and ranges, so that downloads resume
+and readers of Parquet fetch only the columns they want.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from django.http import (
+    FileResponse,
+    HttpRequest,
+    HttpResponse,
+    HttpResponseBase,
+    HttpResponseNotModified,
+    StreamingHttpResponse,
+)
+from django.views.decorators.http import require_safe
+
+from crowd.problems import Problem, not_found
+from crowd.results.models import Export
+from crowd.results.opendata import exports
+
+LATEST = "latest"
+TYPES = {
+    "parquet": "application/vnd.apache.parquet",
+    "csv": "application/gzip",
+    "json": "application/json",
+    "text": "text/plain; charset=utf-8",
+}
+RANGE = re.compile(r"bytes=(?P<first>\d*)-(?P<last>\d*)")
+AT_ONCE = 1 << 16
+
+
+@require_safe
+def export_file(request: HttpRequest, name: str, file: str) -> HttpResponseBase:
+    """FILE of the export NAME, a day or `latest`: whole, or the one range of bytes that is asked for."""
+    try:
+        found, export = _found(name, file)
+    except Problem as problem:
+        return problem.response()
+    path = exports.root() / export.folder / file
+    if not path.is_file():
+        return not_found(f"{file} is not on this machine").response()
+    etag = f'"{found["sha256"]}"'
+    headers = {
+        "ETag": etag,
+        "Accept-Ranges": "bytes",
+        # An export may be withdrawn at any moment: a copy is asked about before it is used again.
+        "Cache-Control": "public, no-cache",
+        "Content-Location": f"/data/{export.name}/{file}",
+    }
+    tags = [tag.strip() for tag in request.headers.get("If-None-Match", "").split(",")]
+    if etag in tags or f"W/{etag}" in tags or "*" in tags:
+        return HttpResponseNotModified(headers=headers)
+    kind = TYPES[found["format"]]
+    wanted = request.headers.get("Range", "")
+    if request.headers.get("If-Range", etag) != etag or not RANGE.fullmatch(wanted):
+        return FileResponse(path.open("rb"), content_type=kind, headers=headers)
+    return _part(path, found["bytes"], wanted, kind, headers)
+
+
+def _found(name: str, file: str) -> tuple[dict[str, Any], Export]:
+    """What the export's row says of FILE. Raises Problem: 404 not_found, 410 export_withdrawn."""
+    if name == LATEST:
+        export = exports.published().first()
+    else:
+        export = next((row for row in exports.published() if row.name == name), None)
+    if export is None and any(row.name == name for row in Export.objects.exclude(withdrawn_at=None)):
+        raise Problem(
+            410,
+            "export_withdrawn",
+            f"a participant erased something that the export of {name} held: take /data/{LATEST}/{file}",
+        )
+    if export is None:
+        raise not_found(f"no export {name!r}: GET /api/v1/exports lists them")
+    description = next((each for each in export.files if each["name"] == file), None)
+    if description is None:
+        raise not_found(f"no file {file!r} in the export of {export.name}")
+    return description, export
+
+
+def _part(path: Path, size: int, wanted: str, kind: str, headers: dict[str, str]) -> HttpResponseBase:
+    """206 with the bytes that WANTED names, 416 where there are none."""
+    first, last = _bounds(wanted, size)
+    if first > last:
+        return HttpResponse(status=416, headers=headers | {"Content-Range": f"bytes */{size}"})
+    return StreamingHttpResponse(
+        _bytes(path.open("rb"), first, last - first + 1),
+        status=206,
+        content_type=kind,
+        headers=headers
+        | {"Content-Range": f"bytes {first}-{last}/{size}", "Content-Length": str(last - first + 1)},
+    )
+
+
+def _bounds(wanted: str, size: int) -> tuple[int, int]:
+    """First and last byte, both included; first > last where the range holds none."""
+    match = RANGE.fullmatch(wanted)
+    assert match is not None  # the caller has looked
+    first, last = match["first"], match["last"]
+    if first:
+        return int(first), min(int(last or size), size - 1)
+    return max(size - int(last or 0), 0), size - 1
+
+
+def _bytes(file: BinaryIO, first: int, count: int) -> Iterator[bytes]:
+    with file:
+        file.seek(first)
+        while count > 0 and (block := file.read(min(count, AT_ONCE))):
+            count -= len(block)
+            yield block

@@ -1,0 +1,239 @@
+"""The tables of the open data and what each column means: written beside the files, and into them.
+
+The description follows Frictionless Data's Data Package, so that one file is schema, licence and digests.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+SCHEMA_VERSION = 1
+LICENCE = {
+    "name": "CC-BY-4.0",
+    "title": "Creative Commons Attribution 4.0 International",
+    "path": "https://creativecommons.org/licenses/by/4.0/",
+}
+# Types of columns that a line of text cannot hold: they are in Parquet alone.
+NESTED = ("list", "map")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: its type in Arrow's words, its unit ("" for none), what it says."""
+
+    name: str
+    type: str
+    description: str
+    unit: str = ""
+
+    @property
+    def nested(self) -> bool:
+        return self.type.startswith(NESTED)
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table, a file per format."""
+
+    name: str
+    description: str
+    columns: tuple[Column, ...]
+
+
+def _hour(name: str, description: str) -> Column:
+    return Column(name, "timestamp", f"{description}, rounded down to the hour (UTC)")
+
+
+DEVICE = Column("device", "string", "the device as the public sees it: a row of devices")
+FRONT = Column("front", "string", "version of the front: with configuration, a row of configurations")
+BASELINE = Column("baseline", "string", "the configuration it is compared with")
+STATE = Column("state", "string", "valid, suspect, invalid or quarantined: only the first make figures")
+REASON = Column("reason", "string", "code of the rule that set the state; empty for a valid one")
+ALGORITHM = Column("algorithm", "int32", "version of the statistics that computed it")
+BACKEND = Column("backend", "string", "what computed, such as opencl")
+PROCESSOR = Column("processor", "string", "the OpenCL device that computed")
+
+RUNS = Table(
+    "runs",
+    "One configuration over the whole sequence, with the times of every frame.",
+    (
+        Column("run", "string", "id; /runs/ID/ is its page while it exists"),
+        Column("session", "string", "a row of sessions"),
+        FRONT,
+        Column("configuration", "string", "name of the configuration in that front"),
+        Column("repeat", "int32", "which run of this configuration in the session, from 0"),
+        Column("order", "int32", "place among all runs of the session, from 0"),
+        Column("status", "string", "ok or failed"),
+        Column("mean_us", "float64", "the run's value: arithmetic mean over the counted frames", "µs"),
+        Column("tracked_frames", "int32", "frames whose tracking succeeded; empty where not told"),
+        Column("ate_max", "float64", "largest distance of the camera from its true place", "m"),
+        Column("ate_mean", "float64", "mean distance of the camera from its true place", "m"),
+        Column("ate_rmse", "float64", "root of the mean squared distance", "m"),
+        Column("trajectory_sha256", "string", "digest of the trajectory: equal ones computed the same"),
+        STATE,
+        REASON,
+        Column("frame_us", "list<uint32>", "wall time of the computation of each frame", "µs"),
+        Column("stages_us", "map<string, list<uint32>>", "the same of each stage, by its name", "µs"),
+        Column("tracked", "list<bool>", "whether tracking succeeded, null where skipped; [] where not told"),
+    ),
+)
+SESSIONS = Table(
+    "sessions",
+    "Runs measured one after another on one device: the unit of every comparison.",
+    (
+        Column("session", "string", "id; /sessions/ID/ is its page while it exists"),
+        Column("installation", "string", "a name that one installation has in this export and in no other"),
+        DEVICE,
+        Column("application", "string", "such as kfusion"),
+        FRONT,
+        Column("protocol_version", "int32", "version of the measuring protocol"),
+        BACKEND,
+        PROCESSOR,
+        Column("platform", "string", "OpenCL platform"),
+        Column("driver", "string", "version of the driver, as it says"),
+        Column("app_version", "string", "version of the program that measured"),
+        Column("consent_version", "int32", "version of the text that the participant agreed to"),
+        _hour("started_at", "when it began by the device's clock"),
+        _hour("received_at", "when the server got it"),
+        Column(
+            "samples",
+            "list<sample>",
+            "state of the device at most once a second: t (s from the start), temperature_c (°C), "
+            "cpu_mhz (MHz), battery (0 to 1); null where the platform hides it",
+        ),
+    ),
+)
+SUMMARIES = Table(
+    "summaries",
+    "One session's answer for one configuration.",
+    (
+        Column("session", "string", "a row of sessions"),
+        FRONT,
+        Column("configuration", "string", "name of the configuration in that front"),
+        BASELINE,
+        Column("speedup", "float64", "exp(log_ratio): times faster than the baseline"),
+        Column("log_ratio", "float64", "mean of the paired natural log ratios; empty without a valid pair"),
+        Column("pairs", "int32", "how many pairs of runs stand behind it"),
+        Column("drift", "float64", "ratio of later over earlier repeats of the same configuration"),
+        Column("ate_max", "float64", "largest ATE among the configuration's runs", "m"),
+        STATE,
+        REASON,
+        ALGORITHM,
+    ),
+)
+FIGURES = Table(
+    "figures",
+    "The published speedups: one configuration on one device, backend and processor.",
+    (
+        DEVICE,
+        FRONT,
+        Column("configuration", "string", "name of the configuration in that front"),
+        BASELINE,
+        BACKEND,
+        PROCESSOR,
+        Column("speedup", "float64", "geometric mean over installations of their mean speedup"),
+        Column("low", "float64", "lower end of the 95 % t interval over installations, from 3 of them on"),
+        Column("high", "float64", "upper end of the same"),
+        Column("repeat_low", "float64", "repeatability on the one installation there is, from 3 sessions on"),
+        Column("repeat_high", "float64", "upper end of the same"),
+        Column("sessions", "int64", "sessions that count"),
+        Column("installations", "int64", "installations that count"),
+        Column("ate_max", "float64", "largest ATE of the configuration among those sessions", "m"),
+        STATE,
+        ALGORITHM,
+        _hour("last_session_at", "start of the newest session that counts"),
+    ),
+)
+DEVICES = Table(
+    "devices",
+    "Devices as the public sees them: a model, or for rare models the SoC or GPU that they share.",
+    (
+        Column("device", "string", "name in addresses: /devices/NAME/"),
+        Column("manufacturer", "string", "maker; empty where unknown"),
+        Column("name", "string", "model as people call it"),
+        Column("cpu", "string", "processor, where known"),
+        Column("soc", "string", "system on a chip, where known"),
+        Column("gpu", "string", "graphics chip, where known"),
+        Column("os", "string", "Android, Linux, macOS, Windows"),
+        Column("sessions", "int64", "sessions measured on it"),
+        Column("installations", "int64", "installations that measured on it"),
+    ),
+)
+CONFIGURATIONS = Table(
+    "configurations",
+    "The points of every published front.",
+    (
+        Column("application", "string", "such as kfusion"),
+        FRONT,
+        Column("configuration", "string", "its name: default, best and others"),
+        Column("position", "int32", "place in the front's list, from 0"),
+        Column("parameters", "string", "JSON: name and value of each parameter"),
+        Column("predicted", "string", "JSON: runtime (s), ate_max (m), ate_mean (m) on the reference device"),
+        Column("state", "string", "published or retired"),
+        Column("published_at", "timestamp", "when clients began to measure it (UTC)"),
+    ),
+)
+TOMBSTONES = Table(
+    "tombstones",
+    "What was erased: whoever holds an earlier export should delete the rows with these digests.",
+    (
+        Column("tombstone", "string", "random id"),
+        Column("kind", "string", "run, session or installation"),
+        _hour("erased_at", "when"),
+        Column("id_sha256", "string", "SHA-256 of the run's or session's id; empty for an installation"),
+    ),
+)
+TABLES = (RUNS, SESSIONS, SUMMARIES, FIGURES, DEVICES, CONFIGURATIONS, TOMBSTONES)
+
+
+def data_package(name: str, created: str, files: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The description of an export called NAME with its FILES: name, table, format, rows, bytes, sha256."""
+    tables = {table.name: table for table in TABLES}
+    return {
+        "profile": "data-package",
+        "name": f"frontrunner-{name}",
+        "title": "Speedups of dense SLAM configurations, measured by a crowd",
+        "version": str(SCHEMA_VERSION),
+        "created": created,
+        "licenses": [LICENCE],
+        "resources": [
+            {
+                "name": file["name"].replace(".", "-"),
+                "path": file["name"],
+                "format": file["format"],
+                "bytes": file["bytes"],
+                "hash": f"sha256:{file['sha256']}",
+                "rows": file["rows"],
+                "description": tables[file["table"]].description,
+                "schema": {"fields": _fields(tables[file["table"]], file["format"])},
+            }
+            for file in files
+        ],
+    }
+
+
+def _fields(table: Table, format: str) -> list[dict[str, str]]:
+    return [
+        {
+            "name": column.name,
+            "type": FRICTIONLESS.get(column.type, "object"),
+            "arrow": column.type,
+            "unit": column.unit,
+            "description": column.description,
+        }
+        for column in table.columns
+        if format == "parquet" or not column.nested
+    ]
+
+
+# What Frictionless calls the types; nested ones are arrays and objects there.
+FRICTIONLESS = {
+    "string": "string",
+    "int32": "integer",
+    "int64": "integer",
+    "float64": "number",
+    "timestamp": "datetime",
+    "list<uint32>": "array",
+    "list<bool>": "array",
+    "list<sample>": "array",
+}

@@ -1,0 +1,420 @@
+"""Exports: whole, described, free of who measured, and gone when something in them is erased."""
+
+import csv
+import gzip
+import hashlib
+import io
+import json
+import os
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from django.core.management import call_command
+from django.db import connection
+from django.db.models import F
+from django.test import Client
+from django.test.utils import CaptureQueriesContext
+from django.utils import timezone
+
+from crowd.devices.models import Installation
+from crowd.results.models import Export, MeasurementSession, Run, Tombstone
+from crowd.results.opendata import exports, reading
+from crowd.results.opendata.tables import TABLES
+from crowd.results.tasks import export as export_task
+from tests.crowd.documents import device_document, session_document, submission_document
+from tests.crowd.participant import API, Participant
+
+
+def table(name: str) -> list[dict[str, Any]]:
+    """Rows of the newest export's table."""
+    export = exports.published().first()
+    assert export is not None
+    rows: list[dict[str, Any]] = pyarrow.parquet.read_table(
+        exports.root() / export.folder / f"{name}.parquet"
+    ).to_pylist()
+    return rows
+
+
+def lines(name: str) -> list[dict[str, str]]:
+    """Lines of the newest export's CSV."""
+    export = exports.published().first()
+    assert export is not None
+    content = gzip.decompress((exports.root() / export.folder / f"{name}.csv.gz").read_bytes())
+    return list(csv.DictReader(io.StringIO(content.decode())))
+
+
+def test_an_export_holds_what_was_sent(participant: Participant) -> None:
+    sent = session_document()
+    sent["runs"][1] |= {"tracked": 97, "stages_us": None}
+    participant.submit(submission_document(sent))
+
+    exports.make()
+
+    (session,) = table("sessions")
+    assert session["session"] == sent["id"]
+    assert (session["device"], session["front"]) == ("google-pixel-8", "kfusion-test")
+    assert session["samples"] == sent["samples"]
+    runs = table("runs")
+    for stored, run in zip(runs, sent["runs"], strict=True):
+        assert stored["run"] == run["id"]
+        assert stored["frame_us"] == run["frame_us"]
+        assert dict(stored["stages_us"]) == (run["stages_us"] or {})
+        assert stored["tracked"] == (run["tracked"] if isinstance(run["tracked"], list) else [])
+        assert stored["ate_max"] == run["ate_max"]
+    assert runs[1]["tracked_frames"] == 97
+    (figure,) = table("figures")
+    assert figure["speedup"] == pytest.approx(8.0)
+    (summary,) = table("summaries")
+    assert (summary["speedup"], summary["pairs"]) == (pytest.approx(8.0), 2)
+    assert [row["configuration"] for row in table("configurations")] == ["default", "best", "accurate"]
+    assert [row["sessions"] for row in table("devices")] == [1]
+
+
+def test_csv_says_the_same_in_lines(participant: Participant) -> None:
+    participant.submit(submission_document())
+
+    exports.make()
+
+    whole = {row["run"]: row for row in table("runs")}
+    for line in lines("runs"):
+        row = whole[line["run"]]
+        assert float(line["mean_us"]) == row["mean_us"]
+        assert line["configuration"] == row["configuration"]
+        assert "frame_us" not in line
+    assert len(whole) == len(lines("runs")) == 4
+
+
+def test_a_spreadsheet_sees_no_formula(participant: Participant) -> None:
+    device = device_document(opencl_device='=HYPERLINK("x")')
+    participant.submit(submission_document(device=device))
+
+    exports.make()
+
+    assert lines("sessions")[0]["processor"] == '\'=HYPERLINK("x")'
+    assert table("sessions")[0]["processor"] == '=HYPERLINK("x")'
+
+
+def test_the_description_tells_every_column_and_digest(participant: Participant) -> None:
+    participant.submit(submission_document())
+
+    export = exports.make()
+
+    folder = exports.root() / export.folder
+    package = json.loads((folder / "datapackage.json").read_text())
+    assert package["licenses"][0]["name"] == "CC-BY-4.0"
+    for resource in package["resources"]:
+        content = (folder / resource["path"]).read_bytes()
+        assert resource["hash"] == f"sha256:{hashlib.sha256(content).hexdigest()}"
+        assert resource["bytes"] == len(content)
+        described = [field["name"] for field in resource["schema"]["fields"]]
+        if resource["format"] == "parquet":
+            assert pyarrow.parquet.read_schema(folder / resource["path"]).names == described
+        else:
+            first, *_ = gzip.decompress(content).decode().splitlines()
+            assert next(csv.reader([first])) == described
+        assert all(field["description"] for field in resource["schema"]["fields"])
+    assert len(package["resources"]) == 2 * len(TABLES)
+    for line in (folder / "SHA256SUMS").read_text().splitlines():
+        digest, name = line.split("  ")
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+
+
+def test_nothing_in_an_export_says_who_measured(
+    participant: Participant, join: Callable[[], Participant]
+) -> None:
+    other = join()
+    for each in (participant, participant, other):
+        each.submit(submission_document(session_document(started_at="2026-11-20T10:17:31Z")))
+
+    exports.make()
+    first = [row["installation"] for row in table("sessions")]
+    times = {row["started_at"].isoformat() for row in table("sessions")}
+    exports.make()
+    second = [row["installation"] for row in table("sessions")]
+
+    assert first[0] == first[1] != first[2]
+    assert second[0] == second[1] != second[2]
+    assert not set(first) & set(second)
+    assert times == {"2026-11-20T10:00:00+00:00"}
+    secrets = [participant.installation_id, participant.installation_id.replace("-", ""), participant.token]
+    for path in exports.root().rglob("*.*"):
+        content = path.read_bytes()
+        content = gzip.decompress(content) if path.suffix == ".gz" else content
+        assert not any(secret.encode() in content for secret in secrets), path
+
+
+def test_what_was_made_up_is_left_out(participant: Participant, join: Callable[[], Participant]) -> None:
+    made_up = join()
+    Installation.objects.filter(pk=made_up.installation_id).update(simulated=True)
+    made_up.submit(submission_document(device=device_document("Pixel 1")))
+    participant.submit(submission_document())
+
+    exports.make()
+
+    assert [row["device"] for row in table("devices")] == ["google-pixel-8"]
+    assert [row["device"] for row in table("figures")] == ["google-pixel-8"]
+    assert len(table("sessions")) == len(table("summaries")) == 1
+    assert len(table("runs")) == 4
+
+
+def test_a_large_table_is_read_in_parts(participant: Participant, monkeypatch: pytest.MonkeyPatch) -> None:
+    for _ in range(3):
+        participant.submit(submission_document())
+    monkeypatch.setattr(reading, "AT_ONCE", 5)
+
+    with CaptureQueriesContext(
+        connection,
+    ) as queries:
+        parts = list(reading.runs(reading.Scope.now()))
+
+    assert [len(part["run"]) for part in parts] == [5, 5, 2]
+    assert all(
+        "LIMIT 5" in query["sql"]
+        for query in queries
+        if "results_run" in query["sql"] and "DESC" not in query["sql"]
+    )
+    exports.make()
+    assert [row["run"] for row in table("runs")] == [str(run.uuid) for run in Run.objects.order_by("pk")]
+
+
+def test_an_empty_server_exports_its_columns(db: None) -> None:
+    exports.make()
+
+    assert table("runs") == []
+    assert lines("sessions") == []
+
+
+def test_a_failed_run_without_frames_is_exported(participant: Participant) -> None:
+    session = session_document()
+    session["runs"][3] |= {
+        "status": "failed", "failure": "out of memory", "frame_us": [], "stages_us": {}, "tracked": [],
+        "ate_max": None,
+    }  # fmt: skip
+    participant.submit(submission_document(session))
+
+    exports.make()
+
+    failed = table("runs")[3]
+    assert (failed["status"], failed["frame_us"], failed["mean_us"]) == ("failed", [], None)
+
+
+def test_files_have_stable_addresses(client: Client, participant: Participant) -> None:
+    participant.submit(submission_document())
+    export = exports.make()
+
+    listed = client.get(f"{API}/exports").json()["results"]
+
+    assert [each["name"] for each in listed] == [export.name]
+    assert listed[0]["licence"] == "CC-BY-4.0"
+    for file in listed[0]["files"]:
+        dated, latest = client.get(file["url"]), client.get(file["latest_url"])
+        content = dated.getvalue()
+        assert hashlib.sha256(content).hexdigest() == file["sha256"]
+        assert latest.getvalue() == content
+        assert latest.headers["Content-Location"] == file["url"]
+        assert int(dated.headers["Content-Length"]) == file["bytes"] == len(content)
+    assert client.get(listed[0]["schema"]).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("wanted", "first", "last"),
+    [("bytes=0-3", 0, 3), ("bytes=-4", -4, None), ("bytes=10-", 10, None), ("bytes=0-0", 0, 0)],
+)
+def test_a_download_goes_on_where_it_broke_off(
+    client: Client, db: None, wanted: str, first: int, last: int | None
+) -> None:
+    exports.make()
+    address = "/data/latest/runs.parquet"
+    whole = client.get(address)
+    content = whole.getvalue()
+
+    part = client.get(address, headers={"Range": wanted, "If-Range": whole.headers["ETag"]})
+
+    expected = content[first:] if last is None else content[first : last + 1]
+    assert (part.status_code, part.getvalue()) == (206, expected)
+    start = first % len(content)
+    assert part.headers["Content-Range"] == f"bytes {start}-{start + len(expected) - 1}/{len(content)}"
+    assert int(part.headers["Content-Length"]) == len(expected)
+
+
+def test_ranges_that_do_not_fit(client: Client, db: None) -> None:
+    exports.make()
+    address = "/data/latest/runs.parquet"
+    whole = client.get(address)
+    size = len(whole.getvalue())
+
+    beyond = client.get(address, headers={"Range": f"bytes={size}-"})
+    changed = client.get(address, headers={"Range": "bytes=0-3", "If-Range": '"another"'})
+    several = client.get(address, headers={"Range": "bytes=0-1,4-5"})
+
+    assert (beyond.status_code, beyond.headers["Content-Range"]) == (416, f"bytes */{size}")
+    assert (changed.status_code, len(changed.getvalue())) == (200, size)
+    assert (several.status_code, len(several.getvalue())) == (200, size)
+
+
+def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
+    exports.make()
+    etag = client.get("/data/latest/sessions.csv.gz").headers["ETag"]
+
+    again = client.get("/data/latest/sessions.csv.gz", headers={"If-None-Match": etag})
+
+    assert (again.status_code, again.content) == (304, b"")
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "/data/2020-01-01/runs.parquet",
+        "/data/latest/nothing.parquet",
+        "/data/latest/..%2fsecret_key",
+        "/data/x/y",
+    ],
+)
+def test_what_is_no_file_of_an_export(client: Client, db: None, address: str) -> None:
+    exports.make()
+
+    assert client.get(address).status_code == 404
+
+
+def test_erasure_withdraws_the_exports_that_held_it(
+    client: Client,
+    participant: Participant,
+    join: Callable[[], Participant],
+    django_capture_on_commit_callbacks: Any,
+) -> None:
+    before = exports.make()
+    Export.objects.update(started_at=F("started_at") - timedelta(days=2))
+    session = session_document()
+    participant.submit(submission_document(session))
+    join().submit(submission_document())
+    held = exports.make()
+
+    with django_capture_on_commit_callbacks(execute=True):
+        participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+
+    gone = client.get(f"/data/{held.name}/runs.parquet")
+    assert (gone.status_code, gone.json()["code"]) == (410, "export_withdrawn")
+    assert not (exports.root() / held.folder).exists()
+    before.refresh_from_db()
+    assert before.withdrawn_at is None
+    export_task()
+    assert len(table("runs")) == 7
+    digest = hashlib.sha256(session["runs"][0]["id"].encode()).hexdigest()
+    assert [(row["kind"], row["id_sha256"]) for row in table("tombstones")] == [("run", digest)]
+
+
+def test_erasing_everything_leaves_tombstones_without_a_name(participant: Participant) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+
+    participant.delete("/me")
+    exports.make()
+
+    kinds = [row["kind"] for row in table("tombstones")]
+    assert sorted(kinds) == ["installation", "run", "run", "run", "run", "session"]
+    kept = str([vars(stone) for stone in Tombstone.objects.all()])
+    assert not any(name in kept for name in (participant.installation_id, session["id"], "Pixel"))
+    assert table("runs") == table("sessions") == table("figures") == []
+
+
+def test_what_is_erased_while_an_export_is_written_is_not_in_it(
+    participant: Participant, join: Callable[[], Participant], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    participant.submit(submission_document())
+    join().submit(submission_document())
+    read = reading.READERS["devices"]
+
+    def erasing(scope: reading.Scope) -> Any:
+        if Installation.objects.filter(pk=participant.installation_id).exists():
+            participant.delete("/me")
+        return read(scope)
+
+    monkeypatch.setitem(reading.READERS, "devices", erasing)
+
+    exports.make()
+
+    assert len(table("sessions")) == 1
+    assert Export.objects.count() == 1
+    assert [path.name for path in exports.root().iterdir()] == [Export.objects.get().folder]
+
+
+def test_an_export_that_fails_leaves_nothing(db: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(scope: reading.Scope) -> Any:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setitem(reading.READERS, "tombstones", full)
+
+    with pytest.raises(OSError, match="No space"):
+        exports.make()
+
+    assert list(exports.root().iterdir()) == []
+    assert not Export.objects.exists()
+
+
+def test_an_export_is_made_once_a_night(db: None) -> None:
+    assert exports.make_if_due() is not None
+    assert exports.make_if_due() is None
+
+    Export.objects.update(started_at=F("started_at") - timedelta(days=1))
+
+    assert exports.make_if_due() is not None
+
+
+def test_an_export_whose_process_died_is_made_again(db: None) -> None:
+    now = timezone.now()
+    export = Export.objects.create(started_at=now, touched_at=now)
+    folder = exports.root() / f".{export.folder}"
+    folder.mkdir(parents=True)
+    assert exports.make_if_due() is None
+    assert folder.exists()
+
+    Export.objects.update(touched_at=now - exports.DEAD_AFTER - timedelta(seconds=1))
+
+    assert exports.make_if_due() is not None
+    assert not folder.exists()
+
+
+def test_only_the_newest_exports_are_kept(client: Client, db: None, settings: Any) -> None:
+    settings.FRONTRUNNER_EXPORTS_KEPT = 2
+    for _ in range(3):
+        exports.make()
+        Export.objects.update(started_at=F("started_at") - timedelta(days=1))
+        # A folder bears its day.
+        for export in Export.objects.all():
+            old = next(path for path in exports.root().iterdir() if path.name.endswith(f"-{export.pk}"))
+            os.rename(old, exports.root() / export.folder)
+    newest = exports.make()
+
+    assert exports.listed()[0].pk == newest.pk
+    assert exports.published().count() == 2
+    assert len(list(exports.root().iterdir())) == 2
+    assert len(client.get(f"{API}/exports").json()["results"]) == 2
+
+
+def test_the_command_says_what_it_wrote(participant: Participant, capsys: pytest.CaptureFixture[str]) -> None:
+    participant.submit(submission_document())
+
+    call_command("results", "export")
+
+    assert "runs.parquet: 4 rows" in capsys.readouterr().out
+
+
+def test_many_series_of_unequal_length_stay_apart(participant: Participant) -> None:
+    session = session_document()
+    session["runs"] = session["runs"][:2]
+    session["runs"][1] |= {"status": "failed", "frame_us": [7, 8, 9], "stages_us": {"tracking": [1, 2, 3]},
+                           "tracked": [True, False, None]}  # fmt: skip
+    participant.submit(submission_document(session))
+    assert MeasurementSession.objects.count() == 1
+
+    exports.make()
+
+    first, second = table("runs")
+    assert np.sum(first["frame_us"]) == 80_000 * 100
+    assert second["frame_us"] == [7, 8, 9]
+    assert second["stages_us"] == [("tracking", [1, 2, 3])]
+    assert second["tracked"] == [True, False, None]
