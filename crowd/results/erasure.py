@@ -1,89 +1,34 @@
-"""What a participant may ask for: everything that is kept of them, and that it be gone."""
+"""What a participant may ask to be gone: one run, or everything. A tombstone without a name remains."""
 
-import json
-from typing import Any
+import hashlib
+from collections.abc import Iterable
 from uuid import UUID
 
 from django.db import transaction
+from django.db.models import QuerySet
+from django.utils import timezone
 
-from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.results import packing, summarising
-from crowd.results.models import MeasurementSession, Run
+from crowd.devices.models import DeviceDescription, Installation
+from crowd.results import publication, refreshing, summarising
+from crowd.results.models import Cohort, MeasurementSession, Run, SessionSummary, Tombstone
+from crowd.results.opendata import exports
 
-
-def own_data(installation: Installation) -> dict[str, Any]:
-    """Everything stored of INSTALLATION, times in microseconds as they were sent. Four queries."""
-    sessions = installation.sessions.select_related("front", "description").prefetch_related(
-        "runs__configuration"
-    )
-    return {
-        "installation": {
-            "id": installation.pk,
-            "app": installation.app,
-            "app_version": installation.app_version,
-            "consent_version": installation.consent_version,
-            "created_at": installation.created_at,
-        },
-        "submissions": [
-            {
-                "id": submission.pk,
-                "idempotency_key": submission.idempotency_key,
-                "received_at": submission.received_at,
-                "app_version": submission.app_version,
-                "consent_version": submission.consent_version,
-                "answer": json.loads(submission.answer),
-            }
-            for submission in installation.submissions.all()
-        ],
-        "sessions": [_session(session) for session in sessions.prefetch_related("runs__configuration")],
-    }
-
-
-def _session(session: MeasurementSession) -> dict[str, Any]:
-    return {
-        "id": session.uuid,
-        "submission_id": session.submission_id,
-        "application": session.front.application,
-        "front_version": session.front.slug,
-        "protocol_version": session.protocol_version,
-        "backend": session.backend,
-        "device": session.description.raw,
-        "started_at": session.started_at,
-        "received_at": session.received_at,
-        "samples": session.samples,
-        "runs": [_run(run) for run in session.runs.all()],
-    }
-
-
-def _run(run: Run) -> dict[str, Any]:
-    stages = packing.unpack_stages(run.stages, run.stages_us)
-    return {
-        "id": run.uuid,
-        "configuration": run.configuration.name,
-        "repeat": run.repeat,
-        "order": run.order,
-        "status": run.status,
-        "failure": run.failure or None,
-        "frame_us": packing.unpack(run.frame_us).tolist(),
-        "stages_us": {name: series.tolist() for name, series in stages.items()},
-        "tracked": packing.unpack_tracked(run.tracked) or run.tracked_frames,
-        "ate_max": run.ate_max,
-        "ate_mean": run.ate_mean,
-        "ate_rmse": run.ate_rmse,
-        "trajectory_sha256": run.trajectory_sha256 or None,
-        "state": run.state,
-        "reason": run.reason or None,
-    }
+AT_ONCE = 1_000
 
 
 @transaction.atomic
 def erase_installation(installation: Installation) -> None:
-    """Delete everything of INSTALLATION and compute the figures that held it anew."""
-    sessions = list(installation.sessions.all())
-    # Locks in one order, so that two erasures never wait for each other.
-    list(DeviceModel.objects.select_for_update().filter(sessions__installation=installation).order_by("pk"))
+    """Delete everything of INSTALLATION, compute the figures that held it anew, withdraw such exports."""
+    # Nothing of it may come in meanwhile.
+    list(Installation.objects.select_for_update().filter(pk=installation.pk))
+    sessions = list(installation.sessions.select_for_update().defer("samples").order_by("pk"))
+    runs = Run.objects.filter(session__installation=installation).values_list("uuid", flat=True)
+    cohorts = _locked(SessionSummary.objects.filter(session__installation=installation))
+    _bury(Tombstone.Kind.RUN, runs.iterator())
+    _bury(Tombstone.Kind.SESSION, (session.uuid for session in sessions))
+    Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
     installation.delete()
-    _after(sessions)
+    _after(sessions, cohorts)
 
 
 @transaction.atomic
@@ -94,21 +39,43 @@ def erase_run(installation: Installation, uuid: UUID) -> bool:
     if run is None:
         return False
     session = run.session
+    _bury(Tombstone.Kind.RUN, [run.uuid])
     run.delete()
     if session.runs.exists():
+        exports.withdraw(session.received_at)
         summarising.summarise_session(session.pk)
     else:
-        DeviceModel.objects.select_for_update().get(pk=session.device_id)
+        cohorts = _locked(session.summaries.all())
+        _bury(Tombstone.Kind.SESSION, [session.uuid])
         session.delete()
-        _after([session])
+        _after([session], cohorts)
     return True
 
 
-def _after(sessions: list[MeasurementSession]) -> None:
+def _bury(kind: Tombstone.Kind, ids: Iterable[UUID]) -> None:
+    """A tombstone for each of IDS, which are random: their digests tell only those who have them already."""
+    now = timezone.now()
+    Tombstone.objects.bulk_create(
+        (
+            Tombstone(kind=kind, id_sha256=hashlib.sha256(str(each).encode()).hexdigest(), erased_at=now)
+            for each in ids
+        ),
+        batch_size=AT_ONCE,
+    )
+
+
+def _locked(summaries: QuerySet[SessionSummary]) -> list[Cohort]:
+    """The cohorts of SUMMARIES, whose sessions are locked already."""
+    return refreshing.lock(Cohort.objects.filter(pk__in=summaries.values("cohort")))
+
+
+def _after(sessions: list[MeasurementSession], cohorts: list[Cohort]) -> None:
     """Figures without the deleted SESSIONS; descriptions and models that nobody's session names go too."""
-    for group in {(s.device_id, s.front_id, s.backend, s.processor) for s in sessions}:
-        summarising.refresh_figures(*group)
+    if not sessions:
+        return
     descriptions = {session.description_id for session in sessions}
-    DeviceDescription.objects.filter(pk__in=descriptions, sessions=None).delete()
-    models = {session.device_id for session in sessions}
-    DeviceModel.objects.filter(pk__in=models, sessions=None, descriptions=None).delete()
+    models = set(DeviceDescription.objects.filter(pk__in=descriptions).values_list("model", flat=True))
+    exports.withdraw(min(session.received_at for session in sessions))
+    refreshing.refresh(cohorts)
+    refreshing.count_activity({session.device_id for session in sessions})
+    publication.after_erasure(models)

@@ -41,5 +41,11 @@ class Participant:
     def get(self, path: str) -> Any:
         return self.client.get(f"{API}{path}", headers=self.headers)
 
+    def own_data(self) -> Any:
+        """Everything that is kept of it."""
+        response = self.get("/me/data")
+        assert response.status_code == 200, response.getvalue()
+        return json.loads(response.getvalue())
+
     def delete(self, path: str) -> Any:
         return self.client.delete(f"{API}{path}", headers=self.headers)

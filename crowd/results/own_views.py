@@ -1,0 +1,75 @@
+"""What an installation may ask about itself: its data, a new token, erasure."""
+
+from uuid import UUID
+
+import msgspec
+from django.http import HttpResponse, HttpResponseBase, StreamingHttpResponse
+from drf_spectacular.types import OpenApiTypes
+from drf_spectacular.utils import extend_schema
+from rest_framework.request import Request
+
+from crowd.api import answer
+from crowd.devices.authentication import OwnEndpoint, installation_asking
+from crowd.devices.services import renew_token
+from crowd.problems import not_found
+from crowd.results import erasure
+from crowd.results.own_data import own_data
+
+PRIVATE = {"Cache-Control": "no-store"}
+
+
+class Token(msgspec.Struct):
+    """The next token; it is shown this once."""
+
+    token: str
+
+
+class OwnDataView(OwnEndpoint):
+    """Export."""
+
+    @extend_schema(
+        operation_id="own_data",
+        summary="Everything that is kept of this installation",
+        responses={200: OpenApiTypes.OBJECT},
+    )
+    def get(self, request: Request) -> HttpResponseBase:
+        pieces = own_data(installation_asking(request))
+        return StreamingHttpResponse(pieces, content_type="application/json", headers=PRIVATE)
+
+
+class OwnTokenView(OwnEndpoint):
+    """A new token."""
+
+    @extend_schema(
+        operation_id="renew_token",
+        summary="A new token for this installation",
+        description=(
+            "The present token works until the new one is used for the first time, so that an answer which "
+            "was lost on its way locks nobody out: ask again. Only the last token given out can follow."
+        ),
+        request=None,
+        responses={201: Token},
+    )
+    def post(self, request: Request) -> HttpResponse:
+        return answer(Token(renew_token(installation_asking(request))), 201, PRIVATE)
+
+
+class OwnView(OwnEndpoint):
+    """Erasure of everything."""
+
+    @extend_schema(
+        operation_id="erase", summary="Erase this installation and all it sent", responses={204: None}
+    )
+    def delete(self, request: Request) -> HttpResponse:
+        erasure.erase_installation(installation_asking(request))
+        return HttpResponse(status=204)
+
+
+class OwnRunView(OwnEndpoint):
+    """Erasure of one run."""
+
+    @extend_schema(operation_id="erase_run", summary="Erase one run", responses={204: None})
+    def delete(self, request: Request, key: UUID) -> HttpResponse:
+        if not erasure.erase_run(installation_asking(request), key):
+            raise not_found(f"this installation sent no run {key}")
+        return HttpResponse(status=204)
