@@ -4,14 +4,15 @@ Only the sources named here are read. Serial numbers, network addresses, host an
 them; the server decides what the strings mean, so that a wrong guess can be put right later.
 """
 
+import math
 import os
 import platform
-import shutil
-import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+
+from client_kit.sources import line, number, output, program, read
 
 Identity = dict[str, str | None]
 
@@ -24,6 +25,7 @@ FIELDS = (
     "model",
     "device",
     "board",
+    "hardware",
     "soc_manufacturer",
     "soc_model",
     "board_platform",
@@ -31,6 +33,8 @@ FIELDS = (
     "cpu",
     "cpu_parts",
     "cpu_count",
+    "cpu_max_mhz",
+    "memory_gib",
     "opencl_platform",
     "opencl_platform_version",
     "opencl_vendor",
@@ -46,14 +50,13 @@ ANDROID_PROPERTIES = {
     "model": "ro.product.model",
     "device": "ro.product.device",
     "board": "ro.product.board",
+    "hardware": "ro.hardware",
     "soc_manufacturer": "ro.soc.manufacturer",
     "soc_model": "ro.soc.model",
     "board_platform": "ro.board.platform",
     "egl": "ro.hardware.egl",
 }
-
-LONGEST = 200
-PATIENCE_SECONDS = 5.0
+GETPROP = "system/bin/getprop"  # where it is when a terminal's PATH has its own programs alone
 
 
 def identify(
@@ -68,46 +71,50 @@ def identify(
     elif system == "win32":
         found = _windows(_registry)
     else:
-        found = _android() or _linux(root)
-        found |= _cpuinfo(root)
-    found.setdefault("cpu_count", _text(os.cpu_count()))
-    return dict.fromkeys(FIELDS) | {"architecture": _text(platform.machine())} | found | dict(opencl or {})
+        found = (_android(root) or _linux(root)) | _cpuinfo(root) | _sizes(root)
+    found.setdefault("cpu_count", line(os.cpu_count()))
+    return dict.fromkeys(FIELDS) | {"architecture": line(platform.machine())} | found | dict(opencl or {})
 
 
 def opencl_identity(device: Any) -> Identity:
     """The platform, device and driver strings of a `pyopencl.Device`."""
     return {
-        "opencl_platform": _text(device.platform.name),
-        "opencl_platform_version": _text(device.platform.version),
-        "opencl_vendor": _text(device.vendor),
-        "opencl_device": _text(device.name),
-        "opencl_driver": _text(device.driver_version),
-        "opencl_version": _text(device.version),
+        "opencl_platform": line(device.platform.name),
+        "opencl_platform_version": line(device.platform.version),
+        "opencl_vendor": line(device.vendor),
+        "opencl_device": line(device.name),
+        "opencl_driver": line(device.driver_version),
+        "opencl_version": line(device.version),
     }
 
 
-def _android() -> Identity:
+def is_android(root: Path = Path("/")) -> bool:
+    """Whether this is Android, as Termux runs on it."""
+    return bool(_android(root))
+
+
+def _android(root: Path) -> Identity:
     """The allowed system properties, or nothing where there is no Android's getprop."""
-    getprop = shutil.which("getprop")
+    getprop = program("getprop", root, GETPROP)
     if getprop is None:
         return {}
-    values = {field: _text(_output(getprop, key)) for field, key in ANDROID_PROPERTIES.items()}
+    values = {field: line(output(getprop, key)) for field, key in ANDROID_PROPERTIES.items()}
     return {"os": "Android", **values} if any(values.values()) else {}
 
 
 def _linux(root: Path) -> Identity:
-    release = _assignments(_read(root / "etc/os-release") or _read(root / "usr/lib/os-release") or "")
+    release = _assignments(read(root / "etc/os-release") or read(root / "usr/lib/os-release") or "")
     dmi = root / "sys/class/dmi/id"
     soc = root / "sys/devices/soc0"
     return {
-        "os": _text(release.get("NAME")) or "Linux",
-        "os_version": _text(release.get("VERSION_ID")),
-        "manufacturer": _text(_read(dmi / "sys_vendor")),
+        "os": line(release.get("NAME")) or "Linux",
+        "os_version": line(release.get("VERSION_ID")),
+        "manufacturer": line(read(dmi / "sys_vendor")),
         # A board without DMI, such as a Raspberry Pi, names itself in its device tree.
-        "model": _text(_read(dmi / "product_name")) or _text(_read(root / "proc/device-tree/model")),
-        "board": _text(_read(dmi / "board_name")),
-        "soc_manufacturer": _text(_read(soc / "family")),
-        "soc_model": _text(_read(soc / "machine")),
+        "model": line(read(dmi / "product_name")) or line(read(root / "proc/device-tree/model")),
+        "board": line(read(dmi / "board_name")),
+        "soc_manufacturer": line(read(soc / "family")),
+        "soc_model": line(read(soc / "machine")),
     }
 
 
@@ -117,8 +124,8 @@ def _cpuinfo(root: Path) -> Identity:
     parts: list[str] = []
     implementer = ""
     count = 0
-    for line in (_read(root / "proc/cpuinfo") or "").splitlines():
-        key, _, value = (part.strip() for part in line.partition(":"))
+    for text in (read(root / "proc/cpuinfo") or "").splitlines():
+        key, _, value = (part.strip() for part in text.partition(":"))
         if key in ("model name", "Hardware", "Processor", "cpu model", "uarch"):
             names.append(value)
         elif key == "processor":
@@ -128,34 +135,56 @@ def _cpuinfo(root: Path) -> Identity:
         elif key == "CPU part":
             parts.append(f"{implementer}:{value}")
     return {
-        "cpu": _text(names[0] if names else None),
-        "cpu_parts": _text(" ".join(sorted(set(parts)))),
-        "cpu_count": _text(count or os.cpu_count()),
+        "cpu": line(names[0] if names else None),
+        "cpu_parts": line(" ".join(sorted(set(parts)))),
+        "cpu_count": line(count or os.cpu_count()),
     }
+
+
+def _sizes(root: Path) -> Identity:
+    """The highest clock of each kind of core, and the memory in whole GiB: makers' numbers, not states."""
+    cores = (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/cpuinfo_max_freq")
+    clocks = sorted({round(kilohertz / 1000) for core in cores if (kilohertz := number(core))})
+    total = _kilobytes(read(root / "proc/meminfo") or "", "MemTotal")
+    return {
+        "cpu_max_mhz": line(" ".join(map(str, clocks))),
+        # The kernel keeps some of it, more or less with each version: rounding up gives what was sold.
+        "memory_gib": line(math.ceil(total / 2**20)) if total else None,
+    }
+
+
+def _kilobytes(meminfo: str, name: str) -> int | None:
+    for text in meminfo.splitlines():
+        key, _, value = text.partition(":")
+        if key == name and value.split()[:1] and value.split()[0].isdecimal():
+            return int(value.split()[0])
+    return None
 
 
 def _macos() -> Identity:
-    sysctl, sw_vers = shutil.which("sysctl"), shutil.which("sw_vers")
+    sysctl = program("sysctl")
+    memory = line(output(sysctl, "-n", "hw.memsize"))
     return {
         "os": "macOS",
-        "os_version": _text(_output(sw_vers, "-productVersion")),
+        "os_version": line(output(program("sw_vers"), "-productVersion")),
         "manufacturer": "Apple",
-        "model": _text(_output(sysctl, "-n", "hw.model")),
-        "cpu": _text(_output(sysctl, "-n", "machdep.cpu.brand_string")),
+        "model": line(output(sysctl, "-n", "hw.model")),
+        "cpu": line(output(sysctl, "-n", "machdep.cpu.brand_string")),
+        "memory_gib": line(math.ceil(int(memory) / 2**30)) if memory and memory.isdecimal() else None,
     }
 
 
-def _windows(read: Callable[[str, str], object]) -> Identity:
-    """`read(key, name)` gives a value below HKEY_LOCAL_MACHINE, None where it is missing."""
+def _windows(value: Callable[[str, str], object]) -> Identity:
+    """`value(key, name)` gives a value below HKEY_LOCAL_MACHINE, None where it is missing."""
     bios = r"HARDWARE\DESCRIPTION\System\BIOS"
     windows = r"SOFTWARE\Microsoft\Windows NT\CurrentVersion"
     return {
         "os": "Windows",
-        "os_version": _text(read(windows, "CurrentBuild")),
-        "manufacturer": _text(read(bios, "SystemManufacturer")),
-        "model": _text(read(bios, "SystemProductName")),
-        "board": _text(read(bios, "BaseBoardProduct")),
-        "cpu": _text(read(r"HARDWARE\DESCRIPTION\System\CentralProcessor\0", "ProcessorNameString")),
+        "os_version": line(value(windows, "CurrentBuild")),
+        "manufacturer": line(value(bios, "SystemManufacturer")),
+        "model": line(value(bios, "SystemProductName")),
+        "board": line(value(bios, "BaseBoardProduct")),
+        "cpu": line(value(r"HARDWARE\DESCRIPTION\System\CentralProcessor\0", "ProcessorNameString")),
     }
 
 
@@ -171,39 +200,6 @@ def _registry(key: str, name: str) -> object:
         return None
 
 
-def _output(program: str | None, *arguments: str) -> str | None:
-    """What the program prints; None where it is missing, fails or does not come back in time."""
-    if program is None:
-        return None
-    try:
-        done = subprocess.run(
-            [program, *arguments],
-            capture_output=True,
-            timeout=PATIENCE_SECONDS,
-            check=True,
-            stdin=subprocess.DEVNULL,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return done.stdout.decode("utf-8", "replace")
-
-
-def _read(path: Path) -> str | None:
-    """A small file's text; None where it is missing or, as on many phones, hidden."""
-    try:
-        return path.read_bytes()[:1_000_000].decode("utf-8", "replace")
-    except OSError:
-        return None
-
-
 def _assignments(text: str) -> dict[str, str]:
-    pairs = (line.partition("=") for line in text.splitlines())
+    pairs = (part.partition("=") for part in text.splitlines())
     return {key: value.strip().strip("\"'") for key, _, value in pairs if key}
-
-
-def _text(value: object) -> str | None:
-    """One printable line of at most LONGEST characters, None when nothing is left of it."""
-    if value is None:
-        return None
-    line = " ".join("".join(c if c.isprintable() else " " for c in str(value)).split())
-    return line[:LONGEST] or None

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypedDict
 
+from client_kit.sources import number, word
+
 PLAUSIBLE_CELSIUS = (-40.0, 150.0)
 INTERVAL_SECONDS = 1.0
 LOW_BATTERY_PERCENT = 20.0
@@ -38,7 +40,7 @@ def temperature(root: Path = Path("/")) -> float | None:
 
     The zones' names differ from maker to maker; the hottest one is what a throttling policy acts on.
     """
-    zones = (_number(zone) for zone in (root / "sys/class/thermal").glob("thermal_zone*/temp"))
+    zones = (number(zone) for zone in (root / "sys/class/thermal").glob("thermal_zone*/temp"))
     low, high = PLAUSIBLE_CELSIUS
     # Most kernels report thousandths of a degree, some old ones whole degrees.
     degrees = [value / 1000 if abs(value) > high else value for value in zones if value is not None]
@@ -48,7 +50,7 @@ def temperature(root: Path = Path("/")) -> float | None:
 def clock(root: Path = Path("/")) -> float | None:
     """The fastest core's present clock in MHz: the one that the measured thread is likely to run on."""
     pattern = "cpu[0-9]*/cpufreq/scaling_cur_freq"
-    kilohertz = [_number(path) for path in (root / "sys/devices/system/cpu").glob(pattern)]
+    kilohertz = [number(path) for path in (root / "sys/devices/system/cpu").glob(pattern)]
     known = [value / 1000 for value in kilohertz if value]
     return max(known, default=None)
 
@@ -56,11 +58,11 @@ def clock(root: Path = Path("/")) -> float | None:
 def battery(root: Path = Path("/")) -> Battery | None:
     """The device's own battery, not that of a mouse or a pen; None on a machine without one."""
     for supply in sorted((root / "sys/class/power_supply").glob("*")):
-        if _word(supply / "type") != "Battery" or _word(supply / "scope") == "Device":
+        if word(supply / "type") != "Battery" or word(supply / "scope") == "Device":
             continue
-        percent = _number(supply / "capacity")
+        percent = number(supply / "capacity")
         if percent is not None and 0 <= percent <= 100:
-            status = _word(supply / "status")
+            status = word(supply / "status")
             return Battery(percent, None if status in (None, "Unknown") else status == "Discharging")
     return None
 
@@ -92,17 +94,3 @@ class Sampler:
                 "battery": charge.percent if charge else None,
             }
         )
-
-
-def _word(path: Path) -> str | None:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace").strip() or None
-    except OSError:
-        return None
-
-
-def _number(path: Path) -> float | None:
-    try:
-        return float(_word(path) or "")
-    except ValueError:
-        return None

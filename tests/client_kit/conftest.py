@@ -1,3 +1,4 @@
+import os
 import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,6 +20,15 @@ def home(tmp_path: Path) -> Home:
 @pytest.fixture
 def spool(home: Home) -> Spool:
     return Spool(home.spool)
+
+
+@pytest.fixture
+def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder in front of PATH, for programs that play those of another machine."""
+    folder = tmp_path / "programs"
+    folder.mkdir()
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}/bin{os.pathsep}/usr/bin")
+    return folder
 
 
 @pytest.fixture

@@ -8,7 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from client_kit.device import ANDROID_PROPERTIES, FIELDS, LONGEST, _windows, identify, opencl_identity
+from client_kit.device import ANDROID_PROPERTIES, FIELDS, _windows, identify, opencl_identity
+from client_kit.sources import LONGEST_TEXT
+from crowd.results.checks import check_device
+from tests.client_kit.machines import files, getprop, program
 
 GALAXY = {
     "ro.build.version.release": "14",
@@ -17,6 +20,7 @@ GALAXY = {
     "ro.product.model": "SM-A166B",
     "ro.product.device": "a16x",
     "ro.product.board": "s5e8535",
+    "ro.hardware": "s5e8535",
     "ro.soc.manufacturer": "Samsung",
     "ro.soc.model": "s5e8535",
     "ro.board.platform": "erd8535",
@@ -24,33 +28,6 @@ GALAXY = {
     "ro.serialno": "R58N12345XX",
     "ro.boot.serialno": "R58N12345XX",
 }
-
-
-def program(folder: Path, name: str, text: str) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / name
-    path.write_text(f"#!/bin/sh\n{text}\n")
-    path.chmod(0o755)
-
-
-def getprop(folder: Path, properties: dict[str, str]) -> None:
-    cases = "\n".join(f"'{key}') printf '%s\\n' '{value}';;" for key, value in properties.items())
-    program(folder, "getprop", f'case "$1" in\n{cases}\n*) echo;;\nesac')
-
-
-def files(root: Path, contents: dict[str, str]) -> None:
-    for name, text in contents.items():
-        path = root / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
-
-
-@pytest.fixture
-def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    folder = tmp_path / "programs"
-    folder.mkdir()
-    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}/bin{os.pathsep}/usr/bin")
-    return folder
 
 
 def test_an_android_phone_is_described_by_its_properties_and_nothing_else(
@@ -182,21 +159,94 @@ def test_opencl_strings_are_kept_raw_and_printable() -> None:
 
     assert identity["opencl_platform"] == "ARM Platform"
     assert identity["opencl_driver"] == "1.1"
-    assert len(identity["opencl_version"] or "") == LONGEST
+    assert len(identity["opencl_version"] or "") == LONGEST_TEXT
 
 
-def test_strings_that_real_phones_reported_survive_unchanged(tmp_path: Path, programs: Path) -> None:
+def reported(file: str, *columns: str) -> list[tuple[str, ...]]:
+    """The distinct values of COLUMNS in FILE of the devices that others collected."""
     data = os.environ.get("FRONTRUNNER_DATA")
     if data is None:
-        pytest.skip("FRONTRUNNER_DATA names no folder with the reported platforms")
-    with open(Path(data, "devices/ck_crowdtuning/platform.csv"), newline="", encoding="utf-8") as file:
-        names = [row["model"] for row in csv.DictReader(file)]
-    ordinary = [name for name in names if name and name.isprintable() and " ".join(name.split()) == name]
-    assert len(ordinary) > 300
+        pytest.skip("FRONTRUNNER_DATA names no folder with the reported devices")
+    with open(Path(data, "devices", file), newline="", encoding="utf-8") as rows:
+        return sorted({tuple(row[column] for column in columns) for row in csv.DictReader(rows)})
 
-    for name in ordinary[:: len(ordinary) // 10]:
-        files(tmp_path, {"sys/class/dmi/id/product_name": f"{name}\n"})
-        assert identify(tmp_path, "linux")["model"] == name
+
+def one_line(text: str) -> str | None:
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:LONGEST_TEXT] or None
+
+
+def test_what_volunteers_phones_reported_arrives_as_they_wrote_it_and_is_taken(tmp_path: Path) -> None:
+    machines = reported("ck_crowdtuning/platform.csv", "model", "vendor")
+    processors = [name for (name,) in reported("ck_crowdtuning/platform.cpu.csv", "name")]
+    chips = [name for (name,) in reported("ck_crowdtuning/platform.gpu.csv", "name")]
+    assert min(len(machines), len(processors), len(chips)) > 50
+
+    for number, (model, vendor) in enumerate(machines):
+        cpu, gpu = processors[number % len(processors)], chips[number % len(chips)]
+        files(
+            tmp_path,
+            {
+                "sys/class/dmi/id/product_name": f"{model}\n",
+                "sys/class/dmi/id/sys_vendor": f"{vendor}\n",
+                "proc/cpuinfo": f"processor\t: 0\nmodel name\t: {cpu}\n",
+            },
+        )
+        opencl = SimpleNamespace(
+            platform=SimpleNamespace(name="a platform", version="OpenCL 2.0"),
+            vendor="a vendor", name=gpu, driver_version="1", version="OpenCL 2.0",
+        )  # fmt: skip
+
+        identity = identify(tmp_path, "linux", opencl_identity(opencl))
+
+        told = [identity[field] for field in ("model", "manufacturer", "cpu", "opencl_device")]
+        assert told == [one_line(text) for text in (model, vendor, cpu, gpu)]
+        check_device(identity)
+
+
+def test_every_maker_of_the_plays_catalogue_is_told_by_getprop(tmp_path: Path, programs: Path) -> None:
+    rows = reported(
+        "play_catalog/android-devices-catalog.csv", "Manufacturer", "Brand", "Device", "System on Chip"
+    )
+    by_maker = {maker: (brand, name, soc) for maker, brand, name, soc in rows}
+    assert len(by_maker) > 300
+
+    for maker, (brand, name, soc) in sorted(by_maker.items())[:: len(by_maker) // 25]:
+        getprop(
+            programs,
+            {
+                "ro.product.manufacturer": maker.replace("'", ""),
+                "ro.product.brand": brand.replace("'", ""),
+                "ro.product.device": name.replace("'", ""),
+                "ro.soc.model": soc.replace("'", ""),
+            },
+        )
+
+        identity = identify(tmp_path, "linux")
+
+        told = [identity[field] for field in ("manufacturer", "brand", "device", "soc_model")]
+        assert told == [one_line(text.replace("'", "")) for text in (maker, brand, name, soc)]
+        check_device(identity)
+
+
+def test_a_terminal_without_androids_programs_on_its_path_finds_getprop(
+    tmp_path: Path, programs: Path
+) -> None:
+    getprop(tmp_path / "system/bin", GALAXY)
+
+    assert identify(tmp_path, "linux")["model"] == "SM-A166B"
+
+
+def test_clocks_of_the_clusters_and_the_memory_sold_are_told(tmp_path: Path, programs: Path) -> None:
+    clocks = {0: 1804800, 1: 1804800, 2: 2400000, 3: 2841600}
+    files(
+        tmp_path,
+        {f"sys/devices/system/cpu/cpu{n}/cpufreq/cpuinfo_max_freq": f"{f}\n" for n, f in clocks.items()}
+        | {"proc/meminfo": "MemTotal:        7825412 kB\nMemFree:  1 kB\n"},
+    )
+
+    identity = identify(tmp_path, "linux")
+
+    assert (identity["cpu_max_mhz"], identity["memory_gib"]) == ("1805 2400 2842", "8")
 
 
 ARM_CPUINFO = """\
