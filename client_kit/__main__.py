@@ -3,55 +3,69 @@
 import argparse
 import json
 import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from client_kit import __version__, consent, delivery, enrolment
+from client_kit import __version__, delivery, enrolment
+from client_kit.client import Client
 from client_kit.console import Console
-from client_kit.errors import ClientError, UsageError
-from client_kit.home import Home
-from client_kit.manifest import ALL, MAX_ATE_METRES, Manifest, kept_manifests
-from client_kit.server import Server, ServerError
-from client_kit.spool import QUEUED, Item, Spool
+from client_kit.errors import CannotMeasureError, ClientError, UsageError
+from client_kit.manifest import ALL, MAX_ATE_METRES
+from client_kit.preflight import IGNORABLE
+from client_kit.server import Server
+from client_kit.spool import QUEUED, Item
 
 INTERRUPTED = 130
+NOT_CONFORMING = 1
 TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Carry out one command; the exit code is 0 when all is sent or safely kept, else as in ClientError.
 
-    Ctrl-C, by which `evaluate` ends, is INTERRUPTED.
+    Ctrl-C, by which `evaluate` ends, is INTERRUPTED; so is being told to end by the system.
     """
     options = _parser().parse_args(arguments)
     console = Console()
+    if hasattr(signal, "SIGTERM"):
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        options.command(options, Home.of_user(), console)
+        return options.command(options, console) or 0
     except ClientError as error:
         print(f"frontrunner: {error}", file=sys.stderr)
         return error.exit_code
+    except ModuleNotFoundError as error:
+        from client_kit import drivers
+
+        print(f"frontrunner: {drivers.remedy(error)}", file=sys.stderr)
+        return CannotMeasureError.exit_code
+    except BrokenPipeError:  # whoever read the lines has had enough of them
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         print(f"frontrunner: {options.when_stopped}", file=sys.stderr)
         return INTERRUPTED
-    return 0
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m client_kit",
         description="Measure how fast dense SLAM runs on this device, by the published Pareto front.",
-        epilog="Exit codes: 0 sent or safely kept, 2 usage, 3 cannot measure here, 4 too old, "
-        f"{INTERRUPTED} ended by Ctrl-C.",
+        epilog="Exit codes: 0 sent or safely kept, 1 a payload does not conform (check), 2 usage, 3 cannot "
+        f"measure here, 4 too old, {INTERRUPTED} ended by Ctrl-C.",
     )
     parser.set_defaults(when_stopped="stopped")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    address: dict[str, Any] = {"metavar": "URL", "help": "address of the Frontrunner server"}
+    opencl: dict[str, Any] = {"metavar": "TEXT", "help": "the OpenCL device whose name contains this"}
 
     run = commands.add_parser("run", help="measure a session and send it")
-    run.add_argument("--server", required=True, metavar="URL", help="address of the Frontrunner server")
+    run.add_argument("--server", required=True, **address)
     run.add_argument("--yes", action="store_true", help="agree to the consent text without being asked")
     run.add_argument("--sessions", type=_positive, default=1, metavar="N", help="sessions to measure (1)")
     run.add_argument(
@@ -61,10 +75,34 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAMES",
         help=f"names of the front, separated by commas; {ALL} is the whole front (as the server asks)",
     )
-    run.add_argument("--device", metavar="TEXT", help="the OpenCL device whose name contains this")
-    run.add_argument("--ignore-battery", action="store_true", help="measure on a low battery too")
-    kept = "stopped; finished sessions are kept and go with the next `send`"
+    run.add_argument("--device", **opencl)
+    run.add_argument(
+        "--minutes",
+        type=_number,
+        metavar="M",
+        help="repeat for so long at most, until the figures are certain (as the server asks; 0: never)",
+    )
+    run.add_argument(
+        "--ignore",
+        type=_ignored,
+        default=(),
+        metavar="NAMES",
+        help=f"measure in spite of these: {', '.join(IGNORABLE)}",
+    )
+    run.add_argument("--ignore-battery", action="store_true", help="as --ignore battery")
+    shown = run.add_mutually_exclusive_group()
+    shown.add_argument(
+        "--show-model",
+        action="store_true",
+        default=None,
+        help="show this device's model in public though few people measured it",
+    )
+    shown.add_argument("--hide-model", dest="show_model", action="store_false", help="no longer show it")
+    kept = "stopped; finished runs and sessions are kept and go with the next `send`"
     run.set_defaults(command=_run, when_stopped=kept)
+
+    doctor = commands.add_parser("doctor", help="whether this device can measure, and what it would tell")
+    doctor.set_defaults(command=_doctor)
 
     status = commands.add_parser("status", help="what was measured here and what became of it")
     status.set_defaults(command=_status)
@@ -80,10 +118,22 @@ def _parser() -> argparse.ArgumentParser:
     erase = commands.add_parser("erase", help="erase what was sent and what is kept here")
     erase.set_defaults(command=_erase)
 
+    choose = commands.add_parser("choose", help="the configuration to run on this device")
+    choose.add_argument(
+        "--max-ate", type=_positive_number, default=MAX_ATE_METRES, metavar="M", help="metres (0.05)"
+    )
+    choose.add_argument("--max-ms", type=_positive_number, metavar="T", help="milliseconds a frame")
+    choose.add_argument("--server", metavar="URL", help="whose front, when several were visited")
+    choose.add_argument("--device", **opencl)
+    choose.add_argument("--json", action="store_true", help="print JSON")
+    choose.add_argument("--run", type=Path, metavar="SEQUENCE", help="run it over this sequence")
+    choose.add_argument("--frames", type=_positive, metavar="N", help="of that sequence (all)")
+    choose.set_defaults(command=_choose)
+
     evaluate = commands.add_parser(
         "evaluate", help="serve as a reference device: measure what the server's explorations ask for"
     )
-    evaluate.add_argument("--server", required=True, metavar="URL", help="address of the Frontrunner server")
+    evaluate.add_argument("--server", required=True, **address)
     evaluate.add_argument("--device", required=True, metavar="NAME", help="the reference device's name there")
     evaluate.add_argument(
         "--token",
@@ -94,39 +144,42 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--until-idle", action="store_true", help="end as soon as nothing waits")
     evaluate.set_defaults(command=_evaluate)
 
-    choose = commands.add_parser("choose", help="the configuration to run on this device")
-    choose.add_argument(
-        "--max-ate", type=_positive_number, default=MAX_ATE_METRES, metavar="M", help="metres (0.05)"
-    )
-    choose.add_argument("--max-ms", type=_positive_number, metavar="T", help="milliseconds a frame")
-    choose.add_argument("--server", metavar="URL", help="whose front, when several were visited")
-    choose.add_argument("--json", action="store_true", help="print JSON")
-    choose.set_defaults(command=_choose)
+    check = commands.add_parser("check", help="whether a server would take payloads of any client")
+    check.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a submission as JSON")
+    check.add_argument("--server", required=True, **address)
+    check.add_argument("--token", metavar="T", help="of an installation (else one is made and erased)")
+    check.set_defaults(command=_check)
     return parser
 
 
-def _run(options: argparse.Namespace, home: Home, console: Console) -> None:
-    from client_kit.participation import Wishes, run
-
-    wishes = Wishes(
-        options.server,
-        options.yes,
-        options.sessions,
-        options.configurations,
-        options.device,
-        options.ignore_battery,
+def _run(options: argparse.Namespace, console: Console) -> None:
+    ignored = options.ignore + (("battery",) if options.ignore_battery else ())
+    Client(options.server, console=console).run(
+        agree=options.yes,
+        sessions=options.sessions,
+        configurations=options.configurations,
+        device=options.device,
+        ignore=ignored,
+        minutes=options.minutes,
+        show_model=options.show_model,
     )
-    run(wishes, home, console)
 
 
-def _status(_options: argparse.Namespace, home: Home, console: Console) -> None:
-    items = Spool(home.spool).items()
+def _doctor(_options: argparse.Namespace, console: Console) -> None:
+    from client_kit.doctor import examine
+
+    console.lines(examine(Client().home))
+
+
+def _status(_options: argparse.Namespace, console: Console) -> None:
+    client = Client()
+    items = client.status()
     if not items:
         console.say("Nothing was measured here yet.")
     now = time.time()
     for item in items:
         console.say(_status_line(item, now))
-    for known in enrolment.known(home):
+    for known in enrolment.known(client.home):
         state = "to be erased" if known.erase else "known there"
         console.say(f"{known.server}: {state} as {known.installation_id}")
 
@@ -143,99 +196,74 @@ def _status_line(item: Item, now: float) -> str:
     return "  ".join(words)
 
 
-def _send(options: argparse.Namespace, home: Home, console: Console) -> None:
-    spool = Spool(home.spool)
-    delivered = delivery.deliver(spool, home)
-    console.lines(delivered.lines())
-    while options.wait and delivered.outdated is None and (waiting := delivery.waiting(spool)):
-        now = time.time()
-        pause = min(max(item.not_before - now, 1.0) for item in waiting)
-        console.say(f"{len(waiting)} to send; next attempt in {pause:.0f} s")
-        time.sleep(pause)
-        delivered = delivery.deliver(spool, home, eager=False)
-        console.lines(delivered.lines())
-    if delivered.outdated is not None:
-        raise delivered.outdated
-    waiting = delivery.waiting(spool)
+def _send(options: argparse.Namespace, console: Console) -> None:
+    client = Client(console=console)
+    client.send(wait=options.wait)
+    waiting = delivery.waiting(client.spool)
     console.say(f"{len(waiting)} still to send." if waiting else "Nothing is left to send.")
 
 
-def _export(options: argparse.Namespace, home: Home, console: Console) -> None:
-    spool = Spool(home.spool)
-    local = [
-        {"state": item.state, "reason": item.reason, "server": item.server, "payload": spool.payload(item)}
-        for item in spool.items()
-    ]
-    remote: dict[str, Any] = {}
-    for known in enrolment.known(home):
-        try:
-            remote[known.server] = Server(known.server).own_data(known.token)
-        except ServerError as error:
-            remote[known.server] = {"unavailable": str(error)}
-    text = json.dumps({"here": local, "servers": remote}, indent=2, ensure_ascii=False)
+def _export(options: argparse.Namespace, console: Console) -> None:
+    text = json.dumps(Client().export(), indent=2, ensure_ascii=False)
     if options.out is None:
         console.say(text)
-    else:
-        try:
-            options.out.write_text(text + "\n", encoding="utf-8")
-        except OSError as error:
-            raise UsageError(f"--out {options.out} cannot be written: {error.strerror}") from error
+        return
+    try:
+        options.out.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"--out {options.out} cannot be written: {error.strerror}") from error
 
 
-def _erase(_options: argparse.Namespace, home: Home, console: Console) -> None:
-    consent.withdraw(home)
-    servers = enrolment.request_erasure(home)
-    count = Spool(home.spool).clear()
-    console.say(f"Erased {count} sessions here.")
-    delivered = delivery.deliver(Spool(home.spool), home)
-    console.lines(delivered.lines())
-    if len(delivered.erased) < len(servers):
+def _erase(_options: argparse.Namespace, console: Console) -> None:
+    if not Client(console=console).erase():
         console.say("The request to erase is kept and goes with the next `run` or `send`.")
 
 
-def _evaluate(options: argparse.Namespace, home: Home, console: Console) -> None:
-    from client_kit.evaluation import serve
+def _choose(options: argparse.Namespace, console: Console) -> None:
+    client = Client(options.server)
+    point, front = client.choose(options.max_ate, options.max_ms, options.device), client.front()
+    report = None
+    if options.run is not None:
+        from client_kit import adaptation
 
-    if not options.token:
-        raise UsageError(f"--token is missing: an administrator issues one ({TOKEN_VARIABLE} works too)")
-    serve(Server(options.server), options.device, options.token, home, console, options.until_idle)
-
-
-def _choose(options: argparse.Namespace, home: Home, console: Console) -> None:
-    from client_kit import choice
-
-    manifest = _front(options.server, home)
-    spool = Spool(home.spool)
-    payloads = (payload for item in spool.items() if (payload := spool.payload(item)) is not None)
-    limit = None if options.max_ms is None else options.max_ms / 1000
-    point = choice.choose(choice.points(manifest, payloads), options.max_ate, limit)
+        report = adaptation.run(point, front.application, options.run, options.device, options.frames)
     if options.json:
         document = {
-            "front_version": manifest.front_version,
+            "front_version": front.front_version,
             "configuration": point.name,
             "parameters": point.parameters,
             "runtime": point.runtime,
             "ate_max": point.ate_max,
             "source": point.source,
         }
-        console.say(json.dumps(document))
+        console.say(json.dumps(document | ({"run": report.to_dict()} if report else {})))
         return
-    console.say(f"{point.name} of front {manifest.application} {manifest.front_version}")
+    console.say(f"{point.name} of front {front.application} {front.front_version}")
     console.say(f"  {1000 * point.runtime:.2f} ms a frame ({point.source})")
     console.say(f"  largest trajectory error {100 * point.ate_max:.2f} cm")
     for name, value in point.parameters.items():
         console.say(f"  {name} = {value}")
+    if report is not None:
+        limit = None if options.max_ms is None else options.max_ms / 1000
+        console.lines(adaptation.lines(report, options.max_ate, limit))
 
 
-def _front(server: str | None, home: Home) -> Manifest:
-    manifests = kept_manifests(home)
-    if server is not None:
-        manifests = {url: kept for url, kept in manifests.items() if url == Server(server).url}
-    if not manifests:
-        raise UsageError("no published front is kept here: run the client against a server first")
-    if len(manifests) > 1:
-        raise UsageError(f"several servers were visited, add --server: {', '.join(manifests)}")
-    return next(iter(manifests.values()))
+def _evaluate(options: argparse.Namespace, console: Console) -> None:
+    from client_kit.evaluation import serve
+
+    if not options.token:
+        raise UsageError(f"--token is missing: an administrator issues one ({TOKEN_VARIABLE} works too)")
+    home = Client().home
+    serve(Server(options.server), options.device, options.token, home, console, options.until_idle)
+
+
+def _check(options: argparse.Namespace, console: Console) -> int:
+    from client_kit.check import check
+
+    verdicts = check(options.files, Server(options.server), Client().home, options.token)
+    for verdict in verdicts:
+        console.lines(verdict.lines())
+    return 0 if all(verdict.conforms for verdict in verdicts) else NOT_CONFORMING
 
 
 def _positive(text: str) -> int:
@@ -245,9 +273,16 @@ def _positive(text: str) -> int:
     return value
 
 
-def _positive_number(text: str) -> float:
+def _number(text: str) -> float:
     value = float(text)
-    if not 0 < value < float("inf"):
+    if not 0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a number, 0 or more")
+    return value
+
+
+def _positive_number(text: str) -> float:
+    value = _number(text)
+    if value == 0:
         raise argparse.ArgumentTypeError(f"{text}: must be a number above 0")
     return value
 
@@ -256,6 +291,14 @@ def _names(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     if not names:
         raise argparse.ArgumentTypeError("give at least one name")
+    return names
+
+
+def _ignored(text: str) -> tuple[str, ...]:
+    names = _names(text)
+    for name in names:
+        if name not in IGNORABLE:
+            raise argparse.ArgumentTypeError(f"{name}: choose from {', '.join(IGNORABLE)}")
     return names
 
 

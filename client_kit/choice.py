@@ -60,6 +60,13 @@ def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Po
     return found
 
 
+def of_one_device(payloads: Iterable[Mapping[str, Any]], text: str | None = None) -> list[Mapping[str, Any]]:
+    """Those `payloads`, oldest first, that come from the OpenCL device that was measured last, or from the
+    last one whose name or platform contains `text`: times of two devices say nothing of each other."""
+    matching = [one for one in payloads if not text or text.lower() in " ".join(_device(one)).lower()]
+    return [payload for payload in matching if _device(payload) == _device(matching[-1])]
+
+
 def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = None) -> Point:
     """The point to run: the fastest with an error of at most `max_ate` metres; where a time of
     `max_seconds` a frame is enough, the most accurate that keeps both limits.
@@ -77,6 +84,11 @@ def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = 
     except front.NothingWithinLimitsError as error:
         raise CannotMeasureError(str(error)) from error
     return point
+
+
+def _device(payload: Mapping[str, Any]) -> tuple[str, str]:
+    device = payload["device"]
+    return str(device.get("opencl_device")), str(device.get("opencl_platform"))
 
 
 def _runs(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> Iterable[Mapping[str, Any]]:

@@ -10,6 +10,13 @@ WIDTH = 30
 REDRAW_SECONDS = 0.1
 
 
+class Silence(io.StringIO):
+    """A stream that keeps nothing."""
+
+    def write(self, text: str) -> int:
+        return len(text)
+
+
 class Console:
     """Lines for people. The bar is redrawn in place on a terminal and left out elsewhere, as in a log."""
 
@@ -33,13 +40,15 @@ class Console:
         for line in lines:
             self.say(line)
 
-    def bar(self, label: str, done: int, total: int, unit: str = "") -> None:
-        """Show how far something is."""
+    def bar(self, label: str, done: int, total: int, unit: str = "", left: float | None = None) -> None:
+        """Show how far something is, and for how many seconds all of it goes on, where that is known."""
         now = time.monotonic()
         if not self._bars or (done < total and now - self._drawn_at < REDRAW_SECONDS):
             return
         filled = WIDTH * done // total if total else WIDTH
         line = f"{label} [{'#' * filled}{'.' * (WIDTH - filled)}] {done}/{total}{unit}"
+        if left is not None:
+            line += f" {int(left) // 60}:{int(left) % 60:02} left"
         self._wipe()
         self._stream.write(line)
         self._stream.flush()

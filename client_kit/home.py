@@ -94,14 +94,13 @@ class Home:
 
         SQLite's lock is the one that every platform's Python has and that ends with its process.
         """
-        connection = sqlite3.connect(self.path / f"{purpose}.lock", timeout=0, isolation_level=None)
+        path = self.path / f"{purpose}.lock"
         try:
-            try:
-                connection.execute("BEGIN EXCLUSIVE")
-            except sqlite3.OperationalError:
-                yield False
-            else:
-                yield True
+            connection = sqlite3.connect(path, timeout=0, isolation_level=None)
+        except sqlite3.Error as error:
+            raise HomeError(f"{path} cannot be used: {error}") from error
+        try:
+            yield _locks(connection, path)
         finally:
             connection.close()
 
@@ -110,6 +109,16 @@ class Home:
             f"the client's folder {self.path} cannot be used ({error.strerror}): "
             f"set {ENVIRONMENT} to a folder that can be written"
         )
+
+
+def _locks(connection: sqlite3.Connection, path: Path) -> bool:
+    try:
+        connection.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:
+        if error.sqlite_errorcode != sqlite3.SQLITE_BUSY:
+            raise HomeError(f"{path} cannot be used: {error}") from error
+        return False
+    return True
 
 
 def write_file(path: Path, data: bytes) -> None:

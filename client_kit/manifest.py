@@ -11,6 +11,7 @@ from client_kit import __version__
 from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
+from client_kit.sources import line
 
 APPLICATION = "kfusion"
 DIGEST = re.compile(r"[0-9a-f]{64}")
@@ -19,12 +20,18 @@ ALL = "all"
 MAX_ATE_METRES = 0.05
 # What a server takes in one submission.
 MOST_RUNS = 50
+# How far a session may go on by itself, where the server does not say.
+MAX_REPEATS, PRECISION, MAX_SECONDS = 6, 0.05, 120.0
 
 
 @dataclass(frozen=True)
 class Protocol:
     """How to measure. Frames are counted from 0; times of frames before `first_counted_frame` are sent
-    but do not count. `order` names the runs of a session; every configuration gets `repeats` of them."""
+    but do not count. `order` names the runs of a session; every configuration gets `repeats` of them.
+
+    Further repeats follow, up to `max_repeats` and as long as the session is younger than `max_seconds`,
+    until the 95 % interval of a speedup is at most `precision` (0.05: five per cent) to either side.
+    """
 
     version: int
     warmup_frames: int
@@ -34,6 +41,9 @@ class Protocol:
     repeats: int
     rest_seconds: float
     max_ate: float
+    max_repeats: int
+    precision: float
+    max_seconds: float
 
 
 @dataclass(frozen=True)
@@ -90,20 +100,35 @@ class Manifest:
     def require_accepting(self) -> None:
         """Raises CannotMeasureError when the server asks clients to pause."""
         if not self.accepting:
-            raise CannotMeasureError("the server takes no measurements at present: try again another day")
+            reason = line(self.document.get("message")) or "try again another day"
+            raise CannotMeasureError(f"the server takes no measurements at present: {reason}")
+
+    def plans(self, wanted: Sequence[str] = ()) -> tuple[tuple[str, ...], ...]:
+        """The sessions that measure `wanted`, each as by `plan`: one, unless they are too many for one.
+
+        "all" stands for the whole front. Every session measures the default beside its part of the others.
+        """
+        names = list(dict.fromkeys(wanted))
+        if ALL in names:
+            place = names.index(ALL)
+            names[place : place + 1] = [name for name in self.configurations if name not in names]
+        others = [name for name in names if name != "default"]
+        most = MOST_RUNS // self.protocol.repeats - 1
+        if len(others) <= most:
+            return (self.plan(names),)
+        parts = -(-len(others) // most)
+        size = -(-len(others) // parts)
+        return tuple(self.plan(others[at : at + size]) for at in range(0, len(others), size))
 
     def plan(self, wanted: Sequence[str] = ()) -> tuple[str, ...]:
         """The configurations' names in the order of their runs.
 
         They run forwards, then back, until each has had the protocol's repeats: a steady drift then weighs
         on all of them alike, as in default, best, best, default. `wanted` names other configurations than
-        the protocol does; "all" stands for the whole front, and the default always takes part, as it is
-        what the others are compared with. Raises UsageError for a name that the front does not have.
+        the protocol does, and the default always takes part, as it is what the others are compared with.
+        Raises UsageError for a name that the front does not have, or for more runs than a session holds.
         """
         names = list(wanted) or list(self.protocol.order)
-        if ALL in names:
-            place = names.index(ALL)
-            names[place : place + 1] = self.configurations
         unknown = [name for name in names if name not in self.configurations]
         if unknown:
             present = ", ".join(self.configurations)
@@ -195,19 +220,28 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     warmup, frames, first = (
         int(protocol[name]) for name in ("warmup_frames", "frames", "first_counted_frame")
     )
-    rest = float(protocol["rest_seconds"])
-    if not (warmup >= 0 and 0 <= first < frames and math.isfinite(rest) and rest >= 0):
+    rest, max_seconds = float(protocol["rest_seconds"]), float(protocol.get("max_seconds", MAX_SECONDS))
+    precision = float(protocol.get("precision", PRECISION))
+    if not (
+        warmup >= 0
+        and 0 <= first < frames
+        and all(math.isfinite(value) and value >= 0 for value in (rest, max_seconds, precision))
+    ):
         raise ValueError(f"protocol {dict(protocol)} is out of range")
+    # An order such as default, best, best, default spells its repeats out.
+    repeats = max(int(protocol["repeats"]), order.count("default"))
     return Protocol(
         version=int(protocol["version"]),
         warmup_frames=warmup,
         frames=frames,
         first_counted_frame=first,
         order=order,
-        # An order such as default, best, best, default spells its repeats out.
-        repeats=max(int(protocol["repeats"]), order.count("default")),
+        repeats=repeats,
         rest_seconds=rest,
         max_ate=float(protocol.get("max_ate", MAX_ATE_METRES)),
+        max_repeats=max(repeats, int(protocol.get("max_repeats", MAX_REPEATS))),
+        precision=precision,
+        max_seconds=max_seconds,
     )
 
 

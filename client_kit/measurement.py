@@ -5,16 +5,16 @@ import math
 import time
 import uuid
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from client_kit import __version__
+from client_kit import repeats
 from client_kit.errors import CannotMeasureError
-from client_kit.manifest import Manifest, Protocol
-from client_kit.sensors import Sample, Sampler
+from client_kit.manifest import Manifest
+from client_kit.schedule import Schedule
+from client_kit.sensors import Sampler
+from client_kit.session import MICROSECONDS, Run, Session
 from slam import benchmark, opencl
 from slam.benchmark import Report
 from slam.datasets.sequence import Sequence, SequenceError
@@ -22,73 +22,12 @@ from slam.opencl import NoDeviceError
 from slam.system import STAGES
 from slam.systems import open_session
 
-SCHEMA_VERSION = 1
 LONGEST_FAILURE = 300
-MICROSECONDS = 1e6
+# A run that has lost the camera in more of its frames than this is a failure, however fast it was.
+MOST_LOST = 0.5
 
-OnFrame = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One configuration over the sequence. Times in microseconds, a value a frame; errors in metres.
-
-    `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed
-    run has its reason in `failure` and neither times nor errors.
-    """
-
-    id: str
-    configuration: str
-    repeat: int
-    order: int
-    status: str
-    failure: str | None = None
-    frame_us: tuple[int, ...] = ()
-    stages_us: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    tracked: tuple[bool | None, ...] = ()
-    ate_max: float | None = None
-    ate_mean: float | None = None
-    ate_rmse: float | None = None
-    trajectory_sha256: str | None = None
-
-    def mean_seconds(self, protocol: Protocol) -> float:
-        """The run's value: the arithmetic mean over the frames that count.
-
-        Not the median: a configuration that integrates every 24th frame pays for it in few frames.
-        """
-        return float(np.mean(self.frame_us[protocol.first_counted_frame :])) / MICROSECONDS
-
-    def valid(self, protocol: Protocol) -> bool:
-        """Whether its speed counts: it ran, and its trajectory stayed within the limit."""
-        return self.status == "ok" and self.ate_max is not None and self.ate_max < protocol.max_ate
-
-
-@dataclass(frozen=True)
-class Session:
-    """The runs of one session on one device, with what the device said of its state meanwhile."""
-
-    id: str
-    started_at: str
-    backend: str
-    runs: tuple[Run, ...]
-    samples: tuple[Sample, ...]
-
-    def of(self, configuration: str) -> list[Run]:
-        """The runs of one configuration, in order."""
-        return [run for run in self.runs if run.configuration == configuration]
-
-    def speedup(self, configuration: str, protocol: Protocol, baseline: str = "default") -> float | None:
-        """How many times faster than the baseline: exp of the mean of the paired log ratios.
-
-        The first run of one is paired with the first of the other, the second with the second; with the
-        order default, best, best, default a steady drift cancels. None without a pair of valid runs.
-        """
-        ratios = [
-            math.log(base.mean_seconds(protocol) / run.mean_seconds(protocol))
-            for base, run in zip(self.of(baseline), self.of(configuration), strict=False)
-            if base.valid(protocol) and run.valid(protocol)
-        ]
-        return math.exp(sum(ratios) / len(ratios)) if ratios else None
+# What runs, frames done, frames in all, seconds until the session is over (None while unknown).
+OnFrame = Callable[[str, int, int, float | None], None]
 
 
 def measure(
@@ -97,6 +36,7 @@ def measure(
     plan: tuple[str, ...],
     *,
     device: str | None = None,
+    impossible: Mapping[str, str] | None = None,
     on_run: Callable[[Run], None] | None = None,
     on_frame: OnFrame | None = None,
     rest: Callable[[float], None] = time.sleep,
@@ -105,11 +45,14 @@ def measure(
     """Measure the configurations of `plan`, one after another, in this process.
 
     Every configuration first runs over the protocol's warm-up frames, whose results are dropped: programs
-    get compiled and clocks rise. A configuration that fails on this device is recorded with its reason and
-    the others go on. `on_frame` hears of (what runs, frames done, frames in all), `on_run` of every
-    finished run; neither is called within the measured time of a frame.
+    get compiled and clocks rise. After the plan, runs are repeated until the intervals are as tight as the
+    protocol wants or its time is up. A configuration that fails on this device is recorded with its reason
+    and the others go on; those in `impossible`, with their reasons, are not even tried. Ctrl-C ends the
+    session, which keeps its finished runs. `on_run` hears of every finished run; neither it nor `on_frame`
+    is called within the measured time of a frame.
 
-    Raises CannotMeasureError when no device can compute, or the sequence cannot serve.
+    Raises CannotMeasureError when no device can compute, or the sequence cannot serve, and
+    KeyboardInterrupt when no run was finished.
     """
     protocol = manifest.protocol
     if len(sequence) < protocol.frames:
@@ -117,83 +60,105 @@ def measure(
             f"the sequence has {len(sequence)} frames, the protocol measures {protocol.frames}: "
             "the server's manifest is wrong"
         )
-    started_at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-    sampler = Sampler(root)
+    bench = _Bench(sequence, manifest, device, dict(impossible or {}), on_frame, root)
+    started_at, began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), time.monotonic()
+    runs: list[Run] = []
+    interrupted = False
     try:
-        opened = open_session(manifest.application, opencl.choose_device(device))
-    except NoDeviceError as error:
-        raise CannotMeasureError(str(error)) from error
+        bench.warm_up(plan)
+        measuring = time.monotonic()
+        following = list(plan)
+        bench.schedule.add(following, protocol.frames)
+        while following:
+            for name in following:
+                if runs:
+                    rest(protocol.rest_seconds)
+                runs.append(bench.run(name, runs))
+                if on_run is not None:
+                    on_run(runs[-1])
+            now = time.monotonic()
+            left = protocol.max_seconds - (now - began)
+            following = repeats.further(runs, protocol, left, (now - measuring) / len(runs))
+            bench.schedule.add(following, protocol.frames)
+    except KeyboardInterrupt:
+        if not runs:
+            raise
+        interrupted = True
+    samples = tuple(bench.sampler.samples)
+    return Session(str(uuid.uuid4()), started_at, bench.backend, tuple(runs), samples, interrupted)
 
-    def attempt(name: str, frames: int, label: str) -> Report | str:
-        nonlocal opened
 
-        def between_frames(done: int, total: int) -> None:
-            sampler.sample()
-            if on_frame is not None:
-                on_frame(label, done, total)
+class _Bench:
+    """The device, opened once for all runs of a session, and again after an error."""
 
-        parameters = manifest.configurations[name].parameters
+    def __init__(
+        self,
+        sequence: Sequence,
+        manifest: Manifest,
+        device: str | None,
+        failures: dict[str, str],
+        on_frame: OnFrame | None,
+        root: Path,
+    ) -> None:
+        self.sampler = Sampler(root)
+        self.schedule = Schedule(manifest.protocol.rest_seconds)
+        self._sequence, self._manifest, self._on_frame = sequence, manifest, on_frame
+        self._failures = failures
         try:
+            self._device = opencl.choose_device(device)
+        except NoDeviceError as error:
+            raise CannotMeasureError(str(error)) from error
+        self._opened: opencl.Session | None = None
+        self.backend = self._device.backend
+
+    def warm_up(self, plan: tuple[str, ...]) -> None:
+        """Run each configuration over the warm-up frames; one that fails will not be tried again."""
+        frames = self._manifest.protocol.warmup_frames
+        names = [name for name in dict.fromkeys(plan) if name not in self._failures]
+        if not frames:
+            return
+        self.schedule.add(names, frames)
+        for name in names:
+            outcome = self._attempt(name, frames, f"warm-up, {name}")
+            if isinstance(outcome, str):
+                self._failures[name] = outcome
+
+    def run(self, name: str, before: list[Run]) -> Run:
+        """Measure one configuration, after the runs BEFORE."""
+        repeat, order = sum(run.configuration == name for run in before), len(before)
+        failure = self._failures.get(name)
+        if failure is not None:
+            self.schedule.end()
+        label = f"run {order + 1}, {name}"
+        result = failure or self._attempt(name, self._manifest.protocol.frames, label)
+        return _recorded(str(uuid.uuid4()), name, repeat, order, result)
+
+    def _attempt(self, name: str, frames: int, label: str) -> Report | str:
+        def between_frames(done: int, total: int) -> None:
+            self.sampler.sample()
+            if self._on_frame is not None:
+                self._on_frame(label, done, total, self.schedule.left(done))
+
+        application = self._manifest.application
+        self.schedule.begin()
+        try:
+            if self._opened is None:
+                self._opened = open_session(application, self._device)
             return benchmark.run(
-                parameters,
-                sequence,
-                system=manifest.application,
+                self._manifest.configurations[name].parameters,
+                self._sequence,
+                system=application,
                 frames=frames,
-                device=opened,
+                device=self._opened,
                 progress=between_frames,
             )
         except SequenceError as error:
             raise CannotMeasureError(str(error)) from error
         except Exception as error:  # whatever a driver raises says something of this configuration here
-            opened = open_session(
-                manifest.application, opened.device
-            )  # an error may leave the driver's context unusable
+            self._opened = None  # an error may leave the driver's context unusable
             return _failure(error)
-
-    failures: dict[str, str] = {}
-    if protocol.warmup_frames:
-        for name in dict.fromkeys(plan):
-            outcome = attempt(name, protocol.warmup_frames, f"warm-up, {name}")
-            if isinstance(outcome, str):
-                failures[name] = outcome
-    runs: list[Run] = []
-    backend = "opencl"
-    for order, name in enumerate(plan):
-        if order:
-            rest(protocol.rest_seconds)
-        repeat = sum(run.configuration == name for run in runs)
-        result = failures.get(name) or attempt(
-            name, protocol.frames, f"run {order + 1} of {len(plan)}, {name}"
-        )
-        run = _recorded(str(uuid.uuid4()), name, repeat, order, result)
-        if isinstance(result, Report):
-            backend = result.to_dict()["device"]["backend"]
-        runs.append(run)
-        if on_run is not None:
-            on_run(run)
-    return Session(str(uuid.uuid4()), started_at, backend, tuple(runs), tuple(sampler.samples))
-
-
-def payload(session: Session, manifest: Manifest, device: Mapping[str, str | None]) -> dict[str, Any]:
-    """The body of POST /submissions for one session."""
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "app_version": __version__,
-        "consent_version": manifest.consent_version,
-        "device": dict(device),
-        "sessions": [
-            {
-                "id": session.id,
-                "started_at": session.started_at,
-                "application": manifest.application,
-                "front_version": manifest.front_version,
-                "protocol_version": manifest.protocol.version,
-                "backend": session.backend,
-                "samples": [dict(sample) for sample in session.samples],
-                "runs": [_document(run) for run in session.runs],
-            }
-        ],
-    }
+        finally:
+            self.schedule.end()
 
 
 def _recorded(run_id: str, configuration: str, repeat: int, order: int, result: Report | str) -> Run:
@@ -205,41 +170,27 @@ def _recorded(run_id: str, configuration: str, repeat: int, order: int, result: 
     errors = [ate.get(name) for name in ("max", "mean", "rmse")]
     if not all(error is None or math.isfinite(error) for error in errors):
         return Run(run_id, configuration, repeat, order, "failed", failure="the trajectory is not finite")
+    tracked = tuple(frame["tracked"] for frame in frames)
+    lost, attempted = tracked.count(False), len(tracked) - tracked.count(None)
+    failed = lost > MOST_LOST * attempted
     return Run(
         run_id,
         configuration,
         repeat,
         order,
-        "ok",
+        "failed" if failed else "ok",
+        failure=f"tracking lost in {lost} of {attempted} frames" if failed else None,
         frame_us=tuple(round(frame["computation"] * MICROSECONDS) for frame in frames),
         # Rounded down, so that the stages never add up to more than the frame.
         stages_us={
             stage: tuple(math.floor(frame[stage] * MICROSECONDS) for frame in frames) for stage in STAGES
         },
-        tracked=tuple(frame["tracked"] for frame in frames),
+        tracked=tracked,
         ate_max=errors[0],
         ate_mean=errors[1],
         ate_rmse=errors[2],
         trajectory_sha256=hashlib.sha256(np.ascontiguousarray(result.poses, "<f8").tobytes()).hexdigest(),
     )
-
-
-def _document(run: Run) -> dict[str, Any]:
-    return {
-        "id": run.id,
-        "configuration": run.configuration,
-        "repeat": run.repeat,
-        "order": run.order,
-        "status": run.status,
-        "failure": run.failure,
-        "frame_us": list(run.frame_us),
-        "stages_us": {stage: list(series) for stage, series in run.stages_us.items()},
-        "tracked": list(run.tracked),
-        "ate_max": run.ate_max,
-        "ate_mean": run.ate_mean,
-        "ate_rmse": run.ate_rmse,
-        "trajectory_sha256": run.trajectory_sha256,
-    }
 
 
 def _failure(error: Exception) -> str:

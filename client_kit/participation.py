@@ -2,21 +2,34 @@
 
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from client_kit import consent, delivery, device, enrolment, manifest, measurement, sensors, sequences
+from client_kit import (
+    consent,
+    delivery,
+    device,
+    drivers,
+    enrolment,
+    manifest,
+    measurement,
+    preflight,
+    sensors,
+    sequences,
+    session,
+    summary,
+)
 from client_kit.console import Console
 from client_kit.errors import CannotMeasureError, UsageError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
-from client_kit.measurement import Session
 from client_kit.server import Server, ServerError
+from client_kit.session import Session
 from client_kit.spool import ACCEPTED, DUPLICATE, Item, Spool
 from slam.datasets import open_sequence
-from slam.opencl import NoDeviceError, choose_device
+from slam.opencl import Device, NoDeviceError, choose_device
 
 SUMMARY_PATIENCE_SECONDS = 15.0
 SUMMARY_PAUSE_SECONDS = 0.5
@@ -24,14 +37,26 @@ SUMMARY_PAUSE_SECONDS = 0.5
 
 @dataclass(frozen=True)
 class Wishes:
-    """What the participant asked for on the command line."""
+    """What the participant asked for. `ignored` names concerns of `preflight` to measure in spite of;
+    `minutes` is how long a session may repeat its runs, as the server asks where it is None;
+    `show_model` whether a rare device's model may be shown in public, None to leave that as it is."""
 
     server: str
     yes: bool = False
     sessions: int = 1
     configurations: tuple[str, ...] = ()
     device: str | None = None
-    ignore_battery: bool = False
+    ignored: tuple[str, ...] = ()
+    minutes: float | None = None
+    show_model: bool | None = None
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A session that was measured, and what the spool knows of it."""
+
+    session: Session
+    item: Item
 
 
 def run(
@@ -41,67 +66,101 @@ def run(
     *,
     pause: Callable[[float], None] = time.sleep,
     root: Path = Path("/"),
-) -> None:
+) -> list[Measured]:
     """Measure `wishes.sessions` sessions and send them; what cannot be sent now stays in the spool.
 
-    Raises ClientError, with the exit code of its kind, when nothing can be measured.
+    More configurations than one session holds make several. Raises ClientError, with the exit code of its
+    kind, when nothing can be measured, and KeyboardInterrupt after what was finished is kept.
     """
-    server = Server(wishes.server)
-    spool = Spool(home.spool)
+    server, spool = Server(wishes.server), Spool(home.spool)
     console.lines(delivery.deliver(spool, home).lines())
-
     asked, fresh = manifest.fetch(server, home)
     if not fresh:
         console.say(f"{server.url} does not answer: measuring what it asked for at the last visit.")
     asked.require_this_version()
     asked.require_accepting()
-    plan = asked.plan(wishes.configurations)
+    if wishes.minutes is not None:
+        asked = replace(asked, protocol=replace(asked.protocol, max_seconds=60 * wishes.minutes))
+    plans = asked.plans(wishes.configurations)
     chosen, identity = _device(wishes.device, root)
     _consent(wishes, home, console, server, asked, identity)
-    _battery(wishes, root)
-    sequence = open_sequence(_sequence(server, asked, home, console, fresh))
+    _ready(wishes, home, console, root)
+    path = _sequence(server, asked, home, console, fresh)
 
     console.say(f"Device: {identity['opencl_device']} ({identity['opencl_platform']})")
-    console.say(f"Order: {', '.join(plan)}, {asked.protocol.frames} frames each")
-    for number in range(wishes.sessions):
+    measured = []
+    for number, plan in enumerate(plans * wishes.sessions):
         if number:
             pause(asked.protocol.rest_seconds)
-            _battery(wishes, root)
-        with home.only_one("measurement") as alone:
-            if not alone:
-                raise CannotMeasureError("another client measures on this device: wait until it is done")
-            session = measurement.measure(
-                sequence,
-                asked,
-                plan,
-                device=chosen,
-                on_run=lambda run: console.say(_run_line(run, asked)),
-                on_frame=console.bar,
-                rest=pause,
-                root=root,
-            )
-        item = spool.put(server.url, measurement.payload(session, asked, identity))
+            _ready(wishes, home, console, root)
+        console.say(f"Order: {', '.join(plan)}, {asked.protocol.frames} frames each")
+        done = _measure(path, asked, plan, chosen, home, console, pause, root)
+        item = spool.put(server.url, session.payload(done, asked, identity, wishes.show_model))
+        if done.interrupted:
+            console.say(f"Stopped: the {len(done.runs)} finished runs are kept.")
+            raise KeyboardInterrupt
         delivered = delivery.deliver(spool, home)
-        console.lines(_figures(session, asked))
+        console.lines(summary.stages(done, asked.protocol))
+        console.lines(summary.figures(done, asked.protocol))
         console.lines(delivered.lines())
-        settled = spool.item(item.id)
-        if settled.state in (ACCEPTED, DUPLICATE):
-            _tell_page(server, home, settled, asked, console, pause)
+        measured.append(Measured(done, spool.item(item.id)))
+        if measured[-1].item.state in (ACCEPTED, DUPLICATE):
+            _tell_page(server, home, measured[-1], asked, console, pause)
         if delivered.outdated is not None:
             raise delivered.outdated
-        if all(run.status == "failed" for run in session.runs):
-            raise CannotMeasureError(f"no configuration runs here: {session.runs[0].failure}")
+        if all(one.status == "failed" for one in done.runs):
+            raise CannotMeasureError(f"no configuration runs here: {done.runs[0].failure}")
+    return measured
 
 
-def _device(text: str | None, root: Path) -> tuple[str, dict[str, str | None]]:
-    """The label that picks the OpenCL device to use, and what this machine says of itself."""
+def consent_text(server: str, home: Home, device: str | None = None, root: Path = Path("/")) -> str | None:
+    """What a participant has to agree to before `run`; None where this was agreed to before."""
+    connection = Server(server)
+    asked, _ = manifest.fetch(connection, home)
+    if consent.given(home, connection.url, asked.consent_version):
+        return None
+    return _consent_text(connection, asked, _device(device, root)[1])
+
+
+def _measure(
+    path: Path,
+    asked: Manifest,
+    plan: tuple[str, ...],
+    chosen: Device,
+    home: Home,
+    console: Console,
+    pause: Callable[[float], None],
+    root: Path,
+) -> Session:
+    parameters = {name: asked.configurations[name].parameters for name in plan}
+    with home.only_one("measurement") as alone:
+        if not alone:
+            raise CannotMeasureError("another client measures on this device: wait until it is done")
+        return measurement.measure(
+            open_sequence(path),
+            asked,
+            plan,
+            device=chosen.label,
+            impossible=preflight.too_large(parameters, chosen, root),
+            on_run=lambda run: console.say(summary.run_line(run, asked.protocol)),
+            on_frame=lambda label, done, total, left: console.bar(label, done, total, left=left),
+            rest=pause,
+            root=root,
+        )
+
+
+def _device(text: str | None, root: Path) -> tuple[Device, dict[str, str | None]]:
+    """The OpenCL device to use, and what this machine says of itself."""
     try:
         chosen = choose_device(text)
-    except NoDeviceError as error:
-        raise CannotMeasureError(str(error)) from error
-    except ImportError as error:
-        raise CannotMeasureError(f"pyopencl cannot be used here ({error}): pip install pyopencl") from error
-    return chosen.label, device.identify(root, opencl=device.opencl_identity(chosen.handle))
+    except (NoDeviceError, ImportError) as error:
+        raise CannotMeasureError(drivers.remedy(error, root)) from error
+    return chosen, device.identify(root, opencl=device.opencl_identity(chosen.handle))
+
+
+def _ready(wishes: Wishes, home: Home, console: Console, root: Path) -> None:
+    for concern in preflight.require_fit(preflight.concerns(home, root), wishes.ignored):
+        console.say(f"Note: {concern.text}")
 
 
 def _consent(
@@ -115,8 +174,7 @@ def _consent(
     version = asked.consent_version
     if consent.given(home, server.url, version):
         return
-    size = sum(chunk.bytes for chunk in asked.chunks)
-    console.say(consent.text(server.url, version, size, _sample_payload(asked, identity)))
+    console.say(_consent_text(server, asked, identity))
     if not wishes.yes:
         if not sys.stdin.isatty():
             raise UsageError("nobody is here to agree: read the text above, then add --yes")
@@ -125,23 +183,20 @@ def _consent(
     consent.remember(home, server.url, version)
 
 
+def _consent_text(server: Server, asked: Manifest, identity: dict[str, str | None]) -> str:
+    size = sum(chunk.bytes for chunk in asked.chunks)
+    return consent.text(server.url, asked.consent_version, size, _sample_payload(asked, identity))
+
+
 def _sample_payload(asked: Manifest, identity: dict[str, str | None]) -> dict[str, Any]:
     """What would be sent of this device, with a run of two frames for brevity."""
-    example = measurement.Run(
+    example = session.Run(
         "a random number", "default", 0, 0, "ok", None, (31250, 30718), {"tracking": (9120, 8980)},
         (True, True), 0.012, 0.008, 0.009, "digest of the computed trajectory",
     )  # fmt: skip
     sample: sensors.Sample = {"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 80.0}
-    session = Session("a random number", "2026-01-01T12:00:00Z", "opencl", (example,), (sample,))
-    return measurement.payload(session, asked, identity)
-
-
-def _battery(wishes: Wishes, root: Path) -> None:
-    charge = sensors.battery(root)
-    if charge is not None and charge.low and not wishes.ignore_battery:
-        raise CannotMeasureError(
-            f"the battery is at {charge.percent:.0f} %: plug the device in, or add --ignore-battery"
-        )
+    told = Session("a random number", "2026-01-01T12:00:00Z", "opencl", (example,), (sample,))
+    return session.payload(told, asked, identity)
 
 
 def _sequence(server: Server, asked: Manifest, home: Home, console: Console, fresh: bool) -> Path:
@@ -160,68 +215,53 @@ def _sequence(server: Server, asked: Manifest, home: Home, console: Console, fre
     )
 
 
-def _run_line(run: measurement.Run, asked: Manifest) -> str:
-    if run.status == "failed":
-        return f"  {run.order + 1}. {run.configuration}: failed, {run.failure}"
-    line = f"  {run.order + 1}. {run.configuration}: {1000 * run.mean_seconds(asked.protocol):.2f} ms a frame"
-    return line if run.ate_max is None else f"{line}, largest error {100 * run.ate_max:.2f} cm"
-
-
-def _figures(session: Session, asked: Manifest) -> Sequence[str]:
-    """The session's outcome in plain words, one line for each configuration against the default."""
-    protocol = asked.protocol
-    counted = protocol.frames - protocol.first_counted_frame
-    lines = [""]
-    for name in dict.fromkeys(run.configuration for run in session.runs):
-        errors = [run.ate_max for run in session.of(name) if run.ate_max is not None]
-        if errors:
-            limit = f"{100 * protocol.max_ate:.0f} cm allowed"
-            lines.append(f"{name}: largest trajectory error {100 * max(errors):.2f} cm ({limit})")
-    for name in dict.fromkeys(run.configuration for run in session.runs):
-        if name == "default":
-            continue
-        speedup = session.speedup(name, protocol)
-        if speedup is None:
-            lines.append(f"No speedup for {name}: no pair of runs ran through and stayed within the limit.")
-        else:
-            slower = "" if speedup >= 1 else " (slower)"
-            lines.append(
-                f"Speedup of {name} over default: {speedup:.2f}{slower}, mean over {counted} frames a run."
-            )
-            lines.append(
-                f"On this device {name} computes a frame in {100 / speedup:.0f} % of the default's time."
-            )
-    return lines
-
-
 def _tell_page(
     server: Server,
     home: Home,
-    item: Item,
+    measured: Measured,
     asked: Manifest,
     console: Console,
     pause: Callable[[float], None],
 ) -> None:
     """Point to the device's page, and say what of the session counts there, once the server knows."""
-    token = enrolment.token(home, server, asked.consent_version)
-    waited = 0.0
-    while True:
-        try:
-            state = server.submission(token, str(item.submission_id))
-        except ServerError as error:
-            console.say(f"The session is accepted; its page could not be asked for: {error}")
-            return
-        if state.get("summarised") or waited >= SUMMARY_PATIENCE_SECONDS:
-            break
-        pause(SUMMARY_PAUSE_SECONDS)
-        waited += SUMMARY_PAUSE_SECONDS
-    for session in state.get("sessions") or ():
-        for told in session.get("speedups") or ():
+    try:
+        state = _summarised(server, home, measured.item, asked, pause)
+    except ServerError as error:
+        console.say(f"The session is accepted; its page could not be asked for: {error}")
+        return
+    for told_session in state.get("sessions") or ():
+        for told in told_session.get("speedups") or ():
             if told.get("state") != "valid":
                 name, reason = told.get("configuration"), told.get("reason")
                 console.say(f"The server sets {name} aside: {told.get('state')}, {reason}")
-    if state.get("device"):
-        page = server.page(f"devices/{state['device']}/")
-        console.say(f"See this device among the others: {page}")
+    _tell_place(server, measured.session, asked, state.get("device"), console)
+    path = state.get("page") or (f"devices/{state['device']}/" if state.get("device") else None)
+    if path:
+        console.say(f"See this device among the others: {server.page(path)}")
     else:
         console.say(f"The server has not worked through this session yet: {server.page('devices/')}")
+
+
+def _summarised(
+    server: Server, home: Home, item: Item, asked: Manifest, pause: Callable[[float], None]
+) -> dict[str, Any]:
+    token = enrolment.token(home, server, asked.consent_version)
+    waited = 0.0
+    while True:
+        state = server.submission(token, str(item.submission_id))
+        if state.get("summarised") or waited >= SUMMARY_PATIENCE_SECONDS:
+            return state
+        pause(SUMMARY_PAUSE_SECONDS)
+        waited += SUMMARY_PAUSE_SECONDS
+
+
+def _tell_place(server: Server, done: Session, asked: Manifest, device: str | None, console: Console) -> None:
+    own = summary.best_speedup(done, asked.protocol)
+    if own is None:
+        return
+    name, speedup = own
+    try:
+        crowd = server.speedups(str(asked.front_version), name)
+        console.say(summary.place(crowd, speedup, device, done.backend))
+    except (ServerError, KeyError, TypeError, ValueError) as error:
+        console.say(f"The place in the crowd could not be asked for: {error}")

@@ -8,6 +8,7 @@ import email.utils
 import http.client
 import json
 import math
+import ssl
 import time
 import urllib.error
 import urllib.parse
@@ -22,6 +23,7 @@ from client_kit.errors import ClientError, OutdatedError, UsageError
 
 TIMEOUT_SECONDS = 30.0
 LARGEST_ANSWER = 4 * 2**20
+LARGEST_EXPORT = 2**30
 LONGEST_WAIT_SECONDS = 24 * 3600.0
 
 
@@ -40,15 +42,23 @@ class NotFrontrunnerError(ServerError):
 class ProblemError(ServerError):
     """The server's own refusal (RFC 9457): `code` is stable, `reason` is for people.
 
-    `retry_after` is what the server asks to wait, in seconds, or None.
+    `retry_after` is what the server asks to wait, in seconds, or None; `field` the member that is wrong.
     """
 
-    def __init__(self, status: int, code: str, reason: str, retry_after: float | None = None) -> None:
+    def __init__(
+        self,
+        status: int,
+        code: str,
+        reason: str,
+        retry_after: float | None = None,
+        field: str | None = None,
+    ) -> None:
         super().__init__(f"{reason} ({code})" if reason else code)
         self.status = status
         self.code = code
         self.reason = reason
         self.retry_after = retry_after
+        self.field = field
 
     @property
     def temporary(self) -> bool:
@@ -121,11 +131,27 @@ class Server:
 
     def own_data(self, token: str) -> dict[str, Any]:
         """Everything that the server keeps of this installation."""
-        return self._call("GET", "/me/data", token=token).json()
+        return self._call("GET", "/me/data", token=token, largest=LARGEST_EXPORT).json()
 
     def erase(self, token: str) -> None:
         """Have everything of this installation erased."""
         self._call("DELETE", "/me", token=token)
+
+    def validate(self, token: str, body: bytes) -> list[dict[str, Any]]:
+        """What would become of each run of a submission, plain JSON; nothing is stored."""
+        answer = self._call("POST", "/submissions:validate", token=token, body=body).json()
+        try:
+            return list(answer["items"])
+        except (KeyError, TypeError) as error:
+            raise NotFrontrunnerError(f"the answer to a dry run is not understood: {error!r}") from error
+
+    def speedups(self, front: str, configuration: str) -> list[dict[str, Any]]:
+        """The crowd's speedups of one configuration, a row for each device and backend, fastest first."""
+        query = urllib.parse.urlencode({"front": front, "configuration": configuration, "limit": 1000})
+        try:
+            return list(self._call("GET", f"/speedups?{query}").json()["results"])
+        except (KeyError, TypeError) as error:
+            raise NotFrontrunnerError(f"the crowd's speedups are not understood: {error!r}") from error
 
     def lease(self, token: str, device: str, worker: str) -> dict[str, Any] | None:
         """The next evaluation for a reference device; None where none waits."""
@@ -162,6 +188,7 @@ class Server:
         token: str | None = None,
         body: bytes | None = None,
         headers: Mapping[str, str] | None = None,
+        largest: int = LARGEST_ANSWER,
     ) -> Answer:
         request = urllib.request.Request(f"{self.url}/api/v1{path}", data=body, method=method)
         request.add_header("Accept", "application/json")
@@ -171,7 +198,7 @@ class Server:
             request.add_header("Authorization", f"Bearer {token}")
         for name, value in (headers or {}).items():
             request.add_header(name, value)
-        return self._exchange(request, LARGEST_ANSWER)
+        return self._exchange(request, largest)
 
     def _exchange(self, request: urllib.request.Request, largest: int) -> Answer:
         request.add_header("User-Agent", f"frontrunner-{APP}/{__version__}")
@@ -190,9 +217,7 @@ class Server:
                     return Answer(304, error.headers, b"")
                 raise self._refusal(error) from error
         except (OSError, http.client.HTTPException, ValueError) as error:
-            reason = getattr(error, "reason", None) or error
-            told = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
-            raise UnreachableError(f"{self.url} cannot be reached: {told}") from error
+            raise UnreachableError(f"{self.url} cannot be reached: {_told(error)}") from error
 
     def _refusal(self, error: urllib.error.HTTPError) -> ClientError:
         try:
@@ -219,7 +244,19 @@ class Server:
             return OutdatedError(
                 f"this client, version {__version__}, is too old for {self.url}: {reason or code}"
             )
-        return ProblemError(error.code, code, reason, retry_after)
+        field = problem.get("field")
+        return ProblemError(error.code, code, reason, retry_after, None if field is None else str(field))
+
+
+def _told(error: Exception) -> str:
+    """What the network said, in words for people."""
+    reason = getattr(error, "reason", None) or error
+    if isinstance(reason, ssl.SSLCertVerificationError):
+        return (
+            f"its certificate is not trusted ({reason.verify_message}); SSL_CERT_FILE may name a file with "
+            "the roots of your own authority"
+        )
+    return getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
 
 
 def _seconds(value: str | None) -> float | None:

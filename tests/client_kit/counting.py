@@ -27,6 +27,9 @@ class Counting:
             return Reply(200, raw=(self._chunks / Path(path).name).read_bytes())
         if path == "/enrol":
             return Reply(201, {"installation_id": "me", "token": "secret"})
+        if path.startswith("/speedups?"):
+            others = [{"device": "a-board", "backend": "opencl", "speedup": 1e-9}]
+            return Reply(200, {"results": others, "next": None})
         if request.headers.get("authorization") != "Bearer secret":
             return problem(401, "invalid_token", "unknown token")
         if path == "/submissions":
@@ -35,6 +38,8 @@ class Counting:
             return Reply(200, {"device": "a-phone", "summarised": True})
         if path == "/me/data":
             return Reply(200, {"sessions": list(self.sessions)})
+        if (request.method, path) != ("DELETE", "/me"):
+            return problem(404, "not_found", path)
         self.sessions.clear()
         return Reply(204, raw=b"")
 

@@ -29,6 +29,7 @@ def manifest(chunks: tuple[bytes, ...] = (b"header", b"frames"), **changes: Any)
             "order": ["default", "best", "best", "default"],
             "repeats": 2,
             "rest_seconds": 0,
+            "max_repeats": 2,
         },
         "sequence": {
             "name": "two chunks",
@@ -65,4 +66,5 @@ def payload(**changes: Any) -> dict[str, Any]:
         "runs": [run],
         **changes,
     }
-    return {"schema_version": 1, "consent_version": 1, "device": {}, "sessions": [session]}
+    device = {"opencl_device": "a GPU", "opencl_platform": "a platform"}
+    return {"schema_version": 1, "consent_version": 1, "device": device, "sessions": [session]}

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from client_kit.choice import MEASURED, SCALED, choose, points
+from client_kit.choice import MEASURED, SCALED, choose, of_one_device, points
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
 from tests.client_kit import documents
@@ -77,3 +77,13 @@ def test_limits_that_nothing_keeps_name_the_nearest() -> None:
 def test_before_any_measurement_there_is_nothing_to_choose_by() -> None:
     with pytest.raises(CannotMeasureError, match="run the client once"):
         choose(points(FRONT, []), 0.05)
+
+
+def test_only_the_device_that_was_measured_last_counts_unless_another_is_named() -> None:
+    fast = session(run("default", 20, 0.01)) | {"device": {"opencl_device": "RTX 5090"}}
+    slow = session(run("default", 200, 0.01)) | {"device": {"opencl_device": "Mali-T628"}}
+
+    assert of_one_device([fast, slow, fast, slow]) == [slow, slow]
+    assert of_one_device([fast, slow], "rtx") == [fast]
+    assert of_one_device([fast, slow], "adreno") == []
+    assert of_one_device([]) == []

@@ -21,6 +21,14 @@ def test_a_bar_is_drawn_in_place_and_makes_way_for_a_line() -> None:
     assert terminal.getvalue() == f"{bar}\r{' ' * len(bar)}\rdone\n"
 
 
+def test_a_bar_tells_how_long_it_takes_to_the_end_of_all() -> None:
+    terminal = Terminal()
+
+    Console(terminal).bar("run 2, best", 30, 100, left=75.4)
+
+    assert terminal.getvalue().endswith(" 30/100 1:15 left")
+
+
 def test_a_log_has_lines_and_no_bars() -> None:
     log = io.StringIO()
     console = Console(log)

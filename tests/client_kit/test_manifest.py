@@ -105,7 +105,7 @@ def test_an_order_without_repeats_is_run_back_and_forth() -> None:
 def test_the_whole_front_runs_forwards_and_back() -> None:
     asked = Manifest.parse(documents.manifest())
 
-    assert asked.plan(("all",)) == ("default", "best", "fine", "fine", "best", "default")
+    assert asked.plans(("all",)) == (("default", "best", "fine", "fine", "best", "default"),)
     assert asked.plan(("fine",)) == ("default", "fine", "fine", "default")
 
 
@@ -114,19 +114,54 @@ def test_a_name_that_the_front_lacks_is_a_usage_error() -> None:
         Manifest.parse(documents.manifest()).plan(("fast",))
 
 
-def test_more_runs_than_a_session_holds_are_a_usage_error() -> None:
+def many(points: int) -> Manifest:
     document = documents.manifest()
     document["configurations"] += [
-        {"name": f"point-{number}", "parameters": {}, "predicted": {}} for number in range(23)
+        {"name": f"point-{number}", "parameters": {}, "predicted": {}} for number in range(points)
     ]
+    return Manifest.parse(document)
+
+
+def test_a_front_too_large_for_one_session_is_measured_in_several() -> None:
+    asked = many(35)
+
+    plans = asked.plans(("all",))
+
+    assert [len(plan) for plan in plans] == [40, 38]
+    assert all(plan[0] == plan[-1] == "default" for plan in plans)
+    measured = [name for plan in plans for name in set(plan) - {"default"}]
+    assert sorted(measured) == sorted(set(asked.configurations) - {"default"})
+
+
+def test_what_fits_into_one_session_is_one() -> None:
+    asked = many(0)
+
+    assert asked.plans() == (asked.plan(),)
+    assert asked.plans(("all",)) == (asked.plan(("default", "best", "fine")),)
+    assert asked.plans(("fine", "all")) == (asked.plan(("fine", "default", "best")),)
+
+
+def test_more_runs_than_a_session_holds_are_a_usage_error() -> None:
+    asked = many(23)
 
     with pytest.raises(UsageError, match="52 runs are more than the 50"):
-        Manifest.parse(document).plan(("all",))
+        asked.plan(list(asked.configurations))
+
+
+def test_how_far_a_session_goes_on_is_the_protocols_or_the_clients_own() -> None:
+    silent = Manifest.parse(documents.manifest(protocol={**protocol(), "repeats": 8, "max_repeats": 4}))
+    own = {name: value for name, value in protocol().items() if name != "max_repeats"}
+    told = Manifest.parse(documents.manifest(protocol={**own, "precision": 0.02, "max_seconds": 30}))
+
+    assert silent.protocol.max_repeats == 8  # never fewer than are asked for anyway
+    assert (told.protocol.max_repeats, told.protocol.precision, told.protocol.max_seconds) == (6, 0.02, 30.0)
 
 
 def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
     Manifest.parse(documents.manifest(minimum_app_version="0.1")).require_this_version()
     with pytest.raises(OutdatedError, match=r"0\.10\.0"):
         Manifest.parse(documents.manifest(minimum_app_version="0.10.0")).require_this_version()
-    with pytest.raises(CannotMeasureError, match="no measurements at present"):
+    with pytest.raises(CannotMeasureError, match="no measurements at present: try again another day"):
         Manifest.parse(documents.manifest(accepting=False)).require_accepting()
+    with pytest.raises(CannotMeasureError, match="at present: back on Monday"):
+        Manifest.parse(documents.manifest(accepting=False, message="back on\nMonday")).require_accepting()

@@ -1,7 +1,6 @@
 """Measuring a session with the real pipeline, and what is made of its runs."""
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +9,12 @@ import pytest
 from client_kit import measurement
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
-from client_kit.measurement import Run, Session, measure, payload
+from client_kit.measurement import measure
+from client_kit.session import Run, payload
+from slam import benchmark
 from slam.datasets import open_sequence
 from slam.datasets.pack import Pack
 from tests.client_kit import documents, room
-
-PROTOCOL = Manifest.parse(documents.manifest()).protocol
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +29,7 @@ def asked(pack: Pack) -> Manifest:
 
 def test_a_session_runs_default_best_best_default_over_all_frames(pack: Pack, asked: Manifest) -> None:
     told: list[Run] = []
-    frames: list[tuple[str, int, int]] = []
+    frames: list[tuple[str, int, int, float | None]] = []
 
     session = measure(
         pack, asked, asked.plan(), on_run=told.append, on_frame=lambda *frame: frames.append(frame)
@@ -49,8 +48,9 @@ def test_a_session_runs_default_best_best_default_over_all_frames(pack: Pack, as
         assert run.tracked == (None,) * 4 + (True,) * (room.FRAMES - 4)
         assert run.ate_max is not None
         assert run.ate_max < 0.05
-    assert frames[:2] == [("warm-up, default", 1, 2), ("warm-up, default", 2, 2)]
-    assert frames[-1] == ("run 4 of 4, default", room.FRAMES, room.FRAMES)
+    assert [frame[:3] for frame in frames[:2]] == [("warm-up, default", 1, 2), ("warm-up, default", 2, 2)]
+    assert frames[-1] == ("run 4, default", room.FRAMES, room.FRAMES, 0.0)
+    assert all(left is not None and left >= 0 for *_, left in frames)
     # The same configuration computes the same trajectory.
     digests = [run.trajectory_sha256 for run in session.runs]
     assert digests[0] == digests[3] != digests[1] == digests[2]
@@ -85,7 +85,7 @@ def test_a_configuration_that_fails_here_is_recorded_and_the_others_go_on(
     assert "compute_size_ratio=7" in (session.runs[1].failure or "")
     document = payload(session, asked, {})["sessions"][0]["runs"][1]
     assert (document["frame_us"], document["ate_max"]) == ([], None)
-    assert session.speedup("indivisible", PROTOCOL) is None
+    assert session.speedup("indivisible", asked.protocol) is None
 
 
 def test_between_runs_the_device_rests_as_the_protocol_says(pack: Pack) -> None:
@@ -126,37 +126,85 @@ def test_a_failure_does_not_tell_the_users_name() -> None:
     assert measurement._failure(error) == "FileNotFoundError: ~/.cache/kernel missing and more"
 
 
-def run_of(configuration: str, repeat: int, milliseconds: list[float], ate_max: float | None = 0.01) -> Run:
-    times = tuple(round(1000 * time) for time in milliseconds)
-    return Run("id", configuration, repeat, 0, "ok", frame_us=times, ate_max=ate_max)
+def test_what_is_known_not_to_fit_is_recorded_and_never_tried(pack: Pack, asked: Manifest) -> None:
+    seen: list[str] = []
 
-
-def session_of(*runs: Run) -> Session:
-    return Session("id", "2026-01-01T00:00:00Z", "opencl", runs, ())
-
-
-def test_the_speedup_is_the_geometric_mean_of_the_paired_ratios() -> None:
-    session = session_of(
-        run_of("default", 0, [900] * 4 + [40] * 8),
-        run_of("best", 0, [900] * 4 + [10] * 8),
-        run_of("best", 1, [900] * 4 + [20] * 8),
-        run_of("default", 1, [900] * 4 + [180] * 8),
+    session = measure(
+        pack,
+        asked,
+        ("default", "best"),
+        impossible={"best": "volume_resolution=512 needs 640 MiB"},
+        on_frame=lambda label, *_: seen.append(label),
     )
 
-    assert session.speedup("best", PROTOCOL) == pytest.approx(math.sqrt((40 / 10) * (180 / 20)))
+    assert [(run.status, run.failure) for run in session.runs] == [
+        ("ok", None),
+        ("failed", "volume_resolution=512 needs 640 MiB"),
+    ]
+    assert not [label for label in seen if "best" in label]
 
 
-def test_work_done_in_few_frames_counts_in_full() -> None:
-    session = session_of(run_of("default", 0, [10] * 12), run_of("best", 0, [1] * 4 + [33] + [1] * 7))
+def test_ctrl_c_keeps_the_runs_that_are_finished(pack: Pack, asked: Manifest) -> None:
+    def interrupt(label: str, done: int, *_: Any) -> None:
+        if label == "run 3, best" and done == 5:
+            raise KeyboardInterrupt
 
-    assert session.speedup("best", PROTOCOL) == pytest.approx(10 / 5)
+    session = measure(pack, asked, asked.plan(), on_frame=interrupt)
+
+    assert session.interrupted
+    assert [run.configuration for run in session.runs] == ["default", "best"]
+    assert session.speedup("best", asked.protocol) is not None
 
 
-@pytest.mark.parametrize("ate_max", [0.05, 3.0, None])
-def test_a_run_whose_trajectory_is_off_makes_no_speedup(ate_max: float | None) -> None:
-    base = run_of("default", 0, [40] * 12)
-    bad, good = run_of("best", 0, [10] * 12, ate_max), run_of("best", 1, [20] * 12)
+def test_ctrl_c_before_the_first_run_is_over_leaves_nothing(pack: Pack, asked: Manifest) -> None:
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
 
-    assert session_of(base, bad).speedup("best", PROTOCOL) is None
-    both: Any = session_of(base, bad, good, run_of("default", 1, [40] * 12))
-    assert both.speedup("best", PROTOCOL) == pytest.approx(2)
+    with pytest.raises(KeyboardInterrupt):
+        measure(pack, asked, asked.plan(), on_frame=interrupt)
+
+
+def test_runs_are_repeated_while_the_interval_is_wide_and_there_is_time(pack: Pack) -> None:
+    changes = {"max_repeats": 4, "precision": 0.0, "warmup_frames": 0}
+    protocol = {**documents.manifest()["protocol"], **changes}
+    asked = Manifest.parse(room.manifest(pack, protocol=protocol))
+    hurried = Manifest.parse(room.manifest(pack, protocol={**protocol, "max_seconds": 0}))
+
+    long, short = measure(pack, asked, asked.plan()), measure(pack, hurried, hurried.plan())
+
+    abba = ["default", "best", "best", "default"]
+    assert [run.configuration for run in long.runs] == abba * 2
+    assert [run.repeat for run in long.of("default")] == [0, 1, 2, 3]
+    assert [run.configuration for run in short.runs] == abba
+
+
+def test_a_run_that_loses_the_camera_is_failed_and_keeps_its_times(
+    pack: Pack, asked: Manifest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Lost(benchmark.Report):
+        def to_dict(self) -> dict[str, Any]:
+            told = super().to_dict()
+            for frame in told["frames"][5:]:
+                frame["tracked"] = False
+            return told
+
+    real = benchmark.run
+    monkeypatch.setattr(benchmark, "run", lambda *a, **k: Lost(**vars(real(*a, **k))))
+
+    [run] = measure(pack, asked, ("default",)).runs
+
+    assert (run.status, run.failure) == ("failed", "tracking lost in 7 of 8 frames")
+    assert len(run.frame_us) == room.FRAMES
+
+
+def test_a_device_that_breaks_down_for_good_fails_run_by_run(
+    pack: Pack, asked: Manifest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: Any) -> Any:
+        raise RuntimeError("CL_OUT_OF_RESOURCES")
+
+    monkeypatch.setattr(measurement, "open_session", broken)
+
+    session = measure(pack, asked, ("default", "best"))
+
+    assert {run.failure for run in session.runs} == {"RuntimeError: CL_OUT_OF_RESOURCES"}

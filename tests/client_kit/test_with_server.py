@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from client_kit import delivery, device, enrolment, measurement
+from client_kit import session as record
 from client_kit.home import Home
 from client_kit.manifest import Manifest
 from client_kit.spool import Spool
@@ -39,7 +40,7 @@ def measured(pack: Pack) -> dict[str, Any]:
     """What a session of default and best over the room sends."""
     asked = Manifest.parse(room.manifest(pack, front_version=f"kfusion-{VERSION}"))
     session = measurement.measure(pack, asked, asked.plan())
-    return measurement.payload(session, asked, device.identify())
+    return record.payload(session, asked, device.identify())
 
 
 @pytest.fixture

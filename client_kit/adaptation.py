@@ -1,0 +1,47 @@
+"""Running the chosen configuration over a sequence: what an application does with a front on the device."""
+
+from pathlib import Path
+
+from client_kit.choice import Point
+from client_kit.errors import CannotMeasureError, UsageError
+from slam import benchmark
+from slam.benchmark import Report
+from slam.datasets import SequenceError, open_sequence
+from slam.opencl import OpenCLError
+from slam.trajectory import TrajectoryError
+
+
+def run(
+    point: Point, application: str, sequence: Path, device: str | None = None, frames: int | None = None
+) -> Report:
+    """Run `point` over SEQUENCE, in any form that `slam` reads.
+
+    Raises UsageError for a sequence that cannot be read, CannotMeasureError where the device cannot run it.
+    """
+    try:
+        opened = open_sequence(sequence)
+        return benchmark.run(point.parameters, opened, system=application, frames=frames, device=device)
+    except (SequenceError, TrajectoryError) as error:
+        raise UsageError(f"--run {sequence}: {error}") from error
+    except OpenCLError as error:
+        raise CannotMeasureError(str(error)) from error
+
+
+def lines(report: Report, max_ate: float, max_seconds: float | None) -> list[str]:
+    """What came of it, and whether it kept the limits that the configuration was chosen by."""
+    kept = "within the limit" if max_seconds is None or report.runtime <= max_seconds else "above the limit"
+    limit = "" if max_seconds is None else f", {kept} of {1000 * max_seconds:g} ms"
+    told = [
+        f"{report.sequence['name']}, {len(report.frames)} frames: {1000 * report.runtime:.2f} ms a frame, "
+        f"{1 / report.runtime:.1f} frames a second{limit}"
+    ]
+    lost = sum(frame.tracked is False for frame in report.frames)
+    if lost:
+        told.append(f"tracking was lost in {lost} frames")
+    if report.ate is None:
+        told.append("the sequence has no true trajectory: the error is not known")
+    else:
+        kept = "within" if report.ate.max <= max_ate else "above"
+        limit = f"{kept} the limit of {100 * max_ate:g} cm"
+        told.append(f"largest trajectory error {100 * report.ate.max:.2f} cm, {limit}")
+    return told

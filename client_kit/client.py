@@ -1,0 +1,153 @@
+"""The client for other programs: the same verbs as on the command line, with values instead of lines."""
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from client_kit import consent, delivery, enrolment
+from client_kit.console import Console, Silence
+from client_kit.delivery import Delivery
+from client_kit.errors import UsageError
+from client_kit.home import Home, user_folder
+from client_kit.manifest import MAX_ATE_METRES, Manifest, kept_manifests
+from client_kit.server import Server, ServerError
+from client_kit.spool import Item, Spool
+
+if TYPE_CHECKING:
+    from client_kit.choice import Point
+    from client_kit.participation import Measured
+
+# What `send(wait=True)` sleeps at most before it looks again: clocks may be set meanwhile.
+LONGEST_SLEEP_SECONDS = 60.0
+
+
+class Client:
+    """One installation: its folder, the servers it knows, what it measured.
+
+    `server` is needed to measure and, where several servers were visited, to choose. `home` is the folder
+    that keeps everything (the user's own, or FRONTRUNNER_HOME, where it is None). `console` is told of
+    progress; None is silent. Methods raise ClientError, whose text is for people.
+    """
+
+    def __init__(
+        self, server: str | None = None, home: Path | None = None, console: Console | None = None
+    ) -> None:
+        self.server = None if server is None else Server(server).url
+        self.console = console or Console(Silence())
+        self.home = Home(home or user_folder())
+        self.home.prepare()
+
+    @property
+    def spool(self) -> Spool:
+        """The sessions on this device."""
+        return Spool(self.home.spool)
+
+    def consent_text(self, device: str | None = None) -> str | None:
+        """What the participant has to agree to before `run`; None where that was done before."""
+        from client_kit import participation
+
+        return participation.consent_text(self._server(), self.home, device)
+
+    def run(
+        self,
+        *,
+        agree: bool = False,
+        sessions: int = 1,
+        configurations: Sequence[str] = (),
+        device: str | None = None,
+        ignore: Sequence[str] = (),
+        minutes: float | None = None,
+        show_model: bool | None = None,
+    ) -> "list[Measured]":
+        """Measure and send. `agree` says that the participant has read the consent text and agrees; the
+        other arguments are those of `participation.Wishes`."""
+        from client_kit.participation import Wishes, run
+
+        names, ignored = tuple(configurations), tuple(ignore)
+        wishes = Wishes(self._server(), agree, sessions, names, device, ignored, minutes, show_model)
+        return run(wishes, self.home, self.console)
+
+    def status(self) -> list[Item]:
+        """Every session that was measured here, oldest first, with its state and the server's reason."""
+        return self.spool.items()
+
+    def send(self, *, wait: bool = False, pause: Callable[[float], None] = time.sleep) -> Delivery:
+        """Send what waits; with `wait`, go on with pauses until nothing waits. The last pass is returned.
+
+        Raises OutdatedError when a server refuses this version: its sessions stay.
+        """
+        spool = self.spool
+        delivered = delivery.deliver(spool, self.home)
+        self.console.lines(delivered.lines())
+        while wait and delivered.outdated is None and (waiting := delivery.waiting(spool)):
+            now = time.time()
+            due = min(0.0 if item.due(now) else item.not_before - now for item in waiting)
+            seconds = min(max(due, 1.0), LONGEST_SLEEP_SECONDS)
+            self.console.say(f"{len(waiting)} to send; next attempt in {max(due, 1.0):.0f} s")
+            pause(seconds)
+            delivered = delivery.deliver(spool, self.home, eager=False)
+            self.console.lines(delivered.lines())
+        if delivered.outdated is not None:
+            raise delivered.outdated
+        return delivered
+
+    def export(self) -> dict[str, Any]:
+        """Everything that is kept here and, of this installation, on the servers."""
+        spool = self.spool
+        local = [
+            {
+                "state": item.state,
+                "reason": item.reason,
+                "server": item.server,
+                "payload": spool.payload(item),
+            }
+            for item in spool.items()
+        ]
+        remote: dict[str, Any] = {}
+        for known in enrolment.known(self.home):
+            try:
+                remote[known.server] = Server(known.server).own_data(known.token)
+            except ServerError as error:
+                remote[known.server] = {"unavailable": str(error)}
+        return {"here": local, "servers": remote}
+
+    def erase(self) -> bool:
+        """Erase what is kept here and on the servers; False where a server could not be told yet.
+
+        The request is kept then, and goes with the next `run` or `send`.
+        """
+        consent.withdraw(self.home)
+        servers = enrolment.request_erasure(self.home)
+        self.console.say(f"Erased {self.spool.clear()} sessions here.")
+        delivered = delivery.deliver(self.spool, self.home)
+        self.console.lines(delivered.lines())
+        return len(delivered.erased) == len(servers)
+
+    def choose(
+        self, max_ate: float = MAX_ATE_METRES, max_ms: float | None = None, device: str | None = None
+    ) -> "Point":
+        """The configuration to use on this device: the fastest whose largest trajectory error stays within
+        `max_ate` metres or, with a time `max_ms` a frame that is enough, the most accurate within both."""
+        from client_kit import choice
+
+        spool = self.spool
+        payloads = (payload for item in spool.items() if (payload := spool.payload(item)) is not None)
+        known = choice.points(self.front(), choice.of_one_device(payloads, device))
+        return choice.choose(known, max_ate, None if max_ms is None else max_ms / 1000)
+
+    def front(self) -> Manifest:
+        """The published front that was measured last. Raises UsageError where there is none, or several."""
+        manifests = kept_manifests(self.home)
+        if self.server is not None:
+            manifests = {url: kept for url, kept in manifests.items() if url == self.server}
+        if not manifests:
+            raise UsageError("no published front is kept here: run the client against a server first")
+        if len(manifests) > 1:
+            raise UsageError(f"several servers were visited, name one (--server): {', '.join(manifests)}")
+        return next(iter(manifests.values()))
+
+    def _server(self) -> str:
+        if self.server is None:
+            raise UsageError("no server is named: give its address")
+        return self.server

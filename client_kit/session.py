@@ -1,0 +1,177 @@
+"""The record of a measuring session, what its runs come to, and the document in which it is sent."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import fmean, median, stdev
+from typing import Any
+
+from client_kit import __version__
+from client_kit.manifest import Manifest, Protocol
+from client_kit.sensors import Sample
+
+SCHEMA_VERSION = 1
+MICROSECONDS = 1e6
+# Student's t, two-sided 95 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
+T_QUANTILES = (
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
+    2.160, 2.145, 2.131, 2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Run:
+    """One configuration over the sequence. Times in microseconds, a value a frame; errors in metres.
+
+    `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed
+    run has its reason in `failure`, and times and errors only where it came to the sequence's end.
+    """
+
+    id: str
+    configuration: str
+    repeat: int
+    order: int
+    status: str
+    failure: str | None = None
+    frame_us: tuple[int, ...] = ()
+    stages_us: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    tracked: tuple[bool | None, ...] = ()
+    ate_max: float | None = None
+    ate_mean: float | None = None
+    ate_rmse: float | None = None
+    trajectory_sha256: str | None = None
+
+    def mean_seconds(self, protocol: Protocol) -> float:
+        """The run's value: the arithmetic mean over the frames that count.
+
+        Not the median: a configuration that integrates every 24th frame pays for it in few frames.
+        """
+        return fmean(self.frame_us[protocol.first_counted_frame :]) / MICROSECONDS
+
+    def stage_seconds(self, protocol: Protocol) -> dict[str, float]:
+        """Mean seconds a frame of each stage, over the frames that count."""
+        first = protocol.first_counted_frame
+        return {stage: fmean(series[first:]) / MICROSECONDS for stage, series in self.stages_us.items()}
+
+    def valid(self, protocol: Protocol) -> bool:
+        """Whether its speed counts: it ran, and its trajectory stayed within the limit."""
+        return self.status == "ok" and self.ate_max is not None and self.ate_max < protocol.max_ate
+
+
+@dataclass(frozen=True)
+class Speedup:
+    """How many times faster than the baseline; `low` and `high` bound it with 95 % confidence.
+
+    The interval is over the session's `pairs` of runs: how well this session repeats, on this device today.
+    None for one pair.
+    """
+
+    value: float
+    low: float | None
+    high: float | None
+    pairs: int
+
+    @property
+    def half_width(self) -> float | None:
+        """The interval's half-width as a fraction of the value: 0.05 is from value/1.05 to value*1.05."""
+        return None if self.high is None else self.high / self.value - 1
+
+
+@dataclass(frozen=True)
+class Session:
+    """The runs of one session on one device, with what the device said of its state meanwhile.
+
+    `interrupted` says that somebody ended it early: its finished runs are whole all the same.
+    """
+
+    id: str
+    started_at: str
+    backend: str
+    runs: tuple[Run, ...]
+    samples: tuple[Sample, ...]
+    interrupted: bool = False
+
+    def of(self, configuration: str) -> list[Run]:
+        """The runs of one configuration, in order."""
+        return [run for run in self.runs if run.configuration == configuration]
+
+    def speedup(self, configuration: str, protocol: Protocol, baseline: str = "default") -> Speedup | None:
+        """exp of the mean of the paired log ratios, with their t interval. None without a valid pair."""
+        return speedup_of(self.runs, configuration, protocol, baseline)
+
+    def drift(self, configuration: str, protocol: Protocol) -> float | None:
+        """How much slower its last good run was than its first: median over the counted frames of last /
+        first. None with fewer than two such runs. Like is compared with like, frame by frame."""
+        good = [run for run in self.of(configuration) if run.status == "ok"]
+        if len(good) < 2:
+            return None
+        first, last = (run.frame_us[protocol.first_counted_frame :] for run in (good[0], good[-1]))
+        ratios = [after / before for before, after in zip(first, last, strict=True) if before > 0]
+        return median(ratios) if ratios else None
+
+
+def speedup_of(
+    runs: Sequence[Run], configuration: str, protocol: Protocol, baseline: str = "default"
+) -> Speedup | None:
+    """How many times faster than the baseline, as the server computes it.
+
+    The first run of one is paired with the first of the other, the second with the second; with the order
+    default, best, best, default a steady drift cancels. None without a pair of valid runs.
+    """
+    by_repeat = {run.repeat: run for run in runs if run.configuration == baseline and run.valid(protocol)}
+    logs = [
+        math.log(by_repeat[run.repeat].mean_seconds(protocol) / run.mean_seconds(protocol))
+        for run in runs
+        if run.configuration == configuration and run.valid(protocol) and run.repeat in by_repeat
+    ]
+    if not logs:
+        return None
+    centre = fmean(logs)
+    if len(logs) < 2:
+        return Speedup(math.exp(centre), None, None, 1)
+    quantile = T_QUANTILES[min(len(logs) - 1, len(T_QUANTILES)) - 1]
+    half = quantile * stdev(logs) / math.sqrt(len(logs))
+    return Speedup(math.exp(centre), math.exp(centre - half), math.exp(centre + half), len(logs))
+
+
+def payload(
+    session: Session, manifest: Manifest, device: Mapping[str, str | None], show_model: bool | None = None
+) -> dict[str, Any]:
+    """The body of POST /submissions for one session; `show_model` is sent where it is not None."""
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "app_version": __version__,
+        "consent_version": manifest.consent_version,
+        **({} if show_model is None else {"show_model": show_model}),
+        "device": dict(device),
+        "sessions": [
+            {
+                "id": session.id,
+                "started_at": session.started_at,
+                "application": manifest.application,
+                "front_version": manifest.front_version,
+                "protocol_version": manifest.protocol.version,
+                "backend": session.backend,
+                "samples": [dict(sample) for sample in session.samples],
+                "runs": [_document(run) for run in session.runs],
+            }
+        ],
+    }
+
+
+def _document(run: Run) -> dict[str, Any]:
+    return {
+        "id": run.id,
+        "configuration": run.configuration,
+        "repeat": run.repeat,
+        "order": run.order,
+        "status": run.status,
+        "failure": run.failure,
+        "frame_us": list(run.frame_us),
+        "stages_us": {stage: list(series) for stage, series in run.stages_us.items()},
+        "tracked": list(run.tracked),
+        "ate_max": run.ate_max,
+        "ate_mean": run.ate_mean,
+        "ate_rmse": run.ate_rmse,
+        "trajectory_sha256": run.trajectory_sha256,
+    }

@@ -1,0 +1,54 @@
+"""Sessions that nobody measured, for what happens to a session after it was: its times are made up."""
+
+import random
+import uuid
+from typing import Any
+
+from client_kit import session
+from client_kit.manifest import Manifest
+from client_kit.session import Run, Session
+
+STAGES = ("preprocessing", "tracking", "integration", "raycasting")
+
+
+def runs(asked: Manifest, plan: tuple[str, ...], seed: int = 0) -> tuple[Run, ...]:
+    """Runs of PLAN with plausible times: the default takes 40 ms a frame, everything else 10."""
+    chance = random.Random(seed)
+    made: list[Run] = []
+    for order, name in enumerate(plan):
+        mean = 40_000 if name == "default" else 10_000
+        stages = {
+            stage: tuple(round(chance.gauss(mean / 4, mean / 80)) for _ in range(asked.protocol.frames))
+            for stage in STAGES
+        }
+        times = tuple(sum(parts) for parts in zip(*stages.values(), strict=True))
+        repeat = sum(run.configuration == name for run in made)
+        tracked = (None,) * 4 + (True,) * (asked.protocol.frames - 4)
+        made.append(
+            Run(
+                str(uuid.uuid4()),
+                name,
+                repeat,
+                order,
+                "ok",
+                None,
+                times,
+                stages,
+                tracked,
+                0.012,
+                0.006,
+                0.007,
+            )
+        )
+    return tuple(made)
+
+
+def measured(asked: Manifest, plan: tuple[str, ...] = (), seed: int = 0) -> Session:
+    """A session of PLAN, of the protocol's own order where it is empty."""
+    plan = plan or asked.plan()
+    return Session(str(uuid.uuid4()), "2026-01-01T12:00:00Z", "opencl", runs(asked, plan, seed), ())
+
+
+def payload(asked: Manifest, seed: int = 0) -> dict[str, Any]:
+    """What such a session sends."""
+    return session.payload(measured(asked, seed=seed), asked, {"os": "Linux", "model": "a phone"})

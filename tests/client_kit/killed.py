@@ -1,0 +1,102 @@
+"""A whole `run` that ends itself by SIGKILL at the N-th line of the client's own code; a program.
+
+`python -m tests.client_kit.killed FOLDER SERVER STRIDE` runs once to count the lines, then again and again
+in forked children, each with a home of its own, killed STRIDE lines later than the one before, and after
+each a second `run` that nobody disturbs. It prints, as JSON, how many lines there are and for each kill the
+line's place and what the spool held after the kill and at the end. Measuring is canned: it is what comes
+before and after that may lose or double a session. No OpenCL is touched, which does not survive a fork.
+"""
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from types import FrameType, SimpleNamespace
+from typing import Any
+
+import client_kit
+from client_kit import measurement, participation, preflight
+from client_kit.console import Console, Silence
+from client_kit.home import Home
+from client_kit.manifest import Manifest
+from client_kit.participation import Wishes
+from client_kit.session import Session
+from client_kit.spool import Spool
+from tests.client_kit import canned
+
+CLIENT = str(Path(client_kit.__file__).parent)
+DEVICE = SimpleNamespace(label="a GPU", max_allocation=2**40, global_memory=2**40, kind="gpu", handle=None)
+IDENTITY: dict[str, str | None] = {"opencl_device": "a GPU", "opencl_platform": "a platform", "os": "Linux"}
+
+
+class Lines:
+    """Counts lines of the client's code and kills this process at one of them."""
+
+    def __init__(self, last: int | None) -> None:
+        self.count, self._last = 0, last
+        self.place = ""
+
+    def __call__(self, frame: FrameType, event: str, _: Any) -> Any:
+        if not frame.f_code.co_filename.startswith(CLIENT):
+            return None
+        if event == "line":
+            self.count += 1
+            if self.count == self._last:
+                os.kill(os.getpid(), signal.SIGKILL)
+        return self
+
+
+def run(home: Home, server: str, last: int | None = None) -> int:
+    """One `run` of two sessions, killed at line LAST; how many lines it had."""
+    lines = Lines(last)
+    sys.settrace(lines)
+    try:
+        home.prepare()
+        wishes = Wishes(server, yes=True, sessions=2)
+        participation.run(wishes, home, Console(Silence()), pause=lambda _: None)
+    finally:
+        sys.settrace(None)
+    return lines.count
+
+
+def forked(home: Home, server: str, last: int | None = None) -> int:
+    """`run` in a child; its wait status."""
+    child = os.fork()
+    if not child:
+        try:
+            run(home, server, last)
+        except BaseException as error:
+            print(repr(error), file=sys.stderr)
+            os._exit(1)
+        os._exit(0)
+    return os.waitpid(child, 0)[1]
+
+
+def states(home: Home) -> list[str]:
+    """The states of the sessions in a home's spool; none where it does not exist yet."""
+    return [item.state for item in Spool(home.spool).items()] if home.path.is_dir() else []
+
+
+def ready(_sequence: Any, asked: Manifest, plan: tuple[str, ...], **_: Any) -> Session:
+    return canned.measured(asked, plan)
+
+
+def main(folder: Path, server: str, stride: int) -> None:
+    measurement.measure = ready  # type: ignore[assignment]
+    participation._device = lambda *_: (DEVICE, IDENTITY)  # type: ignore[assignment, return-value]
+    participation.open_sequence = lambda path: path  # type: ignore[assignment, return-value]
+    preflight.concerns = lambda *_: []  # type: ignore[assignment]
+    total = run(Home(folder / "whole"), server)
+    kills = []
+    for last in range(1, total, stride):
+        home = Home(folder / str(last))
+        killed = forked(home, server, last)
+        after = states(home)
+        finished = forked(home, server)
+        kills.append({"line": last, "status": [killed, finished], "after": after, "end": states(home)})
+    print(json.dumps({"lines": total, "kills": kills}))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]))

@@ -1,0 +1,58 @@
+"""The Python example of docs/client.md, run as it stands, and the commands that the page names."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from client_kit import __main__ as command_line
+from client_kit.home import Home
+from slam.datasets.pack import Pack
+from tests.client_kit import documents, room
+from tests.client_kit.counting import Counting
+from tests.client_kit.scripted import ScriptedServer
+
+PAGE = Path(__file__).parents[2] / "docs/client.md"
+
+
+def example() -> str:
+    [code] = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    return code
+
+
+def test_the_example_measures_sends_and_chooses(
+    serve: Callable[..., ScriptedServer],
+    home: Home,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pack: Pack = room.write(tmp_path / "room")
+    protocol = {**documents.manifest()["protocol"], "warmup_frames": 0}
+    counting = Counting(room.manifest(pack, protocol=protocol), tmp_path / "room" / "chunks")
+    names: dict[str, Callable[[str, Path], None]] = {}
+    code = example()
+    exec(compile(code, str(PAGE), "exec"), names)
+
+    names["measure"](serve(counting).url, home.path)
+
+    told = capsys.readouterr().out
+    assert len(code.splitlines()) < 30
+    assert "What is sent, with the values of this device" in told
+    assert told.count("default ok") == told.count("best ok") == 2
+    assert "sent: accepted" in told
+    assert "use best" in told or "use default" in told
+    [session] = counting.sessions
+    assert f"{session} accepted None" in told
+
+
+def test_the_page_names_every_command_and_option_of_run() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    [commands] = [action for action in command_line._parser()._actions if action.choices]
+    run = commands.choices["run"]
+
+    for name in commands.choices:
+        assert re.search(rf"`?\b{name}\b", page), name
+    for option in run._option_string_actions:
+        if option.startswith("--") and option not in ("--help", "--ignore-battery"):
+            assert option in page, option

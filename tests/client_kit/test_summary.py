@@ -1,0 +1,79 @@
+"""What a participant is shown after a session."""
+
+import dataclasses
+from typing import Any
+
+from client_kit import summary
+from client_kit.manifest import Manifest
+from client_kit.session import Session
+from tests.client_kit import canned, documents
+
+ASKED = Manifest.parse(documents.manifest())
+
+
+def test_bars_show_default_above_best_for_each_stage() -> None:
+    lines = summary.stages(canned.measured(ASKED), ASKED.protocol)
+
+    title, *bars = lines[1:]
+    assert title == "Mean time a frame, by stage"
+    assert [line.split()[0] for line in bars[::2]] == [*canned.STAGES, "all"]
+    assert [line.split()[0] for line in bars[1::2]] == ["best"] * 5
+    total, fast = (line for line in bars[-2:])
+    assert total.count("#") == summary.BAR
+    assert fast.count("#") == summary.BAR // 4
+    assert total.endswith("ms")
+    assert 39 < float(total.split()[-2]) < 41
+    assert 9 < float(fast.split()[-2]) < 11
+
+
+def test_without_a_speedup_there_are_no_bars() -> None:
+    session = canned.measured(ASKED, ("default", "default"))
+
+    assert summary.stages(session, ASKED.protocol) == []
+
+
+def test_a_device_that_slowed_down_is_told_so() -> None:
+    session = canned.measured(ASKED)
+    last = session.runs[-1]
+    slower = dataclasses.replace(last, frame_us=tuple(round(1.3 * time) for time in last.frame_us))
+    drifted = dataclasses.replace(session, runs=(*session.runs[:-1], slower))
+
+    assert not [line for line in summary.figures(session, ASKED.protocol) if "slowed down" in line]
+    [line] = [line for line in summary.figures(drifted, ASKED.protocol) if "slowed down" in line]
+    assert line.startswith(("default slowed down by 29 %", "default slowed down by 30 %"))
+    assert "let it cool" in line
+
+
+def test_the_speedup_is_told_with_its_interval() -> None:
+    lines = summary.figures(canned.measured(ASKED), ASKED.protocol)
+
+    [line] = [line for line in lines if line.startswith("Speedup of best over default: ")]
+    assert "2 pairs of runs, 95 % interval " in line
+
+
+def row(device: str, speedup: float, backend: str = "opencl") -> dict[str, Any]:
+    return {"device": device, "speedup": speedup, "backend": backend}
+
+
+def test_the_place_counts_each_other_device_once() -> None:
+    crowd = [row("a", 9.0), row("a", 2.0), row("own", 8.0), row("b", 5.0), row("c", 3.0)]
+    crowd.append(row("browser", 99.0, "webgpu"))
+
+    line = summary.place(crowd, 6.0, "own", "opencl")
+
+    assert line == "Place 2 of 4 devices by speedup; half of the others gain 5.00 or more."
+    assert summary.place([row("own", 8.0)], 6.0, "own", "opencl").startswith("No other device")
+
+
+def test_best_is_compared_with_the_crowd_else_the_fastest_that_counts() -> None:
+    whole = canned.measured(ASKED)
+    other = canned.measured(ASKED, ("default", "fine", "fine", "default"))
+    alone = Session("id", "", "opencl", whole.runs[:1], ())
+
+    best, fine = summary.best_speedup(whole, ASKED.protocol), summary.best_speedup(other, ASKED.protocol)
+
+    assert best is not None
+    assert best[0] == "best"
+    assert fine is not None
+    assert fine[0] == "fine"
+    assert summary.best_speedup(alone, ASKED.protocol) is None
