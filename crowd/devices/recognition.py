@@ -17,7 +17,7 @@ PARTS = ("cpu", "soc", "gpu", "os", "market_name")
 BATCH = 200
 
 
-@transaction.atomic
+@transaction.atomic(savepoint=False)
 def recognise(raw: dict[str, Any]) -> DeviceDescription:
     """The stored description equal to RAW, with its model, what that is an alias of, and the group of both;
     all are made on first sight. One query for what is known.

@@ -41,7 +41,7 @@ def installation_of(token: str) -> Installation | None:
     return installation
 
 
-@transaction.atomic
+@transaction.atomic(savepoint=False)
 def choose_disclosure(installation: Installation, show_model: bool | None) -> None:
     """Name the models of INSTALLATION however rare they are, or do not; None: as before.
 

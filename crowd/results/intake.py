@@ -72,7 +72,8 @@ class Intake:
 
 
 def check(submission: schema.Submission, beyond: extras.Extras, installation: Installation) -> Intake:
-    """SUBMISSION, with what came BEYOND its schema, with a verdict on each of its runs. Four queries.
+    """SUBMISSION, with what came BEYOND its schema, with a verdict on each of its runs. Four queries, one more
+    for a session that goes on.
 
     Raises Problem for what concerns the whole request: the device's description, the number of runs.
     """
@@ -91,7 +92,7 @@ def check(submission: schema.Submission, beyond: extras.Extras, installation: In
         )
     ]
     _mark_duplicates(items)
-    _refuse_taken_repeats(items)
+    _refuse_taken_repeats(items, sessions)
     return Intake(submission, beyond, fronts, sessions, items)
 
 
@@ -166,10 +167,12 @@ def _mark_duplicates(items: list[Item]) -> None:
             seen.add(item.run.id)
 
 
-def _refuse_taken_repeats(items: list[Item]) -> None:
+def _refuse_taken_repeats(items: list[Item], sessions: dict[UUID, MeasurementSession]) -> None:
     """One run a repeat: the first repeat of a configuration in a session cannot come twice under two ids."""
-    stored = Run.objects.filter(session__uuid__in={item.session.id for item in items})
-    taken = set(stored.values_list("session__uuid", "configuration__name", "repeat"))
+    stored = Run.objects.filter(session__in=sessions.values())
+    repeats = stored.values_list("session__uuid", "configuration__name", "repeat")
+    # No session is stored yet where none goes on: the usual case asks nothing.
+    taken = set(repeats) if sessions else set()
     for item in items:
         if item.run is None or item.rejection is not None or item.duplicate:
             continue

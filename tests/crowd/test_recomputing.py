@@ -21,8 +21,8 @@ DERIVED = {
     Run: ("uuid", "mean_us", "fingerprint", "state", "reason"),
     SessionSummary: ("session__uuid", "configuration__name", "log_ratio", "pairs", "drift", "state", "reason",
                      "day", "counted"),
-    DeviceSpeedup: ("device__slug", "configuration__name", "speedup", "low", "high", "repeat_low", "repeat_high",
-                    "sessions", "installations", "ate_max", "state", "last_session_at"),
+    DeviceSpeedup: ("device__slug", "configuration__name", "speedup", "low", "high", "repeat_low",
+                    "repeat_high", "sessions", "installations", "ate_max", "state", "last_session_at"),
     DeviceActivity: ("device__slug", "sessions", "installations", "last_session_at"),
 }  # fmt: skip
 
@@ -37,7 +37,7 @@ def derived() -> dict[str, list[tuple[Any, ...]]]:
 
 @pytest.fixture
 def crowd(participant: Participant, join: Any) -> None:
-    """Two devices, four participants, seven sessions: valid ones, a suspect and an invalid one, an outlier."""
+    """Two devices, four participants, seven sessions: valid ones, a suspect, an invalid one, an outlier."""
     for best_us in (10_000, 10_500):
         participant.submit(submission_document(session_document(best_us=best_us)))
     join().submit(submission_document(session_document(best_us=11_000)))
