@@ -3,7 +3,10 @@
 import os
 
 from celery import Celery
+from celery.signals import before_task_publish, task_prerun
 from kombu.transport import TRANSPORT_ALIASES
+
+from crowd import logs
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
 
@@ -13,3 +16,6 @@ TRANSPORT_ALIASES["filesystem"] = "crowd.filesystem_broker:Transport"
 app = Celery("crowd")
 app.config_from_object("django.conf:settings", namespace="CELERY")
 app.autodiscover_tasks()
+
+before_task_publish.connect(logs.send_along)
+task_prerun.connect(logs.take_up)

@@ -5,7 +5,7 @@ run again.
 import hashlib
 import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from django.conf import settings
@@ -15,11 +15,28 @@ from django.core.management import call_command
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
+from crowd import metrics
 from crowd.explorations.models import ReferenceDevice
 from crowd.fronts import contents, sequences, services
+from crowd.fronts.models import FrontVersion
 
 ADMINISTRATOR = "admin"
 THIS_MACHINE = "this-machine"  # the reference device that every server is, and its queue
+
+
+def prepare(say: Callable[[str], object], address: str) -> None:
+    """All steps; SAY hears what is new. ADDRESS is the site's, with a slash at its end."""
+    migrate()
+    create_this_machine()
+    for line in publish_shipped_fronts():
+        say(line)
+    if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
+        say("No front is published: clients have nothing to measure. manage.py front publish FILE")
+    password = create_first_administrator()
+    if password is not None:
+        say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
+    collect_static_files()
+    metrics.forget(Path(settings.FRONTRUNNER_VAR) / "metrics")
 
 
 def migrate() -> None:

@@ -1,14 +1,24 @@
-"""For those who run the server: is it alive, can it work, how much has it done."""
+"""For those who run the server: is it alive, can it work, how much has it done, what waits."""
 
+import shutil
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+
+from django.conf import settings
 from django.db import Error, connection
+from django.db.models import Min
 from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 from kombu.exceptions import KombuError, OperationalError
 
+from crowd import metrics as exposition
 from crowd.celery import app
 from crowd.devices.models import DeviceModel, Installation
+from crowd.explorations.models import Evaluation
+from crowd.metrics import gauge, label
 from crowd.results import summarising
 from crowd.results.models import MeasurementSession, Run, Submission, WorkerPulse
 
@@ -25,16 +35,17 @@ def healthz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 @require_safe
 @never_cache
 def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """200 when database and broker answer, else 503; and how long ago a worker last ran a task.
+    """200 when database and broker answer, else 503; since when no worker ran a task; what disk is left.
 
     A late worker does not make the server unready: what is sent is stored, and summarised when a worker
-    is back.
+    is back. Neither does a full disk: everything can still be read.
     """
     state: dict[str, object] = {"database": _database(), "broker": _broker()}
     if state["database"] == "ok":
         last = WorkerPulse.objects.order_by("-at").values_list("at", flat=True).first()
-        state["seconds_since_last_task"] = round((timezone.now() - last).total_seconds(), 1) if last else None
+        state["seconds_since_last_task"] = round(_age(last), 1) if last else None
         state["sessions_waiting"] = summarising.waiting().count()
+    state["disk_free_bytes"] = shutil.disk_usage(settings.FRONTRUNNER_VAR).free
     ready = state["database"] == state["broker"] == "ok"
     return JsonResponse(state, status=200 if ready else 503)
 
@@ -42,20 +53,56 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 @require_safe
 @never_cache
 def metrics(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """Counts in Prometheus' text format."""
-    counts = {
-        "installations": ("Enrolled installations", Installation.objects.count()),
-        "devices": ("Device models", DeviceModel.objects.count()),
-        "submissions": ("Accepted submissions", Submission.objects.count()),
-        "sessions": ("Measurement sessions", MeasurementSession.objects.count()),
-        "sessions_waiting": ("Sessions that wait for their summary", summarising.waiting().count()),
-        "runs": ("Runs", Run.objects.count()),
-    }
-    lines = [
-        f"# HELP frontrunner_{name} {text}\n# TYPE frontrunner_{name} gauge\nfrontrunner_{name} {count}\n"
-        for name, (text, count) in counts.items()
-    ]
+    """Prometheus' text format: requests always, what the database knows while it answers."""
+    lines = [exposition.histogram(exposition.requests.rows()), *_disk()]
+    try:
+        lines += [*_stored(), *_waiting(), gauge("database_up", "Whether the database answers", {"": 1})]
+    except Error:
+        lines.append(gauge("database_up", "Whether the database answers", {"": 0}))
     return HttpResponse("".join(lines), content_type="text/plain; version=0.0.4; charset=utf-8")
+
+
+def _disk() -> Iterator[str]:
+    disk = shutil.disk_usage(settings.FRONTRUNNER_VAR)
+    yield gauge("disk_free_bytes", "Free on the disk of the data folder", {"": disk.free})
+    yield gauge("disk_size_bytes", "Size of the disk of the data folder", {"": disk.total})
+
+
+def _stored() -> Iterator[str]:
+    yield gauge("installations", "Enrolled installations", {"": Installation.objects.count()})
+    yield gauge("devices", "Device models", {"": DeviceModel.objects.count()})
+    yield gauge("submissions", "Accepted submissions", {"": Submission.objects.count()})
+    yield gauge("sessions", "Measurement sessions", {"": MeasurementSession.objects.count()})
+    yield gauge("runs", "Runs", {"": Run.objects.count()})
+    yield gauge("database_bytes", "What the database takes on its disk", {"": _database_bytes()})
+
+
+def _waiting() -> Iterator[str]:
+    sessions = summarising.waiting()
+    oldest = sessions.order_by().aggregate(at=Min("received_at"))["at"]
+    yield gauge("sessions_waiting", "Sessions that wait for their summary", {"": sessions.count()})
+    yield gauge("oldest_waiting_session_seconds", "Age of the oldest of them", {"": _age(oldest)})
+    pending = Evaluation.objects.filter(state=Evaluation.State.PENDING)
+    oldest = pending.order_by().aggregate(at=Min("created_at"))["at"]
+    yield gauge("evaluations_pending", "Evaluations that nobody measures yet", {"": pending.count()})
+    yield gauge("oldest_pending_evaluation_seconds", "Age of the oldest of them", {"": _age(oldest)})
+    pulses = {label("task", pulse.task): _age(pulse.at) for pulse in WorkerPulse.objects.order_by("task")}
+    yield gauge("task_age_seconds", "Since a worker last ran this task", pulses)
+
+
+def _age(moment: datetime | None) -> float:
+    """Seconds since MOMENT, 0 where there is none."""
+    return max(0.0, (timezone.now() - moment).total_seconds()) if moment else 0.0
+
+
+def _database_bytes() -> int:
+    if connection.vendor == "postgresql":
+        with connection.cursor() as cursor:
+            cursor.execute("SELECT pg_database_size(current_database())")
+            return int(cursor.fetchone()[0])
+    name = Path(str(connection.settings_dict["NAME"]))
+    files = (name, name.with_name(f"{name.name}-wal"))
+    return sum(file.stat().st_size for file in files if file.exists())
 
 
 def _database() -> str:

@@ -2,18 +2,19 @@
 
 import logging
 import math
+import sys
 from http import HTTPStatus
 from typing import Any
 
 import msgspec
 from django.core.exceptions import PermissionDenied
-from django.db import OperationalError
+from django.db import InterfaceError, OperationalError
 from django.http import Http404, HttpRequest, HttpResponse
 from django.views.decorators.csrf import csrf_exempt
 from django.views.defaults import bad_request, server_error
 from rest_framework import exceptions
 
-from crowd import codes
+from crowd import codes, logs
 
 CONTENT_TYPE = "application/problem+json"
 RETRY_SECONDS = 5
@@ -57,6 +58,8 @@ class Problem(Exception):  # noqa: N818 - the name of the thing in RFC 9457
         }
         if self.field is not None:
             document["field"] = self.field
+        if logs.request_id.get():
+            document["request_id"] = logs.request_id.get()
         response = HttpResponse(
             msgspec.json.encode(document | self.members), status=self.status, content_type=CONTENT_TYPE
         )
@@ -89,13 +92,17 @@ def handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  
             return not_found(str(error) or "there is nothing here").response()
         case PermissionDenied():
             return Problem(403, "forbidden", str(error) or "not allowed").response()
-        case OperationalError():
-            # A locked or absent database: the client keeps what it has and comes again.
-            log.exception("the database does not answer")
-            return Problem(
-                503, "database_unavailable", "the database does not answer now", retry_after=RETRY_SECONDS
-            ).response()
+        case OperationalError() | InterfaceError():
+            return unavailable()
     return None
+
+
+def unavailable() -> HttpResponse:
+    """A locked, full or absent database: the client keeps what it has and comes again."""
+    log.exception("the database does not answer")
+    return Problem(
+        503, "database_unavailable", "the database does not answer now", retry_after=RETRY_SECONDS
+    ).response()
 
 
 def refused(request: HttpRequest, exception: Exception) -> HttpResponse:
@@ -106,7 +113,12 @@ def refused(request: HttpRequest, exception: Exception) -> HttpResponse:
 
 
 def unforeseen(request: HttpRequest) -> HttpResponse:
-    """Django's handler500: a problem under the API, the plain page elsewhere."""
+    """Django's handler500: a problem under the API, the plain page elsewhere.
+
+    A database that does not answer is no failure of the server: 503, whatever asked for it.
+    """
+    if isinstance(sys.exception(), OperationalError | InterfaceError):
+        return unavailable()
     if not request.path.startswith("/api/"):
         return server_error(request)
     detail = "the server failed; nothing was stored. Its log has the reason"

@@ -6,6 +6,7 @@ when the supervisor dies, even by kill -9.
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -39,10 +40,8 @@ class Child:
     due: float = field(default=0.0)
 
     def start(self) -> None:
-        """Start the process; its log is put aside first where it has grown large."""
+        """Start the process."""
         self.log.parent.mkdir(parents=True, exist_ok=True)
-        if self.log.exists() and self.log.stat().st_size > LARGEST_LOG_BYTES:
-            self.log.replace(self.log.with_suffix(".old.log"))
         with self.log.open("ab") as output:
             self.process = subprocess.Popen(
                 self.command,
@@ -62,6 +61,15 @@ class Child:
         if code is None:
             return None
         return f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+
+    def shorten_log(self) -> None:
+        """Put the log aside where it has grown large, under the process's open file: it writes at its end."""
+        if not self.log.exists() or self.log.stat().st_size <= LARGEST_LOG_BYTES:
+            return
+        # A full disk takes no copy; the log then goes without one.
+        with contextlib.suppress(OSError):
+            shutil.copyfile(self.log, self.log.with_suffix(".old.log"))
+        os.truncate(self.log, 0)
 
     def end_group(self) -> None:
         """Kill what is left of the process and of everything that it started."""
@@ -94,6 +102,7 @@ class Supervisor:
         """Start again every child that died; a child that keeps dying is tried less and less often."""
         now = time.monotonic()
         for child in self.children:
+            child.shorten_log()
             if child.process is not None and (how := child.ended()) is not None:
                 child.end_group()
                 child.process = None

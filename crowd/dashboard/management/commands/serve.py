@@ -16,7 +16,6 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
 from crowd import first_run
-from crowd.fronts.models import FrontVersion
 from crowd.results import selectors
 from crowd.results.models import MeasurementSession
 from crowd.supervision import Child, Supervisor
@@ -113,17 +112,7 @@ class Command(BaseCommand):
         return Child(name, command, var / "logs" / log, environment, settings.BASE_DIR)
 
     def _prepare(self) -> None:
-        first_run.migrate()
-        first_run.create_this_machine()
-        for line in first_run.publish_shipped_fronts():
-            self._say(line)
-        if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
-            self._say("No front is published: clients have nothing to measure. manage.py front publish FILE")
-        password = first_run.create_first_administrator()
-        if password is not None:
-            account = f"user {first_run.ADMINISTRATOR}, password {password} (shown only now)"
-            self._say(f"Administrator at {self._address()}admin/: {account}")
-        first_run.collect_static_files()
+        first_run.prepare(self._say, self._address())
         # The children have connections of their own; one held here would outlive a restart of the database.
         connections.close_all()
 

@@ -1,0 +1,23 @@
+"""manage.py backup FILE: the whole deployment in one file, while it goes on working."""
+
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError, CommandParser
+
+from crowd import backup
+
+
+class Command(BaseCommand):
+    help = "Write database and own sequences to FILE, which must not exist yet; the server may run meanwhile."
+
+    def add_arguments(self, parser: CommandParser) -> None:
+        parser.add_argument("file", type=Path)
+
+    def handle(self, *args: Any, file: Path, **options: Any) -> None:  # noqa: ARG002
+        try:
+            about = backup.make(file)
+        except (backup.BackupError, OSError) as error:
+            raise CommandError(str(error)) from error
+        size = file.stat().st_size / 1e6
+        self.stdout.write(f"{file}: {about.vendor} database and {len(about.files) - 1} files, {size:.1f} MB")

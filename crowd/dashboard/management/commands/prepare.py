@@ -1,0 +1,16 @@
+"""manage.py prepare: what `serve` does before it serves, where web server and workers start otherwise."""
+
+from typing import Any
+
+from django.conf import settings
+from django.core.management.base import BaseCommand
+
+from crowd import first_run
+
+
+class Command(BaseCommand):
+    help = "Bring tables, shipped fronts, the first administrator and static files up to date."
+
+    def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
+        host = next(iter(settings.PUBLIC_HOSTS), f"{settings.FRONTRUNNER_BIND}:{settings.FRONTRUNNER_PORT}")
+        first_run.prepare(self.stdout.write, f"{'https' if settings.HTTPS else 'http'}://{host}/")

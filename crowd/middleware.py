@@ -1,0 +1,61 @@
+"""Around every request: an id that the client, the log and the tasks share; a line in the log; a count."""
+
+import logging
+import re
+import time
+import uuid
+from collections.abc import Callable
+
+from django.conf import settings
+from django.http import HttpRequest, HttpResponse
+
+from crowd import logs, metrics
+
+HEADER = "X-Request-ID"
+# What a proxy or a client may choose: nothing that could forge a line of the log.
+CHOSEN = re.compile(r"[A-Za-z0-9._-]{8,64}")
+METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
+# Asked every few seconds by those who watch: their lines would hide the others.
+WATCHING = frozenset({"healthz", "readyz", "metrics"})
+
+log = logging.getLogger("crowd.requests")
+
+
+class RequestMiddleware:
+    """The outermost one, so that whatever another answers is seen too.
+
+    What is logged and counted is the pattern of the address, never the address itself, its query or whose it
+    was: an address may hold the key of a submission.
+    """
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
+        self.get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponse:
+        begun = time.perf_counter()
+        chosen = request.headers.get(HEADER, "")
+        name = chosen if CHOSEN.fullmatch(chosen) else uuid.uuid4().hex
+        before = logs.request_id.set(name)
+        try:
+            response = self.get_response(request)
+            response[HEADER] = name
+            _note(request, response.status_code, time.perf_counter() - begun)
+        finally:
+            logs.request_id.reset(before)
+        return response
+
+
+def _note(request: HttpRequest, status: int, seconds: float) -> None:
+    method = request.method if request.method in METHODS else "OTHER"
+    endpoint = _endpoint(request)
+    metrics.requests.observe(method, endpoint, status, seconds)
+    level = logging.DEBUG if endpoint in WATCHING and status < 500 else logging.INFO
+    milliseconds = round(seconds * 1e3, 1)
+    log.log(level, "%s /%s %d", method, endpoint, status, extra=logs.more(ms=milliseconds))
+
+
+def _endpoint(request: HttpRequest) -> str:
+    """The pattern that answered, as api/v1/submissions/<uuid:key>; "static" and "unmatched" beside these."""
+    if request.resolver_match is not None:
+        return request.resolver_match.route
+    return "static" if request.path_info.startswith(settings.STATIC_URL) else "unmatched"
