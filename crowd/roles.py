@@ -20,9 +20,12 @@ _BOTH = {
         *("view_submission", "view_measurementsession", "view_run", "view_sessionsummary"),
         "view_devicespeedup",
     ),
-    "devices": ("view_devicemodel",),
+    "devices": (
+        *("view_devicemodel", "view_devicedescription", "view_devicealias", "view_devicesplit"),
+        "view_catalogueentry",
+    ),
 }
-_DECIDING = {"fronts": ("publish_frontversion",)}
+_DECIDING = {"fronts": ("publish_frontversion",), "devices": ("change_devicemodel",)}
 
 
 def grant(app_config: AppConfig, using: str = "default", apps: Apps = installed, **_: Any) -> None:

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from crowd.dashboard import charts, downloads, views
+from crowd.dashboard import charts, downloads, own_views, views
 
 app_name = "dashboard"
 
@@ -11,6 +11,7 @@ urlpatterns = [
     path("devices/", views.devices, name="devices"),
     path("devices/<slug:slug>/", views.device, name="device"),
     path("compare/", views.compare, name="compare"),
+    path("mine/<str:signed>/", own_views.mine, name="mine"),
     path("sessions/<uuid:uuid>/", views.session, name="session"),
     path("runs/<uuid:uuid>/", views.run, name="run"),
     path("fronts/", views.fronts, name="fronts"),

@@ -74,12 +74,16 @@ class SessionAnswer(msgspec.Struct):
 
 
 class SubmissionState(msgspec.Struct):
-    """What became of a submission: `summarised` once all its sessions count, `device` a slug."""
+    """What became of a submission: `summarised` once all its sessions count, `device` the slug of what
+    everybody sees, `page` the path of the participant's own page, which names the device and is told to
+    nobody else.
+    """
 
     submission_id: UUID
     received_at: datetime
     items: list[Item]
     device: str | None
+    page: str
     summarised: bool
     sessions: list[SessionAnswer]
 
@@ -289,13 +293,14 @@ def session(row: SessionRow) -> SessionAnswer:
     )
 
 
-def submission(row: SubmissionRow) -> SubmissionState:
-    """A submission's state as JSON."""
+def submission(row: SubmissionRow, page: str) -> SubmissionState:
+    """A submission's state as JSON, with the path of the participant's own PAGE."""
     return SubmissionState(
         submission_id=row.id,
         received_at=row.received_at,
         items=msgspec.convert(row.items, list[Item]),
         device=row.device,
+        page=page,
         summarised=row.summarised,
         sessions=[session(each) for each in row.sessions],
     )

@@ -7,9 +7,11 @@ from celery import shared_task
 from celery.signals import worker_ready
 from kombu.exceptions import OperationalError
 
-from crowd.results import summarising
+from crowd.devices import decisions, recognition
+from crowd.results import publication, refreshing, summarising
+from crowd.results.opendata import exports
 
-SWEEP_LIMIT = 500
+SWEEP_LIMIT = 2_000
 
 log = logging.getLogger(__name__)
 
@@ -17,15 +19,35 @@ log = logging.getLogger(__name__)
 @shared_task
 def summarise(session_id: int) -> None:
     """Turn one session into its summaries and its device's figures."""
+    publication.settle([session_id])
     summarising.summarise_session(session_id)
     summarising.pulse("summarise")
 
 
 @shared_task
 def sweep() -> None:
-    """Summarise what no message reached: after a lost broker, a killed worker, a new algorithm."""
-    summarising.summarise_waiting(SWEEP_LIMIT)
+    """Summarise what no message reached: after a lost broker, a killed worker, a new algorithm. Then compute
+    the figures of devices with so many sessions that they are not computed for each.
+    """
+    recognition.renormalise_waiting()
+    decisions.propose_aliases()
+    publication.republish_waiting()
+    publication.settle(summarising.summarise_waiting(SWEEP_LIMIT))
+    refreshing.refresh_stale()
     summarising.pulse("sweep")
+
+
+@shared_task
+def republish(models: list[int]) -> None:
+    """Put the sessions of MODELS under what the public sees of them now, and count them there."""
+    publication.republish(models)
+    summarising.summarise_waiting(SWEEP_LIMIT)
+
+
+@shared_task
+def export() -> None:
+    """Write the open data where the night has passed or an erasure has withdrawn the last export."""
+    exports.make_if_due()
 
 
 def announce(sessions: Iterable[int]) -> None:
@@ -35,6 +57,14 @@ def announce(sessions: Iterable[int]) -> None:
             summarise.apply_async(args=[key], retry=False)
     except (OperationalError, OSError) as error:
         log.warning("the broker does not answer (%s): the next sweep finds the new sessions", error)
+
+
+def announce_models(keys: list[int], **_: object) -> None:
+    """Tell the workers of models that changed. Without a broker the sweep finds them later."""
+    try:
+        republish.apply_async(args=[keys], retry=False)
+    except (OperationalError, OSError) as error:
+        log.warning("the broker does not answer (%s): the next sweep finds the changed models", error)
 
 
 @worker_ready.connect

@@ -14,6 +14,7 @@ from crowd.devices.services import enrol
 from crowd.fronts import policy
 from crowd.problems import Problem, not_found
 from crowd.results import answers, schema, selectors, services, tasks
+from crowd.results.own_pages import path_of
 
 KEY = re.compile(r"[\x21-\x7e]{1,128}")
 
@@ -96,7 +97,8 @@ class SubmissionView(OwnEndpoint):
         responses={200: answers.SubmissionState},
     )
     def get(self, request: Request, key: UUID) -> HttpResponse:
-        state = selectors.submission(installation_asking(request), key)
+        installation = installation_asking(request)
+        state = selectors.submission(installation, key)
         if state is None:
             raise not_found(f"this installation sent no submission {key}")
-        return answer(answers.submission(state))
+        return answer(answers.submission(state, path_of(installation)))

@@ -1,0 +1,22 @@
+"""The participant's own page."""
+
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_safe
+
+from crowd.results.own_pages import own_page
+
+
+@require_safe
+@never_cache
+def mine(request: HttpRequest, signed: str) -> HttpResponse:
+    """What one participant measured, under the device's own name. Neither cached nor found by searching."""
+    page = own_page(signed)
+    if page is None:
+        raise Http404
+    answer = render(request, "dashboard/mine.html", {"page": page})
+    answer["X-Robots-Tag"] = "noindex"
+    # A link from here to another site must not tell it this address.
+    answer["Referrer-Policy"] = "no-referrer"
+    return answer

@@ -1,0 +1,67 @@
+"""The participant's own page: a link that only they were told, which names the device by its own name.
+
+The link holds the installation's number under a signature. It shows and changes nothing else: erasing still
+needs the token. It ends with the installation.
+"""
+
+from dataclasses import dataclass
+from uuid import UUID
+
+from django.core.signing import BadSignature, Signer
+from django.db.models import Count
+
+from crowd.devices.models import DeviceModel, Installation
+from crowd.results import selectors
+from crowd.results.rows import Device, SessionRow
+
+SALT = "own page"
+LISTED_SESSIONS = 50
+
+
+@dataclass(frozen=True)
+class OwnDevice:
+    """One device of the installation: by its own name, and as everybody else sees it."""
+
+    title: str
+    public: Device
+    sessions: tuple[SessionRow, ...]
+
+    @property
+    def named(self) -> bool:
+        """Whether the public sees the device by its name."""
+        return self.title == self.public.title
+
+
+@dataclass(frozen=True)
+class OwnPage:
+    """What the page shows: devices, newest session first; `show_model`: named however rare."""
+
+    devices: tuple[OwnDevice, ...]
+    show_model: bool
+    session_count: int
+
+
+def path_of(installation: Installation) -> str:
+    """The page's path on this server. Whoever has it may read it."""
+    return f"/mine/{Signer(salt=SALT).sign(installation.pk.hex)}/"
+
+
+def own_page(signed: str) -> OwnPage | None:
+    """The page behind the path's last part; None where it is no such path, or the installation is gone."""
+    try:
+        key = UUID(hex=Signer(salt=SALT).unsign(signed))
+    except (BadSignature, ValueError):
+        return None
+    installation = Installation.objects.filter(pk=key).annotate(count=Count("sessions")).first()
+    if installation is None:
+        return None
+    models = DeviceModel.objects.filter(descriptions__sessions__installation=installation).distinct()
+    devices = [
+        _device(installation, model.shown) for model in models.select_related("canonical").order_by("pk")
+    ]
+    return OwnPage(tuple(row for row in devices if row), installation.show_model, installation.count)
+
+
+def _device(installation: Installation, model: DeviceModel) -> OwnDevice | None:
+    sessions = selectors.own_sessions(installation, model, LISTED_SESSIONS)
+    return OwnDevice(str(model), sessions[0].device, sessions) if sessions else None
