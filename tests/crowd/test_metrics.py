@@ -1,0 +1,123 @@
+"""Requests counted over several processes, and what waits, in Prometheus' text format."""
+
+from collections.abc import Callable
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+from django.db import OperationalError
+from django.test import Client
+from django.utils import timezone
+
+from crowd import metrics
+from crowd.results.models import MeasurementSession
+from tests.crowd.documents import submission_document
+from tests.crowd.participant import Participant
+
+ASKED = ("GET", "api/v1/speedups", 200)
+
+
+@pytest.fixture
+def saved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Copies are written at once, in the test's own thread."""
+
+    class Now:
+        daemon = False
+
+        def __init__(self, _: float, save: Callable[[], None]) -> None:
+            self.start = save
+
+    monkeypatch.setattr(metrics.threading, "Timer", Now)
+
+
+def samples(text: str) -> dict[str, float]:
+    """The value of each sample by its name and labels."""
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return {name: float(value) for name, _, value in (line.rpartition(" ") for line in lines)}
+
+
+def test_a_process_adds_up_what_others_saw(tmp_path: Path, saved: None) -> None:
+    here, there = metrics.Requests(), metrics.Requests()
+    for process in (here, there):
+        process.share(tmp_path)
+
+    here.observe(*ASKED, 0.003)
+    there.observe(*ASKED, 0.2)
+    there.observe(*ASKED, 70.0)
+
+    assert here.rows() == there.rows()
+    found = samples(metrics.histogram(here.rows()))
+    labels = 'method="GET",endpoint="api/v1/speedups",status="200"'
+    name = "frontrunner_request_seconds"
+    assert found[f'{name}_bucket{{{labels},le="0.005"}}'] == 1
+    assert found[f'{name}_bucket{{{labels},le="0.25"}}'] == 2
+    assert found[f'{name}_bucket{{{labels},le="10.0"}}'] == 2
+    assert found[f'{name}_bucket{{{labels},le="+Inf"}}'] == found[f"{name}_count{{{labels}}}"] == 3
+    assert found[f"{name}_sum{{{labels}}}"] == pytest.approx(70.203)
+
+
+def test_what_a_dead_process_saw_counts_until_the_service_starts_anew(tmp_path: Path, saved: None) -> None:
+    dead, alive = metrics.Requests(), metrics.Requests()
+    dead.share(tmp_path)
+    dead.observe(*ASKED, 0.1)
+    alive.share(tmp_path)
+
+    assert sum(alive.rows()[ASKED][:-1]) == 1
+    metrics.forget(tmp_path)
+    assert alive.rows() == {}
+
+
+def test_a_folder_that_takes_nothing_costs_no_request(tmp_path: Path, saved: None) -> None:
+    blocked = tmp_path / "metrics"
+    blocked.write_text("a file where the folder should be")
+    requests = metrics.Requests()
+    requests.share(blocked)
+
+    requests.observe(*ASKED, 0.1)
+    requests.observe(*ASKED, 0.1)
+
+    assert sum(requests.rows()[ASKED][:-1]) == 2
+
+
+def test_labels_are_escaped() -> None:
+    assert metrics.label("task", 'a"b\\c\nd') == r'task="a\"b\\c\nd"'
+
+
+def test_requests_are_counted_by_pattern_and_status(client: Client, participant: Participant) -> None:
+    def count() -> float:
+        found = samples(client.get("/metrics").content.decode())
+        labels = 'method="POST",endpoint="api/v1/submissions",status="202"'
+        return found.get(f"frontrunner_request_seconds_count{{{labels}}}", 0.0)
+
+    before = count()
+    participant.submit(submission_document())
+
+    assert count() == before + 1
+
+
+def test_what_waits_is_told_with_its_age(client: Client, participant: Participant, no_worker: None) -> None:
+    participant.submit(submission_document())
+    received = timezone.now() - timedelta(minutes=5)
+    MeasurementSession.objects.update(received_at=received)
+
+    found = samples(client.get("/metrics").content.decode())
+
+    assert found["frontrunner_sessions_waiting"] == 1
+    assert 299 < found["frontrunner_oldest_waiting_session_seconds"] < 360
+    assert found["frontrunner_database_up"] == 1
+    assert 0 < found["frontrunner_disk_free_bytes"] <= found["frontrunner_disk_size_bytes"]
+
+
+def test_without_a_database_the_rest_is_still_told(
+    client: Client, monkeypatch: pytest.MonkeyPatch, db: None
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OperationalError("no connection")
+
+    monkeypatch.setattr("crowd.health.Installation.objects.count", refuse)
+
+    found = samples(client.get("/metrics").content.decode())
+
+    assert found["frontrunner_database_up"] == 0
+    assert "frontrunner_runs" not in found
+    assert found["frontrunner_disk_free_bytes"] > 0

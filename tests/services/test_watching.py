@@ -1,0 +1,66 @@
+"""What those who run a real server see of it: its logs and its metrics."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from tests.crowd.documents import submission_document
+from tests.services import intake
+from tests.services.intake import LIMITS, SUBMISSIONS
+from tests.services.program import until
+from tests.services.serving import Serving
+
+
+def entries(log: Path) -> list[dict[str, Any]]:
+    """The JSON lines of LOG; what else was printed there is left out."""
+    return [json.loads(line) for line in log.read_text().splitlines() if line.startswith("{")]
+
+
+def test_one_id_leads_from_the_request_to_the_tasks_that_it_caused(tmp_path: Path) -> None:
+    var = tmp_path / "var"
+    intake.prepare(var, {})
+    with Serving(var, LIMITS | {"FRONTRUNNER_LOGS": "json"}) as server:
+        token = server.enrol()
+        headers = {
+            "Authorization": f"Bearer {token}",
+            "Idempotency-Key": "one",
+            "X-Request-ID": "upload-0001",
+        }
+        status, _ = server.call("POST", SUBMISSIONS, submission_document(), **headers)
+        assert status == 202
+        worker, web = var / "logs" / "worker.log", var / "logs" / "web.log"
+
+        def caused() -> list[dict[str, Any]]:
+            return [entry for entry in entries(worker) if entry.get("request_id") == "upload-0001"]
+
+        assert any("summarise" in entry["message"] for entry in until(caused))
+        (line,) = [entry for entry in entries(web) if entry.get("request_id") == "upload-0001"]
+        assert line["message"] == "POST /api/v1/submissions 202"
+        for log in (web, worker):
+            assert token not in log.read_text()
+            assert "127.0.0.1" not in log.read_text()
+
+
+def copied(folder: Path) -> float:
+    """How many requests for the list of fronts the processes have left copies of in FOLDER."""
+    rows = [row for path in folder.glob("*.json") for row in json.loads(path.read_text())]
+    return sum(sum(counts[:-1]) for _, endpoint, _, counts in rows if endpoint == "api/v1/fronts")
+
+
+def test_metrics_add_up_over_processes_and_their_deaths(tmp_path: Path) -> None:
+    var = tmp_path / "var"
+    name = 'frontrunner_request_seconds_count{method="GET",endpoint="api/v1/fronts",status="200"}'
+    with Serving(var, LIMITS) as server:
+
+        def counted() -> float:
+            text = intake.text_of(server, "/metrics")
+            return next((float(line.split()[-1]) for line in text.splitlines() if line.startswith(name)), 0.0)
+
+        for _ in range(3):
+            assert server.call("GET", "/api/v1/fronts")[0] == 200
+        assert counted() == 3
+        until(lambda: copied(var / "metrics") == 3)
+        server.kill_child("granian")
+        assert until(lambda: intake.answers(server))
+        assert server.call("GET", "/api/v1/fronts")[0] == 200
+        assert counted() == 4

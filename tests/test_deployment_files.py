@@ -1,0 +1,51 @@
+"""The files under deploy/: units that systemd takes, settings that exist."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DEPLOY = ROOT / "deploy"
+UNITS = sorted(path.name for path in DEPLOY.iterdir() if path.suffix in {".service", ".timer"})
+
+
+@pytest.fixture
+def units(tmp_path: Path) -> Path:
+    """A folder of the units as if this checkout were installed; the template with an instance."""
+    for name in UNITS:
+        text = (DEPLOY / name).read_text().replace("/opt/frontrunner", str(ROOT))
+        (tmp_path / name.replace("@.", "@crowd.")).write_text(text)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+@pytest.mark.parametrize("name", UNITS)
+def test_systemd_takes_the_unit(units: Path, name: str) -> None:
+    unit = units / name.replace("@.", "@crowd.")
+
+    done = subprocess.run(
+        ["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, check=False
+    )
+
+    assert [line for line in done.stderr.splitlines() if "frontrunner" in line] == []
+
+
+def test_every_variable_of_the_example_is_a_setting() -> None:
+    named = set(re.findall(r"^#?([A-Z_]+)=", (DEPLOY / "frontrunner.env").read_text(), re.MULTILINE))
+
+    described = set(re.findall(r"^\| ([A-Z_]+) \|", (ROOT / "crowd/settings.py").read_text(), re.MULTILINE))
+    assert len(named) > 5
+    assert named <= described
+
+
+def test_the_page_names_only_files_that_are_there() -> None:
+    page = (ROOT / "docs/deploy.md").read_text()
+
+    for name in re.findall(r"frontrunner-?[a-z]*@?[a-zA-Z]*\.(?:service|timer)", page):
+        assert re.sub(r"@[a-zA-Z]+", "@", name) in UNITS
+    for link in re.findall(r"\]\(([^)#:]+)\)", page):
+        assert (ROOT / "docs" / link).exists(), link
