@@ -156,6 +156,7 @@ def test_the_state_of_a_submission_names_the_device_and_its_speedup(participant:
     state = participant.get(f"/submissions/{key}").json()
 
     assert (state["device"], state["summarised"]) == ("google-pixel-8", True)
+    assert participant.client.get(state["page"]).status_code == 200
     assert state["sessions"][0]["speedups"][0]["speedup"] == pytest.approx(8.0)
     assert state["sessions"][0]["started_at"] == "2026-11-20T10:00:00Z"
 
