@@ -39,7 +39,7 @@ def summaries(
             algorithm=statistics.ALGORITHM,
             started_at=started_at,
             day=started_at.date(),
-            counted=False,
+            counted=True,  # until its day's sessions are counted
             ate_max=max((run.ate_max for run in candidate if run.ate_max is not None), default=None),
             **_answer(session, candidate, against, released),
         )

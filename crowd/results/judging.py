@@ -93,16 +93,13 @@ def _broken(run: Run, frames: NDArray[np.uint32], protocol: Protocol) -> Rule | 
 
 
 def _copies(runs: Sequence[Run], installations: dict[int, UUID]) -> set[int]:
-    """Keys of the RUNS whose times another installation had sent before; INSTALLATIONS by the session's key."""
+    """Keys of the RUNS whose times another installation sent before; INSTALLATIONS by the session's key."""
     fingerprints = {run.fingerprint for run in runs if run.fingerprint is not None}
-    first: dict[int, UUID] = {}
     known = Run.objects.filter(fingerprint__in=fingerprints).order_by("-pk")
-    for fingerprint, installation in known.values_list("fingerprint", "session__installation_id"):
-        if fingerprint is not None:
-            first[fingerprint] = installation  # the earliest comes last
+    # The earliest comes last, and is what remains.
+    first = dict(known.values_list("fingerprint", "session__installation_id"))
     return {
         run.pk
         for run in runs
-        if run.fingerprint is not None
-        and first.get(run.fingerprint, installations[run.session_id]) != installations[run.session_id]
+        if run.fingerprint in first and first[run.fingerprint] != installations[run.session_id]
     }

@@ -1,4 +1,4 @@
-"""What administrators decide of single sessions and runs: hide it, or let it count. Each decision is logged."""
+"""What administrators decide of a session or run: hide it, or let it count. Each decision is logged."""
 
 from django.core.exceptions import ValidationError
 from django.db import transaction
@@ -13,8 +13,8 @@ def decide(
 ) -> Decision:
     """Log the decision on SESSION, or on one RUN of it, and compute what rests on it anew.
 
-    A quarantine hides until a later release; a release lifts suspicion and quarantine by the rules, never what
-    makes a run invalid. Raises ValidationError for an unknown action or without a reason.
+    A quarantine hides until a later release; a release lifts suspicion and quarantine by the rules, never
+    what makes a run invalid. Raises ValidationError for an unknown action or without a reason.
     """
     if action not in Decision.Action.values:
         raise ValidationError(f"{action!r} is no action: {' or '.join(Decision.Action.values)} is")

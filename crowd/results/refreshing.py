@@ -1,6 +1,7 @@
-"""The published figures of cohorts, from their session summaries; what hides an outlier; counts per device."""
+"""Published figures of cohorts from their session summaries, what hides an outlier, counts per device."""
 
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Collection, Iterable
 
 from django.db import transaction
 from django.db.models import Avg, Count, Max, Q, QuerySet
@@ -16,8 +17,8 @@ from crowd.results.models import (
 )
 
 FIGURE = (
-    "baseline", "algorithm", "speedup", "low", "high", "repeat_low", "repeat_high", "sessions", "installations",
-    "ate_max", "state", "last_session_at", "computed_at",
+    "baseline", "algorithm", "speedup", "low", "high", "repeat_low", "repeat_high", "sessions",
+    "installations", "ate_max", "state", "last_session_at", "computed_at",
 )  # fmt: skip
 
 
@@ -26,7 +27,7 @@ def lock(cohorts: QuerySet[Cohort]) -> list[Cohort]:
 
     Taken in one order, and after the locks on sessions, so that no two writers wait for each other.
     """
-    return list(Cohort.objects.select_for_update().filter(pk__in=cohorts.values("pk")).order_by("pk"))
+    return list(cohorts.select_for_update().order_by("pk"))
 
 
 def refresh_stale(limit: int | None = None) -> int:
@@ -45,11 +46,12 @@ def refresh(cohorts: Iterable[Cohort]) -> None:
     for cohort in cohorts:
         own = SessionSummary.objects.filter(cohort=cohort)
         quarantine_outliers(own)
-        _store(cohort, summaries.figures(own))
-        if own.exists():
-            Cohort.objects.filter(pk=cohort.pk).update(stale=False)
-        else:
+        found = summaries.figures(own)
+        _store(cohort, found)
+        if not found and not own.exists():
             cohort.delete()
+        elif cohort.stale:
+            Cohort.objects.filter(pk=cohort.pk).update(stale=False)
 
 
 def _store(cohort: Cohort, found: dict[summaries.Key, summaries.Figure]) -> None:
@@ -94,44 +96,51 @@ def quarantine_outliers(cohort: QuerySet[SessionSummary]) -> None:
     The range comes from all of them, hidden or not, so that the outcome does not depend on what was hidden
     before.
     """
-    judged = cohort.filter(
-        Q(state=State.VALID) | Q(state=rules.OUTLIER.state, reason=rules.OUTLIER.code)
-    ).exclude(reason=rules.RELEASED.code)
-    values: dict[int, list[float]] = {}
-    means = judged.order_by().values("configuration_id", "installation_id").annotate(mean=Avg("log_ratio"))
+    is_hidden = Q(state=rules.OUTLIER.state, reason=rules.OUTLIER.code)
+    judged = cohort.filter(Q(state=State.VALID) | is_hidden)
+    values: dict[int, list[float]] = defaultdict(list)
+    means = (
+        judged.order_by()
+        .values("configuration_id", "installation_id")
+        .annotate(mean=Avg("log_ratio"), hidden=Count("pk", filter=is_hidden))
+    )
+    before = 0
     for row in means:
-        values.setdefault(row["configuration_id"], []).append(row["mean"])
+        values[row["configuration_id"]].append(row["mean"])
+        before += row["hidden"]
     hidden: set[int] = set()
     for configuration, logs in values.items():
         usual = statistics.usual_range(logs)
         if usual is not None:
             hidden.update(_outliers(judged.filter(configuration_id=configuration), *usual))
-    known = dict(judged.exclude(state=State.VALID).values_list("pk", "installation_id"))
-    change(cohort, hidden - known.keys(), rules.OUTLIER.state, rules.OUTLIER.code)
-    change(cohort, known.keys() - hidden, State.VALID, "")
+    known = set(judged.filter(is_hidden).values_list("pk", flat=True)) if before else set()
+    change(cohort, hidden - known, rules.OUTLIER.state, rules.OUTLIER.code)
+    change(cohort, known - hidden, State.VALID, "")
 
 
 def _outliers(judged: QuerySet[SessionSummary], low: float, high: float) -> list[int]:
-    """Keys of the sessions below LOW or above HIGH that no other installation's session agrees with."""
+    """Keys of the sessions below LOW or above HIGH that no other installation's session agrees with.
+
+    Those that an administrator released are none.
+    """
     outside = Q(log_ratio__lt=low + statistics.AGREEMENT) | Q(log_ratio__gt=high - statistics.AGREEMENT)
-    rows = list(judged.filter(outside).values_list("pk", "installation_id", "log_ratio"))
-    alone = statistics.without_agreement([(who, value) for _, who, value in rows])
+    rows = list(judged.filter(outside).values_list("pk", "installation_id", "log_ratio", "reason"))
+    alone = statistics.without_agreement([(who, value) for _, who, value, _ in rows])
     return [
         key
-        for (key, _, value), lonely in zip(rows, alone, strict=True)
-        if lonely and not low <= value <= high
+        for (key, _, value, reason), lonely in zip(rows, alone, strict=True)
+        if lonely and not low <= value <= high and reason != rules.RELEASED.code
     ]
 
 
-def change(cohort: QuerySet[SessionSummary], keys: Iterable[int], state: State, reason: str) -> None:
+def change(cohort: QuerySet[SessionSummary], keys: Collection[int], state: State, reason: str) -> None:
     """Give the summaries KEYS of COHORT a state, and find anew which of their days' sessions count."""
+    if not keys:
+        return
     changed = cohort.filter(pk__in=keys)
     days = list(changed.values_list("installation_id", "day").distinct())
-    if days:
-        changed.update(state=state, reason=reason)
-        count_days(
-            cohort.filter(installation_id__in={who for who, _ in days}, day__in={day for _, day in days})
-        )
+    changed.update(state=state, reason=reason)
+    count_days(cohort.filter(installation_id__in={who for who, _ in days}, day__in={day for _, day in days}))
 
 
 def count_days(cohort_days: QuerySet[SessionSummary]) -> None:

@@ -109,8 +109,10 @@ class DeviceRow:
 
 @dataclass(frozen=True)
 class DeviceCorrelation:
-    """Of two devices (slugs): how alike their times over the configurations of one front are, of `configurations`
-    that both measured. Pearson of the logarithms, Spearman of the ranks, each with its 95 % interval.
+    """How alike two devices (slugs) are: their times over the configurations of one front that both measured.
+
+    There are `configurations` of those. Pearson of the logarithms, Spearman of the ranks, each with its 95 %
+    interval.
     """
 
     first: str

@@ -1,7 +1,7 @@
 """The rules that decide whether a measurement counts: one registry for the server, its pages and its docs.
 
-A run, a session's summary and a figure each have a state and, unless that is `valid`, the code of the rule that
-set it. Where several rules apply, the first in this order does.
+A run and a session's summary each have a state and, unless no rule applies, the code of the rule that set it.
+Where several apply, the first in this order does.
 """
 
 from dataclasses import dataclass
@@ -126,7 +126,7 @@ OUTLIER = Rule(
 RULES: dict[str, Rule] = {
     rule.code: rule
     for rule in (
-        FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, IMPLAUSIBLE_TIME, MODERATED, IDENTICAL_SERIES, NO_PAIR,
-        RELEASED, EMULATOR, THROTTLING, DRIFT, TRAJECTORY_MISSING, STAGES_EXCEED_FRAMES, OUTLIER,
+        FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, IMPLAUSIBLE_TIME, MODERATED, IDENTICAL_SERIES,
+        NO_PAIR, RELEASED, EMULATOR, THROTTLING, DRIFT, TRAJECTORY_MISSING, STAGES_EXCEED_FRAMES, OUTLIER,
     )
 }  # fmt: skip

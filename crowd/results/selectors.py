@@ -86,7 +86,7 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
 
 
 def devices() -> tuple[DeviceRow, ...]:
-    """Every device of which a session was summarised, fastest first, those without a figure last. Five queries."""
+    """Every device with a summarised session, fastest first, those without a figure last. Five queries."""
     best = {row.device.slug: row for row in reversed(speedups(SpeedupFilters()).rows)}
     counts = DeviceActivity.objects.values_list("device_id", "sessions", "installations", "last_session_at")
     models = {model.pk: model for model in DeviceModel.objects.filter(activity__isnull=False)}

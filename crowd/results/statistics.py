@@ -196,8 +196,8 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
 def usual_range(installations: Sequence[float]) -> tuple[float, float] | None:
     """Between which log ratios a session is no outlier, of one model's INSTALLATIONS; None for too few.
 
-    OUTLIER_DEVIATIONS robust standard deviations around the median (Leys et al. 2013): unlike mean and standard
-    deviation, neither follows the outlier.
+    OUTLIER_DEVIATIONS robust standard deviations around the median (Leys et al. 2013): unlike mean and
+    standard deviation, neither follows the outlier.
     """
     if len(installations) < LEAST_INSTALLATIONS:
         return None

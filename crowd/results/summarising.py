@@ -78,12 +78,11 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     )
     decisions = Decisions.on(sessions)
     runs = judging.judge_runs(sessions, decisions)
-    cohorts = _cohorts(sessions)
+    earlier = dict(SessionSummary.objects.filter(session__in=sessions).values_list("pk", "cohort_id"))
     # A session whose device was renamed or merged leaves its cohort for another.
-    earlier = SessionSummary.objects.filter(session__in=sessions)
-    touched = {cohort.pk for cohort in cohorts.values()} | set(earlier.values_list("cohort_id", flat=True))
-    locked = refreshing.lock(Cohort.objects.filter(pk__in=touched))
-    earlier.delete()
+    cohorts = _cohorts(sessions, set(earlier.values()))
+    if earlier:
+        SessionSummary.objects.filter(pk__in=earlier).delete()
     baselines = _baselines(sessions)
     made = [
         summary
@@ -106,9 +105,12 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     )
     done = MeasurementSession.objects.filter(pk__in=[session.pk for session in sessions])
     done.update(summary_algorithm=statistics.ALGORITHM)
-    Cohort.objects.filter(pk__in=touched, stale=False).update(stale=True)
-    if figures:
-        _refresh_small(locked, {session.device_id for session in sessions})
+    small = _small(cohorts.values(), sessions) if figures else set()
+    refreshing.refresh([cohort for cohort in cohorts.values() if cohort.device_id in small])
+    refreshing.count_activity(small)
+    later = [row.pk for row in cohorts.values() if row.device_id not in small and not row.stale]
+    if later:
+        Cohort.objects.filter(pk__in=later).update(stale=True)
 
 
 def summarise_session(key: int) -> None:
@@ -116,30 +118,32 @@ def summarise_session(key: int) -> None:
     summarise_sessions([key])
 
 
-def _refresh_small(cohorts: Iterable[Cohort], devices: set[int]) -> None:
-    """Figures of those COHORTS, and counts of those DEVICES, that are quickly computed."""
-    devices = devices | {cohort.device_id for cohort in cohorts}
+def _small(cohorts: Iterable[Cohort], sessions: Iterable[MeasurementSession]) -> set[int]:
+    """Keys of the devices of COHORTS and SESSIONS whose figures are quickly computed."""
+    devices = {row.device_id for row in (*cohorts, *sessions)}
     large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE)
-    small = devices - set(large.values_list("device_id", flat=True))
-    refreshing.refresh([cohort for cohort in cohorts if cohort.device_id in small])
-    refreshing.count_activity(small)
+    return devices - set(large.values_list("device_id", flat=True))
 
 
 def _group(row: MeasurementSession | Cohort) -> Group:
     return row.device_id, row.front_id, row.backend, row.processor
 
 
-def _cohorts(sessions: Iterable[MeasurementSession]) -> dict[Group, Cohort]:
-    """The cohort of each session, made on first sight."""
+def _cohorts(sessions: Iterable[MeasurementSession], left: set[int]) -> dict[Group, Cohort]:
+    """The cohorts of SESSIONS, made on first sight, and those with the keys LEFT; all locked."""
     groups = {_group(session) for session in sessions}
-    known = Cohort.objects.filter(device__in={group[0] for group in groups})
-    found = {_group(cohort): cohort for cohort in known}
+    wanted = Q(pk__in=left)
+    for device, front, backend, processor in groups:
+        wanted |= Q(device=device, front=front, backend=backend, processor=processor)
+    found = {_group(cohort): cohort for cohort in refreshing.lock(Cohort.objects.filter(wanted))}
     for group in sorted(groups - found.keys()):
         device, front, backend, processor = group
-        found[group], _ = Cohort.objects.get_or_create(
+        made, _ = Cohort.objects.get_or_create(
             device_id=device, front_id=front, backend=backend, processor=processor
         )
-    return {group: found[group] for group in groups}
+        # Somebody else may have made it just now.
+        [found[group]] = refreshing.lock(Cohort.objects.filter(pk=made.pk))
+    return found
 
 
 def _baselines(sessions: Iterable[MeasurementSession]) -> dict[int, int]:
