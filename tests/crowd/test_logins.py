@@ -124,3 +124,18 @@ def test_where_all_need_one_nobody_gets_in_without(client: Client, account: Any,
 def test_one_time_passwords_for_nobody(db: None) -> None:
     with pytest.raises(CommandError, match="no account 'nobody'"):
         call_command("totp", "nobody")
+
+
+def test_an_administrator_sets_up_anothers_device(client: Client, account: Any) -> None:
+    colleague = get_user_model().objects.create_user("colleague", is_staff=True)
+    log_in(client)
+
+    page = client.post(
+        "/admin/otp_totp/totpdevice/add/", {"user": colleague.pk, "name": "phone"}, follow=True
+    ).content.decode()
+
+    device = TOTPDevice.objects.get(user=colleague)
+    assert "otpauth://totp/" in page
+    later = client.get(f"/admin/otp_totp/totpdevice/{device.pk}/change/").content.decode()
+    assert device.key not in later
+    assert client.get(f"/admin/otp_totp/totpdevice/{device.pk}/config/").status_code == 403

@@ -129,10 +129,16 @@ def devices(scope: Scope) -> Iterator[Part]:
         session_count=Count("sessions", filter=real),
         installation_count=Count("sessions__installation", filter=real, distinct=True),
     )
-    plain = ("manufacturer", "name", "cpu", "soc", "gpu", "os", "session_count", "installation_count")
-    for part in _parts(rows, "slug", *plain):
+    plain = ("manufacturer", "name", "market_name", "cpu", "soc", "gpu", "os")
+    for part in _parts(rows, "slug", "session_count", "installation_count", *plain):
         yield part | {
             "device": part["slug"],
+            "name": [
+                DeviceModel(manufacturer=maker, name=name, market_name=market).shown_name
+                for maker, name, market in zip(
+                    part["manufacturer"], part["name"], part["market_name"], strict=True
+                )
+            ],
             "sessions": part["session_count"],
             "installations": part["installation_count"],
         }

@@ -90,7 +90,7 @@ SESSIONS = Table(
         BACKEND,
         PROCESSOR,
         Column("platform", "string", "OpenCL platform"),
-        Column("driver", "string", "version of the driver, as it says"),
+        Column("driver", "string", "driver and its version, as its maker counts"),
         Column("app_version", "string", "version of the program that measured"),
         Column("consent_version", "int32", "version of the text that the participant agreed to"),
         _hour("started_at", "when it began by the device's clock"),
@@ -150,7 +150,7 @@ DEVICES = Table(
     (
         Column("device", "string", "name in addresses: /devices/NAME/"),
         Column("manufacturer", "string", "maker; empty where unknown"),
-        Column("name", "string", "model as people call it"),
+        Column("name", "string", "model as people call it, its code in brackets"),
         Column("cpu", "string", "processor, where known"),
         Column("soc", "string", "system on a chip, where known"),
         Column("gpu", "string", "graphics chip, where known"),

@@ -1,0 +1,27 @@
+"""One-time passwords in the administration: set up by adding a device, whose secret is shown that once."""
+
+from typing import Any
+
+from django.contrib import admin
+from django.http import HttpRequest, HttpResponse
+from django_otp.plugins.otp_totp.admin import TOTPDeviceAdmin
+from django_otp.plugins.otp_totp.models import TOTPDevice
+
+# Reading its module has registered the other one.
+admin.site.unregister(TOTPDevice)
+
+
+@admin.register(TOTPDevice)
+class OneTimePasswordsAdmin(TOTPDeviceAdmin):
+    """Devices for one-time passwords by account; nobody sees the secret of another's."""
+
+    def get_fieldsets(self, request: HttpRequest, obj: TOTPDevice | None = None) -> Any:
+        if obj is None:
+            return [(None, {"fields": ["user", "name"]})]
+        return super().get_fieldsets(request, obj)
+
+    def response_add(
+        self, request: HttpRequest, obj: TOTPDevice, post_url_continue: str | None = None
+    ) -> HttpResponse:
+        self.message_user(request, f"For the app, shown only now: {obj.config_url}")
+        return super().response_add(request, obj, post_url_continue)

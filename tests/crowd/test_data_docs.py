@@ -1,0 +1,91 @@
+"""The examples of docs/data.md run as they stand, on an export of a server that answers."""
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import pytest
+
+from crowd.fronts.services import publish_content
+from crowd.results.opendata import exports
+from tests.crowd.documents import device_document, front_document, session_document, submission_document
+from tests.crowd.participant import Participant
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "data.md"
+SERVER = "http://127.0.0.1:8000"
+
+
+def example(language: str) -> str:
+    """The block of LANGUAGE in the page."""
+    found = re.search(rf"^```{language}\n(.*?)^```$", DOCS.read_text(), re.DOTALL | re.MULTILINE)
+    assert found, language
+    return found[1]
+
+
+@pytest.fixture
+def server(
+    live_server: Any, transactional_db: None, pack: dict[str, Any], join: Callable[[], Participant]
+) -> str:
+    """A server with an export of five sessions on two devices; its address."""
+    publish_content(front_document(pack))
+    for number in range(5):
+        device = device_document("Pixel 8" if number < 3 else "Pixel 7")
+        session = session_document(best_us=10_000 + 1_000 * number)
+        assert join().submit(submission_document(session, device=device)).status_code == 202
+    erased = session_document()
+    last = join()
+    last.submit(submission_document(erased))
+    exports.make()
+    last.delete("/me")
+    exports.make()
+    return str(live_server.url)
+
+
+def test_pandas(server: str, tmp_path: Path) -> None:
+    program = example("python").replace(SERVER, server)
+
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"google-pixel-8\s+7\.2", done.stdout), done.stdout
+    assert "mean" in done.stdout
+
+
+def test_curl_and_duckdb(server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if shutil.which("curl") is None:
+        pytest.skip("curl is not installed")
+    fetch = example("sh").replace(SERVER, server)
+    subprocess.run(["sh", "-c", fetch], cwd=tmp_path, check=True, capture_output=True)
+    monkeypatch.chdir(tmp_path)
+
+    stages, devices, erased = (
+        duckdb.sql(statement).fetchall() for statement in example("sql").split(";") if statement.strip()
+    )
+
+    assert stages[0] == ("best", "raycasting", 6.0)
+    assert devices == [("google-pixel-8", 3, 12, 12), ("google-pixel-7", 2, 8, 8)]
+    assert erased == []
+
+
+def test_tombstones_find_what_an_earlier_copy_still_holds(
+    participant: Participant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    earlier = exports.make()
+    shutil.copy(exports.root() / earlier.folder / "runs.parquet", tmp_path)
+    participant.delete(f"/me/runs/{session['runs'][2]['id']}")
+    later = exports.make()
+    shutil.copy(exports.root() / later.folder / "tombstones.parquet", tmp_path)
+    monkeypatch.chdir(tmp_path)
+
+    *_, erased = (part for part in example("sql").split(";") if part.strip())
+
+    assert duckdb.sql(erased).fetchall() == [(session["runs"][2]["id"],)]
