@@ -174,6 +174,9 @@ elif CELERY_BROKER_URL.startswith(("redis://", "rediss://")):
 # RabbitMQ would hang up on a worker that measures for minutes and cannot answer its heartbeats meanwhile.
 CELERY_BROKER_HEARTBEAT = 0
 CELERY_BROKER_CONNECTION_RETRY_ON_STARTUP = True
+# Celery would connect to the database anew for every task, which costs more than most of them: crowd.celery
+# gives up the connections that are too old or broken instead.
+CELERY_DB_REUSE_MAX = 1_000_000
 CELERY_TASK_IGNORE_RESULT = True
 CELERY_TASK_ACKS_LATE = True
 CELERY_TASK_DEFAULT_QUEUE = "crowd"
@@ -260,6 +263,7 @@ X_FRAME_OPTIONS = "DENY"
 # One-time passwords of the administration (RFC 6238); an account with a device always needs one.
 FRONTRUNNER_REQUIRE_TOTP = switch("FRONTRUNNER_REQUIRE_TOTP")
 OTP_TOTP_ISSUER = "Frontrunner"
+OTP_ADMIN_HIDE_SENSITIVE_DATA = True
 SESSION_COOKIE_HTTPONLY = True
 SESSION_COOKIE_SECURE = HTTPS
 CSRF_COOKIE_SECURE = HTTPS
