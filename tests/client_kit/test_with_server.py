@@ -18,16 +18,13 @@ from client_kit import session as record
 from client_kit.home import Home
 from client_kit.manifest import Manifest
 from client_kit.spool import Spool
-from crowd.fronts import services
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run
 from slam.datasets.pack import Pack
 from tests.client_kit import documents, room
+from tests.client_kit.published import VERSION, publish
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
 
 PROJECT = Path(__file__).parents[2]
-
-
-VERSION = "test"
 
 
 @pytest.fixture(scope="module")
@@ -46,18 +43,8 @@ def measured(pack: Pack) -> dict[str, Any]:
 @pytest.fixture
 def server(live_server: Any, settings: Any, pack: Pack) -> str:
     """The address of a server that has published a front over the room."""
-    settings.FRONTRUNNER_SEQUENCES = [pack._chunks.folder.parent]
     manifest = room.manifest(pack)
-    services.publish_content(
-        {
-            "application": "kfusion",
-            "version": VERSION,
-            "protocol": manifest["protocol"],
-            "sequence": {"name": pack.name, "sha256": pack.sha256},
-            "configurations": manifest["configurations"],
-            "provenance": {"note": "made for a test"},
-        }
-    )
+    publish(settings, pack, manifest["protocol"], manifest["configurations"])
     return str(live_server.url)
 
 

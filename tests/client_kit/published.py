@@ -1,0 +1,25 @@
+"""A front that a real server publishes over the small room."""
+
+from typing import Any
+
+from crowd.fronts import services
+from slam.datasets.pack import Pack
+
+VERSION = "test"
+
+
+def publish(
+    settings: Any, pack: Pack, protocol: dict[str, Any], configurations: list[dict[str, Any]]
+) -> None:
+    """Publish CONFIGURATIONS under PROTOCOL as version VERSION, and serve PACK."""
+    settings.FRONTRUNNER_SEQUENCES = [pack._chunks.folder.parent]
+    services.publish_content(
+        {
+            "application": "kfusion",
+            "version": VERSION,
+            "protocol": protocol,
+            "sequence": {"name": pack.name, "sha256": pack.sha256},
+            "configurations": configurations,
+            "provenance": {"note": "made for a test"},
+        }
+    )

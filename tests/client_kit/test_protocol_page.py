@@ -1,0 +1,146 @@
+"""The JSON of docs/protocol.md against a real server: what it writes is taken, what it reads is so."""
+
+import json
+import re
+import urllib.error
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from client_kit import delivery, preflight
+from client_kit import session as record
+from client_kit.device import FIELDS
+from client_kit.manifest import Manifest
+from slam.datasets.pack import Pack
+from tests.client_kit import canned, room
+from tests.client_kit.published import VERSION, publish
+
+PAGE = (Path(__file__).parents[2] / "docs/protocol.md").read_text(encoding="utf-8")
+EXAMPLES: dict[str, Any] = {
+    name: json.loads(text)
+    for name, text in re.findall(r"^```json (\w+)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+}
+
+
+@pytest.fixture(scope="module")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
+    return room.write(tmp_path_factory.mktemp("sequences") / "room")
+
+
+@pytest.fixture
+def server(live_server: Any, settings: Any, pack: Pack) -> str:
+    """A server that publishes the page's own front."""
+    asked = EXAMPLES["manifest"]
+    publish(settings, pack, asked["protocol"], asked["configurations"])
+    return str(live_server.url)
+
+
+def call(
+    server: str, method: str, path: str, document: Any = None, token: str = "", **headers: str
+) -> tuple[int, Any]:
+    body = None if document is None else json.dumps(document).encode()
+    request = urllib.request.Request(f"{server}/api/v1{path}", body, method=method)
+    request.add_header("Content-Type", "application/json")
+    request.add_header("Authorization", f"Bearer {token}")
+    for name, value in headers.items():
+        request.add_header(name.replace("_", "-"), value)
+    try:
+        with urllib.request.urlopen(request) as response:
+            return response.status, json.loads(response.read() or "null")
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, json.loads(error.read())
+
+
+def assert_described(example: Any, real: Any, where: str) -> None:
+    """Every member of EXAMPLE is in REAL with a value of the same kind; null fits anything."""
+    if example is None or real is None:
+        return
+    if isinstance(example, dict):
+        assert isinstance(real, dict), where
+        for name, value in example.items():
+            assert name in real, f"{where}.{name}"
+            assert_described(value, real[name], f"{where}.{name}")
+    elif isinstance(example, list):
+        assert isinstance(real, list), where
+        for value in real[:1]:
+            assert_described(example[0], value, f"{where}[]")
+    else:
+        kinds = (int, float) if isinstance(example, int | float) else type(example)
+        assert isinstance(real, kinds), f"{where} is {real!r}, the page has {example!r}"
+
+
+def ours(submission: dict[str, Any]) -> dict[str, Any]:
+    """The page's submission for the front of this test."""
+    copy: dict[str, Any] = json.loads(json.dumps(submission))
+    copy["sessions"][0]["front_version"] = f"kfusion-{VERSION}"
+    return copy
+
+
+def test_what_a_client_reads_and_writes_by_the_page_is_what_the_server_does(server: str) -> None:
+    status, manifest = call(server, "GET", "/manifest?application=kfusion")
+    assert status == 200
+    assert_described(EXAMPLES["manifest"], manifest, "manifest")
+    Manifest.parse(EXAMPLES["manifest"])
+
+    status, enrolled = call(server, "POST", "/enrol", EXAMPLES["enrol"])
+    assert status == 201
+    assert_described(EXAMPLES["enrolled"], enrolled, "enrolled")
+    token = enrolled["token"]
+
+    sent = ours(EXAMPLES["submission"])
+    status, dry = call(server, "POST", "/submissions:validate", sent, token)
+    assert (status, {item["status"] for item in dry["items"]}) == (200, {"accepted"})
+    status, answer = call(server, "POST", "/submissions", sent, token, Idempotency_Key="one")
+    assert status == 202
+    assert_described(EXAMPLES["answer"], answer, "answer")
+    assert [item["status"] for item in answer["items"]] == ["accepted"] * 3
+    assert call(server, "POST", "/submissions", sent, token, Idempotency_Key="one") == (200, answer)
+
+    status, state = call(server, "GET", f"/submissions/{answer['submission_id']}", None, token)
+    assert status == 200
+    assert state["summarised"] is True
+    assert_described(EXAMPLES["state"], state, "state")
+    assert state["sessions"][0]["speedups"]
+    assert call(server, "DELETE", "/me", None, token)[0] == 204
+
+
+def test_a_refusal_looks_as_the_page_says(server: str) -> None:
+    _, enrolled = call(server, "POST", "/enrol", EXAMPLES["enrol"])
+    wrong = ours(EXAMPLES["submission"]) | {"app_version": 1}
+
+    status, problem = call(server, "POST", "/submissions", wrong, enrolled["token"], Idempotency_Key="one")
+
+    assert_described(EXAMPLES["problem"], problem, "problem")
+    assert (status, problem["code"], problem["field"]) == (
+        400, EXAMPLES["problem"]["code"], EXAMPLES["problem"]["field"],
+    )  # fmt: skip
+
+
+def test_the_client_itself_sends_what_the_page_says() -> None:
+    asked = Manifest.parse(EXAMPLES["manifest"])
+    sent = json.loads(json.dumps(canned.payload(asked)))
+    page = EXAMPLES["submission"]
+
+    assert_described(page | {"device": {}}, sent, "submission")
+    assert set(sent["sessions"][0]) == set(page["sessions"][0])
+    assert set(sent["sessions"][0]["runs"][0]) == set(page["sessions"][0]["runs"][0])
+    assert set(page["device"]) == set(FIELDS)
+
+
+def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() -> None:
+    finals = re.search(r"^\| ([\d, ]+) \| rejected:", PAGE, re.MULTILINE)
+    assert finals is not None
+    assert tuple(int(status) for status in finals[1].split(",")) == delivery.FINAL
+    protocol = Manifest.parse(EXAMPLES["manifest"] | {"protocol": {
+        name: value for name, value in EXAMPLES["manifest"]["protocol"].items()
+        if name not in ("max_repeats", "precision", "max_seconds")
+    }}).protocol  # fmt: skip
+    defaults = re.search(r"optional \((.*?)\): go on", PAGE)
+    assert defaults is not None
+    told = [protocol.max_repeats, protocol.precision, int(protocol.max_seconds)]
+    assert defaults[1] == ", ".join(map(str, told))
+    assert EXAMPLES["submission"]["schema_version"] == record.SCHEMA_VERSION
+    assert all(name in PAGE for name in ("low battery", "power saving", "throttling")), preflight.IGNORABLE
