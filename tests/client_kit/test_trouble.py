@@ -1,0 +1,332 @@
+"""What can go wrong with the machine or the server: one line that says what, and the right exit code."""
+
+import errno
+import gzip
+import json
+import os
+import sqlite3
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from client_kit import __main__ as command_line
+from client_kit import condition, delivery, measurement, participation
+from client_kit import spool as spool_module
+from client_kit.client import LONGEST_SLEEP_SECONDS, Client
+from client_kit.home import Home
+from client_kit.manifest import Manifest
+from client_kit.session import Session
+from client_kit.spool import Spool
+from tests.client_kit import canned, documents
+from tests.client_kit.counting import Counting
+from tests.client_kit.killed import DEVICE, IDENTITY
+from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
+
+Serve = Callable[..., ScriptedServer]
+CHUNKS = (b"header", b"frames")
+
+
+@pytest.fixture
+def counting(tmp_path: Path) -> Counting:
+    for chunk in CHUNKS:
+        (tmp_path / documents.digest(chunk)).write_bytes(chunk)
+    return Counting(documents.manifest(CHUNKS), tmp_path)
+
+
+@pytest.fixture(autouse=True)
+def canned_measurement(monkeypatch: pytest.MonkeyPatch, home: Home) -> None:
+    """A machine that always measures the same, with the home folder of the test."""
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
+    monkeypatch.setattr(measurement, "measure", lambda _, asked, plan, **__: canned.measured(asked, plan))
+    monkeypatch.setattr(participation, "open_sequence", lambda path: path)
+    monkeypatch.setattr(participation, "_device", lambda *_: (DEVICE, IDENTITY))
+
+
+class Terminal:
+    """The command line in this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def __call__(self, *arguments: str) -> tuple[int, str, str]:
+        """Exit code, standard output and error; AssertionError where an error is not one line."""
+        code = command_line.main(arguments)
+        told = self._capsys.readouterr()
+        assert len(told.err.splitlines()) == (1 if code else 0), told.err
+        return code, told.out, told.err
+
+
+@pytest.fixture
+def client(capsys: pytest.CaptureFixture[str]) -> Terminal:
+    return Terminal(capsys)
+
+
+def full(*_: Any) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_disk_that_is_full_before_is_told_before_anything_is_measured(
+    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(condition, "free_disk", lambda _: 1000)
+
+    code, out, error = client("run", "--yes", "--server", serve(counting).url)
+
+    assert code == 3
+    assert "a session could not be kept" in error
+    assert "Order:" not in out
+
+
+def test_a_disk_that_fills_up_while_the_sequence_comes_is_told(
+    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server = serve(counting)
+    counting_write = os.fsync
+    writes: list[int] = []
+
+    def fsync(descriptor: int) -> None:
+        writes.append(descriptor)
+        if len(writes) > 2:  # the manifest and the consent; then the first chunk
+            full()
+        counting_write(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+
+    code, _, error = client("run", "--yes", "--server", server.url)
+
+    assert code == 3
+    assert "cannot be written: No space left on device" in error
+
+
+def test_a_spool_without_room_says_so(
+    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch, home: Home
+) -> None:
+    real = sqlite3.connect
+
+    def small(*arguments: Any, **options: Any) -> sqlite3.Connection:
+        connection = real(*arguments, **options)
+        connection.execute("PRAGMA max_page_count = 3")
+        return connection
+
+    Spool(home.spool)
+    monkeypatch.setattr(spool_module.sqlite3, "connect", small)
+
+    code, _, error = client("run", "--yes", "--sessions", "9", "--server", serve(counting).url)
+
+    assert code == 3
+    assert "spool.sqlite3 cannot be used: database or disk is full" in error
+    kept = [item.state for item in Spool(home.spool).items()]
+    assert kept == ["accepted"] * len(counting.sessions)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions of another kind")
+@pytest.mark.parametrize("command", ["run", "status", "send", "export", "erase", "choose", "doctor"])
+def test_a_home_that_cannot_be_written_is_told_with_the_remedy(
+    command: str, client: Terminal, home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home.path.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    if os.geteuid() == 0:  # whom permissions do not stop
+        monkeypatch.setattr("tempfile.TemporaryFile", _read_only)
+    arguments = ["--server", "http://127.0.0.1:1"] if command == "run" else []
+
+    code, _, error = client(command, *arguments)
+
+    assert code == 3
+    assert str(home.path) in error
+    assert "set FRONTRUNNER_HOME to a folder that can be written" in error
+
+
+def _read_only(**_: Any) -> None:
+    raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+
+def test_a_lock_that_is_no_database_is_named(
+    client: Terminal, serve: Serve, counting: Counting, home: Home
+) -> None:
+    (home.path / "delivery.lock").write_bytes(b"no database at all " * 100)
+
+    code, _, error = client("send")
+
+    assert code == 3
+    assert "delivery.lock cannot be used: file is not a database" in error
+
+
+def test_without_a_network_there_is_one_line_and_what_was_measured_stays(
+    client: Terminal, serve: Serve, counting: Counting, closed_port: int, home: Home
+) -> None:
+    address = f"http://127.0.0.1:{closed_port}"
+    code, _, error = client("run", "--yes", "--server", address)
+    assert (code, "Connection refused" in error) == (3, True)
+
+    known = serve(counting, closed_port)
+    assert client("run", "--yes", "--server", address)[0] == 0
+    known.close()
+    code, out, _ = client("run", "--server", address)
+
+    assert code == 0
+    assert "measuring what it asked for at the last visit" in out
+    assert [item.state for item in Spool(home.spool).items()] == ["accepted", "queued"]
+    assert client("send")[1].endswith("1 still to send.\n")
+
+
+@pytest.mark.parametrize(
+    ("reply", "words"),
+    [
+        (Reply(200, raw=b"<html>Welcome to our hotel"), "the answer is not JSON"),
+        (Reply(200, {"hello": "world"}), "the server's manifest lacks 'configurations'"),
+        (Reply(404, raw=b"<html>no"), "answers 404 Not Found, not as a Frontrunner server does"),
+        (Reply(301, {}, (("Location", "https://other.example/"),)), "points to https://other.example/"),
+        (problem(404, "not_found", "no front of kfusion is published"), "no front of kfusion is published"),
+    ],
+)
+def test_the_wrong_server_is_told_from_a_right_one(
+    reply: Reply, words: str, client: Terminal, serve: Serve
+) -> None:
+    code, _, error = client("run", "--yes", "--server", serve(lambda _: reply).url)
+
+    assert code == 3
+    assert words in error
+
+
+def test_a_server_that_pauses_takes_nothing_and_says_why(
+    client: Terminal, serve: Serve, counting: Counting, home: Home
+) -> None:
+    counting.manifest |= {"accepting": False, "message": "We move house until Monday."}
+
+    code, _, error = client("run", "--yes", "--server", serve(counting).url)
+
+    assert code == 3
+    assert "takes no measurements at present: We move house until Monday." in error
+    assert Spool(home.spool).items() == []
+
+
+def test_a_pause_while_something_waits_keeps_it_until_the_server_takes_it(
+    client: Terminal, serve: Serve, counting: Counting, home: Home
+) -> None:
+    def paused(request: Request) -> Reply:
+        if request.path.endswith("/submissions"):
+            return problem(503, "not_accepting", "back on Monday", Retry_After="3600")
+        return counting(request)
+
+    server = serve(paused)
+    code, out, _ = client("run", "--yes", "--server", server.url)
+    assert (code, "back on Monday (not_accepting)" in out) == (0, True)
+
+    status = client("status")[1]
+
+    assert "queued" in status
+    assert "s, as the server asks" in status
+
+
+def test_a_clock_that_jumps_neither_loses_nor_delays(
+    serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def busy(request: Request) -> Reply:
+        if request.path.endswith("/submissions"):
+            return problem(503, "busy")
+        return counting(request)
+
+    server = serve(busy)
+    asked = Manifest.parse(counting.manifest)
+    far = Spool(home.spool, clock=lambda: 4e9, jitter=lambda: 1.0)  # the clock was in the year 2096
+    far.put(server.url, canned.payload(asked))
+    delivery.deliver(far, home, clock=lambda: 4e9)
+    pauses: list[float] = []
+
+    def pause(seconds: float) -> None:
+        pauses.append(seconds)
+        server.answer = counting
+
+    Client(home=home.path).send(wait=True, pause=pause)
+
+    assert all(seconds <= LONGEST_SLEEP_SECONDS for seconds in pauses)
+    assert [item.state for item in Spool(home.spool).items()] == ["accepted"]
+    assert len(counting.sessions) == 1
+
+
+def test_ctrl_c_keeps_what_is_finished_for_the_next_send(
+    client: Terminal, serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: Any, asked: Any, plan: tuple[str, ...], **__: Any) -> Session:
+        whole = canned.measured(asked, plan)
+        return Session(whole.id, whole.started_at, whole.backend, whole.runs[:3], (), interrupted=True)
+
+    monkeypatch.setattr(measurement, "measure", interrupted)
+    server = serve(counting)
+
+    code, out, error = client("run", "--yes", "--sessions", "3", "--server", server.url)
+
+    assert code == 130
+    assert "Stopped: the 3 finished runs are kept." in out
+    assert "go with the next `send`" in error
+    assert client("send")[0] == 0
+    [session] = counting.sessions.values()
+    assert [run["configuration"] for run in session["runs"]] == ["default", "best", "best"]
+
+
+def test_a_front_of_forty_points_is_measured_in_sessions_that_are_each_taken(
+    client: Terminal, serve: Serve, counting: Counting
+) -> None:
+    counting.manifest["configurations"] += [
+        {"name": f"point-{number}", "parameters": {}, "predicted": {}} for number in range(37)
+    ]
+
+    code, _, _ = client("run", "--yes", "--configurations", "all", "--server", serve(counting).url)
+
+    assert code == 0
+    measured = {run["configuration"] for one in counting.sessions.values() for run in one["runs"]}
+    assert len(counting.sessions) == 2
+    assert len(measured) == 40
+
+
+def test_whether_the_model_may_be_shown_is_sent_only_when_it_was_said(
+    client: Terminal, serve: Serve, counting: Counting
+) -> None:
+    server = serve(counting)
+
+    for option in ([], ["--show-model"], ["--hide-model"]):
+        assert client("run", "--yes", "--server", server.url, *option)[0] == 0
+
+    bodies = [r.body for r in server.requests if r.path.endswith("/submissions")]
+    assert [json.loads(gzip.decompress(body)).get("show_model") for body in bodies] == [None, True, False]
+
+
+def test_the_place_and_the_page_are_told_after_sending(
+    client: Terminal, serve: Serve, counting: Counting
+) -> None:
+    server = serve(counting)
+
+    _, out, _ = client("run", "--yes", "--server", server.url)
+
+    assert "Mean time a frame, by stage" in out
+    assert "Place 1 of 2 devices by speedup" in out
+    assert f"See this device among the others: {server.url}/devices/a-phone/" in out
+
+
+def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(
+    client: Terminal, serve: Serve, counting: Counting
+) -> None:
+    def shy(request: Request) -> Reply:
+        return Reply(200, {"results": 7}) if "/speedups" in request.path else counting(request)
+
+    code, out, _ = client("run", "--yes", "--server", serve(shy).url)
+
+    assert code == 0
+    assert "The place in the crowd could not be asked for" in out
+    assert "See this device among the others" in out
+
+
+def test_a_module_that_is_missing_is_told_with_what_to_install(
+    client: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(*_: Any) -> None:
+        raise ModuleNotFoundError("No module named 'numpy'", name="numpy")
+
+    monkeypatch.setattr(participation, "run", missing)
+
+    code, _, error = client("run", "--server", "http://127.0.0.1:1")
+
+    assert (code, error) == (3, "frontrunner: numpy is not installed here: pip install numpy\n")
