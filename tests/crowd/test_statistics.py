@@ -1,7 +1,6 @@
 """The statistics against figures that can be worked out by hand, and against simulation."""
 
 import math
-from datetime import date
 
 import numpy as np
 import pytest
@@ -10,15 +9,20 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from crowd.results import statistics
-from crowd.results.statistics import SessionValue
+from crowd.results.statistics import InstallationValue
 
-DAY = date(2026, 11, 20)
 TIMES = st.lists(st.integers(1, 10**6), min_size=100, max_size=100)
+TRUTH = math.log(5.0)
 
 
-def sessions(*installations: list[float], day: date = DAY) -> list[SessionValue]:
-    """Sessions with these log ratios, a list for each installation."""
-    return [SessionValue(who, day, log) for who, logs in enumerate(installations) for log in logs]
+def installations(*sessions: list[float]) -> list[InstallationValue]:
+    """Installations with the log ratios of their sessions, a list for each."""
+    return [
+        InstallationValue(
+            float(np.mean(logs)), float(np.std(logs, ddof=1)) if len(logs) > 1 else 0.0, len(logs)
+        )
+        for logs in sessions
+    ]
 
 
 def test_the_first_ten_frames_do_not_count() -> None:
@@ -69,7 +73,7 @@ def test_stages_may_not_take_longer_than_the_frame() -> None:
 
 
 def test_no_interval_below_three_installations() -> None:
-    figure = statistics.model_speedup(sessions([1.0] * 50, [2.0] * 50))
+    figure = statistics.model_speedup(installations([1.0] * 50, [2.0] * 50))
 
     assert (figure.speedup.low, figure.speedup.high) == (None, None)
     assert figure.speedup.value == pytest.approx(math.exp(1.5))
@@ -78,7 +82,7 @@ def test_no_interval_below_three_installations() -> None:
 def test_the_interval_is_students_t_over_installations() -> None:
     means = [1.9, 2.0, 2.2, 2.1]
 
-    figure = statistics.model_speedup(sessions(*([mean - 0.1, mean + 0.1] for mean in means)))
+    figure = statistics.model_speedup(installations(*([mean - 0.1, mean + 0.1] for mean in means)))
 
     low, high = stats.t.interval(0.95, len(means) - 1, loc=np.mean(means), scale=stats.sem(means))
     assert figure.speedup.low == pytest.approx(math.exp(low))
@@ -87,32 +91,75 @@ def test_the_interval_is_students_t_over_installations() -> None:
 
 
 def test_one_installation_gets_a_repeatability_and_no_interval() -> None:
-    figure = statistics.model_speedup(sessions([2.0, 2.1, 1.9]))
+    logs = [2.0, 2.1, 1.9]
 
-    assert figure.speedup.low is None
+    figure = statistics.model_speedup(installations(logs))
+
+    low, high = stats.t.interval(0.95, 2, loc=2.0, scale=stats.sem(logs))
+    assert figure.speedup == statistics.Interval(pytest.approx(math.exp(2.0)), None, None)
     assert figure.repeat is not None
-    assert figure.repeat.value == figure.speedup.value
-    assert figure.repeat.low is not None
+    assert figure.repeat.low == pytest.approx(math.exp(low))
+    assert figure.repeat.high == pytest.approx(math.exp(high))
 
 
 def test_an_eager_installation_weighs_as_much_as_any_other() -> None:
-    eager = [SessionValue("eager", date(2026, 1, 1 + n % 28), 3.0) for n in range(400)]
-
-    figure = statistics.model_speedup([*sessions([1.0], [1.0]), *eager])
+    figure = statistics.model_speedup(installations([1.0], [1.0], [3.0] * 400))
 
     assert figure.speedup.value == pytest.approx(math.exp(5 / 3))
 
 
 def test_at_most_five_sessions_of_an_installation_and_day_count() -> None:
-    figure = statistics.model_speedup(sessions([1.0] * 5 + [9.0] * 95))
+    keys = [("ada", 1)] * 7 + [("ada", 2)] * 2 + [("bob", 1)]
 
-    assert figure.speedup.value == pytest.approx(math.exp(1.0))
-    assert figure.sessions == 5
+    assert statistics.within_daily_limit(keys) == [True] * 5 + [False] * 2 + [True] * 3
 
 
 def test_the_crowds_figure_is_the_geometric_mean_over_models() -> None:
-    assert statistics.crowd_speedup([2.0, 8.0]) == pytest.approx(4.0)
+    assert statistics.crowd_speedup([2.0, 8.0]) == statistics.Interval(pytest.approx(4.0), None, None)
     assert statistics.crowd_speedup([]) is None
+
+
+def test_the_crowds_interval_is_students_t_over_models() -> None:
+    speedups = [2.0, 4.0, 5.0, 9.0]
+
+    crowd = statistics.crowd_speedup(speedups)
+
+    logs = np.log(speedups)
+    low, high = stats.t.interval(0.95, 3, loc=logs.mean(), scale=stats.sem(logs))
+    assert crowd is not None
+    assert (crowd.low, crowd.high) == (pytest.approx(math.exp(low)), pytest.approx(math.exp(high)))
+
+
+def test_a_clock_that_falls_is_told_from_one_that_wavers() -> None:
+    assert statistics.clock_fall([2400.0] * 3 + [1200.0] * 3) == pytest.approx(2.0)
+    assert statistics.clock_fall([2400.0, 1200.0] * 6) == pytest.approx(1.0)
+    assert statistics.clock_fall([2400.0, 1200.0]) is None
+
+
+def test_the_usual_range_does_not_follow_an_outlier() -> None:
+    """Of 2.0, 2.1, 1.9 and 9.0 mean and standard deviation would let 9.0 pass: z = 1.5."""
+    usual = statistics.usual_range([2.0, 2.1, 1.9, 9.0])
+
+    assert usual is not None
+    assert usual[0] < 1.9
+    assert usual[1] < 9.0
+    assert statistics.usual_range([2.0, 9.0]) is None
+
+
+def test_installations_that_agree_to_the_last_digit_leave_room_for_a_tenth() -> None:
+    usual = statistics.usual_range([2.0] * 20)
+
+    assert usual == (pytest.approx(2 - 5 * math.log(1.1)), pytest.approx(2 + 5 * math.log(1.1)))
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), st.floats(-1, 1)), max_size=30))
+def test_agreement_takes_another_installation(sessions: list[tuple[int, float]]) -> None:
+    expected = [
+        not any(other != who and abs(their - mine) <= statistics.AGREEMENT for other, their in sessions)
+        for who, mine in sessions
+    ]
+
+    assert statistics.without_agreement(sessions) == expected
 
 
 @given(TIMES, TIMES)
@@ -124,15 +171,69 @@ def test_swapping_default_and_best_inverts_the_speedup(default: list[int], best:
     assert there.mean() == pytest.approx(-back.mean())
 
 
-def test_the_interval_covers_the_truth_as_often_as_it_says() -> None:
-    """5 % between installations and 3 % within, 5 by 5: pooling all sessions would cover 62 %."""
+def covered(logs: list[InstallationValue]) -> bool:
+    interval = statistics.model_speedup(logs).speedup
+    assert interval.low is not None
+    assert interval.high is not None
+    return interval.low <= 5.0 <= interval.high
+
+
+@pytest.mark.parametrize(("people", "each"), [(3, 1), (3, 20), (5, 5), (20, 3)])
+@pytest.mark.parametrize(("between", "within"), [(0.05, 0.03), (0.15, 0.03), (0.02, 0.10)])
+def test_the_interval_covers_the_truth_as_often_as_it_says(
+    people: int, each: int, between: float, within: float
+) -> None:
+    """Installations differ, and so do the sessions of each. Pooling 5 by 5 sessions would cover 62 %."""
     random = np.random.default_rng(7)
-    truth, trials, covered = math.log(5.0), 2000, 0
-    for _ in range(trials):
-        between = random.normal(truth, 0.05, 5)
-        logs = [list(random.normal(centre, 0.03, 5)) for centre in between]
-        interval = statistics.model_speedup(sessions(*logs)).speedup
-        assert interval.low is not None
-        assert interval.high is not None
-        covered += interval.low <= 5.0 <= interval.high
-    assert 0.93 <= covered / trials <= 0.98
+    centres = random.normal(TRUTH, between, (2000, people, 1))
+    logs = random.normal(centres, within, (2000, people, each))
+
+    hits = [
+        covered([InstallationValue(value, 0.0, each) for value in means])
+        for means in logs.mean(axis=2).tolist()
+    ]
+
+    assert 0.93 <= np.mean(hits) <= 0.98
+
+
+def test_one_eager_installation_does_not_spoil_the_interval() -> None:
+    """One sends 400 sessions, four send two each: an interval over all sessions would cover a fifth."""
+    random = np.random.default_rng(8)
+    counts = np.array([400, 2, 2, 2, 2])
+    hits = []
+    for _ in range(2000):
+        means = random.normal(TRUTH, 0.05, 5) + random.normal(0, 0.03, 5) / np.sqrt(counts)
+        hits.append(covered([InstallationValue(mean, 0.0, 1) for mean in means.tolist()]))
+
+    assert 0.93 <= np.mean(hits) <= 0.98
+
+
+def test_hiding_outliers_leaves_the_interval_honest() -> None:
+    """Noise alone is hardly ever hidden, and of what is not, the interval covers the truth as before."""
+    random = np.random.default_rng(9)
+    hits, hidden = [], 0
+    for means in random.normal(TRUTH, 0.08, (2000, 6)).tolist():
+        usual = statistics.usual_range(means)
+        assert usual is not None
+        alone = statistics.without_agreement(list(enumerate(means)))
+        kept = [
+            mean
+            for mean, lonely in zip(means, alone, strict=True)
+            if not lonely or usual[0] <= mean <= usual[1]
+        ]
+        hidden += len(means) - len(kept)
+        hits.append(covered([InstallationValue(mean, 0.0, 1) for mean in kept]))
+
+    assert hidden < 12  # of 12,000
+    assert 0.93 <= np.mean(hits) <= 0.98
+
+
+def test_a_fake_ten_times_as_fast_moves_nothing() -> None:
+    honest = [TRUTH - 0.05, TRUTH, TRUTH + 0.05]
+    fake = TRUTH + math.log(10)
+
+    usual = statistics.usual_range([*honest, fake])
+
+    assert usual is not None
+    assert all(usual[0] <= value <= usual[1] for value in honest)
+    assert fake > usual[1]
