@@ -40,6 +40,7 @@ class Endpoint(APIView):
     """A public address of the API: anybody may ask, so often."""
 
     content_negotiation_class = AnyAccept
+    metadata_class = None  # OPTIONS would tell what is written for those who read the code
     throttle_classes: list[type[limits.Limit]] = [limits.Reads]
     usage: limits.Usage | None = None  # set by the limit, once it has counted
 

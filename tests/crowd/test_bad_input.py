@@ -420,7 +420,10 @@ def test_too_many_submissions_ask_to_wait(participant: Participant, settings: An
 
 def test_an_address_that_is_none(client: Client) -> None:
     assert problem(client.get(f"{API}/nonsense"))[:2] == (404, "not_found")
-    assert problem(client.delete(f"{API}/speedups"))[:2] == (405, "method_not_allowed")
+    for method in (client.delete, client.options):
+        response = method(f"{API}/speedups")
+        assert problem(response)[:2] == (405, "method_not_allowed")
+        assert response.headers["Allow"] == "GET, HEAD, OPTIONS"
 
 
 @pytest.mark.parametrize("cursor", ["%FF", "%C3%A9", "a", "YWJj"])

@@ -9,7 +9,17 @@ import pytest
 from tests.services.postgresql import PostgreSQL
 from tests.services.program import ROOT
 
-AGAIN = ("submissions", "bad_input", "erasure", "fronts", "publishing", "public_api", "manifest")
+AGAIN = (
+    "submissions",
+    "bad_input",
+    "erasure",
+    "fronts",
+    "publishing",
+    "public_api",
+    "manifest",
+    "unknown_members",
+    "size_limits",
+)
 
 
 def test_the_crowds_tests_pass_on_postgresql(postgresql: PostgreSQL) -> None:
