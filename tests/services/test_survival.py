@@ -1,6 +1,5 @@
 """kill -9 at bad moments, on the embedded default and on real services: nothing lost, nothing doubled."""
 
-import json
 import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -9,23 +8,14 @@ from typing import Any
 
 import pytest
 
-from tests.crowd.documents import front_document, session_document, submission_document, write_pack
+from tests.crowd.documents import session_document, submission_document
+from tests.services.intake import own_runs, prepare, runs_of
 from tests.services.program import runs, until
 from tests.services.redis import Redis
-from tests.services.serving import Services, Serving, command
+from tests.services.serving import Services, Serving
 
 SUBMISSIONS = 12
 CLIENTS = 8
-
-
-def prepare(var: Path, services: Services) -> None:
-    """Make VAR a data folder with a published front; real databases are emptied first."""
-    path = var.parent / "front.json"
-    path.write_text(json.dumps(front_document(write_pack(var / "sequences"))))
-    emptying = [("flush", "--no-input")] if "DATABASE_URL" in services else []
-    for arguments in (("migrate",), *emptying, ("publish_front", str(path))):
-        done = command(var, *arguments, **services)
-        assert done.returncode == 0, done.stderr
 
 
 @pytest.fixture
@@ -39,11 +29,6 @@ def sessions(server: Serving) -> int:
     """How many sessions stand behind the one device's speedup."""
     _, answer = server.call("GET", "/api/v1/devices/google-pixel-8")
     return int(answer["session_count"])
-
-
-def own_runs(server: Serving, token: str) -> list[str]:
-    _, data = server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")
-    return sorted(run["id"] for session in data["sessions"] for run in session["runs"])
 
 
 def test_killing_worker_and_web_server_loses_and_doubles_nothing(var: Path, services: Services) -> None:
@@ -68,7 +53,7 @@ def test_killing_worker_and_web_server_loses_and_doubles_nothing(var: Path, serv
         assert until(lambda: server.waiting() == 0)
         assert set(sent) <= {200, 202}
         assert sessions(server) == SUBMISSIONS
-        assert own_runs(server, token) == sorted(r["id"] for d in documents for r in d["sessions"][0]["runs"])
+        assert own_runs(server, token) == runs_of(documents)
         _, answer = server.call("GET", "/api/v1/speedups")
         assert answer["results"][0]["speedup"] == pytest.approx(8.0)
         assert "starting it again" in server.said()
