@@ -48,7 +48,7 @@ class LogInForm(AdminAuthenticationForm):
             minutes = math.ceil(self.wait / 60)
             raise forms.ValidationError(f"Too many tries: wait {minutes} minutes.", code="too_many_tries")
         cleaned: dict[str, Any] = super().clean()
-        user = self.get_user()
+        user: Any = self.get_user()
         if user is not None and (settings.FRONTRUNNER_REQUIRE_TOTP or user_has_device(user)):
             token = cleaned.get("otp_token")
             # With it the log-in is remembered as verified.
@@ -81,8 +81,9 @@ class Site(AdminSite):
         """Staff; with a one-time password where one is required of all, or the account has a device."""
         if not super().has_permission(request):
             return False
-        needed = settings.FRONTRUNNER_REQUIRE_TOTP or user_has_device(request.user)
-        return not needed or request.user.is_verified()
+        user: Any = request.user
+        needed = settings.FRONTRUNNER_REQUIRE_TOTP or user_has_device(user)
+        return not needed or bool(user.is_verified())
 
 
 def seconds_to_wait(address: str, name: str) -> int:
