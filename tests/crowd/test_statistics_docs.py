@@ -1,0 +1,19 @@
+"""docs/statistics.md says what the registry of rules says."""
+
+import re
+from pathlib import Path
+
+from crowd.results.rules import RULES, Rule
+
+DOCS = Path(__file__).parents[2] / "docs" / "statistics.md"
+
+
+def row(rule: Rule) -> tuple[str, ...]:
+    threshold = "" if rule.threshold is None else f"{rule.threshold:g}"
+    return (f"`{rule.code}`", str(rule.state), str(rule.level), threshold, rule.words)
+
+
+def test_the_table_of_rules_is_the_registry() -> None:
+    table = re.findall(r"^\| (`\w+`) \| (.*?) \| (.*?) \| ?(.*?) \| (.*?) \|$", DOCS.read_text(), re.MULTILINE)
+
+    assert table == [row(rule) for rule in RULES.values()]
