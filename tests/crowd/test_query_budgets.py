@@ -13,19 +13,19 @@ READS = {
     "/manifest": 2,
     "/fronts": 2,
     "/fronts/kfusion-test": 2,
-    "/speedups": 4,
+    "/speedups": 2,
     "/speedups?since=2026-01-01": 5,
-    "/speedups?gpu=mali&min_sessions=2&limit=1": 4,
+    "/speedups?gpu=mali&min_sessions=2&limit=1": 2,
     "/devices": 4,
-    "/devices/google-pixel-8": 8,
-    "/compare?devices=google-pixel-8,google-pixel-9": 18,
+    "/devices/google-pixel-8": 7,
+    "/compare?devices=google-pixel-8,google-pixel-9": 15,
     "/explorations": 1,
     "/exports": 1,
     "/openapi.json": 0,
     "/docs": 0,
 }
-OWN = {"/submissions/{submission}": 5, "/me/data": 8}
-SUBMISSION, VALIDATION, ENROLMENT = 17, 8, 2
+OWN = {"/submissions/{submission}": 4, "/me/data": 8}
+SUBMISSION, VALIDATION, ENROLMENT = 15, 7, 2
 
 
 @pytest.fixture
