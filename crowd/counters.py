@@ -12,12 +12,12 @@ import secrets
 import sqlite3
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
 
 import redis
 from django.conf import settings
@@ -39,17 +39,19 @@ class Count:
     resets_in: float
 
 
-class Store(Protocol):
+class Store(ABC):
     """Where counts are kept. Both methods raise CountingError."""
 
+    @abstractmethod
     def count(self, key: str, seconds: int) -> Count:
         """Count KEY once more. Its window starts with the first count after the last one ended."""
 
+    @abstractmethod
     def salt(self, day: str) -> bytes:
         """The random salt of DAY, the same for every process, gone a day or two later."""
 
 
-class FileStore:
+class FileStore(Store):
     """Counts in a SQLite file: one statement a count, no wait for the disk."""
 
     def __init__(self, path: Path) -> None:
@@ -104,7 +106,7 @@ class FileStore:
         return connection
 
 
-class RedisStore:
+class RedisStore(Store):
     """Counts in a Redis that several machines share: one round trip a count."""
 
     def __init__(self, url: str) -> None:

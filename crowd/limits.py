@@ -8,7 +8,7 @@ import ipaddress
 import logging
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from django.conf import settings
 from django.http import HttpRequest
@@ -122,7 +122,7 @@ def address_of(request: Request | HttpRequest) -> str:
 
     Of an IPv6 address the network alone (/64): one machine has all addresses in it.
     """
-    text = str(BaseThrottle().get_ident(request))
+    text = str(BaseThrottle().get_ident(cast(Request, request)))
     try:
         address = ipaddress.ip_address(text)
     except ValueError:

@@ -83,7 +83,7 @@ def handler(error: Exception, context: dict[str, Any]) -> HttpResponse | None:  
         case exceptions.MethodNotAllowed():
             return Problem(405, "method_not_allowed", str(error.detail)).response()
         case exceptions.Throttled():
-            wait = math.ceil(error.wait or 1)
+            wait = math.ceil(getattr(error, "wait", None) or 1)
             detail = f"too many requests: wait {wait} s"
             return Problem(429, "too_many_requests", detail, retry_after=wait).response()
         case exceptions.APIException():
