@@ -1,0 +1,155 @@
+"""A backup taken while the server works becomes the same deployment elsewhere, and replaces nothing."""
+
+import json
+import os
+import shutil
+import stat
+import tarfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psycopg
+import pytest
+
+from tests.crowd.documents import submission_document
+from tests.services import intake
+from tests.services.intake import LIMITS
+from tests.services.postgresql import PostgreSQL
+from tests.services.program import until
+from tests.services.serving import Services, Serving, command
+
+PUBLIC = ("/api/v1/speedups", "/api/v1/devices", "/api/v1/fronts", "/api/v1/manifest?application=kfusion")
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def pair(request: pytest.FixtureRequest) -> Iterator[tuple[Services, Services]]:
+    """The environments of a deployment that works and of one without data."""
+    if request.param == "sqlite":
+        yield LIMITS, LIMITS
+        return
+    postgresql: PostgreSQL = request.getfixturevalue("postgresql")
+    with psycopg.connect(postgresql.url, autocommit=True) as connection:
+        connection.execute("CREATE DATABASE restored")
+        path = f"{postgresql.executable.parent}{os.pathsep}{os.environ['PATH']}"
+        services = LIMITS | {"PATH": path, "DATABASE_URL": postgresql.url}
+        yield services, services | {"DATABASE_URL": f"{postgresql.url.rpartition('/')[0]}/restored"}
+        connection.execute("DROP DATABASE restored WITH (FORCE)")
+
+
+def seen(server: Serving, token: str) -> list[Any]:
+    """What everybody sees of a deployment, and what one participant does."""
+    own = server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")
+    return [own, *(server.call("GET", path) for path in PUBLIC)]
+
+
+def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
+    tmp_path: Path, pair: tuple[Services, Services]
+) -> None:
+    here, elsewhere = pair
+    var, other, file = tmp_path / "var", tmp_path / "other", tmp_path / "backup.tar.gz"
+    intake.prepare(var, here)
+    with Serving(var, here) as server:
+        token = server.enrol()
+        server.submit_until_accepted(token, submission_document())
+        until(lambda: server.waiting() == 0)
+        before = seen(server, token)
+        done = command(var, "backup", str(file), **here)
+        assert done.returncode == 0, done.stderr
+
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    done = command(other, "restore", str(file), **elsewhere)
+    assert done.returncode == 0, done.stderr
+    with Serving(other, elsewhere) as restored:
+        assert seen(restored, token) == before
+        document = submission_document()
+        assert restored.submit_until_accepted(token, document) == 202
+        assert set(intake.runs_of([document])) < set(intake.own_runs(restored, token))
+
+    again = command(other, "restore", str(file), **elsewhere)
+    assert again.returncode == 1
+    assert "nothing is replaced" in again.stderr
+
+
+@pytest.fixture(scope="module")
+def deployment(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with an SQLite deployment, which has a published front and its sequence, and its backup."""
+    folder = tmp_path_factory.mktemp("deployment")
+    intake.prepare(folder / "var", {})
+    done = command(folder / "var", "backup", str(folder / "backup.tar.gz"))
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture
+def backup(deployment: Path, tmp_path: Path) -> Path:
+    """A copy of that backup."""
+    return Path(shutil.copy(deployment / "backup.tar.gz", tmp_path))
+
+
+def refusal(var: Path, *arguments: str, **services: str) -> str:
+    """What the command says, which must fail with one line."""
+    done = command(var, *arguments, **services)
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    return line
+
+
+def test_a_file_that_is_there_is_not_replaced(deployment: Path, backup: Path) -> None:
+    before = backup.read_bytes()
+
+    assert "is there already" in refusal(deployment / "var", "backup", str(backup))
+    assert backup.read_bytes() == before
+    assert list(backup.parent.glob(".backup-*")) == []
+
+
+def test_what_is_no_whole_backup_leaves_nothing_behind(tmp_path: Path, backup: Path) -> None:
+    whole = backup.read_bytes()
+    cut, text = tmp_path / "cut.tar.gz", tmp_path / "text.tar.gz"
+    cut.write_bytes(whole[: len(whole) // 2])
+    text.write_text("no archive")
+
+    for file in (cut, text, tmp_path / "absent"):
+        assert "no backup of this software, or damaged" in refusal(tmp_path / "new", "restore", str(file))
+    assert not (tmp_path / "new" / "frontrunner.sqlite3").exists()
+    assert list((tmp_path / "new").glob(".backup-*")) == []
+
+
+def repacked(backup: Path, **changes: Any) -> Path:
+    """The backup with other members in what it says of itself."""
+    folder = backup.parent / "unpacked"
+    with tarfile.open(backup) as archive:
+        archive.extractall(folder, filter="data")
+    about = json.loads((folder / "backup.json").read_text())
+    (folder / "backup.json").write_text(json.dumps(about | changes))
+    changed = backup.parent / "changed.tar.gz"
+    with tarfile.open(changed, "w:gz") as archive:
+        archive.add(folder, ".")
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"format": 2}, "format 2"),
+        ({"vendor": "postgresql"}, "holds a postgresql database"),
+        ({"migrations": {"results": "9999_from_the_future"}}, "newer version of this software"),
+        ({"files": {"database": "0" * 64}}, "damaged: database is not what was stored"),
+    ],
+)
+def test_a_backup_that_does_not_fit_is_refused(
+    tmp_path: Path, backup: Path, changes: dict[str, Any], complaint: str
+) -> None:
+    assert complaint in refusal(tmp_path / "new", "restore", str(repacked(backup, **changes)))
+    assert not (tmp_path / "new" / "frontrunner.sqlite3").exists()
+
+
+def test_without_the_databases_own_program_it_says_what_to_install(
+    tmp_path: Path, postgresql: PostgreSQL
+) -> None:
+    services = {"DATABASE_URL": postgresql.url, "PATH": str(tmp_path)}
+
+    line = refusal(tmp_path / "var", "backup", str(tmp_path / "backup.tar.gz"), **services)
+
+    assert "pg_dump is not here" in line
+    assert "postgresql-client" in line
