@@ -44,6 +44,12 @@ class PostgreSQL(Program):
             return False
         return True
 
+    def empty(self) -> None:
+        """Drop every table, view and function."""
+        with psycopg.connect(self.url, autocommit=True) as connection:
+            connection.execute("DROP SCHEMA public CASCADE")
+            connection.execute("CREATE SCHEMA public")
+
     def __exit__(self, *_: object) -> None:
         super().__exit__()
         shutil.rmtree(self.folder, ignore_errors=True)
