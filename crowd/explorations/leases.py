@@ -28,14 +28,14 @@ from slam.isolated import one_line
 
 UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
 ASK_AGAIN_SECONDS = 0.5
+DEVICE = "exploration__reference_device"
 # What a measurement reads: the rest, such as the space, is fetched by whoever asks for it.
 READ = (
     *("number", "configuration", "frames", "state", "attempt", "losses", "lease_until"),
     *("exploration__application", "exploration__sequence", "exploration__sequence_sha256"),
     *("exploration__state", "exploration__synchronous", "exploration__batch", "exploration__objectives"),
     "exploration__note",
-    *("exploration__reference_device__name", "exploration__reference_device__queue"),
-    *("exploration__reference_device__opencl_device", "exploration__reference_device__machines"),
+    *(f"{DEVICE}__{name}" for name in ("name", "queue", "opencl_device", "machines")),
 )
 # Asked before every measurement, and written out since the ORM takes ten times as long to build it as the
 # database to answer.
@@ -92,16 +92,10 @@ def take(evaluation_id: int, worker: str) -> Evaluation | None:
     Raises DeviceBusyError.
     """
     with transaction.atomic():
-        # The device first, as take_next does: of two of its workers the second sees what the first took.
-        devices = ReferenceDevice.objects.select_for_update(of=("self",))
-        list(devices.filter(explorations__evaluations=evaluation_id).only("pk"))
-        evaluation = (
-            Evaluation.objects.select_for_update(of=("self",))
-            .select_related("exploration__reference_device")
-            .only(*READ)
-            .filter(pk=evaluation_id)
-            .first()
-        )
+        # The device alone is locked, as by take_next: of two of its workers the second sees what the first
+        # took. Where the evaluation has changed since it was read it is not leased.
+        found = Evaluation.objects.select_for_update(of=(DEVICE,))
+        evaluation = next(iter(found.select_related(DEVICE).only(*READ).filter(pk=evaluation_id)), None)
         if evaluation is None:
             return None
         if evaluation.exploration.state != Exploration.State.RUNNING or not _free(evaluation):
@@ -134,7 +128,7 @@ def take_next(device: ReferenceDevice, worker: str, among: Collection[int]) -> E
         ReferenceDevice.objects.filter(pk=device.pk).update(seen_at=timezone.now())
         if free_machines(locked) < 1:
             return None
-        found = waiting(locked).filter(exploration__in=among).select_related("exploration__reference_device")
+        found = waiting(locked).filter(exploration__in=among).select_related(DEVICE)
         while (evaluation := found.first()) is not None:
             # Where a late result has finished it since it was read the next one is had.
             if _lease(evaluation, worker) is not None:
@@ -227,7 +221,7 @@ def give_back(evaluation: Evaluation, reason: str = "") -> bool:
 def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluation | None:
     """The evaluation of DEVICE whose latest lease is number ATTEMPT and that is not finished, else None."""
     return (
-        Evaluation.objects.select_related("exploration__reference_device")
+        Evaluation.objects.select_related(DEVICE)
         .filter(
             pk=evaluation_id,
             attempt=attempt,

@@ -1,6 +1,7 @@
 """Evaluations whose worker is gone: their leases ran out, or their process is known to be dead."""
 
-from django.db.models import F, Q
+from django.db import transaction
+from django.db.models import F, Q, QuerySet
 from django.utils import timezone
 
 from crowd.explorations import workers
@@ -28,7 +29,18 @@ def reap_after_restart() -> list[Exploration]:
 
 
 def _reap(gone: Q) -> list[Exploration]:
-    lost = Evaluation.objects.filter(gone, state=Evaluation.State.RUNNING)
+    with transaction.atomic():
+        # A row that somebody changes at this moment is left for the next time: who waits for no lock cannot
+        # be one of two that lock the same rows in different orders and wait for each other.
+        found = Evaluation.objects.select_for_update(skip_locked=True).filter(
+            gone, state=Evaluation.State.RUNNING
+        )
+        _give_up(Evaluation.objects.filter(pk__in=list(found.values_list("pk", flat=True))))
+    running = Exploration.objects.filter(state=Exploration.State.RUNNING)
+    return list(running.select_related("reference_device").order_by("pk"))
+
+
+def _give_up(lost: QuerySet[Evaluation]) -> None:
     lost.filter(losses__gte=MOST_LOSSES - 1).update(
         state=Evaluation.State.FAILED,
         losses=F("losses") + 1,
@@ -36,6 +48,6 @@ def _reap(gone: Q) -> list[Exploration]:
         finished_at=timezone.now(),
         error=f"lost {MOST_LOSSES} times: its worker died while measuring it",
     )
-    lost.update(state=Evaluation.State.PENDING, lease_until=None, losses=F("losses") + 1)
-    running = Exploration.objects.filter(state=Exploration.State.RUNNING)
-    return list(running.select_related("reference_device").order_by("pk"))
+    lost.filter(state=Evaluation.State.RUNNING).update(
+        state=Evaluation.State.PENDING, lease_until=None, losses=F("losses") + 1
+    )

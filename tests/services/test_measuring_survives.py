@@ -5,10 +5,10 @@ import signal
 from pathlib import Path
 from typing import Any
 
-from tests.services import exploring
+from tests.services import exploring, notes
 from tests.services.client import Client
-from tests.services.exploring import BOARD, IMPATIENT
-from tests.services.program import Program, children, family, runs, until
+from tests.services.exploring import BOARD, DEVICE, IMPATIENT
+from tests.services.program import PATIENCE_SECONDS, Program, children, family, runs, until
 from tests.services.serving import Serving, command
 from tests.services.worker import Worker
 
@@ -37,6 +37,11 @@ def attempts(var: Path, **services: Any) -> list[tuple[str, int]]:
     return [(row["state"], row["attempt"]) for row in rows if row["attempt"]]
 
 
+def finished(rows: list[dict[str, Any]]) -> bool:
+    """Whether nothing of it waits or runs any more."""
+    return all(row["state"] in {"done", "failed"} for row in rows)
+
+
 def test_killing_a_worker_ends_its_measurement_which_another_makes_again(tmp_path: Path) -> None:
     var = tmp_path / "var"
     assert command(var, "migrate", **REAL).returncode == 0
@@ -51,6 +56,24 @@ def test_killing_a_worker_ends_its_measurement_which_another_makes_again(tmp_pat
         until(lambda: ("done", 2) in attempts(var, **REAL), pause=2.0)
 
     assert attempts(var, **REAL)[0] == ("done", 2)
+
+
+def test_a_worker_that_is_told_to_end_gives_back_what_it_measures_at_once(tmp_path: Path) -> None:
+    var = tmp_path / "var"
+    slow, quick = (exploring.SETTINGS | {"TABLE_SECONDS": seconds} for seconds in ("3600", "0"))
+    assert command(var, "migrate", **slow).returncode == 0
+    key = exploring.start(var, slow, method="random", budget=1, repeats=0)
+    with Worker(var, slow, DEVICE, options=("--pool", "solo")) as worker:
+        until(lambda: notes.read(var))
+        worker.process.send_signal(signal.SIGTERM)
+        worker.process.wait(PATIENCE_SECONDS)
+
+    [begun] = [row for row in exploring.rows(var, slow, key) if row["attempt"]]
+    assert (begun["state"], begun["attempt"], begun["losses"]) == ("pending", 1, 0)
+
+    with Worker(var, quick, DEVICE, options=("--pool", "solo")):
+        until(lambda: finished(exploring.rows(var, quick, key)), pause=2.0)
+    assert [row["attempt"] for row in exploring.rows(var, quick, key) if row["pk"] == begun["pk"]] == [2]
 
 
 def test_a_board_outlives_its_server_and_a_lost_lease(tmp_path: Path) -> None:

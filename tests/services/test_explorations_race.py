@@ -1,0 +1,46 @@
+"""Workers, reapers, whoever asks for more and administrators at once on a real PostgreSQL."""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tests.services import exploring, racing
+from tests.services.postgresql import PostgreSQL
+from tests.services.serving import Services, command
+from tests.services.table import look_up
+
+
+@pytest.fixture
+def environment(postgresql: PostgreSQL, tmp_path: Path) -> Services:
+    """That of a server with an empty PostgreSQL."""
+    found = exploring.SETTINGS | {"DATABASE_URL": postgresql.url}
+    for arguments in (("migrate",), ("flush", "--no-input")):
+        done = command(tmp_path, *arguments, **found)
+        assert done.returncode == 0, done.stderr
+    return found
+
+
+def test_many_hands_lose_nothing_and_count_nothing_twice(tmp_path: Path, environment: Services) -> None:
+    race = exploring.race(tmp_path, environment)
+
+    assert race["errors"] == []  # neither a deadlock nor more measurements than machines
+    begun, stored = ([tuple(lease) for lease in race[name]] for name in ("begun", "stored"))
+    assert max(Counter(begun).values()) == 1
+    assert max(Counter(stored).values()) == 1
+    assert race["other"][1] == "cancelled"
+
+    rows = exploring.rows(tmp_path, environment, race["key"])
+    assert [row["number"] for row in rows] == list(range(len(rows)))
+    found = [json.dumps(row["configuration"]) for row in rows if row["phase"] == "random"]
+    assert len(found) == len(set(found)) == racing.BUDGETS[-1]
+    for row in rows:
+        values = look_up(row["configuration"])
+        lost = row["error"].startswith("lost ")
+        assert row["state"] == ("failed" if lost or values is None else "done")
+        assert row["objectives"] == (None if lost else values)
+        assert ((row["pk"], row["attempt"]) in stored) == (not lost)
+    # Of the cancelled one what was measured stays, and nothing else is left running.
+    for row in exploring.rows(tmp_path, environment, race["other"][0]):
+        assert row["state"] != "running"
