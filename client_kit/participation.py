@@ -223,7 +223,7 @@ def _tell_page(
     console: Console,
     pause: Callable[[float], None],
 ) -> None:
-    """Point to the device's page, and say what of the session counts there, once the server knows."""
+    """Point to the pages that show it, and say what of the session counts there, once the server knows."""
     try:
         state = _summarised(server, home, measured.item, asked, pause)
     except ServerError as error:
@@ -235,9 +235,11 @@ def _tell_page(
                 name, reason = told.get("configuration"), told.get("reason")
                 console.say(f"The server sets {name} aside: {told.get('state')}, {reason}")
     _tell_place(server, measured.session, asked, state.get("device"), console)
-    path = state.get("page") or (f"devices/{state['device']}/" if state.get("device") else None)
-    if path:
-        console.say(f"See this device among the others: {server.page(path)}")
+    if state.get("page"):
+        own = server.page(str(state["page"]))
+        console.say(f"Your own page, which names this device (whoever has the link may read it): {own}")
+    if state.get("device"):
+        console.say(f"Among the others: {server.page('devices/' + str(state['device']) + '/')}")
     else:
         console.say(f"The server has not worked through this session yet: {server.page('devices/')}")
 

@@ -35,7 +35,7 @@ class Counting:
         if path == "/submissions":
             return self._submission(request)
         if path.startswith("/submissions/"):
-            return Reply(200, {"device": "a-phone", "summarised": True})
+            return Reply(200, {"device": "a-phone", "page": "/mine/signed/", "summarised": True})
         if path == "/me/data":
             return Reply(200, {"sessions": list(self.sessions)})
         if (request.method, path) != ("DELETE", "/me"):

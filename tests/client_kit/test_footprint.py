@@ -3,12 +3,17 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
+import sysconfig
 import tomllib
+import venv
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+
+import pytest
 
 from client_kit.home import Home
 from tests.client_kit import room
@@ -102,3 +107,72 @@ def test_an_installed_client_has_every_kernel_file() -> None:
         shipped = {path for pattern in patterns for path in folder.glob(pattern)}
         data = {path for path in folder.rglob("*.*") if path.suffix in (".cl", ".h", ".json")}
         assert data <= shipped
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The Python of an empty environment into which the wheel, built here, was installed alone."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source, wheels = folder / "source", folder / "wheels"
+    source.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(PROJECT / name, source)
+    for name in ("slam", "pareto", "client_kit"):
+        shutil.copytree(PROJECT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    # Neither step may look for an index: all that they need is here.
+    offline = ["--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]
+    pip = [sys.executable, "-m", "pip"]
+    build = [*pip, "wheel", *offline, "--no-build-isolation", "--wheel-dir", str(wheels), str(source)]
+    subprocess.run(build, check=True)
+    venv.create(folder / "empty", with_pip=False)
+    python = folder / "empty" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+    [wheel] = wheels.glob("*.whl")
+    subprocess.run([*pip, "--python", str(python), "install", *offline, str(wheel)], check=True)
+    return python
+
+
+def run_installed(python: Path, home: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [str(python), "-m", "client_kit", *arguments],
+        cwd=home,  # not the project: the wheel's own files must do
+        env={**os.environ, "FRONTRUNNER_HOME": str(home), "PYTHONPATH": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_an_empty_environment_says_what_to_install(installed: Path, home: Home) -> None:
+    version = run_installed(installed, home.path, "--version")
+    status = run_installed(installed, home.path, "status")
+    run = run_installed(installed, home.path, "run", "--server", "http://127.0.0.1:1")
+
+    assert version.returncode == 0, version.stderr
+    assert (status.returncode, status.stdout) == (0, "Nothing was measured here yet.\n")
+    assert (run.returncode, run.stderr) == (
+        3, "frontrunner: numpy is not installed here: pip install numpy\n",
+    )  # fmt: skip
+
+
+def test_the_wheel_beside_numpy_and_pyopencl_is_all_that_a_device_needs(installed: Path, home: Home) -> None:
+    # Both from here: no index needs to answer. The client itself is found in its own environment.
+    script = "import slam, sys; sys.path.append(sys.argv[1]); print(slam.__path__[0]); "
+    script += "sys.argv[1:] = ['doctor']; import runpy; runpy.run_module('client_kit', run_name='__main__')"
+    packages = sysconfig.get_path("purelib")
+
+    done = subprocess.run(
+        [str(installed), "-c", script, packages],
+        cwd=home.path,
+        env={**os.environ, "FRONTRUNNER_HOME": str(home.path), "PYTHONPATH": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    place, *lines = done.stdout.splitlines()
+    assert Path(place).is_relative_to(installed.parents[1]), done.stderr
+    kernels = {path.name for path in (PROJECT / "slam/kfusion/kernels").iterdir()}
+    assert {path.name for path in (Path(place) / "kfusion/kernels").iterdir()} == kernels
+    assert any(line.startswith("OpenCL device: ") for line in lines), done.stderr
+    # Whether it may measure depends on the machine's state; either way it was looked at to the end.
+    assert done.returncode == 0 or any(line.startswith("Stop: ") for line in lines), done.stderr

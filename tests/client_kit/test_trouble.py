@@ -303,7 +303,8 @@ def test_the_place_and_the_page_are_told_after_sending(
 
     assert "Mean time a frame, by stage" in out
     assert "Place 1 of 2 devices by speedup" in out
-    assert f"See this device among the others: {server.url}/devices/a-phone/" in out
+    assert f"Among the others: {server.url}/devices/a-phone/" in out
+    assert f"whoever has the link may read it): {server.url}/mine/signed/" in out
 
 
 def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(
@@ -316,7 +317,7 @@ def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(
 
     assert code == 0
     assert "The place in the crowd could not be asked for" in out
-    assert "See this device among the others" in out
+    assert "Among the others: " in out
 
 
 def test_a_module_that_is_missing_is_told_with_what_to_install(
