@@ -1,6 +1,7 @@
 """Devices for administrators: queues of what the rules do not know, aliases to review, installations."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from django.contrib import admin, messages
@@ -87,7 +88,7 @@ class DeviceModelAdmin(DecidingAdmin):
 
     @admin.action(description="Merge into the one with most sessions", permissions=["decide"])
     def merge(self, request: HttpRequest, queryset: QuerySet[DeviceModel]) -> None:
-        models = list(queryset.order_by("-session_count", "pk"))
+        models = sorted(queryset, key=lambda model: (-self.session_count(model), model.pk))
         self.decide(
             request,
             lambda by: decisions.merge(models, models[0], by),
@@ -149,7 +150,7 @@ class DeviceAliasAdmin(DecidingAdmin):
     def each(self, request: HttpRequest, queryset: QuerySet[DeviceAlias], act: Any, done: str) -> None:
         """One decision for each row, so that an impossible one does not stop the others."""
         for row in queryset.order_by("pk"):
-            self.decide(request, lambda by, row=row: act(row, by), f"{row}: {done}")
+            self.decide(request, partial(act, row), f"{row}: {done}")
 
     @admin.action(description="Accept: show the alias as the model", permissions=["decide"])
     def accept(self, request: HttpRequest, queryset: QuerySet[DeviceAlias]) -> None:
@@ -176,7 +177,7 @@ class DeviceSplitAdmin(DecidingAdmin):
     @admin.action(description="Undo: put the descriptions back", permissions=["decide"])
     def undo(self, request: HttpRequest, queryset: QuerySet[DeviceSplit]) -> None:
         for row in queryset.order_by("pk"):
-            self.decide(request, lambda by, row=row: decisions.undo_split(row, by), f"{row}: undone")
+            self.decide(request, partial(decisions.undo_split, row), f"{row}: undone")
 
 
 @admin.register(CatalogueEntry)

@@ -89,7 +89,7 @@ def store(lines: Iterable[Line | BadLine]) -> Imported:
         key = (row.maker, row.device, row.code)
         earlier = stored.get(key)
         if key in seen:
-            if earlier is not None and earlier.market_name != row.market_name:
+            if earlier is not None and names.folded(earlier.market_name) != names.folded(row.market_name):
                 said = (
                     f"line {seen[key]} sells it as {earlier.market_name!r}, this one as {row.market_name!r}"
                 )

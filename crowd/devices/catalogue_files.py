@@ -2,7 +2,7 @@
 
 | column | names it goes by |
 |---|---|
-| maker | Manufacturer, Retail Branding, Brand |
+| maker | Retail Branding, Brand, Manufacturer |
 | market name | Model Name, Marketing Name, Name |
 | device (Build.DEVICE) | Device, Codename; Model Code where there is neither |
 | code (Build.MODEL) | Model Code, Model |
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 COLUMNS = {
-    "maker": ("manufacturer", "retail branding", "brand"),
+    "maker": ("retail branding", "brand", "manufacturer"),
     "market_name": ("model name", "marketing name", "name"),
     "device": ("device", "codename", "model code"),
     "code": ("model code", "model"),

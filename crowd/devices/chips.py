@@ -107,7 +107,7 @@ GRAPHICS = tuple(
         ("Radeon", r"\b(radeon\b.*)", "AMD {0}"),
         ("Radeon", r"\b(gfx\d+\w*)", "AMD {0}"),
         ("Intel", r"\b((?:u?hd|iris|arc)\b.*)", "Intel {0}"),
-        ("Vivante", r"\b(gc\d{3,4}\w*)", "Vivante {0}"),
+        ("Vivante", r"\bgc ?(\d{3,4}\w*|nano\w*)", "Vivante GC{0}"),
         ("VideoCore", r"\b(?:v3d|videocore)\b ?([\w.]*)", "Broadcom VideoCore {0}"),
     )
 )  # fmt: skip

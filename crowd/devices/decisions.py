@@ -28,7 +28,7 @@ def propose_aliases() -> int:
     unexamined = set(DeviceModel.objects.filter(examined=False).values_list("pk", flat=True))
     if not unexamined:
         return 0
-    makers = DeviceModel.objects.filter(pk__in=unexamined).values("manufacturer")
+    makers = DeviceModel.objects.filter(pk__in=unexamined).values_list("manufacturer", flat=True)
     found = propose(_candidates(makers))
     known = {
         frozenset(pair)
@@ -44,7 +44,7 @@ def propose_aliases() -> int:
     return len(new)
 
 
-def _candidates(makers: object) -> Iterable[Candidate]:
+def _candidates(makers: Iterable[str]) -> Iterable[Candidate]:
     """The models of MAKERS that are shown under their own name and are devices."""
     models = DeviceModel.objects.filter(
         manufacturer__in=makers, canonical=None, kind__in=[DeviceModel.Kind.DEVICE, DeviceModel.Kind.UNKNOWN]

@@ -17,11 +17,11 @@ FIELDS = (
 EMULATOR = re.compile(
     r"goldfish|ranchu|sdk_gphone|google_sdk|sdk built for|generic_x86|vbox86|genymotion|bluestacks|bignox|"
     r"\bnox\b|droid4x|\bttvm|\bmumu|ldplayer|\bmemu\b|android on emulator|\bemulator\b|gce[ _]x86|\bvsoc|"
-    r"cuttlefish|\bcvd_|appcrawler|virtualbox|\bvbox\b|qemu|vmware",
+    r"cuttlefish|\bcvd_|appcrawler|virtualbox|qemu|vmware",
     re.IGNORECASE,
 )
 # The SDK's images name the whole field so; a name that merely begins with it is a device's.
-WHOLE = frozenset({"sdk", "generic", "sdk_x86", "emu64x", "emu64a"})
+WHOLE = frozenset({"sdk", "sdk_x86", "emu64x", "emu64xa", "emu64a"})
 # A processor that is itself played by a program.
 PLAYED_PROCESSOR = re.compile(r"qemu (virtual|tcg)|\btcg\b|\bbochs\b", re.IGNORECASE)
 VIRTUAL_MACHINE = re.compile(

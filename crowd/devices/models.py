@@ -12,7 +12,7 @@ class Installation(models.Model):
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
-    next_token_sha256 = models.CharField(
+    next_token_sha256 = models.CharField(  # noqa: DJ001 - unique, so that no token is no text
         max_length=64,
         unique=True,
         null=True,

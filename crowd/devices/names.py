@@ -31,7 +31,7 @@ REFERENCE_MAKERS = frozenset(
     {"allwinner", "alps", "android", "aosp", "mediatek", "mtk", "qualcomm", "rockchip", "softwinner", "sprd"}
 )
 NAMES_NOTHING = re.compile(
-    r"^(generic\b.*|generic_.*|.* for arm(64)?|full[ _](android|aosp|base).*|aosp.*|mt6\d{3}|rk3\d{3}.*|"
+    r"^(generic\b.*|generic_.*|.* for arm(64)?|full[ _](android|aosp|base).*|aosp.*|mt6\d{3}|rk3\d{3}\w*|"
     r"sprd.*)$",
     re.IGNORECASE,
 )

@@ -23,7 +23,8 @@ Join = Callable[[], Participant]
 
 
 def phone(key: int, name: str, **changes: Any) -> Candidate:
-    return Candidate(**{"key": key, "manufacturer": "Samsung", "name": name, "handheld": True} | changes)
+    told: dict[str, Any] = {"manufacturer": "Samsung", "name": name, "handheld": True} | changes
+    return Candidate(key=key, **told)
 
 
 def pairs(*candidates: Candidate) -> list[tuple[int, int]]:

@@ -16,8 +16,10 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
 from crowd import first_run
+from crowd.devices.models import DeviceModel, Installation
 from crowd.results import selectors
 from crowd.results.models import MeasurementSession
+from crowd.results.own_pages import path_of
 from crowd.supervision import Child, Supervisor
 
 START_PATIENCE_SECONDS = 60.0
@@ -167,8 +169,9 @@ class Command(BaseCommand):
     def _speedups(self, newest: int) -> list[str]:
         arrived = MeasurementSession.objects.filter(pk__gt=newest).count()
         rows = selectors.latest_sessions(arrived)
+        installation = Installation.objects.filter(sessions__pk__gt=newest).first()
         connections.close_all()
-        if not rows:
+        if not rows or installation is None:
             return ["No session arrived: the lines above say why."]
         lines = []
         for row in reversed(rows):
@@ -179,6 +182,9 @@ class Command(BaseCommand):
                     f"Speedup of {answer.configuration} over {answer.baseline} on this device: {value}{note}"
                 )
             lines.append(f"Device page: {self._address()}devices/{row.device.slug}/")
+            if row.device.kind == DeviceModel.Kind.GROUP:
+                lines.append("  (few people have measured this model: everybody sees it as its chip)")
+        lines.append(f"Your own page: {self._address().rstrip('/')}{path_of(installation)}")
         return lines
 
 

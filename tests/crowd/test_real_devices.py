@@ -1,0 +1,138 @@
+"""The rules on strings that real devices sent, and on real catalogues."""
+
+import csv
+import os
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from crowd.devices.catalogue import store
+from crowd.devices.catalogue_files import BadLine, Line, read
+from crowd.devices.models import CatalogueEntry
+from crowd.devices.names import manufacturer
+from crowd.devices.normalisation import DEVICE, EMULATOR, Identity, identify
+from crowd.devices.proposals import Candidate, propose
+
+# Makers that write their own name in ways that do not begin alike.
+SAME_MAKER = {"lge": "lg", "hewlett": "hp"}
+DESKTOP = re.compile(
+    r"inc\.|corporation|hewlett|supermicro|fujitsu|toshiba|msi|xen|innotek|vmware", re.IGNORECASE
+)
+
+
+@pytest.fixture(scope="module")
+def devices() -> Path:
+    folder = os.environ.get("FRONTRUNNER_DATA")
+    if not folder:
+        pytest.skip("FRONTRUNNER_DATA does not name the folder of real data")
+    return Path(folder) / "devices"
+
+
+@pytest.fixture(scope="module")
+def volunteers(devices: Path) -> list[dict[str, str]]:
+    """What volunteers' devices said of themselves: maker and model of 542 platforms."""
+    with (devices / "ck_crowdtuning" / "platform.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return [
+        {
+            "os": "Linux" if DESKTOP.search(row["vendor"]) else "Android",
+            "manufacturer": row["vendor"],
+            "model": row["model"],
+        }
+        for row in rows
+    ]
+
+
+def first_word(maker: str) -> str:
+    """By which makers are told apart, independently of the rules."""
+    word = next(iter(re.findall(r"\w+", maker.casefold())), "")
+    return SAME_MAKER.get(word, word)
+
+
+def candidates(identities: dict[str, Identity]) -> Iterator[Candidate]:
+    for number, identity in enumerate(identities.values()):
+        yield Candidate(number, identity.manufacturer, identity.name, handheld=identity.os == "Android")
+
+
+def test_volunteers_strings_come_to_so_many_models(volunteers: list[dict[str, str]]) -> None:
+    """A change of the rules shows here what it does to real strings."""
+    identities = {identity.key: identity for raw in volunteers for identity in [identify(raw)]}
+    distinct = {(raw["manufacturer"], raw["model"]) for raw in volunteers}
+    kinds: dict[str, int] = defaultdict(int)
+    for identity in identities.values():
+        kinds[identity.kind] += 1
+
+    proposals = propose(candidates(identities))
+
+    assert (len(volunteers), len(distinct), len(identities), len(proposals)) == (542, 524, 522, 2)
+    assert dict(kinds) == {"device": 491, "unknown": 22, "virtual": 4, "emulator": 5}
+
+
+def test_no_volunteers_device_merges_across_makers(volunteers: list[dict[str, str]]) -> None:
+    makers: dict[str, set[str]] = defaultdict(set)
+    identities = {}
+    for raw in volunteers:
+        identity = identify(raw)
+        identities[identity.key] = identity
+        makers[identity.key].add(first_word(raw["manufacturer"]))
+    named = {key: found for key, found in makers.items() if not key.startswith("|")}
+    assert {key: found for key, found in named.items() if len(found) > 1} == {}
+
+    by_number = dict(enumerate(identities.values()))
+    for found in propose(candidates(identities)):
+        alias, model = by_number[found.alias], by_number[found.model]
+        assert makers[alias.key] == makers[model.key]
+
+
+def test_no_catalogued_device_merges_across_makers(devices: Path) -> None:
+    """In Google Play's catalogue, what falls together has makers that begin with the same word."""
+    makers: dict[str, set[str]] = defaultdict(set)
+    for line in read(devices / "play_catalog" / "android-devices-catalog.csv"):
+        if isinstance(line, Line):
+            identity = identify({"os": "Android", "manufacturer": line.maker, "model": line.device})
+            makers[identity.key].add(first_word(line.maker))
+
+    assert len(makers) > 20_000
+    assert {key: found for key, found in makers.items() if len(found) > 1} == {}
+
+
+def test_no_catalogued_device_is_taken_for_an_emulator(devices: Path) -> None:
+    kinds: dict[str, list[str]] = defaultdict(list)
+    for line in read(devices / "play_catalog" / "android-devices-catalog.csv"):
+        if isinstance(line, Line):
+            raw = {
+                "os": "Android",
+                "manufacturer": line.maker,
+                "model": line.market_name,
+                "device": line.device,
+            }
+            kinds[identify(raw).kind].append(f"{line.maker} {line.market_name} {line.device}")
+
+    # Google's own emulators are catalogued, and nobody else's device is taken for one.
+    assert {name.split()[0] for name in kinds[EMULATOR]} == {"Google"}
+    assert len(kinds[DEVICE]) > 24_500
+
+
+def test_real_catalogues_are_imported_whole_and_again(db: None, devices: Path) -> None:
+    path = devices / "play_catalog" / "android-devices-catalog.csv"
+
+    first = store(read(path))
+    again = store(read(path))
+
+    assert first.new > 24_000
+    assert len(first.bad) < first.read / 100
+    assert (again.new, again.changed, again.same + len(again.bad)) == (0, 0, again.read)
+    galaxy = CatalogueEntry.objects.get(maker=manufacturer("samsung").casefold(), device="a16x")
+    assert (galaxy.market_name, galaxy.soc) == ("Galaxy A16 5G", "Samsung Exynos 1330 (S5E8535)")
+
+
+def test_a_list_without_makers_is_read(devices: Path) -> None:
+    lines = list(read(devices / "jaredrummler" / "devices.csv"))
+
+    assert len(lines) > 37_000
+    # 1164 codes have no name in it.
+    assert {line.reason for line in lines if isinstance(line, BadLine)} == {"no name that it is sold by"}
+    assert sum(isinstance(line, Line) for line in lines) > 36_000
