@@ -50,6 +50,16 @@ class Endpoint(APIView):
             raise Problem(400, "null_character", "the address holds the character NUL (%00): leave it out")
         super().initial(request, *args, **kwargs)
 
+    def perform_authentication(self, request: Request) -> None:
+        """Who asks. A token that is none counts as a request of its address: trying many is limited too."""
+        try:
+            super().perform_authentication(request)
+        except Problem:
+            limit = limits.Reads()
+            if not limit.allow_request(request, self):
+                self.throttled(request, limit.wait() or 1.0)
+            raise
+
     def finalize_response(self, request: Request, response: Response, *args: Any, **kwargs: Any) -> Response:
         """Every answer, refusals too, tells what is left of the limit."""
         final = super().finalize_response(request, response, *args, **kwargs)

@@ -47,8 +47,9 @@ class Usage:
 
 
 class Limit(BaseThrottle):
-    """One limit of the API: NAME, the setting with its quota (0: none) and the seconds of its window."""
+    """One limit: WHAT it counts, its NAME in answers, the setting with its quota, its window in seconds."""
 
+    what: ClassVar[str]
     name: ClassVar[str]
     setting: ClassVar[str]
     seconds: ClassVar[int]
@@ -56,14 +57,18 @@ class Limit(BaseThrottle):
     def __init__(self) -> None:
         self.usage: Usage | None = None
 
+    @property
+    def quota(self) -> int:
+        """How many requests there may be in the window; 0: no limit."""
+        return int(getattr(settings, self.setting))
+
     def whose(self, request: Request) -> str:
         """What tells the one who asks from all others, with nothing in it that names them."""
         raise NotImplementedError
 
     def allow_request(self, request: Request, view: Any) -> bool:
         """Count this request; `view.usage` becomes what its answer tells."""
-        quota = int(getattr(settings, self.setting))
-        if not quota:
+        if not (quota := self.quota):
             return True
         try:
             count = counters.count(f"{self.name}:{self.whose(request)}", self.seconds)
@@ -94,7 +99,9 @@ class ByInstallation(Limit):
 
 
 class Reads(ByAddress):
-    """What anybody may read."""
+    """Requests without a token, or with one that is none."""
+
+    what = "other requests of an address"
 
     name, setting, seconds = "reads", "FRONTRUNNER_READS_PER_MINUTE", A_MINUTE
 
@@ -102,11 +109,15 @@ class Reads(ByAddress):
 class Enrolments(ByAddress):
     """New installations."""
 
+    what = "enrolments of an address"
+
     name, setting, seconds = "enrolments", "FRONTRUNNER_ENROLMENTS_PER_HOUR", AN_HOUR
 
 
 class Submissions(ByInstallation):
     """Submissions and dry runs."""
+
+    what = "submissions and dry runs of an installation"
 
     name, setting, seconds = "submissions", "FRONTRUNNER_SUBMISSIONS_PER_MINUTE", A_MINUTE
 
@@ -114,7 +125,15 @@ class Submissions(ByInstallation):
 class OwnRequests(ByInstallation):
     """What an installation asks about itself."""
 
+    what = "other requests of an installation"
+
     name, setting, seconds = "own", "FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", A_MINUTE
+
+
+def in_force() -> list[Limit]:
+    """The limits of this deployment, for people to read."""
+    kinds = (Submissions, OwnRequests, Enrolments, Reads)
+    return [limit for limit in (kind() for kind in kinds) if limit.quota]
 
 
 def address_of(request: Request | HttpRequest) -> str:

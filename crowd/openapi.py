@@ -13,7 +13,7 @@ from drf_spectacular.generators import SchemaGenerator
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd import codes
+from crowd import codes, limits
 from crowd.api import Endpoint, answer
 from crowd.results import schema
 
@@ -75,17 +75,17 @@ def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
     result["components"]["headers"] = {
         name: {"description": text, "schema": {"type": "string"}} for name, text in HEADERS.items()
     }
-    limits = {name: {"$ref": f"#/components/headers/{name}"} for name in HEADERS}
+    told = {name: {"$ref": f"#/components/headers/{name}"} for name in HEADERS}
     waiting = {"description": "seconds to wait, with 429 and 503", "schema": {"type": "integer"}}
     refusal = {
         "description": "Refused",
-        "headers": {**limits, "Retry-After": waiting},
+        "headers": {**told, "Retry-After": waiting},
         "content": {"application/problem+json": {"schema": {"$ref": TEMPLATE.format(name="Problem")}}},
     }
     for operations in result["paths"].values():
         for operation in operations.values():
             for response in operation["responses"].values():
-                response.setdefault("headers", limits)
+                response.setdefault("headers", told)
             operation["responses"].setdefault("default", refusal)
     return result
 
@@ -115,5 +115,10 @@ def docs(request: HttpRequest) -> HttpResponse:
         for path, methods in described["paths"].items()
         for method, operation in methods.items()
     ]
-    context = {"info": described["info"], "operations": operations, "groups": codes.GROUPS}
+    context = {
+        "info": described["info"],
+        "operations": operations,
+        "groups": codes.GROUPS,
+        "limits": limits.in_force(),
+    }
     return render(request, "api/docs.html", context)

@@ -156,6 +156,25 @@ def test_submissions_are_limited_by_installation(
     assert participant.get("/me/data").headers["RateLimit-Policy"].startswith('"own"')
 
 
+def test_tokens_that_are_none_are_limited_by_address(
+    client: Client, participant: Participant, settings: Any
+) -> None:
+    settings.FRONTRUNNER_READS_PER_MINUTE = 1
+    tries = [client.get(f"{API}/me/data", headers={"Authorization": f"Bearer {n}"}) for n in range(2)]
+
+    assert [answer.json()["code"] for answer in tries] == ["token_invalid", "too_many_requests"]
+    assert participant.get("/me/data").status_code == 200
+
+
+def test_the_docs_page_tells_this_servers_limits(client: Client, db: None, settings: Any) -> None:
+    settings.FRONTRUNNER_READS_PER_MINUTE, settings.FRONTRUNNER_ENROLMENTS_PER_HOUR = 77, 0
+
+    page = client.get(f"{API}/docs").content.decode()
+
+    assert "77 in 60 seconds" in page
+    assert "enrolments of an address" not in page
+
+
 def test_a_limit_of_0_is_none(client: Client, front: Any, settings: Any) -> None:
     settings.FRONTRUNNER_READS_PER_MINUTE = 0
 
