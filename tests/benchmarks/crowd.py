@@ -1,191 +1,150 @@
-"""How much one machine takes in: python -m tests.benchmarks.crowd.
+"""How much one machine takes in, beside a plain implementation, and what it costs as the crowd grows.
 
-A real `manage.py serve` on each database, a few clients that submit made-up sessions of four runs as fast
-as they are answered, and the manifest asked for again and again; then what an evaluation of an exploration
-costs on each broker. Writes var/benchmarks/crowd.json and prints tables.
+python -m tests.benchmarks.crowd [--quick] [--only PART ...]; parts are:
+- intake: submissions of four runs by four clients at once, on granian alone, beside the peer in
+  `tests.benchmarks.plain` on the same database, in turns; and the manifest's 304.
+- growth: the same questions and one more submission at 10,000, 100,000 and 1,000,000 runs (`crowd_growth`);
+  --quick: up to 20,000.
+- explorations: what an evaluation costs besides its measurement (`crowd_explorations`); not with --quick.
+
+All on SQLite and, where its wheel is installed, on PostgreSQL. Writes var/benchmarks/crowd.json, and prints
+tables. Figures of one run compare with each other: clients, server and database share this machine's cores.
 """
 
-import gzip
-import http.client
+import argparse
 import json
 import os
-import sys
 import tempfile
-import threading
-import time
-import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from tests.benchmarks import crowd_explorations
-from tests.crowd.documents import (
-    device_document,
-    front_document,
-    session_document,
-    submission_document,
-    write_pack,
-)
+from tests.benchmarks import crowd_explorations, crowd_growth
+from tests.benchmarks.crowd_explorations import cpu_seconds, loop_seconds
+from tests.benchmarks.crowd_load import CLIENTS, Web, ingest, unchanged
+from tests.services.intake import prepare
 from tests.services.postgresql import PostgreSQL
-from tests.services.program import ROOT, until
+from tests.services.program import ROOT
 from tests.services.serving import Services, Serving, command
 
-CLIENTS = 4
-SUBMISSIONS = 400
-MANIFESTS = 1000
+PARTS = ("intake", "growth", "explorations")
+PEER = {"application": "tests.benchmarks.plain.wsgi", "settings": "tests.benchmarks.plain.settings"}
+TURNS = 3
+SUBMISSIONS, MANIFESTS = 400, 2000
 RESULTS = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var")) / "benchmarks" / "crowd.json"
 
 
-def milliseconds(seconds: list[float]) -> dict[str, float]:
-    """Median and 95th percentile."""
-    p50, p95 = np.percentile(np.array(seconds) * 1e3, [50, 95])
-    return {"p50_ms": round(float(p50), 2), "p95_ms": round(float(p95), 2)}
+@contextmanager
+def databases() -> Iterator[dict[str, PostgreSQL | None]]:
+    """SQLite (None) and, where it is installed, an empty PostgreSQL."""
+    found: dict[str, PostgreSQL | None] = {"sqlite": None}
+    try:
+        server = PostgreSQL()
+    except ImportError:
+        yield found
+        return
+    with server:
+        yield found | {"postgresql": server}
 
 
-class Connection:
-    """One client's kept connection."""
-
-    def __init__(self, server: Serving) -> None:
-        self.http = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
-
-    def ask(
-        self, method: str, path: str, body: bytes | None = None, **headers: str
-    ) -> tuple[int, float, Any]:
-        """Status, seconds and headers of one request."""
-        begun = time.perf_counter()
-        self.http.request(method, path, body, headers)
-        response = self.http.getresponse()
-        response.read()
-        return response.status, time.perf_counter() - begun, response.headers
+def environment_of(database: PostgreSQL | None) -> Services:
+    return {} if database is None else {"DATABASE_URL": database.url}
 
 
-def bodies(count: int) -> list[bytes]:
-    """Gzipped submissions of four runs with realistic noise, from 50 made-up models."""
-    random = np.random.default_rng(0)
-    made = []
-    for number in range(count):
-        session = session_document()
-        for run in session["runs"]:
-            times = random.normal(run["frame_us"][0], run["frame_us"][0] * 0.03, 100).astype(int)
-            run["frame_us"] = times.tolist()
-            run["stages_us"] = {
-                name: (times * share).astype(int).tolist()
-                for name, share in {
-                    "preprocessing": 0.1,
-                    "tracking": 0.2,
-                    "integration": 0.2,
-                    "raycasting": 0.5,
-                }.items()
-            }
-        document = submission_document(session, device=device_document(f"Model {number % 50}"))
-        made.append(gzip.compress(json.dumps(document).encode()))
-    return made
+def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, Any]:
+    """Ours and the peer in turns, each TURNS times; medians by submissions a second."""
+    services = environment_of(database)
+    prepare(var, services)
+    done = command(
+        var, "migrate", "--run-syncdb", **services, DJANGO_SETTINGS_MODULE="tests.benchmarks.plain.settings"
+    )
+    assert done.returncode == 0, done.stderr
+    with Serving(var, services | {"FRONTRUNNER_ENROLMENTS_PER_HOUR": "0"}) as server:
+        tokens = [server.enrol() for _ in range(CLIENTS)]
+    rounds: dict[str, list[dict[str, float]]] = {"ours": [], "plain": []}
+    manifests = []
+    for _ in range(TURNS):
+        for name, web in (("ours", Web(var, services)), ("plain", Web(var, services, **PEER))):
+            with web:
+                pids = [web.process.pid, *([database.process.pid] if database else [])]
 
+                def cpu(pids: list[int] = pids) -> float:
+                    return cpu_seconds(pids)
 
-def ingest(server: Serving) -> dict[str, float]:
-    """Submissions a second with CLIENTS clients at once, each on its own kept connection."""
-    work = [bodies(SUBMISSIONS // CLIENTS) for _ in range(CLIENTS)]
-    tokens = [server.enrol() for _ in range(CLIENTS)]
-    times: list[list[float]] = [[] for _ in range(CLIENTS)]
-
-    def participate(number: int) -> None:
-        connection = Connection(server)
-        for body in work[number]:
-            status, seconds, _ = connection.ask(
-                "POST",
-                "/api/v1/submissions",
-                body,
-                **{
-                    "Content-Type": "application/json",
-                    "Content-Encoding": "gzip",
-                    "Authorization": f"Bearer {tokens[number]}",
-                    "Idempotency-Key": str(uuid.uuid4()),
-                },
-            )
-            assert status == 202, status
-            times[number].append(seconds)
-
-    clients = [threading.Thread(target=participate, args=(number,)) for number in range(CLIENTS)]
-    begun = time.perf_counter()
-    for client in clients:
-        client.start()
-    for client in clients:
-        client.join()
-    taken = time.perf_counter() - begun
-    until(lambda: server.waiting() == 0, 300)
-    return {
-        "submissions_per_second": round(SUBMISSIONS / taken, 1),
-        **milliseconds([seconds for each in times for seconds in each]),
-        "summarised_after_s": round(time.perf_counter() - begun - taken, 2),
+                ingest(web.port, tokens, CLIENTS * 4, cpu)  # warms up
+                rounds[name].append(ingest(web.port, tokens, int(SUBMISSIONS * share), cpu))
+                if name == "ours":
+                    path = "/api/v1/manifest?application=kfusion"
+                    manifests.append(unchanged(web.port, path, int(MANIFESTS * share), cpu))
+    found: dict[str, Any] = {
+        name: sorted(each, key=lambda row: row["submissions_per_second"])[TURNS // 2]
+        for name, each in rounds.items()
+    }
+    ours, plain = found["ours"], found["plain"]
+    return found | {
+        "ratio": round(ours["submissions_per_second"] / plain["submissions_per_second"], 2),
+        "cpu_ratio": round(plain["server_cpu_ms"] / ours["server_cpu_ms"], 2),
+        "manifest_304": sorted(manifests, key=lambda row: row["requests_per_second"])[TURNS // 2],
+        "rounds": rounds,
     }
 
 
-def unchanged(server: Serving, path: str) -> dict[str, float]:
-    """The 304 of the manifest, one request after another on a kept connection."""
-    connection = Connection(server)
-    _, _, headers = connection.ask("GET", path)
-    times = []
-    for _ in range(MANIFESTS):
-        status, seconds, _ = connection.ask("GET", path, **{"If-None-Match": headers["ETag"]})
-        assert status == 304, status
-        times.append(seconds)
-    return {"requests_per_second": round(MANIFESTS / sum(times), 1), **milliseconds(times)}
-
-
-def read(server: Serving, path: str) -> dict[str, float]:
-    """A public read, 50 times on a kept connection."""
-    connection = Connection(server)
-    times = [connection.ask("GET", path)[1] for _ in range(50)]
-    return milliseconds(times)
-
-
-def measure(services: Services) -> dict[str, Any]:
-    """All figures on one database, in a data folder of its own."""
-    with tempfile.TemporaryDirectory() as folder:
-        var = Path(folder) / "var"
-        front = Path(folder) / "front.json"
-        front.write_text(json.dumps(front_document(write_pack(var / "sequences"))))
-        for arguments in (("migrate",), ("publish_front", str(front))):
-            done = command(var, *arguments, **services)
-            assert done.returncode == 0, done.stderr
-        limits = {"FRONTRUNNER_SUBMISSIONS_PER_MINUTE": "1000000"}
-        with Serving(var, services | limits) as server:
-            return {
-                "ingest": ingest(server),
-                "manifest_304": unchanged(server, "/api/v1/manifest?application=kfusion"),
-                "speedups": read(server, "/api/v1/speedups"),
-                "device": read(server, "/api/v1/devices/google-model-1"),
-            }
-
-
-def intake() -> dict[str, Any]:
-    """The figures of the intake on each database, None where one is not installed."""
-    found: dict[str, Any] = {"sqlite": measure({})}
-    try:
-        with PostgreSQL() as database:
-            found["postgresql"] = measure({"DATABASE_URL": database.url})
-    except ImportError:
-        found["postgresql"] = None
+def _intake(say: Callable[[str], Any], quick: bool) -> dict[str, Any]:
+    say(f"Submissions of four runs, {CLIENTS} clients (server's CPU with its database's)")
+    say(
+        f"{'':12} {'ours /s':>9} {'p95 ms':>8} {'CPU ms':>8} {'plain /s':>9} {'p95 ms':>8} {'CPU ms':>8} "
+        f"{'ratio':>6} {'of CPU':>7} {'304 /s':>8} {'p95 ms':>7}"
+    )
+    found: dict[str, Any] = {}
+    with databases() as each:
+        for name, database in each.items():
+            with tempfile.TemporaryDirectory() as folder:
+                found[name] = row = intake(Path(folder) / "var", database, 0.25 if quick else 1.0)
+            figures = "".join(_columns(row[who]) for who in ("ours", "plain"))
+            same = row["manifest_304"]
+            say(
+                f"{name:12}{figures} {row['ratio']:>6} {row['cpu_ratio']:>7} "
+                f"{same['requests_per_second']:>8} {same['p95_ms']:>7}"
+            )
     return found
 
 
-def main(say: Callable[[str], Any] = lambda line: sys.stdout.write(f"{line}\n")) -> None:
-    results: dict[str, Any] = {"clients": CLIENTS, "submissions": SUBMISSIONS, "runs_a_submission": 4}
-    results |= intake()
-    say(f"{'':12} {'submissions/s':>14} {'p95 ms':>8} {'304/s':>8} {'p95 ms':>8} {'speedups p95 ms':>16}")
-    for name in ("sqlite", "postgresql"):
-        row = results[name]
-        if row is None:
-            say(f"{name:12} its wheel is not installed")
-            continue
-        say(
-            f"{name:12} {row['ingest']['submissions_per_second']:>14} {row['ingest']['p95_ms']:>8} "
-            f"{row['manifest_304']['requests_per_second']:>8} {row['manifest_304']['p95_ms']:>8} "
-            f"{row['speedups']['p95_ms']:>16}"
-        )
-    results["explorations"] = crowd_explorations.compare(say)
+def _columns(row: dict[str, float]) -> str:
+    return f" {row['submissions_per_second']:>9} {row['p95_ms']:>8} {row['server_cpu_ms']:>8}"
+
+
+def _growth(say: Callable[[str], Any], quick: bool) -> dict[str, Any]:
+    plan = crowd_growth.QUICK if quick else crowd_growth.FULL
+    found: dict[str, Any] = {}
+    with databases() as each:
+        for name, database in each.items():
+            say(f"Growth on {name}, {plan.devices} devices")
+            say(crowd_growth.heading())
+            with tempfile.TemporaryDirectory() as folder:
+                found[name] = crowd_growth.measure(Path(folder), plan, database, say)
+    return found
+
+
+def main() -> None:
+    def say(line: str) -> None:
+        print(line, flush=True)
+
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="a minute or two, for those who change the code")
+    parser.add_argument("--only", nargs="+", choices=PARTS, metavar="PART", help=", ".join(PARTS))
+    options = parser.parse_args()
+    parts = options.only or (PARTS[:2] if options.quick else PARTS)
+    results: dict[str, Any] = json.loads(RESULTS.read_text()) if options.only and RESULTS.exists() else {}
+    results |= {"quick": options.quick, "cores": os.cpu_count(), "loop_s": round(loop_seconds(), 3)}
+    if "intake" in parts:
+        results["intake"] = _intake(say, options.quick)
+    if "growth" in parts:
+        results["growth"] = _growth(say, options.quick)
+    if "explorations" in parts:
+        results["explorations"] = crowd_explorations.compare(say)
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=2))
     say(f"Written: {RESULTS}")

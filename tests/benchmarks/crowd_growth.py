@@ -1,0 +1,157 @@
+"""What a crowd costs as it grows: the same questions and one more submission at each of several sizes.
+
+At each size the database is filled with made-up runs (`crowd_filling`), everything is computed anew from
+them, one submission after another of the most popular device is sent and worked through, and public reads
+are timed, warm; at the largest size also cold: server and database just started, nothing of their files in
+memory. CPU counts, which a busy machine changes less than time. Part of `python -m tests.benchmarks.crowd`.
+"""
+
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tests.benchmarks.crowd_explorations import cpu_seconds
+from tests.benchmarks.crowd_load import Connection, Web, bodies, forget, read
+from tests.crowd.documents import device_document
+from tests.services.intake import LIMITS, prepare
+from tests.services.postgresql import PostgreSQL
+from tests.services.program import ROOT, until
+from tests.services.serving import Services, Serving, command, environment
+
+SUBMISSIONS = 40
+COLD_STARTS = 3
+POPULAR = "simulated-device-0000"
+READS = {
+    "speedups": "/api/v1/speedups",
+    "devices": "/api/v1/devices",
+    "one device": f"/api/v1/devices/{POPULAR}",
+    "its page": f"/devices/{POPULAR}/",
+    "home page": "/",
+}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Sizes in runs, ascending, and the devices that they are spread over."""
+
+    sizes: Sequence[int]
+    devices: int
+
+
+FULL = Plan((10_000, 100_000, 1_000_000), 2000)
+QUICK = Plan((5_000, 20_000), 200)
+
+
+def measure(
+    folder: Path, plan: Plan, database: PostgreSQL | None, say: Callable[[str], Any]
+) -> dict[str, Any]:
+    """The figures at every size of PLAN, by size, in FOLDER and on DATABASE or SQLite."""
+    var, services = folder / "var", dict(LIMITS)
+    if database is not None:
+        services["DATABASE_URL"] = database.url
+    prepare(var, services)
+    found: dict[str, Any] = {}
+    stored = 0
+    for size in plan.sizes:
+        row: dict[str, Any] = {"filled": _fill(var, services, size - stored, plan.devices)}
+        stored = size
+        row["recomputed"] = _recompute(var, services, size)
+        with Serving(var, services) as server:
+            row["one_more"] = _one_more(server, SUBMISSIONS)
+            row["warm"] = {name: read(server.port, path) for name, path in READS.items()}
+        stored += SUBMISSIONS * 4
+        if size == plan.sizes[-1]:
+            row["cold"] = _cold(var, services, database)
+        found[str(size)] = row
+        say(_line(size, row))
+    return found
+
+
+def heading() -> str:
+    """The columns of `measure`'s lines."""
+    return (
+        f"{'runs':>10} {'fill s':>8} {'recompute s':>12} {'us a run':>9} {'web ms':>8} {'worker ms':>10}"
+        + "".join(f"{name:>12}" for name in READS)
+        + "   (one more submission: CPU ms; reads: p95 ms, warm; cold: slowest)"
+    )
+
+
+def _line(size: int, row: dict[str, Any]) -> str:
+    def reads(kind: str, figure: str) -> str:
+        return "".join(f"{row[kind][name][figure]:>12}" for name in READS)
+
+    line = (
+        f"{size:>10} {row['filled']['seconds']:>8} {row['recomputed']['seconds']:>12} "
+        f"{row['recomputed']['cpu_us_a_run']:>9} {row['one_more']['web_cpu_ms']:>8} "
+        f"{row['one_more']['worker_cpu_ms']:>10}{reads('warm', 'p95_ms')}"
+    )
+    return f"{line}\n{'cold':>62}{reads('cold', 'slowest_ms')}" if "cold" in row else line
+
+
+def _fill(var: Path, services: Services, runs: int, devices: int) -> dict[str, float]:
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.benchmarks.crowd_filling", str(runs), str(devices)],
+        cwd=ROOT,
+        env=environment(var, **services, DJANGO_SETTINGS_MODULE="crowd.settings"),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    figures: dict[str, float] = json.loads(done.stdout)
+    return figures | {"runs_per_second": round(runs / figures["seconds"])}
+
+
+def _recompute(var: Path, services: Services, runs: int) -> dict[str, float]:
+    """Everything from the raw runs, by the one command; what PostgreSQL does is in the seconds only."""
+    before, begun = _children_cpu(), time.perf_counter()
+    done = command(var, "results", "recompute", "--all", **services)
+    assert done.returncode == 0, done.stderr
+    taken, spent = time.perf_counter() - begun, _children_cpu() - before
+    return {"seconds": round(taken, 1), "cpu_us_a_run": round(1e6 * spent / runs, 1)}
+
+
+def _children_cpu() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _one_more(server: Serving, count: int) -> dict[str, float]:
+    """CPU of web server and worker for a submission of four runs, and how long it takes, one by one."""
+    connection, token = Connection(server.port), server.enrol()
+    popular = device_document("Device 0000", manufacturer="Simulated")
+    connection.submit(token, bodies(1, lambda _: popular)[0])  # warms up
+    until(lambda: server.waiting() == 0)
+    before = {word: cpu_seconds(server.pids(word)) for word in ("granian", "--beat")}
+    times = [connection.submit(token, body) for body in bodies(count, lambda _: popular)]
+    until(lambda: server.waiting() == 0, 300)
+    spent = {word: cpu_seconds(server.pids(word)) - value for word, value in before.items()}
+    return {
+        "web_cpu_ms": round(1e3 * spent["granian"] / count, 2),
+        "worker_cpu_ms": round(1e3 * spent["--beat"] / count, 2),
+        "p50_ms": round(1e3 * sorted(times)[count // 2], 2),
+    }
+
+
+def _cold(var: Path, services: Services, database: PostgreSQL | None) -> dict[str, dict[str, float]]:
+    """The slowest first answer of each read over COLD_STARTS starts."""
+    slowest = dict.fromkeys(READS, 0.0)
+    for _ in range(COLD_STARTS):
+        for name, path in READS.items():
+            if database is not None:
+                database.kill()
+                forget(database.folder)
+                database.start()
+            else:
+                forget(var)
+            with Web(var, services) as server:
+                status, seconds, _ = Connection(server.port).ask("GET", path)
+                assert status == 200, f"{path}: {status}"
+                slowest[name] = max(slowest[name], seconds)
+    return {name: {"slowest_ms": round(seconds * 1e3, 1)} for name, seconds in slowest.items()}
