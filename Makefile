@@ -50,7 +50,7 @@ check: $(VENV)/.installed-development
 bench: bench-slam bench-pareto bench-crowd
 
 bench-slam bench-pareto bench-crowd: bench-%: $(VENV)/.installed-development
-	$(BIN)/python -m tests.benchmarks.$*
+	$(BIN)/python -m tests.benchmarks.$* $(ARGS)
 
 # Addresses of package indexes stay out of the locks; the hashes decide what is installed.
 LOCK := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header --no-emit-index-url --quiet
