@@ -14,10 +14,11 @@ from client_kit import __version__, delivery, enrolment
 from client_kit.client import Client
 from client_kit.console import Console
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
-from client_kit.manifest import ALL, MAX_ATE_METRES
+from client_kit.manifest import ALL
 from client_kit.preflight import IGNORABLE
 from client_kit.server import Server
 from client_kit.spool import QUEUED, Item
+from slam.protocol import VALID_BELOW
 
 INTERRUPTED = 130
 NOT_CONFORMING = 1
@@ -120,7 +121,7 @@ def _parser() -> argparse.ArgumentParser:
 
     choose = commands.add_parser("choose", help="the configuration to run on this device")
     choose.add_argument(
-        "--max-ate", type=_positive_number, default=MAX_ATE_METRES, metavar="M", help="metres (0.05)"
+        "--max-ate", type=_positive_number, default=VALID_BELOW, metavar="M", help="metres (0.05)"
     )
     choose.add_argument("--max-ms", type=_positive_number, metavar="T", help="milliseconds a frame")
     choose.add_argument("--server", metavar="URL", help="whose front, when several were visited")

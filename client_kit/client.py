@@ -10,9 +10,10 @@ from client_kit.console import Console, Silence
 from client_kit.delivery import Delivery
 from client_kit.errors import UsageError
 from client_kit.home import Home, user_folder
-from client_kit.manifest import MAX_ATE_METRES, Manifest, kept_manifests
+from client_kit.manifest import Manifest, kept_manifests
 from client_kit.server import Server, ServerError
 from client_kit.spool import Item, Spool
+from slam.protocol import VALID_BELOW
 
 if TYPE_CHECKING:
     from client_kit.choice import Point
@@ -125,7 +126,7 @@ class Client:
         return len(delivered.erased) == len(servers)
 
     def choose(
-        self, max_ate: float = MAX_ATE_METRES, max_ms: float | None = None, device: str | None = None
+        self, max_ate: float = VALID_BELOW, max_ms: float | None = None, device: str | None = None
     ) -> "Point":
         """The configuration to use on this device: the fastest whose largest trajectory error stays within
         `max_ate` metres or, with a time `max_ms` a frame that is enough, the most accurate within both."""

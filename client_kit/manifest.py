@@ -12,12 +12,11 @@ from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from client_kit.sources import line
+from slam.protocol import VALID_BELOW
 
 APPLICATION = "kfusion"
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
-# The paper's limit: a configuration whose largest trajectory error reaches it is not valid.
-MAX_ATE_METRES = 0.05
 # What a server takes in one submission.
 MOST_RUNS = 50
 # How far a session may go on by itself, where the server does not say.
@@ -238,7 +237,7 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
         order=order,
         repeats=repeats,
         rest_seconds=rest,
-        max_ate=float(protocol.get("max_ate", MAX_ATE_METRES)),
+        max_ate=float(protocol.get("max_ate", VALID_BELOW)),
         max_repeats=max(repeats, int(protocol.get("max_repeats", MAX_REPEATS))),
         precision=precision,
         max_seconds=max_seconds,

@@ -16,12 +16,11 @@ from slam.camera import Camera
 from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.opencl import Session, choose_device
 from slam.power import EnergyMeter
+from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES, Scene, System
 from slam.systems import create, open_session
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 
-FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
-VALID_BELOW = 0.05  # metres of maximal trajectory error
 # Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
 # the camera inside its near face, looking in.
 DEFAULT_VOLUME_SIZE = 5.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from slam.benchmark import VALID_BELOW
+from slam.protocol import VALID_BELOW
 from slam.report import milliseconds
 from slam.report_page import escape, plotly
 from slam.system import STAGES

@@ -23,11 +23,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from slam.protocol import FIRST_COUNTED_FRAME
+
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = (sys.executable, "-m", "slam", "run")
 TIMEOUT_SECONDS = 900.0
 HEARTBEAT_SECONDS = 15.0
-FIRST_COUNTED_FRAME = 10
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
 REASON_LENGTH = 500
 # What `python -m slam` ends with where the device that it shall measure on is not here.

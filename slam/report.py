@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.benchmark import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES
 
 NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}

@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.benchmark import VALID_BELOW, Report
+from slam.benchmark import Report
 from slam.kfusion.configuration import ConfigurationError
 from slam.opencl import OpenCLError
+from slam.protocol import VALID_BELOW
 from slam.report_page import escape, plotly
 
 if TYPE_CHECKING:

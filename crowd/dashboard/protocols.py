@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from crowd.results.statistics import FIRST_COUNTED_FRAME, MAX_ATE
+from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 
 
 def first_counted_frame(protocol: Mapping[str, Any]) -> int:
@@ -13,4 +13,4 @@ def first_counted_frame(protocol: Mapping[str, Any]) -> int:
 
 def max_ate(protocol: Mapping[str, Any]) -> float:
     """The trajectory error in metres from which on a run is invalid."""
-    return float(protocol.get("max_ate", MAX_ATE))
+    return float(protocol.get("max_ate", VALID_BELOW))

@@ -7,8 +7,8 @@ import numpy as np
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point, comparable, default
 from crowd.explorations.watching import Found, Watch, found
-from crowd.results.statistics import MAX_ATE
 from pareto.hypervolume import hypervolume_growth
+from slam.protocol import VALID_BELOW
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Yield:
 
 def ate_limit(exploration: Exploration) -> float:
     """The largest maximum trajectory error (m) that the exploration accepts."""
-    return float(exploration.limits.get("ate_max", MAX_ATE))
+    return float(exploration.limits.get("ate_max", VALID_BELOW))
 
 
 def yield_of(exploration: Exploration, have: Found) -> Yield:

@@ -17,6 +17,7 @@ from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initi
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.steering import STEPS
 from crowd.readonly import ReadOnlyAdmin
+from slam.protocol import VALID_BELOW
 
 CHANGE, DRAFT = "explorations.change_exploration", "fronts.submit_frontversion"
 DEVICE = "explorations.change_referencedevice"
@@ -227,7 +228,7 @@ class ExplorationAdmin(PagesAdmin):
             repeats=max(exploration.repeats, publishing.LEAST_REPEATS),
             most_repeats=MOST_REPEATS,
             least_repeats=publishing.LEAST_REPEATS,
-            limit=publishing.MAX_ATE,
+            limit=VALID_BELOW,
             may_draft=request.user.has_perm(DRAFT),
         )
 

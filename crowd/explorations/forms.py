@@ -13,9 +13,9 @@ from django.core.exceptions import ValidationError
 import pareto
 from crowd.explorations import reference_devices, services
 from crowd.explorations.models import Exploration, ReferenceDevice
-from crowd.explorations.publishing import MAX_ATE
 from crowd.fronts import sequences
 from pareto import Space
+from slam.protocol import VALID_BELOW
 
 SPACES = Path(pareto.__file__).parent / "spaces"
 EARLIER = "exploration-"  # a design space that is that of an earlier exploration
@@ -48,7 +48,7 @@ class ExplorationForm(forms.ModelForm):
         label="Largest error (cm)",
         required=False,
         min_value=0,
-        initial=100 * MAX_ATE,
+        initial=100 * VALID_BELOW,
         help_text="of ate_max; the search looks below it. Empty: no limit",
     )
     max_runtime_ms = forms.FloatField(

@@ -4,18 +4,16 @@ from typing import Any
 
 from django.conf import settings
 from django.core.exceptions import ValidationError
-from django.core.validators import MaxValueValidator, MinValueValidator, RegexValidator
+from django.core.validators import MaxValueValidator, MinValueValidator
 from django.db import models
 
+from crowd.fronts.models import NAME
 from pareto.errors import ParetoError
 from pareto.methods import DEFAULT, METHODS
 from pareto.space import Space
-from slam.isolated import FIRST_COUNTED_FRAME
+from slam.protocol import FIRST_COUNTED_FRAME
 
 MOST_BUDGET = 1_000_000
-NAME = RegexValidator(
-    r"\A[a-z0-9][a-z0-9_-]*\Z", "lower-case letters, digits, - and _, starting with a letter or digit"
-)
 
 
 def validate_space(description: Any) -> None:

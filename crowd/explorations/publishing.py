@@ -17,8 +17,8 @@ from crowd.fronts import services as fronts
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT
 from pareto.front import knee, nondominated
+from slam.protocol import VALID_BELOW
 
-MAX_ATE = 0.05  # metres: a configuration is valid below it
 PREDICTED = ("runtime", "ate_max", "ate_mean")
 PROTOCOL: dict[str, Any] = {
     "version": 1,
@@ -28,7 +28,7 @@ PROTOCOL: dict[str, Any] = {
     "order": ["default", "best", "best", "default"],
     "repeats": 2,
     "rest_seconds": 0,
-    "max_ate": MAX_ATE,
+    "max_ate": VALID_BELOW,
 }
 LEAST_REPEATS = 2  # further measurements of a point before its figure is published
 UNSPOKEN = "none: it was created in the administration, with what `search` tells"
@@ -112,9 +112,9 @@ def draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontV
             "the figure can be trusted: measure the named points again first"
         )
     for name, point in chosen:
-        if name == BEST and point.values["ate_max"] >= MAX_ATE:
+        if name == BEST and point.values["ate_max"] >= VALID_BELOW:
             error = f"{100 * point.values['ate_max']:.1f} cm"
-            raise NotReadyError(f"{BEST}: its error of {error} is not below {100 * MAX_ATE:g} cm")
+            raise NotReadyError(f"{BEST}: its error of {error} is not below {100 * VALID_BELOW:g} cm")
     version = published.next_version(exploration.application)
     # A dictionary would hide a name that is given twice; the check of the front tells it.
     content = _document(exploration, version, evaluations, chosen)
@@ -155,7 +155,7 @@ def name_points(measured: Sequence[Point]) -> dict[str, Point]:
             "compare with"
         )
     valid = sorted(
-        (point for point in again if point.values["ate_max"] < MAX_ATE),
+        (point for point in again if point.values["ate_max"] < VALID_BELOW),
         key=lambda point: point.values["runtime"],
     )
     if not valid or valid[0].values["runtime"] >= default.values["runtime"]:
@@ -235,7 +235,7 @@ def _provenance(
         "evaluations": len(done) + len(failed),
         "failed": len(failed),
         "invalid": sum(
-            evaluation.objectives["ate_max"] >= MAX_ATE for evaluation in done if evaluation.objectives
+            evaluation.objectives["ate_max"] >= VALID_BELOW for evaluation in done if evaluation.objectives
         ),
         "search": {
             "method": exploration.method,

@@ -6,8 +6,7 @@ from typing import Any
 
 from crowd.fronts.selectors import DEFAULT, Front, Point
 from pareto.hypervolume import hypervolume
-
-MAX_ATE = 0.05  # metres: where a protocol names no limit of its own
+from slam.protocol import VALID_BELOW
 
 
 @dataclass(frozen=True)
@@ -119,7 +118,7 @@ def _reference(old: Front, new: Front) -> tuple[float, float] | None:
     """(metres, seconds a frame); None where neither default was measured."""
     defaults = [front.point(DEFAULT) for front in (old, new)]
     runtimes = [point.runtime for point in defaults if point is not None and point.runtime]
-    limits = [float(front.protocol.get("max_ate", MAX_ATE)) for front in (old, new)]
+    limits = [float(front.protocol.get("max_ate", VALID_BELOW)) for front in (old, new)]
     return (max(limits), max(runtimes)) if runtimes else None
 
 

@@ -10,8 +10,9 @@ import msgspec
 
 from crowd.devices.normalisation import RAW_STRINGS
 from crowd.problems import Problem
-from crowd.results import packing, statistics
+from crowd.results import packing
 from crowd.results.schema import Run
+from slam.protocol import VALID_BELOW
 
 MAX_RUNS = 50
 MAX_STAGES = 16
@@ -53,7 +54,7 @@ class Protocol:
             version=protocol["version"],
             frames=protocol["frames"],
             first_counted_frame=protocol["first_counted_frame"],
-            max_ate=protocol.get("max_ate", statistics.MAX_ATE),
+            max_ate=protocol.get("max_ate", VALID_BELOW),
         )
 
 

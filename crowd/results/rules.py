@@ -9,6 +9,7 @@ from enum import StrEnum
 
 from crowd.results import statistics
 from crowd.results.models import State
+from slam.protocol import VALID_BELOW
 
 
 class Level(StrEnum):
@@ -50,7 +51,7 @@ ATE_ABOVE_LIMIT = Rule(
     "ate_above_limit",
     State.INVALID,
     Level.RUN,
-    statistics.MAX_ATE,
+    VALID_BELOW,
     "the largest trajectory error reached the limit: fast and lost is not faster",
 )
 IMPLAUSIBLE_TIME = Rule(

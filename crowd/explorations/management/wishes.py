@@ -10,13 +10,13 @@ from typing import Any
 from django.core.management.base import CommandError, CommandParser
 
 from crowd.explorations.models import Exploration, ReferenceDevice
-from crowd.explorations.publishing import MAX_ATE
 from crowd.fronts import sequences
 from pareto.errors import ParetoError
 from pareto.methods import DEFAULT, METHODS
 from pareto.space import Space
+from slam.protocol import VALID_BELOW
 
-LIMITED = "ate_max"  # bounded by MAX_ATE unless a command says otherwise
+LIMITED = "ate_max"  # bounded by VALID_BELOW unless a command says otherwise
 NUMBERS = ("seed", "budget", "batch", "points", "repeats", "frames")
 
 
@@ -39,7 +39,7 @@ def add_wishes(parser: CommandParser) -> None:
         type=_limit,
         action="append",
         metavar="NAME=MOST",
-        help=f"an upper bound of an objective, repeatable ({LIMITED}={MAX_ATE})",
+        help=f"an upper bound of an objective, repeatable ({LIMITED}={VALID_BELOW})",
     )
     limits.add_argument("--no-limits", action="store_true", help="bound no objective")
     parser.add_argument("--warm-start", type=int, metavar="KEY", help="an earlier exploration")
@@ -96,10 +96,10 @@ def _limits(options: dict[str, Any]) -> dict[str, float]:
         return dict(options["limit"])
     if LIMITED not in options["objectives"]:
         raise CommandError(
-            f"objectives {', '.join(options['objectives'])} lack {LIMITED}, which is kept below {MAX_ATE} "
-            "unless you say otherwise: add it to --objectives, or give --limit NAME=MOST or --no-limits"
+            f"objectives {', '.join(options['objectives'])} lack {LIMITED}, which is kept below "
+            f"{VALID_BELOW} unless you say otherwise: add it to --objectives, or give --limit NAME=MOST or --no-limits"
         )
-    return {LIMITED: MAX_ATE}
+    return {LIMITED: VALID_BELOW}
 
 
 def _pack(wanted: str) -> dict[str, Any]:

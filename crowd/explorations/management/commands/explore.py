@@ -17,6 +17,7 @@ from crowd.explorations.management.wishes import add_wishes, command_line, wishe
 from crowd.explorations.measurement import CannotMeasureHereError, evaluator
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.search import FINISHED
+from slam.protocol import VALID_BELOW
 
 LOOK_AGAIN_SECONDS = 1.0
 
@@ -111,5 +112,5 @@ def _outcome(evaluation: Evaluation) -> str:
     if evaluation.objectives is None:
         return f" failed: {evaluation.error}"
     runtime, error = (evaluation.objectives.get(name, float("inf")) for name in ("runtime", "ate_max"))
-    mark = "" if error < publishing.MAX_ATE else "  not valid"
+    mark = "" if error < VALID_BELOW else "  not valid"
     return f"{1e3 * runtime:9.2f} ms a frame {1e3 * error:8.1f} mm{mark}"

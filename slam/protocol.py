@@ -1,0 +1,4 @@
+"""What every room holds of a measurement: which of its frames count, and which trajectories are valid."""
+
+FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
+VALID_BELOW = 0.05  # metres of maximal trajectory error
