@@ -66,6 +66,7 @@ RUN = {
 }
 # Reading.
 READING = {
+    "export_in_preparation": "No export of the open data can be had now: wait as Retry-After says.",
     "export_withdrawn": "The export held something that was erased since: take the latest one.",
     "no_front": "No front of this application is published here.",
 }

@@ -33,8 +33,11 @@ def installation_of(token: str) -> Installation | None:
     """Whose TOKEN it is; None for one that is unknown, was followed by another or revoked. One query."""
     digest = _digest(token)
     known = Installation.objects.filter(revoked_at=None)
-    installation = known.filter(Q(token_sha256=digest) | Q(next_token_sha256=digest)).first()
-    if installation is not None and installation.next_token_sha256 == digest:
+    try:
+        installation = known.get(Q(token_sha256=digest) | Q(next_token_sha256=digest))
+    except Installation.DoesNotExist:
+        return None
+    if installation.next_token_sha256 == digest:
         Installation.objects.filter(next_token_sha256=digest).update(
             token_sha256=digest, next_token_sha256=None
         )

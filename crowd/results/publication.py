@@ -8,13 +8,14 @@ from collections.abc import Iterable
 
 from django.conf import settings
 from django.db import transaction
-from django.db.models import Q, QuerySet
+from django.db.models import Min, Q, QuerySet
 
 from crowd.devices import recognition
 from crowd.devices.disclosure import is_rare, published
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.results import summarising
 from crowd.results.models import MeasurementSession
+from crowd.results.opendata import exports
 
 BATCH = 500
 
@@ -115,6 +116,11 @@ def _place(key: int, again: bool = False) -> None:
     for show_model in (False, True):
         target = published(model, show_model)
         wrong = sessions.filter(installation__show_model=show_model).exclude(device=target)
+        if target.kind == DeviceModel.Kind.GROUP:
+            # Open data that names the model must not outlive its being public.
+            named = wrong.exclude(device__kind=DeviceModel.Kind.GROUP)
+            if (since := named.aggregate(first=Min("received_at"))["first"]) is not None:
+                exports.withdraw(since)
         for keys in _batches(wrong):
             MeasurementSession.objects.filter(pk__in=keys).update(device=target)
             moved += keys

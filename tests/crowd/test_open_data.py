@@ -418,3 +418,40 @@ def test_many_series_of_unequal_length_stay_apart(participant: Participant) -> N
     assert second["frame_us"] == [7, 8, 9]
     assert second["stages_us"] == [("tracking", [1, 2, 3])]
     assert second["tracked"] == [True, False, None]
+
+
+def test_the_latest_export_is_announced_while_it_is_written(client: Client, db: None) -> None:
+    answer = client.get("/data/latest/runs.parquet")
+
+    assert (answer.status_code, answer.json()["code"]) == (503, "export_in_preparation")
+    assert int(answer.headers["Retry-After"]) > 0
+
+
+def test_a_model_that_ceases_to_be_public_is_not_named_in_files(
+    client: Client, participant: Participant, settings: Any, django_capture_on_commit_callbacks: Any
+) -> None:
+    settings.FRONTRUNNER_RARE_BELOW = 5
+    participant.submit(submission_document(show_model=True))
+    naming = exports.make()
+    assert [row["name"] for row in table("devices")] == ["Pixel 8"]
+
+    with django_capture_on_commit_callbacks(execute=True):
+        participant.submit(submission_document(show_model=False))
+
+    assert client.get(f"/data/{naming.name}/devices.parquet").status_code == 410
+    exports.make()
+    assert "Pixel" not in str(table("devices")) + str(table("sessions")) + str(table("figures"))
+
+
+def test_the_page_links_every_file(client: Client, participant: Participant) -> None:
+    before = client.get("/data/").content.decode()
+    participant.submit(submission_document())
+    exports.make()
+
+    page = client.get("/data/").content.decode()
+
+    assert "/data/latest/" not in before
+    for name in (each.name for each in TABLES):
+        assert f'href="/data/latest/{name}.parquet"' in page
+        assert f'href="/data/latest/{name}.csv.gz"' in page
+    assert "https://creativecommons.org/licenses/by/4.0/" in page

@@ -88,11 +88,12 @@ def sweep() -> None:
     """Delete the folders of exports that ended, were withdrawn, or whose process died."""
     unfinished = Export.objects.filter(published_at=None)
     unfinished.filter(touched_at__lt=timezone.now() - DEAD_AFTER).delete()
+    # Folders first: one that another process makes meanwhile has its row before.
+    folders = list(root().iterdir()) if root().is_dir() else []
     live = {row.folder for row in Export.objects.filter(withdrawn_at=None)}
-    if root().is_dir():
-        for folder in root().iterdir():
-            if folder.name.lstrip(".") not in live:
-                shutil.rmtree(folder, ignore_errors=True)
+    for folder in folders:
+        if folder.name.lstrip(".") not in live:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def root() -> Path:

@@ -22,6 +22,7 @@ from crowd.results.models import Export
 from crowd.results.opendata import exports
 
 LATEST = "latest"
+PREPARATION_SECONDS = 300
 TYPES = {
     "parquet": "application/vnd.apache.parquet",
     "csv": "application/gzip",
@@ -61,7 +62,10 @@ def export_file(request: HttpRequest, name: str, file: str) -> HttpResponseBase:
 
 
 def _found(name: str, file: str) -> tuple[dict[str, Any], Export]:
-    """What the export's row says of FILE. Raises Problem: 404 not_found, 410 export_withdrawn."""
+    """What the export's row says of FILE.
+
+    Raises Problem: 404 not_found, 410 export_withdrawn, 503 export_in_preparation.
+    """
     if name == LATEST:
         export = exports.published().first()
     else:
@@ -71,6 +75,10 @@ def _found(name: str, file: str) -> tuple[dict[str, Any], Export]:
             410,
             "export_withdrawn",
             f"a participant erased something that the export of {name} held: take /data/{LATEST}/{file}",
+        )
+    if export is None and name == LATEST:
+        raise Problem(
+            503, "export_in_preparation", "the next export is being written", retry_after=PREPARATION_SECONDS
         )
     if export is None:
         raise not_found(f"no export {name!r}: GET /api/v1/exports lists them")
