@@ -49,7 +49,8 @@ def concerns(home: Home, root: Path = Path("/"), system: str = sys.platform) -> 
         found.append(Concern(THROTTLING, text, True))
     busy, processors = condition.load(root, system), os.cpu_count() or 1
     if busy is not None and busy > BUSY_SHARE * processors:
-        text = f"other programs keep {busy:.1f} of {processors} processors busy: times will be less steady"
+        text = f"other programs keep this device busy (load {busy:.1f} on {processors} processors): times "
+        text += "will be less steady"
         found.append(Concern(LOAD, text, False))
     free = condition.free_disk(home.path)
     if free is not None and free < NEEDED_DISK_BYTES:

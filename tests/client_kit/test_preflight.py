@@ -49,7 +49,7 @@ def test_a_busy_machine_is_told_and_measured(tmp_path: Path, home: Home, program
 
     [concern] = require_fit(concerns(home, tmp_path, "linux"))
 
-    assert "other programs keep 900.0 of" in concern.text
+    assert "other programs keep this device busy (load 900.0 on" in concern.text
 
 
 def test_a_full_disk_stops_before_anything_is_measured(
