@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from uuid import UUID
 
 import numpy as np
+from django.db import connection
 from numpy.typing import NDArray
 
 from crowd.results import packing, rules, statistics
@@ -49,9 +50,22 @@ def judge_runs(sessions: Sequence[MeasurementSession], decisions: Decisions) -> 
             _set(run, rules.RELEASED)
         judged[run.session_id].append(run)
     changed = [run for run in runs if before[run.pk] != _derived(run)]
-    if changed:
-        Run.objects.bulk_update(changed, DERIVED)
+    _store(changed)
     return judged
+
+
+def _store(runs: Sequence[Run]) -> None:
+    """Write the derived columns of RUNS. One statement for each, prepared once: a single one with a case for
+    each row and column, as Django writes it, takes ten times as long.
+    """
+    if not runs:
+        return
+    table = connection.ops.quote_name(Run._meta.db_table)
+    columns = ", ".join(f"{connection.ops.quote_name(name)} = %s" for name in DERIVED)
+    with connection.cursor() as cursor:
+        cursor.executemany(
+            f"UPDATE {table} SET {columns} WHERE id = %s", [(*_derived(run), run.pk) for run in runs]
+        )
 
 
 def fingerprint(frames: NDArray[np.uint32]) -> int | None:
@@ -69,8 +83,9 @@ def _set(run: Run, rule: Rule | None) -> None:
     run.state, run.reason = (State.VALID, "") if rule is None else (rule.state, rule.code)
 
 
-def _derived(run: Run) -> tuple[object, ...]:
-    return tuple(getattr(run, name) for name in DERIVED)
+def _derived(run: Run) -> tuple[float | None, int | None, str, str]:
+    """The values of DERIVED."""
+    return run.mean_us, run.fingerprint, str(run.state), run.reason
 
 
 def _broken(run: Run, frames: NDArray[np.uint32], protocol: Protocol) -> Rule | None:
