@@ -7,6 +7,12 @@ from pareto.space import Space
 
 Array = NDArray[np.float64]
 
+# Standard deviations, of logarithms, of what depends on every parameter at once. Of 471 configurations of
+# real KinectFusion, measured on one machine, those that kept track had errors of which a smooth process left
+# 2.2 % unexplained; of this one's errors at the same points it leaves that much at a little under 2 %.
+# Repetitions gave the same error to the last digit; in the runtime nothing was seen beyond what they vary by.
+ERROR, STRAIN, RUNTIME = 0.02, 0.02, 0.01
+
 
 def evaluate(space: Space, indices: NDArray[np.int64], seed: int = 0, rough: bool = True) -> Array:
     """Return (n, 2) columns ate_max (m) and runtime (s a frame) of the kfusion space's `indices`.
@@ -50,14 +56,14 @@ def evaluate(space: Space, indices: NDArray[np.int64], seed: int = 0, rough: boo
         motion / basin + 0.25 * np.maximum(0.0, 1.3 - mu / voxel) + 0.004 * integration * (0.4 / (mu + 0.1))
     )
     strain *= np.exp(
-        0.10 * roughness(codes, seed, keep=(0, 1, 7)) + amount * 0.05 * roughness(codes, seed + 1)
+        0.10 * roughness(codes, seed, keep=(0, 1, 7)) + amount * STRAIN * roughness(codes, seed + 1)
     )
     resolution = np.hypot(0.10 * voxel, 0.0012 * ratio**1.2)
     drift = 0.0006 * (integration - 1) ** 0.7 + 0.006 * np.maximum(0.0, strain) ** 2 + 0.02 * mu**1.5
-    error = np.sqrt(resolution**2 + drift**2) * np.exp(amount * 0.06 * roughness(codes, seed + 2))
+    error = np.sqrt(resolution**2 + drift**2) * np.exp(amount * ERROR * roughness(codes, seed + 2))
     lost = 1.0 / (1.0 + np.exp(-(strain - 1.0) / 0.02))
     ate = error ** (1 - lost) * (0.25 * strain) ** lost
-    return np.stack([ate, runtime * np.exp(amount * 0.02 * roughness(codes, seed + 3))], axis=1)
+    return np.stack([ate, runtime * np.exp(amount * RUNTIME * roughness(codes, seed + 3))], axis=1)
 
 
 def roughness(codes: NDArray[np.int64], seed: int, keep: tuple[int, ...] | None = None) -> Array:
