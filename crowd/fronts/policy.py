@@ -26,11 +26,12 @@ class Policy:
 
 def current() -> Policy:
     """What holds at this moment, in every process. One query."""
-    row = IntakePolicy.objects.first() or IntakePolicy()
+    decided = IntakePolicy.objects.values_list("accepting", "message", "minimum_app_version")
+    accepting, message, minimum = next(iter(decided), (None, "", ""))
     return Policy(
-        accepting=settings.FRONTRUNNER_ACCEPTING if row.accepting is None else row.accepting,
-        message=row.message,
-        minimum_app_version=row.minimum_app_version or settings.FRONTRUNNER_MINIMUM_APP_VERSION,
+        accepting=settings.FRONTRUNNER_ACCEPTING if accepting is None else accepting,
+        message=message,
+        minimum_app_version=minimum or settings.FRONTRUNNER_MINIMUM_APP_VERSION,
         consent_version=settings.FRONTRUNNER_CONSENT_VERSION,
     )
 

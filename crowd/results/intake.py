@@ -13,6 +13,9 @@ from crowd.results import checks, extras, schema
 from crowd.results.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
 
+# Fronts by slug. Once released, a front is neither changed nor deleted, and measurements of it are taken.
+_released: dict[str, "Front"] = {}
+
 ACCEPTED, DUPLICATE, REJECTED = "accepted", "duplicate", "rejected"
 
 
@@ -71,9 +74,13 @@ class Intake:
         raise Problem(422, "all_runs_rejected", "no run can be taken: items tell why", items=answers)
 
 
-def check(submission: schema.Submission, beyond: extras.Extras, installation: Installation) -> Intake:
-    """SUBMISSION, with what came BEYOND its schema, with a verdict on each of its runs. Four queries, one more
-    for a session that goes on.
+def check(
+    submission: schema.Submission, beyond: extras.Extras, installation: Installation, look: bool
+) -> Intake:
+    """SUBMISSION, with what came BEYOND its schema, with a verdict on each of its runs.
+
+    LOOK: whether something of it is stored already is looked up, in two queries or three. Else it is taken
+    for new, without a query, and the database refuses to store it twice.
 
     Raises Problem for what concerns the whole request: the device's description, the number of runs.
     """
@@ -82,8 +89,7 @@ def check(submission: schema.Submission, beyond: extras.Extras, installation: In
     if not 1 <= count <= checks.MAX_RUNS:
         raise Problem(400, "run_count", f"{count} runs: send 1 to {checks.MAX_RUNS}", field="sessions")
     fronts = _fronts({session.front_version for session in submission.sessions})
-    stored = MeasurementSession.objects.filter(uuid__in=[session.id for session in submission.sessions])
-    sessions = {row.uuid: row for row in stored.select_related("front")}
+    sessions = _stored_sessions(submission) if look else {}
     items = [
         item
         for place, session in enumerate(submission.sessions)
@@ -91,17 +97,19 @@ def check(submission: schema.Submission, beyond: extras.Extras, installation: In
             place, session, beyond.sessions[place], fronts.get(session.front_version), sessions, installation
         )
     ]
-    _mark_duplicates(items)
+    _mark_duplicates(items, _stored_runs(items) if look else set())
     _refuse_taken_repeats(items, sessions)
     return Intake(submission, beyond, fronts, sessions, items)
 
 
 def _fronts(slugs: set[str]) -> dict[str, Front]:
-    rows = FrontVersion.objects.released().filter(slug__in=slugs)
-    return {
-        row.slug: Front(row, checks.Protocol.of(row.protocol), {c.name: c for c in row.configurations.all()})
-        for row in rows.prefetch_related("configurations")
-    }
+    """The released fronts among SLUGS. No query for those that this process has read."""
+    if missing := slugs - _released.keys():
+        rows = FrontVersion.objects.released().filter(slug__in=missing).prefetch_related("configurations")
+        for row in rows:
+            configurations = {configuration.name: configuration for configuration in row.configurations.all()}
+            _released[row.slug] = Front(row, checks.Protocol.of(row.protocol), configurations)
+    return {slug: _released[slug] for slug in slugs & _released.keys()}
 
 
 def _session_items(
@@ -157,10 +165,18 @@ def _check_session(
     return None
 
 
-def _mark_duplicates(items: list[Item]) -> None:
-    """A run whose id is stored, or came earlier in this request, is a duplicate, whatever its content."""
+def _stored_sessions(submission: schema.Submission) -> dict[UUID, MeasurementSession]:
+    rows = MeasurementSession.objects.filter(uuid__in=[session.id for session in submission.sessions])
+    return {row.uuid: row for row in rows}
+
+
+def _stored_runs(items: list[Item]) -> set[UUID]:
     ids = [item.run.id for item in items if item.run is not None]
-    seen = set(Run.objects.filter(uuid__in=ids).values_list("uuid", flat=True))
+    return set(Run.objects.filter(uuid__in=ids).values_list("uuid", flat=True))
+
+
+def _mark_duplicates(items: list[Item], seen: set[UUID]) -> None:
+    """A run whose id was SEEN, stored or earlier in this request, is a duplicate, whatever its content."""
     for item in items:
         if item.run is not None and item.rejection is None:
             item.duplicate = item.run.id in seen

@@ -4,15 +4,13 @@ import hashlib
 import json
 from dataclasses import dataclass
 from typing import Any
-from uuid import UUID
 
 import msgspec
-from django.db import transaction
+from django.db import IntegrityError, transaction
 from django.utils import timezone
 
-from crowd.devices.disclosure import published
-from crowd.devices.models import DeviceDescription, Installation
-from crowd.devices.recognition import recognise
+from crowd.devices.models import Installation
+from crowd.devices.recognition import Recognised, recognise
 from crowd.devices.services import choose_disclosure
 from crowd.disclosure import public
 from crowd.fronts import policy
@@ -22,6 +20,7 @@ from crowd.results import extras, intake, judging, packing, schema
 from crowd.results.models import MeasurementSession, Run, Submission
 
 CLOSED_SECONDS = 3600
+TRIES = 3  # a request stored beside others of the same content
 
 
 @dataclass(frozen=True)
@@ -39,40 +38,56 @@ def accept_submission(installation: Installation, key: str, body: bytes) -> Acce
     The same key with the same body answers as before and changes nothing. Raises Problem: 400 for what
     cannot be read, 409 for a key used with another body, 422 where no run can be taken, 426, 429, 503.
     """
-    digest = hashlib.sha256(body).hexdigest()
-    with transaction.atomic():
-        # One request of an installation at a time, so that a key or a run sent twice at once is stored once.
-        if not Installation.objects.select_for_update().filter(pk=installation.pk, revoked_at=None).exists():
+    for tries in range(1, TRIES + 1):
+        try:
+            with transaction.atomic():
+                return _accept(installation, key, body, careful=tries > 1)
+        except IntegrityError:
+            # Something of it is stored already, or the installation is being erased.
+            if tries == TRIES:
+                raise
+    raise AssertionError("the last try returns or raises")
+
+
+def _accept(installation: Installation, key: str, body: bytes, careful: bool) -> Acceptance:
+    """One try, in one transaction. Nearly always nothing of a request is stored yet: that is only looked up
+    where CAREFUL, after the database refused to store something twice.
+    """
+    if careful:
+        # One request of an installation at a time, so that a run sent twice at once is stored once.
+        locked = Installation.objects.select_for_update().filter(pk=installation.pk, revoked_at=None)
+        if not locked.exists():
             raise Problem(401, "token_invalid", "this installation was erased: enrol again")
-        earlier = Submission.objects.filter(installation=installation, idempotency_key=key).first()
-        if earlier is not None:
-            if earlier.body_sha256 != digest:
-                raise Problem(
-                    409, "idempotency_key_reused", "this key came with another body before: use a new key"
-                )
-            return Acceptance(earlier.answer, replayed=True)
-        holding = policy.current()
-        _refuse_unless_open(holding)
-        checked = _checked(installation, body, holding)
-        choose_disclosure(installation, checked.submission.show_model)
-        submission = Submission(
-            installation=installation,
-            idempotency_key=key,
-            body_sha256=digest,
-            schema_version=checked.submission.schema_version,
-            app_version=checked.submission.app_version,
-            consent_version=checked.submission.consent_version,
-            extra=checked.extras.members,
-        )
-        items = [item.answer() for item in checked.items]
-        submission.answer = json.dumps({"submission_id": str(submission.pk), "items": items})
-        submission.save(force_insert=True)
-        return Acceptance(submission.answer, replayed=False, sessions=_store(submission, checked))
+    digest = hashlib.sha256(body).hexdigest()
+    earlier = Submission.objects.filter(installation=installation, idempotency_key=key)
+    for earlier_digest, answer in earlier.order_by().values_list("body_sha256", "answer"):
+        if earlier_digest != digest:
+            raise Problem(
+                409, "idempotency_key_reused", "this key came with another body before: use a new key"
+            )
+        return Acceptance(answer, replayed=True)
+    holding = policy.current()
+    _refuse_unless_open(holding)
+    checked = _checked(installation, body, holding, look=careful)
+    choose_disclosure(installation, checked.submission.show_model)
+    submission = Submission(
+        installation=installation,
+        idempotency_key=key,
+        body_sha256=digest,
+        schema_version=checked.submission.schema_version,
+        app_version=checked.submission.app_version,
+        consent_version=checked.submission.consent_version,
+        extra=checked.extras.members,
+    )
+    items = [item.answer() for item in checked.items]
+    submission.answer = json.dumps({"submission_id": str(submission.pk), "items": items})
+    submission.save(force_insert=True)
+    return Acceptance(submission.answer, replayed=False, sessions=_store(submission, checked))
 
 
 def validate_submission(installation: Installation, body: bytes) -> list[dict[str, Any]]:
     """What accept_submission would answer for each run of BODY, nothing stored. Raises the same problems."""
-    return [item.answer() for item in _checked(installation, body, policy.current()).items]
+    return [item.answer() for item in _checked(installation, body, policy.current(), look=True).items]
 
 
 def refuse_outdated(app_version: str, holding: Policy) -> None:
@@ -111,11 +126,11 @@ def _with(message: str, text: str) -> str:
     return f"{text} ({message})" if message else text
 
 
-def _checked(installation: Installation, body: bytes, holding: Policy) -> intake.Intake:
+def _checked(installation: Installation, body: bytes, holding: Policy, look: bool) -> intake.Intake:
     submission = schema.submission(body)
     refuse_outdated(submission.app_version, holding)
     refuse_other_consent(submission.consent_version, holding)
-    checked = intake.check(submission, extras.of_submission(body), installation)
+    checked = intake.check(submission, extras.of_submission(body), installation, look)
     checked.refuse_if_all_bad()
     return checked
 
@@ -125,16 +140,20 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
     new = [item for item in checked.items if item.rejection is None and not item.duplicate]
     if not new:
         return ()
-    description = recognise(checked.submission.device)
-    sessions: dict[UUID, MeasurementSession] = {}
-    rows = []
-    for item in new:
-        assert item.run is not None  # an item without a run is rejected
-        front = checked.fronts[item.session.front_version]
-        if item.session.id not in sessions:
-            sessions[item.session.id] = _session(submission, checked, item, description)
-        rows.append(_row(item.run, item.extra, sessions[item.session.id], front))
-    Run.objects.bulk_create(rows)
+    device = recognise(checked.submission.device)
+    named = {item.session.id: item for item in new}
+    made = [
+        _session(submission, checked, item, device)
+        for uuid, item in named.items()
+        if uuid not in checked.sessions
+    ]
+    MeasurementSession.objects.bulk_create(made)
+    sessions = {
+        session.uuid: session for session in (*checked.sessions.values(), *made) if session.uuid in named
+    }
+    Run.objects.bulk_create(
+        [_row(item, sessions[item.session.id], checked.fronts[item.session.front_version]) for item in new]
+    )
     # A session that was summarised before has more runs now.
     again = [session.pk for session in sessions.values() if session.summary_algorithm is not None]
     if again:
@@ -143,27 +162,24 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
 
 
 def _session(
-    submission: Submission, checked: intake.Intake, item: intake.Item, description: DeviceDescription
+    submission: Submission, checked: intake.Intake, item: intake.Item, device: Recognised
 ) -> MeasurementSession:
-    """The stored session that ITEM belongs to, or a new one."""
+    """A new session, that of ITEM's run."""
     session, beyond = item.session, item.beyond
-    stored = checked.sessions.get(session.id)
-    if stored is not None:
-        return stored
-    raw = description.raw
-    return MeasurementSession.objects.create(
+    raw = checked.submission.device
+    return MeasurementSession(
         uuid=session.id,
         installation=submission.installation,
         submission=submission,
-        description=description,
-        device=published(description.model, submission.installation.show_model),
+        description_id=device.description,
+        device_id=device.public(submission.installation.show_model),
         front=checked.fronts[session.front_version].row,
         protocol_version=session.protocol_version,
         backend=session.backend,
         processor=_text(raw, "opencl_device"),
         platform=_text(raw, "opencl_platform"),
         # Not the whole string: with the digest of a phone's build in it, it would name a rare model.
-        driver=description.driver,
+        driver=device.driver,
         # A phone whose clock runs ahead must not be the latest for ever.
         started_at=min(session.started_at, timezone.now()),
         samples=[
@@ -179,7 +195,9 @@ def _text(raw: dict[str, Any], name: str) -> str:
     return value[:200] if isinstance(value, str) else ""
 
 
-def _row(run: schema.Run, extra: dict[str, Any], session: MeasurementSession, front: intake.Front) -> Run:
+def _row(item: intake.Item, session: MeasurementSession, front: intake.Front) -> Run:
+    run = item.run
+    assert run is not None  # an item without a run is rejected
     names, stages_us = packing.pack_stages(run.stages_us or {})
     tracked = run.tracked if isinstance(run.tracked, list) else []
     row = Run(
@@ -203,7 +221,7 @@ def _row(run: schema.Run, extra: dict[str, Any], session: MeasurementSession, fr
         ate_mean=run.ate_mean,
         ate_rmse=run.ate_rmse,
         trajectory_sha256=run.trajectory_sha256 or "",
-        extra=extra,
+        extra=item.extra,
     )
     judging.judge(row, front.protocol)
     return row
