@@ -1,0 +1,66 @@
+"""What keeps a server running: what it needs before it serves, and logs that do not grow for ever."""
+
+import os
+from pathlib import Path
+
+import pytest
+from django.core.management import call_command
+
+from crowd import metrics, supervision
+from crowd.explorations.models import ReferenceDevice
+from crowd.supervision import Child
+
+
+def test_preparing_again_changes_and_says_nothing(
+    db: None, own_data_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    call_command("prepare")
+    first = capsys.readouterr().out
+    left = own_data_folder / "metrics" / "1-1.json"
+    left.parent.mkdir()
+    left.write_text("[]")
+
+    call_command("prepare")
+
+    assert "password" in first
+    assert "password" not in capsys.readouterr().out
+    assert ReferenceDevice.objects.count() == 1
+    assert (own_data_folder / "static" / "dashboard").is_dir()
+    assert not left.exists()
+
+
+def test_a_large_log_is_put_aside_while_its_process_writes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervision, "LARGEST_LOG_BYTES", 1000)
+    child = Child("test", [], tmp_path / "web.log", os.environ, tmp_path)
+    with child.log.open("ab", buffering=0) as process:
+        process.write(b"a" * 1000)
+        child.shorten_log()
+        assert child.log.stat().st_size == 1000
+
+        process.write(b"b")
+        child.shorten_log()
+        process.write(b"c")
+
+    assert child.log.read_bytes() == b"c"
+    assert (tmp_path / "web.old.log").read_bytes() == b"a" * 1000 + b"b"
+
+
+def test_a_log_that_cannot_be_put_aside_is_cut_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervision, "LARGEST_LOG_BYTES", 10)
+    child = Child("test", [], tmp_path / "web.log", os.environ, tmp_path)
+    child.log.write_bytes(b"a" * 100)
+    (tmp_path / "web.old.log").mkdir()
+
+    child.shorten_log()
+
+    assert child.log.read_bytes() == b""
+
+
+def test_forgetting_where_nothing_was_left_is_no_error(tmp_path: Path) -> None:
+    metrics.forget(tmp_path / "absent")
+
+    assert not (tmp_path / "absent").exists()
