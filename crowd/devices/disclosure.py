@@ -54,10 +54,15 @@ def published(model: DeviceModel, show_model: bool) -> DeviceModel:
     No query where model.canonical and the group of the shown model were fetched.
     """
     shown = model.shown
-    if show_model or not shown.rare:
+    if is_named(shown.rare, show_model):
         return shown
     assert shown.group is not None  # recognition gives every model its group
     return shown.group
+
+
+def is_named(rare: bool, show_model: bool) -> bool:
+    """Whether a model is shown by its name, to an installation that wants SHOW_MODEL or not."""
+    return show_model or not rare
 
 
 def is_rare(installations: int) -> bool:

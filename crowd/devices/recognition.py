@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -17,30 +18,66 @@ PARTS = ("cpu", "soc", "gpu", "os", "market_name")
 BATCH = 200
 
 
-@transaction.atomic(savepoint=False)
-def recognise(raw: dict[str, Any]) -> DeviceDescription:
-    """The stored description equal to RAW, with its model, what that is an alias of, and the group of both;
-    all are made on first sight. One query for what is known.
+@dataclass(frozen=True)
+class Recognised:
+    """What a new session needs of its device, as primary keys: the description, the model that it is shown
+    as, that model's group; and the driver by name and version.
     """
+
+    description: int
+    model: int
+    rare: bool
+    group: int
+    driver: str
+
+    def public(self, show_model: bool) -> int:
+        """The primary key of what everybody sees of it (`crowd.devices.disclosure`)."""
+        return self.model if disclosure.is_named(self.rare, show_model) else self.group
+
+
+def recognise(raw: dict[str, Any]) -> Recognised:
+    """The device behind RAW; its description, model and group are stored on first sight. One query else."""
     digest = hashlib.sha256(msgspec.json.encode(raw, order="sorted")).hexdigest()
-    known = _described().filter(digest=digest).first()
+    known = _recognised(digest)
     if known is None:
-        identity, entry = _derived(raw)
-        driver = drivers.driver(raw)
-        DeviceDescription.objects.get_or_create(
-            digest=digest,
-            defaults={
-                "raw": raw,
-                "model": _model(identity, entry),
-                "driver_name": driver.name,
-                "driver_version": driver.version[:50],
-                "rules": normalisation.RULES,
-            },
-        )
-        known = _described().get(digest=digest)
-    if known.model.shown.group is None:
-        _regroup(known.model.shown)
+        _describe(raw, digest)
+        known = _recognised(digest)
+        assert known is not None  # it was described just now
     return known
+
+
+def _recognised(digest: str) -> Recognised | None:
+    """Bare columns: this is asked for every submission."""
+    shown = ("pk", "rare", "group_id")
+    rows = DeviceDescription.objects.filter(digest=digest).values_list(
+        *("pk", "driver_name", "driver_version"),
+        *(f"model__{column}" for column in shown),
+        *(f"model__canonical__{column}" for column in shown),
+    )
+    for description, driver, version, *models in rows.order_by():
+        model, rare, group = models[3:] if models[3] is not None else models[:3]
+        if group is not None:
+            return Recognised(description, model, rare, group, f"{driver} {version}".strip())
+    return None
+
+
+@transaction.atomic
+def _describe(raw: dict[str, Any], digest: str) -> None:
+    """Store the description of RAW with its model, and see that the model that is shown has a group."""
+    identity, entry = _derived(raw)
+    driver = drivers.driver(raw)
+    description, _ = DeviceDescription.objects.get_or_create(
+        digest=digest,
+        defaults={
+            "raw": raw,
+            "model": _model(identity, entry),
+            "driver_name": driver.name,
+            "driver_version": driver.version[:50],
+            "rules": normalisation.RULES,
+        },
+    )
+    if description.model.shown.group is None:
+        _regroup(description.model.shown)
 
 
 def renormalise_waiting(limit: int = BATCH) -> int:
@@ -99,10 +136,6 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
         row.driver_name, row.driver_version = driver.name, driver.version[:50]
         row.save(update_fields=["model", "rules", "driver_name", "driver_version"])
     return touched
-
-
-def _described() -> QuerySet[DeviceDescription]:
-    return DeviceDescription.objects.select_related("model__group", "model__canonical__group")
 
 
 def _derived(raw: dict[str, Any]) -> tuple[Identity, catalogue.Entry]:

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from crowd.devices import decisions
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel, DeviceSplit
 from crowd.devices.proposals import Candidate, propose
-from crowd.devices.recognition import recognise, renormalise
+from crowd.devices.recognition import renormalise
 from crowd.results import publication, summarising
 from crowd.results.models import DeviceSpeedup, MeasurementSession
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import Participant
+from tests.crowd.recognised import described
 
 Join = Callable[[], Participant]
 
@@ -151,7 +152,7 @@ def test_a_proposal_waits_for_a_person(two: tuple[DeviceModel, DeviceModel]) -> 
 
 def test_merges_of_merges_come_apart_in_any_order(db: None) -> None:
     names = ("Pixel 8", "Pixel_8", "PIXEL-8")
-    first, second, third = (recognise(device_document(name)).model for name in names)
+    first, second, third = (described(device_document(name)).model for name in names)
     inner = decisions.merge([first], second, "eve")[0]
     outer = decisions.merge([second], third, "eve")[0]
     assert set(third.members.all()) == {first, second}
@@ -165,8 +166,8 @@ def test_merges_of_merges_come_apart_in_any_order(db: None) -> None:
 
 
 def test_models_never_merge_across_makers(db: None) -> None:
-    ours = recognise(device_document("One")).model
-    theirs = recognise(device_document("One", manufacturer="Acme")).model
+    ours = described(device_document("One")).model
+    theirs = described(device_document("One", manufacturer="Acme")).model
 
     with pytest.raises(decisions.DecisionError, match="never merge across makers"):
         decisions.merge([theirs], ours, "eve")
@@ -175,7 +176,7 @@ def test_models_never_merge_across_makers(db: None) -> None:
 
 
 def test_a_circle_is_refused(db: None) -> None:
-    first, second = (recognise(device_document(name)).model for name in ("A 1", "A-1"))
+    first, second = (described(device_document(name)).model for name in ("A 1", "A-1"))
     decisions.merge([first], second, "eve")
 
     with pytest.raises(decisions.DecisionError, match="undo that first"):
@@ -203,8 +204,8 @@ def test_figures_follow_a_split_and_its_undoing(front: Any, join: Join) -> None:
 
 
 def test_a_split_outlives_better_rules(db: None) -> None:
-    recognise(device_document())
-    other = recognise(device_document(soc_model="Tensor G4"))
+    described(device_document())
+    other = described(device_document(soc_model="Tensor G4"))
     decision = decisions.split([other], "eve")
 
     renormalise(DeviceDescription.objects.all())
@@ -214,7 +215,7 @@ def test_a_split_outlives_better_rules(db: None) -> None:
 
 
 def test_a_split_leaves_something_behind(db: None) -> None:
-    only = recognise(device_document())
+    only = described(device_document())
 
     with pytest.raises(decisions.DecisionError, match="leave one that stays"):
         decisions.split([only], "eve")
@@ -264,7 +265,7 @@ def test_an_administrator_reviews_proposals(
 
 
 def test_the_queues_hold_what_nobody_looked_at(administration: Client) -> None:
-    recognise({"os": "Android", "manufacturer": "ALPS", "model": "E5533"})
+    described({"os": "Android", "manufacturer": "ALPS", "model": "E5533"})
     model = DeviceModel.objects.get(kind=DeviceModel.Kind.UNKNOWN)
     queue = reverse("admin:devices_devicemodel_changelist") + "?queue=unknown"
     assert "E5533" in administration.get(queue).content.decode()

@@ -8,7 +8,7 @@ from django.core.management import CommandError, call_command
 from crowd.devices.catalogue import look_up, store
 from crowd.devices.catalogue_files import BadLine, CatalogueFileError, read
 from crowd.devices.models import CatalogueEntry
-from crowd.devices.recognition import recognise
+from tests.crowd.recognised import described
 
 PLAY = """Brand,Device,Manufacturer,Model Name,RAM (TotalMem),System on Chip,GPU
 samsung,a16x,Samsung,Galaxy A16 5G,3618-7825MB,Samsung s5e8535,2x ARM Mali G68 (950 MHz)
@@ -103,7 +103,7 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
 def test_a_device_gets_market_name_and_chips_from_the_catalogue(db: None, play: Path) -> None:
     store(read(play))
 
-    model = recognise(PHONE).model
+    model = described(PHONE).model
 
     assert model.shown_name == "Galaxy A16 5G (SM-A166B)"
     assert (model.soc, model.gpu) == ("Samsung Exynos 1330 (S5E8535)", "Mali-G68")
@@ -112,7 +112,7 @@ def test_a_device_gets_market_name_and_chips_from_the_catalogue(db: None, play: 
 def test_what_the_device_says_itself_comes_first(db: None, play: Path) -> None:
     store(read(play))
 
-    model = recognise(PHONE | {"soc_model": "s5e8835", "opencl_device": "Mali-G615"}).model
+    model = described(PHONE | {"soc_model": "s5e8835", "opencl_device": "Mali-G615"}).model
 
     assert (model.soc, model.gpu) == ("Samsung Exynos 1380 (S5E8835)", "Mali-G615")
 
@@ -145,7 +145,7 @@ def test_a_list_without_makers_counts_where_code_and_device_agree(db: None, tmp_
 def test_the_command_names_what_was_known_under_its_code(
     db: None, play: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    model = recognise(PHONE).model
+    model = described(PHONE).model
     assert model.shown_name == "SM-A166B"
 
     call_command("devices", "import", str(play))
