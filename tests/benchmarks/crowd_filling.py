@@ -116,7 +116,7 @@ def fill(runs: int, devices: int, seed: int = 0) -> float:
         installation_id=installations[0],
         submission_id=uuid.uuid4(),
         description=description,
-        device=description.model,
+        device_id=description.model_id,
         front=front,
         protocol_version=1,
         backend="opencl",
@@ -199,15 +199,13 @@ def _crowd(devices: int) -> list[tuple[Any, list[uuid.UUID]]]:
     """Each device's description with its installations; made where they are missing."""
     from django.db import transaction
 
-    from crowd.devices.models import DeviceModel, Installation
+    from crowd.devices.models import DeviceDescription, DeviceModel, Installation
     from crowd.devices.recognition import recognise
     from tests.crowd.documents import device_document
 
     with transaction.atomic():
-        described = [
+        for number in range(devices):
             recognise(device_document(f"Device {number:04d}", manufacturer="Simulated"))
-            for number in range(devices)
-        ]
         # Made-up models never join those that people measured.
         DeviceModel.objects.filter(manufacturer="Simulated").update(rare=False, changed=False)
         app = "simulated"
@@ -223,6 +221,7 @@ def _crowd(devices: int) -> list[tuple[Any, list[uuid.UUID]]]:
             for _ in range(missing)
         )
     who = list(Installation.objects.filter(app=app).order_by("pk").values_list("pk", flat=True))
+    described = DeviceDescription.objects.filter(model__manufacturer="Simulated").order_by("model__name")
     return [(description, who[number::devices]) for number, description in enumerate(described)]
 
 
