@@ -1,9 +1,15 @@
 """What happens to a submission that is as it should be."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from django.db import connection
 
+from crowd.devices.models import Installation
+from crowd.fronts.models import FrontVersion
+from crowd.problems import Problem
+from crowd.results import services
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
 from tests.crowd.documents import run_document, session_document, submission_document
 from tests.crowd.participant import Participant
@@ -170,3 +176,41 @@ def test_a_dry_run_answers_alike_and_stores_nothing(participant: Participant) ->
     assert {item["status"] for item in response.json()["items"]} == {"accepted"}
     assert not Submission.objects.exists()
     assert not MeasurementSession.objects.exists()
+
+
+@pytest.mark.django_db(transaction=True)
+def test_what_comes_while_its_installation_is_erased_is_refused(
+    front: FrontVersion, installation: Installation
+) -> None:
+    """The token was good when the request came, and nothing is left to store it under."""
+    Installation.objects.filter(pk=installation.pk).delete()
+
+    with pytest.raises(Problem) as refused:
+        services.accept_submission(installation, "a", json.dumps(submission_document()).encode())
+
+    assert (refused.value.status, refused.value.code) == (401, "token_invalid")
+    assert not Submission.objects.exists()
+    assert not Run.objects.exists()
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_request_that_comes_many_times_at_once_is_stored_once(
+    front: FrontVersion, installation: Installation
+) -> None:
+    if connection.vendor == "sqlite":
+        pytest.skip("SQLite in memory refuses a second writer at once; PostgreSQL runs this")
+    body = json.dumps(submission_document()).encode()
+
+    def send(key: str) -> services.Acceptance:
+        try:
+            return services.accept_submission(installation, key, body)
+        finally:
+            connection.close()
+
+    with ThreadPoolExecutor(4) as threads:
+        answers = list(threads.map(send, ["a", "a", "b", "b"]))
+
+    assert len({answer.answer for answer in answers}) == 2
+    assert sorted(answer.replayed for answer in answers) == [False, False, True, True]
+    assert Submission.objects.count() == 2
+    assert (MeasurementSession.objects.count(), Run.objects.count()) == (1, 4)
