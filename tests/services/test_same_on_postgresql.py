@@ -19,6 +19,7 @@ AGAIN = (
     "manifest",
     "unknown_members",
     "size_limits",
+    "open_data",
 )
 
 
