@@ -1,5 +1,6 @@
 """manage.py results export | recompute: what keeps the results, by hand."""
 
+from collections.abc import Callable
 from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
@@ -9,7 +10,7 @@ from crowd.results.opendata import exports
 
 
 class Command(BaseCommand):
-    help = "Write an export of the open data now; the worker does so every night."
+    help = "Write the open data now, or compute figures anew; the worker does both by itself."
 
     def add_arguments(self, parser: CommandParser) -> None:
         actions = parser.add_subparsers(dest="action", required=True)
@@ -23,7 +24,8 @@ class Command(BaseCommand):
         recompute.add_argument("--front", metavar="VERSION", help="sessions of this front, as kfusion-1")
 
     def handle(self, *args: Any, action: str, **options: Any) -> None:  # noqa: ARG002
-        {"export": self._export, "recompute": self._recompute}[action](**options)
+        actions: dict[str, Callable[..., None]] = {"export": self._export, "recompute": self._recompute}
+        actions[action](**options)
 
     def _recompute(self, device: str | None, front: str | None, **options: Any) -> None:
         if options["all"] or device is not None or front is not None:
