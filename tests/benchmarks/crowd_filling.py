@@ -38,7 +38,11 @@ class Table:
         from django.db import connection
 
         self.connection, self.model = connection, type(example)
-        fields = [field for field in self.model._meta.concrete_fields if not field.generated]
+        fields = [
+            field
+            for field in self.model._meta.concrete_fields
+            if not field.generated and (field.attname in varying or not field.primary_key)
+        ]
         self.same = [
             (field.column, field.get_db_prep_save(field.pre_save(example, add=True), connection))
             for field in fields
