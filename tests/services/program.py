@@ -109,8 +109,12 @@ class Program(ABC):
                 stdout=log,
                 stderr=subprocess.STDOUT,
             )
-        until(lambda: self.process.poll() is not None or self.ready())
-        assert self.process.poll() is None, self.said()
+        try:
+            until(lambda: self.process.poll() is not None or self.ready())
+            assert self.process.poll() is None, self.said()
+        except BaseException:
+            self.kill()
+            raise
 
     def kill(self) -> None:
         """kill -9, of whatever it started too: as when a machine runs out of memory."""

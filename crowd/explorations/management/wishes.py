@@ -97,7 +97,8 @@ def _limits(options: dict[str, Any]) -> dict[str, float]:
     if LIMITED not in options["objectives"]:
         raise CommandError(
             f"objectives {', '.join(options['objectives'])} lack {LIMITED}, which is kept below "
-            f"{VALID_BELOW} unless you say otherwise: add it to --objectives, or give --limit NAME=MOST or --no-limits"
+            f"{VALID_BELOW} unless you say otherwise: add it to --objectives, or give --limit NAME=MOST or "
+            "--no-limits"
         )
     return {LIMITED: VALID_BELOW}
 
