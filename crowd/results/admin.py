@@ -18,10 +18,12 @@ from crowd.results import moderation, statistics
 from crowd.results.models import (
     Decision,
     DeviceSpeedup,
+    Export,
     MeasurementSession,
     Run,
     SessionSummary,
     Submission,
+    Tombstone,
 )
 
 DECIDE = "results.add_decision"
@@ -184,3 +186,20 @@ class DecisionAdmin(ReadOnlyAdmin):
     list_select_related = ("session", "run")
     search_fields = ("session__uuid", "run__uuid", "actor", "reason")
     date_hierarchy = "at"
+
+
+@admin.register(Export)
+class ExportAdmin(ReadOnlyAdmin):
+    """Exports of the open data: those that can be had, and those that an erasure withdrew."""
+
+    list_display = ("name", "started_at", "published_at", "withdrawn_at")
+    date_hierarchy = "started_at"
+
+
+@admin.register(Tombstone)
+class TombstoneAdmin(ReadOnlyAdmin):
+    """What was erased, without a name."""
+
+    list_display = ("id", "kind", "erased_at")
+    list_filter = ("kind",)
+    date_hierarchy = "erased_at"

@@ -13,7 +13,7 @@ from django.db.models import Model
 
 from crowd.devices.models import Installation
 from crowd.results import packing
-from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission
+from crowd.results.models import Decision, MeasurementSession, Run, SessionSummary, Submission
 
 SESSIONS_AT_ONCE = 20
 # Of the tokens only digests are kept: they say nothing, and the participant has the token itself.
@@ -24,7 +24,9 @@ def own_data(installation: Installation) -> Iterator[bytes]:
     """A JSON document of all that is stored of INSTALLATION, in pieces; times in microseconds as sent."""
     sessions = (
         installation.sessions.select_related("front", "device", "description__model")
-        .prefetch_related("runs__configuration", "summaries__configuration", "summaries__baseline")
+        .prefetch_related(
+            "runs__configuration", "summaries__configuration", "summaries__baseline", "decisions__run"
+        )
         .order_by("pk")
         .iterator(chunk_size=SESSIONS_AT_ONCE)
     )
@@ -63,6 +65,7 @@ def _session(session: MeasurementSession) -> dict[str, Any]:
         **_rest(session, *told),
         "runs": [_run(run) for run in session.runs.all()],
         "summaries": [_summary(summary) for summary in session.summaries.all()],
+        "decisions": [_decision(decision) for decision in session.decisions.all()],
     }
 
 
@@ -90,6 +93,14 @@ def _summary(summary: SessionSummary) -> dict[str, Any]:
         "configuration": summary.configuration.name,
         "baseline": summary.baseline.name,
         **_rest(summary, "id", "session", "installation", "configuration", "baseline"),
+    }
+
+
+def _decision(decision: Decision) -> dict[str, Any]:
+    """Why an administrator hid it or let it count; which one is the name of another person."""
+    return {
+        "run": decision.run and decision.run.uuid,
+        **_rest(decision, "id", "session", "run", "actor"),
     }
 
 

@@ -6,7 +6,8 @@ import pytest
 from django.test import Client
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
+from crowd.results.models import Decision, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
+from crowd.results.moderation import decide
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
 
@@ -159,3 +160,19 @@ def test_own_data_is_sent_in_pieces(participant: Participant) -> None:
 
     assert max(map(len, pieces)) < sum(map(len, pieces)) / 2
     assert len(participant.own_data()["sessions"]) == 3
+
+
+def test_what_an_administrator_decided_is_told_and_erased_with_the_rest(participant: Participant) -> None:
+    document = submission_document()
+    participant.submit(document)
+    run = Run.objects.get(uuid=document["sessions"][0]["runs"][1]["id"])
+    decide("quarantine", "an-administrator", "a copy of another's", run.session, run)
+
+    (session,) = participant.own_data()["sessions"]
+
+    (decision,) = session["decisions"]
+    assert (decision["run"], decision["reason"]) == (str(run.uuid), "a copy of another's")
+    assert "an-administrator" not in str(session)
+    assert participant.delete(f"/me/runs/{run.uuid}").status_code == 204
+    assert participant.delete("/me").status_code == 204
+    assert not Decision.objects.exists()
