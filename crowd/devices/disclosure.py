@@ -5,7 +5,9 @@ than FRONTRUNNER_RARE_BELOW installations make a model rare. This is the one pla
 and figures are stored under its answer, so that every page, address and export says the same.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from django.conf import settings
 
@@ -58,6 +60,34 @@ def published(model: DeviceModel, show_model: bool) -> DeviceModel:
         return shown
     assert shown.group is not None  # recognition gives every model its group
     return shown.group
+
+
+def columns(model: str) -> tuple[str, ...]:
+    """The columns that `Shown.of` reads, for a query by bare columns; MODEL is the path to the model."""
+    return tuple(
+        f"{model}__{path}{name}" for path in ("", "canonical__") for name in ("pk", "rare", "group_id")
+    )
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The model that a device is shown as, whether it is rare, and its group, by primary keys (None: no group
+    yet).
+    """
+
+    model: int
+    rare: bool
+    group: int | None
+
+    @classmethod
+    def of(cls, values: Sequence[Any]) -> "Shown":
+        """Out of the values of `columns`."""
+        own, canonical = values[:3], values[3:]
+        return cls(*(own if canonical[0] is None else canonical))
+
+    def public(self, show_model: bool) -> int | None:
+        """As `published`, by primary keys."""
+        return self.model if is_named(self.rare, show_model) else self.group
 
 
 def is_named(rare: bool, show_model: bool) -> bool:

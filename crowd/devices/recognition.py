@@ -20,19 +20,19 @@ BATCH = 200
 
 @dataclass(frozen=True)
 class Recognised:
-    """What a new session needs of its device, as primary keys: the description, the model that it is shown
-    as, that model's group; and the driver by name and version.
+    """What a new session needs of its device: the description's primary key, the model that it is shown as,
+    and the driver by name and version.
     """
 
     description: int
-    model: int
-    rare: bool
-    group: int
+    shown: disclosure.Shown
     driver: str
 
     def public(self, show_model: bool) -> int:
         """The primary key of what everybody sees of it (`crowd.devices.disclosure`)."""
-        return self.model if disclosure.is_named(self.rare, show_model) else self.group
+        key = self.shown.public(show_model)
+        assert key is not None  # recognition gives every model its group
+        return key
 
 
 def recognise(raw: dict[str, Any]) -> Recognised:
@@ -47,17 +47,14 @@ def recognise(raw: dict[str, Any]) -> Recognised:
 
 
 def _recognised(digest: str) -> Recognised | None:
-    """Bare columns: this is asked for every submission."""
-    shown = ("pk", "rare", "group_id")
+    """Bare columns: this is asked for every submission. None before the model has its group."""
     rows = DeviceDescription.objects.filter(digest=digest).values_list(
-        *("pk", "driver_name", "driver_version"),
-        *(f"model__{column}" for column in shown),
-        *(f"model__canonical__{column}" for column in shown),
+        "pk", "driver_name", "driver_version", *disclosure.columns("model")
     )
-    for description, driver, version, *models in rows.order_by():
-        model, rare, group = models[3:] if models[3] is not None else models[:3]
-        if group is not None:
-            return Recognised(description, model, rare, group, f"{driver} {version}".strip())
+    for key, driver, version, *model in rows.order_by():
+        shown = disclosure.Shown.of(model)
+        if shown.group is not None:
+            return Recognised(key, shown, f"{driver} {version}".strip())
     return None
 
 

@@ -11,7 +11,7 @@ from django.db import transaction
 from django.db.models import Min, Q, QuerySet
 
 from crowd.devices import recognition
-from crowd.devices.disclosure import is_rare, published
+from crowd.devices.disclosure import Shown, columns, is_rare, published
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.results import summarising
 from crowd.results.models import MeasurementSession
@@ -24,18 +24,17 @@ def settle(keys: Iterable[int]) -> None:
     """Look at the sessions KEYS, which came just now, before they are summarised: is a model of theirs rare
     no longer, was it moved while they came? One query where nothing is rare or to be done.
     """
-    rows = MeasurementSession.objects.filter(pk__in=list(keys)).select_related(
-        "installation", "description__model__group", "description__model__canonical__group"
+    rows = MeasurementSession.objects.filter(pk__in=list(keys)).values_list(
+        "device_id", "installation__show_model", *columns("description__model")
     )
-    misplaced = set()
-    rare = {}
-    for row in rows:
-        model = row.description.model
-        if model.shown.rare:
-            rare[model.shown.pk] = model.shown
-        if row.device_id != published(model, row.installation.show_model).pk:
-            misplaced.add(model.shown.pk)
-    misplaced |= {model.pk for model in rare.values() if _recount(model)}
+    rare, misplaced = set(), set()
+    for device, show_model, *model in rows.order_by():
+        shown = Shown.of(model)
+        if shown.rare:
+            rare.add(shown.model)
+        if device != shown.public(show_model):
+            misplaced.add(shown.model)
+    misplaced |= {model.pk for model in DeviceModel.objects.filter(pk__in=rare) if _recount(model)}
     for key in sorted(misplaced):
         _place(key)
 
