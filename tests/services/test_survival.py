@@ -26,7 +26,7 @@ def var(tmp_path: Path, services: Services) -> Path:
 
 
 def sessions(server: Serving) -> int:
-    """How many sessions stand behind the one device's speedup, which one person measured: shown as its chip."""
+    """How many sessions stand behind the speedup of the one device, which is rare: shown as its chip."""
     _, answer = server.call("GET", "/api/v1/devices/google-tensor-g3-device")
     return int(answer["session_count"])
 
