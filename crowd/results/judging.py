@@ -34,7 +34,8 @@ def judge_runs(sessions: Sequence[MeasurementSession], decisions: Decisions) -> 
     """
     by_key = {session.pk: session for session in sessions}
     protocols = {session.front_id: Protocol.of(session.front.protocol) for session in sessions}
-    runs = list(Run.objects.filter(session__in=sessions).order_by("session_id", "repeat", "pk"))
+    rows = Run.objects.filter(session__in=sessions).defer("uuid", "failure", "tracked", "extra")
+    runs = list(rows.order_by("session_id", "repeat", "pk"))
     before = {run.pk: _derived(run) for run in runs}
     for run in runs:
         judge(run, protocols[by_key[run.session_id].front_id])

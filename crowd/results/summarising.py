@@ -73,6 +73,7 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     sessions = list(
         MeasurementSession.objects.select_for_update(of=("self",))
         .select_related("front", "description__model")
+        .defer("extra", "front__sequence", "front__provenance", "description__raw")
         .filter(pk__in=keys)
         .order_by("pk")
     )
@@ -132,10 +133,12 @@ def _group(row: MeasurementSession | Cohort) -> Group:
 def _cohorts(sessions: Iterable[MeasurementSession], left: set[int]) -> dict[Group, Cohort]:
     """The cohorts of SESSIONS, made on first sight, and those with the keys LEFT; all locked."""
     groups = {_group(session) for session in sessions}
-    wanted = Q(pk__in=left)
-    for device, front, backend, processor in groups:
-        wanted |= Q(device=device, front=front, backend=backend, processor=processor)
-    found = {_group(cohort): cohort for cohort in refreshing.lock(Cohort.objects.filter(wanted))}
+    of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group[0] for group in groups}))
+    found = {
+        _group(cohort): cohort
+        for cohort in refreshing.lock(of_devices)
+        if cohort.pk in left or _group(cohort) in groups
+    }
     for group in sorted(groups - found.keys()):
         device, front, backend, processor = group
         made, _ = Cohort.objects.get_or_create(

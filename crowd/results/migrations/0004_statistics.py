@@ -20,7 +20,7 @@ class Migration(migrations.Migration):
 
     dependencies = [
         ('devices', '0002_token_rotation'),
-        ('fronts', '0003_log_of_earlier_fronts'),
+        ('fronts', '0001_initial'),
         ('results', '0003_unknown_members'),
     ]
 
