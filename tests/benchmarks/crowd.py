@@ -6,6 +6,7 @@ python -m tests.benchmarks.crowd [--quick] [--only PART ...]; parts are:
 - growth: the same questions and one more submission at 10,000, 100,000 and 1,000,000 runs (`crowd_growth`);
   --quick: up to 20,000.
 - explorations: what an evaluation costs besides its measurement (`crowd_explorations`); not with --quick.
+- watching: how long a large exploration's pages take (`crowd_watching`); not with --quick.
 
 All on SQLite and, where its wheel is installed, on PostgreSQL. Writes var/benchmarks/crowd.json, and prints
 tables. Figures of one run compare with each other: clients, server and database share this machine's cores.
@@ -20,7 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks import crowd_explorations, crowd_growth
+from tests.benchmarks import crowd_explorations, crowd_growth, crowd_watching
 from tests.benchmarks.crowd_explorations import cpu_seconds, loop_seconds
 from tests.benchmarks.crowd_load import CLIENTS, Web, ingest, unchanged
 from tests.services.intake import prepare
@@ -28,7 +29,7 @@ from tests.services.postgresql import PostgreSQL
 from tests.services.program import ROOT
 from tests.services.serving import Services, Serving, command
 
-PARTS = ("intake", "growth", "explorations")
+PARTS = ("intake", "growth", "explorations", "watching")
 PEER = {"application": "tests.benchmarks.plain.wsgi", "settings": "tests.benchmarks.plain.settings"}
 TURNS = 3
 SUBMISSIONS, MANIFESTS = 400, 2000
@@ -145,6 +146,8 @@ def main() -> None:
         results["growth"] = _growth(say, options.quick)
     if "explorations" in parts:
         results["explorations"] = crowd_explorations.compare(say)
+    if "watching" in parts:
+        results["watching"] = crowd_watching.compare(say)
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=2))
     say(f"Written: {RESULTS}")
