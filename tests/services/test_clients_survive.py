@@ -1,0 +1,68 @@
+"""Many clients at once against a real server, over a network that loses and makes up answers."""
+
+import urllib.error
+import urllib.request
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from client_kit import delivery
+from client_kit.home import Home
+from client_kit.manifest import Manifest
+from client_kit.spool import Spool
+from tests.client_kit import canned
+from tests.client_kit.faulty import Faulty
+from tests.client_kit.scripted import Reply, Request, ScriptedServer
+from tests.services.program import until
+from tests.services.serving import Serving
+
+CLIENTS = 24
+AT_ONCE = 8
+SHARE = 0.3
+MOST_PASSES = 60
+NO_LIMITS = {"FRONTRUNNER_ENROLMENTS_PER_HOUR": "0", "FRONTRUNNER_RARE_BELOW": "1"}
+
+
+def passing_on(server: str, request: Request) -> Reply:
+    """REQUEST as a proxy passes it on, and what SERVER answers."""
+    kept = {name: value for name, value in request.headers.items() if name not in ("host", "connection")}
+    passed = urllib.request.Request(
+        server + request.path, data=request.body or None, headers=kept, method=request.method
+    )
+    try:
+        with urllib.request.urlopen(passed) as response:
+            return Reply(response.status, raw=response.read())
+    except urllib.error.HTTPError as error:
+        with error:
+            return Reply(error.code, raw=error.read(), headers=(("Retry-After", "0"),))
+
+
+def test_every_session_is_counted_once_whatever_the_network_does(tmp_path: Path) -> None:
+    with Serving(tmp_path / "var", NO_LIMITS) as server:
+        status, document = server.call("GET", "/api/v1/manifest")
+        assert status == 200
+        asked = Manifest.parse(document)
+        faulty = Faulty(lambda request: passing_on(server.url, request), SHARE, seed=2)
+        proxy = ScriptedServer(faulty)
+
+        def client(number: int) -> str:
+            home = Home(tmp_path / str(number))
+            home.prepare()
+            spool = Spool(home.spool)
+            item = spool.put(proxy.url, canned.payload(asked, seed=number))
+            for _ in range(MOST_PASSES):
+                delivery.deliver(spool, home)
+                if not delivery.waiting(spool):
+                    break
+            return spool.item(item.id).state
+
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            states = set(pool.map(client, range(CLIENTS)))
+        proxy.close()
+        until(lambda: server.waiting() == 0)
+        devices: list[dict[str, Any]] = server.call("GET", "/api/v1/devices")[1]["results"]
+
+    assert states <= {"accepted", "duplicate"}
+    assert sum(faulty.harmed.values()) > CLIENTS / 4
+    [device] = devices
+    assert (device["sessions"], device["installations"]) == (CLIENTS, CLIENTS)
