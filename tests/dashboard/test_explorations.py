@@ -11,6 +11,7 @@ import pytest
 from django.test import Client
 from django.utils import timezone
 
+from crowd.dashboard import charts
 from crowd.dashboard.figures.explorations import (
     MOST_DRAWN,
     exploration_plane,
@@ -132,11 +133,17 @@ def test_staff_is_told_which_worker_measures(
 
 
 @pytest.mark.django_db
-def test_a_figure_is_not_drawn_again_while_nothing_was_measured(client: Client, pack: dict[str, Any]) -> None:
+def test_a_figure_is_not_drawn_again_while_nothing_was_measured(
+    client: Client, pack: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     search = exploration(pack)
     measure(search, KNOWN)
     address = f"/figures/explorations/{search.pk}.json?theme="
-    etag = client.get(address + "dark")["ETag"]
+    first = client.get(address + "dark")
+    etag = first["ETag"]
+    with monkeypatch.context() as undrawn:
+        undrawn.setattr(charts, "exploration_plane", lambda *_: pytest.fail("it is drawn again"))
+        assert client.get(address + "dark").content == first.content
 
     with leases.leased(services.advance(search.pk)[0].pk):
         assert client.get(address + "dark", headers={"If-None-Match": etag}).status_code == 304
