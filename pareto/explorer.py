@@ -11,7 +11,7 @@ import numpy as np
 
 from pareto.answer import obstacle
 from pareto.errors import MethodError, ObjectiveError, StateError
-from pareto.history import History
+from pareto.history import History, read_index
 from pareto.methods import DEFAULT, METHODS, create
 from pareto.objective import Objective, read_limits, read_number, read_objectives, read_values
 from pareto.space import Configuration, Space
@@ -201,8 +201,8 @@ class Explorer:
             explorer._take_prior(prior)
             _record(explorer.history, state["observations"])
             for index, phase in state["pending"]:
-                explorer.history.expect(_index(space, index), phase)
-            explorer._method.recall(state["memory"])
+                explorer.history.expect(read_index(space, index), phase)
+            explorer._method.recall(state["memory"], space)
         except StateError:
             raise
         # A list where an object belongs has no `items`; a value that may not be told is a ValueError.
@@ -235,19 +235,12 @@ def _observations(history: History) -> list[list[Any]]:
 def _record(history: History, observations: Iterable[Sequence[Any]]) -> None:
     names = [objective.name for objective in history.objectives]
     for index, phase, measurements in observations:
-        place = _index(history.space, index)
+        place = read_index(history.space, index)
         for values in measurements:
             read = None
             if values is not None:
                 read = tuple(read_number(*pair) for pair in zip(names, values, strict=True))
             history.record(place, read, phase)
-
-
-def _index(space: Space, number: Any) -> int:
-    index = operator.index(number)
-    if not 0 <= index < len(space):
-        raise StateError(f"the state is damaged: index {index} is outside 0 .. {len(space) - 1}")
-    return index
 
 
 def _whole(name: str, number: Any) -> int:

@@ -28,6 +28,7 @@ LENGTH = (math.log(0.7), 1.2, math.log(0.03), math.log(55.0))  # mean, deviation
 STRETCH = (0.5, 1.0, -2.0, 4.0)
 SHARE = (-1.0, 2.0, -8.0, 6.0)
 NOISE = (math.log(1e-3), 2.0, math.log(1e-6), 0.0)
+SHARED = 3  # hyperparameters beyond the length scales
 SQRT5 = math.sqrt(5.0)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pareto.errors import StateError
 from pareto.front import nondominated
 from pareto.objective import Objective
 from pareto.space import Indices, Space
@@ -80,3 +82,11 @@ class History:
         signs = [objective.sign for objective in self.objectives]
         order = np.lexsort((values * signs).T[::-1])
         return indices[order], values[order]
+
+
+def read_index(space: Space, number: Any) -> int:
+    """Return the index that a saved state names. Raises TypeError for no whole number, StateError outside."""
+    index = operator.index(number)
+    if not 0 <= index < len(space):
+        raise StateError(f"the state is damaged: index {index} is outside 0 .. {len(space) - 1}")
+    return index

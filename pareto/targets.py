@@ -14,7 +14,7 @@ from pareto.space import Indices
 Array = NDArray[np.float64]
 
 SLACK = 0.5  # of the front's extent, beyond its ends, where the user set no limit
-REACH = 0.5  # of the room up to the reference, beyond it: how bad a value may be and still tell something
+REACH = 0.1  # of the room up to the reference, beyond it: how bad a value may be and still tell something
 FLOOR = 0.05  # of a column's standard deviation: the least room that counts
 TINY = 1e-9  # beside values of the order of one
 

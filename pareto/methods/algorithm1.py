@@ -11,10 +11,11 @@ import numpy as np
 from pareto.errors import MethodError
 from pareto.forest import Forest
 from pareto.front import nondominated
-from pareto.history import History
+from pareto.history import History, read_index
 from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample
 from pareto.screening import LARGEST_GRID
+from pareto.space import Space
 
 
 @dataclass
@@ -55,9 +56,9 @@ class Algorithm1(Method):
         """Return what of P is still to be dealt out."""
         return {"queue": self._queue}
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
+    def recall(self, memory: Mapping[str, Any], space: Space) -> None:
         """Take back the rest of P."""
-        self._queue = [int(index) for index in memory["queue"]]
+        self._queue = [read_index(space, index) for index in memory["queue"]]
 
 
 def _predicted_front(history: History, trees: int, rng: np.random.Generator) -> list[int]:

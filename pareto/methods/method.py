@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pareto.history import History
+from pareto.space import Space
 
 RANDOM, ACTIVE = "random", "active"
 
@@ -32,8 +33,11 @@ class Method:
         """Return what must survive a restart beyond the history, as plain JSON."""
         return {}
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
-        """Take back what `memory` returned."""
+    def recall(self, memory: Mapping[str, Any], space: Space) -> None:
+        """Take back what `memory` returned.
+
+        Raises StateError, or what reading plain JSON of another shape raises, when it is damaged.
+        """
 
     @classmethod
     def defaults(cls) -> dict[str, int]:

@@ -8,20 +8,22 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from pareto.history import History
+from pareto.history import History, read_index
 from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample, spread_sample
 from pareto.screening import DRAWS, candidates, free_points, screen
-from pareto.space import Indices
-from pareto.surrogates import Recipe, Surrogates
+from pareto.space import Indices, Space
+from pareto.surrogates import BOLD, CAUTIOUS, Recipe, Surrogates, read_recipe
 from pareto.targets import Targets
 from pareto.transfer import Trend, trusted
 
 SHORTLIST = 500  # candidates that stay in the race after the first look
 RENEWAL = 20  # proposals after which the space is screened and the models are chosen anew
 GREEDY = 100  # of a batch that are chosen one after the other
+VENTURE = 4  # of the greedy choices, one trusts the bold opinion
 CLIMBERS = 8  # best candidates whose neighbours are looked at, too
 CLIMBS = 8  # times at most
 
@@ -82,10 +84,12 @@ class TwoStage(Method):
             "since": self._since,
         }
 
-    def recall(self, memory: Mapping[str, Any]) -> None:
+    def recall(self, memory: Mapping[str, Any], space: Space) -> None:
         """Take back what `memory` returned; without it, the next batch screens the space anew."""
-        self._shortlist = [int(index) for index in memory.get("shortlist", [])]
-        self._recipes = {str(name): dict(recipe) for name, recipe in memory.get("recipes", {}).items()}
+        self._shortlist = [read_index(space, index) for index in memory.get("shortlist", [])]
+        self._recipes = {
+            str(name): read_recipe(recipe, space) for name, recipe in memory.get("recipes", {}).items()
+        }
         self._since = int(memory.get("since", 0))
 
     def _first(
@@ -130,7 +134,7 @@ class TwoStage(Method):
         found = _shortlist(surrogates, found, taken, max(SHORTLIST, 5 * count), rng)
         self._shortlist, self._recipes = found.tolist(), surrogates.recipes
         waiting = np.array([*history.pending, *also_taken], dtype=np.int64)
-        return _greedy(surrogates, found, waiting, count, rng)
+        return _greedy(surrogates, found, waiting, count, self._since, rng)
 
 
 def _shortlist(
@@ -143,26 +147,39 @@ def _shortlist(
     seen = taken | set(found.tolist())
     fresh, fresh_gain = found, gain
     for _ in range(CLIMBS):
-        tops = fresh[np.argsort(-fresh_gain, kind="stable")[:CLIMBERS]].tolist()
-        around = sorted({index for top in tops for index in space.neighbours(top).tolist()} - seen)
+        best = fresh[_tops(fresh_gain, CLIMBERS)].tolist()
+        around = sorted({index for top in best for index in space.neighbours(top).tolist()} - seen)
         if not around:
             break
         fresh = rng.permutation(np.array(around, dtype=np.int64))[:SHORTLIST]
         seen |= set(fresh.tolist())
         fresh_gain = surrogates.at(fresh).gain(front, targets.reference, rng)
-        best = gain.max(initial=0.0)
-        found, gain = np.concatenate([found, fresh]), np.concatenate([gain, fresh_gain])
-        if fresh_gain.max() <= best:
+        better = fresh_gain.max(axis=1) > gain.max(axis=1, initial=0.0)
+        found, gain = np.concatenate([found, fresh]), np.concatenate([gain, fresh_gain], axis=1)
+        if not better.any():
             break
-    return found[np.argsort(-gain, kind="stable")[:count]]
+    return found[_tops(gain, count)]
+
+
+def _tops(gain: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return the positions of the `count` best, in turn by one opinion and by the other."""
+    order = np.argsort(-gain, axis=1, kind="stable").T.ravel()
+    _, first = np.unique(order, return_index=True)
+    return order[np.sort(first)[:count]]
 
 
 def _greedy(
-    surrogates: Surrogates, found: Indices, waiting: Indices, count: int, rng: np.random.Generator
+    surrogates: Surrogates,
+    found: Indices,
+    waiting: Indices,
+    count: int,
+    turn: int,
+    rng: np.random.Generator,
 ) -> list[int]:
     """Return `count` of `found`, each the best once those before it turn out as expected.
 
-    Those `waiting` are under way already and are supposed first.
+    Those `waiting` are under way already and are supposed first. One in VENTURE, as `turn` counts, is chosen
+    boldly, the others cautiously.
     """
     reference = surrogates.targets.reference
     front = surrogates.targets.values[surrogates.targets.front]
@@ -172,8 +189,9 @@ def _greedy(
         front = np.vstack([front, promise.suppose(number)])
     picked: list[int] = []
     gain = np.zeros(len(free))
-    for _ in range(min(count, len(found), GREEDY)):
+    for number in range(min(count, len(found), GREEDY)):
         gain = np.where(free, promise.gain(front, reference, rng), 0.0)
+        gain = gain[BOLD if (turn + number) % VENTURE == 0 or gain[CAUTIOUS].max() <= 0 else CAUTIOUS]
         best = int(np.argmax(gain))
         if gain[best] <= 0:
             return promise.indices[picked].tolist()

@@ -1,6 +1,7 @@
 """Input that an explorer refuses, saying what would be right, and input that only looks odd."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -45,6 +46,10 @@ def test_a_state_that_is_no_object_is_refused(damaged):
         ("pending", [["q", "random"]], "'str'"),
         ("pending", [[99999, "random"]], r"index 99999 is outside 0 \.\. 99"),
         ("memory", [], "AttributeError"),
+        ("memory", {"shortlist": [100]}, r"index 100 is outside 0 \.\. 99"),
+        ("memory", {"shortlist": ["q"]}, "'str'"),
+        ("memory", {"recipes": {"0": {"reach": False, "theta": [0.0]}}}, "4 finite numbers"),
+        ("memory", {"recipes": {"0": {"reach": False, "theta": [0.0, 0.0, 0.0, math.nan]}}}, "nan"),
         ("limits", [1], "AttributeError"),
         ("limits", {"watts": 1.0}, "'watts'"),
         ("objectives", ["error"], "damaged"),

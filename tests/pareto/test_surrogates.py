@@ -7,7 +7,7 @@ import numpy as np
 from pareto import Space
 from pareto.history import History
 from pareto.objective import read_objectives
-from pareto.surrogates import Surrogates
+from pareto.surrogates import BOLD, CAUTIOUS, Surrogates
 from pareto.targets import Targets
 from pareto.transfer import Trend
 
@@ -43,12 +43,30 @@ def test_an_objective_that_leaps_is_learnt_from_what_is_in_reach_and_a_smooth_on
     assert {name: recipe["reach"] for name, recipe in surrogates.recipes.items()} == {
         "0": False,
         "1": True,
+        "1 of all values": False,
         "success": False,
     }
     free = np.arange(0, len(SPACE), 7)
     promise = surrogates.at(free)
-    lost = SPACE.codes(free)[:, 0] > 26
-    assert promise.chance[lost].mean() < 0.3 < 0.7 < promise.chance[~lost].mean()
+    x, y = SPACE.codes(free).T / 39
+    lost, inside = x > 26 / 39, (x < 24 / 39) & (0.8 * y - x + 1 < np.log(3.0) - 0.1)
+    assert promise.chance[BOLD, lost].mean() < 0.3 < 0.7 < promise.chance[BOLD, inside].mean()
+    assert (promise.chance[CAUTIOUS] <= promise.chance[BOLD]).all()
+    assert promise.chance[CAUTIOUS, lost].mean() < promise.chance[CAUTIOUS, inside].mean()
+
+
+def test_a_process_of_what_is_in_reach_is_never_less_sure_than_its_values_are_spread():
+    surrogates = learnt(known(leap=3.0))
+    promise = surrogates.at(np.arange(40))
+    reference, rng = surrogates.targets.reference, np.random.default_rng(0)
+    inside = surrogates.targets.within_reach()[:, 1]
+    assert promise.widest.tolist() == [np.inf, np.std(surrogates.targets.values[inside, 1])]
+    before = promise.gain(np.empty((0, 2)), reference, rng)
+    promise.objectives[1]._scale *= 1e6
+    promise.widest = np.full(2, np.inf)
+    without = promise.gain(np.empty((0, 2)), reference, rng)
+    promise.widest = surrogates.at(np.arange(40)).widest
+    assert promise.gain(np.empty((0, 2)), reference, rng).max() < 3 * before.max() < without.max()
 
 
 def test_without_a_leap_nothing_counts_as_a_failure():
