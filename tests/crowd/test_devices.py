@@ -1,9 +1,5 @@
 """From raw strings to the model people know."""
 
-import csv
-import os
-import re
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -115,22 +111,3 @@ def test_two_models_never_share_an_address(db: None) -> None:
     assert first.pk != second.pk
     assert first.slug == "acme-x-1"
     assert second.slug.startswith("acme-x-1-")
-
-
-def test_no_real_device_merges_across_makers() -> None:
-    """In Google Play's catalogue, what falls together has makers that begin with the same word."""
-    folder = os.environ.get("FRONTRUNNER_DATA")
-    if not folder:
-        pytest.skip("FRONTRUNNER_DATA does not name the folder of real data")
-    makers: dict[str, set[str]] = {}
-    catalogue = Path(folder) / "devices" / "play_catalog" / "android-devices-catalog.csv"
-    with catalogue.open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            identity = identify(
-                {"os": "Android", "manufacturer": row["Manufacturer"], "model": row["Device"]}
-            )
-            first = re.findall(r"\w+", row["Manufacturer"].casefold())[:1] or [""]
-            makers.setdefault(identity.key, set()).add({"lge": "lg"}.get(first[0], first[0]))
-
-    assert len(makers) > 20_000
-    assert {key: found for key, found in makers.items() if len(found) > 1} == {}
