@@ -86,9 +86,7 @@ def test_a_rare_model_is_named_nowhere(client: Client, front: Any, join: Join) -
 
 def test_a_group_pools_the_rare_models_of_one_chip(client: Client, front: Any, join: Join) -> None:
     measure(join(), best_us=20_000)
-    join().submit(
-        submission_document(session_document(best_us=5_000), device=device_document("Pixel 8 Pro"))
-    )
+    join().submit(submission_document(session_document(best_us=5_000), device=device_document("Pixel 8 Pro")))
 
     (row,) = client.get(f"{API}/speedups").json()["results"]
 
@@ -210,7 +208,9 @@ def test_an_own_link_is_nobody_elses(client: Client, front: Any, join: Join, ins
     assert client.get(forged).status_code == 404
 
 
-def test_an_own_link_ends_with_the_installation(client: Client, participant: Participant, installation: Any) -> None:
+def test_an_own_link_ends_with_the_installation(
+    client: Client, participant: Participant, installation: Any
+) -> None:
     measure(participant)
     path = path_of(installation)
     assert "Pixel 8" in client.get(path).content.decode()
