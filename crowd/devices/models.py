@@ -103,10 +103,7 @@ class DeviceModel(models.Model):
     @property
     def shown_name(self) -> str:
         """The market name with the code behind it, or the name alone."""
-        market = names.without_maker(self.market_name, self.manufacturer)
-        if not market or names.folded(market) == names.folded(self.name):
-            return self.name
-        return f"{market} ({self.name})"
+        return names.shown(self.manufacturer, self.name, self.market_name)
 
     @property
     def shown(self) -> "DeviceModel":

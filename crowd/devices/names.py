@@ -72,3 +72,9 @@ def folded(name: str) -> str:
 def says_nothing(maker: str, model: str) -> bool:
     """Whether the two tell no device: no model, or the names of a chip maker's kit."""
     return not model or maker.casefold() in REFERENCE_MAKERS or bool(NAMES_NOTHING.match(model))
+
+
+def shown(manufacturer: str, name: str, market_name: str) -> str:
+    """The market name, where one is known and says more, with the code NAME behind it; else NAME alone."""
+    market = without_maker(market_name, manufacturer)
+    return f"{market} ({name})" if market and folded(market) != folded(name) else name

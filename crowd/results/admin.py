@@ -61,9 +61,9 @@ class ModeratedAdmin(ReadOnlyAdmin):
         row = self.get_object(request, str(key))
         if row is None or request.method != "POST" or not request.user.has_perm(DECIDE):
             raise PermissionDenied
-        given = {name: request.POST.get(name, "") for name in ("action", "reason")}
+        action, reason = (request.POST.get(name, "") for name in ("action", "reason"))
         try:
-            decision = moderation.decide(**given, by=request.user.get_username(), **_subject(row))
+            decision = moderation.decide(action, request.user.get_username(), reason, **_subject(row))
         except ValidationError as error:
             self.message_user(request, f"Nothing was done: {'; '.join(error.messages)}", messages.ERROR)
         else:

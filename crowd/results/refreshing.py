@@ -124,7 +124,8 @@ def _outliers(judged: QuerySet[SessionSummary], low: float, high: float) -> list
     Those that an administrator released are none.
     """
     outside = Q(log_ratio__lt=low + statistics.AGREEMENT) | Q(log_ratio__gt=high - statistics.AGREEMENT)
-    rows = list(judged.filter(outside).values_list("pk", "installation_id", "log_ratio", "reason"))
+    found = judged.filter(outside).values_list("pk", "installation_id", "log_ratio", "reason")
+    rows = [(key, who, value, reason) for key, who, value, reason in found if value is not None]
     alone = statistics.without_agreement([(who, value) for _, who, value, _ in rows])
     return [
         key

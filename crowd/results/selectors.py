@@ -7,8 +7,9 @@ from datetime import UTC, datetime, time
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Exists, OuterRef, Prefetch, Q, QuerySet
+from django.db.models import Exists, F, OuterRef, Prefetch, Q, QuerySet
 
+from crowd.devices import names
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST
@@ -43,6 +44,11 @@ from crowd.results.rows import (
 
 LISTED_SESSIONS = 20
 LISTED_DESCRIPTIONS = 20
+DEVICE = ("slug", "manufacturer", "name", "market_name", "cpu", "soc", "gpu", "os", "kind")
+FIGURE = (
+    "backend", "processor", "speedup", "low", "high", "repeat_low", "repeat_high", "sessions",
+    "installations", "ate_max",
+)  # fmt: skip
 
 
 def measured_front(application: str) -> str | None:
@@ -71,7 +77,7 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
     by_model: dict[str, list[float]] = defaultdict(list)
     for row in counted:
         by_model[row.device.slug].append(row.speedup)
-    models = [mean.value for values in by_model.values() if (mean := statistics.crowd_speedup(values))]
+    models = [statistics.geometric_mean(values) for values in by_model.values()]
     crowd = statistics.crowd_speedup(models)
     return Headline(
         devices=len(models),
@@ -112,11 +118,11 @@ def device(slug: str) -> DeviceDetail | None:
     listed = tuple(sessions[:LISTED_SESSIONS])
     if not listed:
         return None
-    speedups = _speedup_rows().filter(device=model).order_by("-front__published_at", "-speedup")
+    speedups = DeviceSpeedup.objects.filter(device=model).order_by("-front__published_at", "-speedup")
     activity = DeviceActivity.objects.filter(device=model).first()
     return DeviceDetail(
         device=_device(model),
-        speedups=tuple(_speedup(row) for row in speedups),
+        speedups=tuple(_figures(speedups)),
         sessions=tuple(_session(row) for row in listed),
         # Before the first summary of a device nothing has counted its sessions.
         session_count=activity.sessions if activity else len(listed),
@@ -208,19 +214,15 @@ def _device_restrictions(filters: SpeedupFilters, prefix: str) -> dict[str, str]
     return {f"{prefix}{name}__icontains": text for name, text in texts.items() if text}
 
 
-def _speedup_rows() -> QuerySet[DeviceSpeedup]:
-    return DeviceSpeedup.objects.select_related("device", "front", "configuration", "baseline")
-
-
 def _stored_speedups(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
-    rows = _speedup_rows().filter(
+    rows = DeviceSpeedup.objects.filter(
         front__slug=front, sessions__gte=filters.min_sessions, **_device_restrictions(filters, "device__")
     )
     if filters.configuration != ALL:
         rows = rows.filter(configuration__name=filters.configuration)
     if filters.backend:
         rows = rows.filter(backend=filters.backend)
-    return [_speedup(row) for row in rows]
+    return _figures(rows)
 
 
 def _speedups_since(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
@@ -236,13 +238,13 @@ def _speedups_since(filters: SpeedupFilters, front: str | None) -> list[Speedup]
     if filters.configuration != ALL:
         rows = rows.filter(configuration__name=filters.configuration)
     version = FrontVersion.objects.filter(slug=front).prefetch_related("configurations").first()
-    names = {c.pk: c.name for c in version.configurations.all()} if version else {}
+    called = {c.pk: c.name for c in version.configurations.all()} if version else {}
     return [
         Speedup(
             device=_device(found[key.cohort].device),
             front=front or "",
-            configuration=names[key.configuration],
-            baseline=names[key.baseline],
+            configuration=called[key.configuration],
+            baseline=called[key.baseline],
             backend=found[key.cohort].backend,
             processor=found[key.cohort].processor,
             speedup=figure.model.speedup.value,
@@ -261,25 +263,36 @@ def _speedups_since(filters: SpeedupFilters, front: str | None) -> list[Speedup]
     ]
 
 
-def _speedup(row: DeviceSpeedup) -> Speedup:
-    return Speedup(
-        device=_device(row.device),
-        front=row.front.slug,
-        configuration=row.configuration.name,
-        baseline=row.baseline.name,
-        backend=row.backend,
-        processor=row.processor,
-        speedup=row.speedup,
-        low=row.low,
-        high=row.high,
-        repeat_low=row.repeat_low,
-        repeat_high=row.repeat_high,
-        sessions=row.sessions,
-        installations=row.installations,
-        ate_max=row.ate_max,
-        last_session_at=_hour(row.last_session_at),
-        suspect=row.state == State.SUSPECT,
+def _figures(rows: QuerySet[DeviceSpeedup]) -> list[Speedup]:
+    """ROWS in their order. One query, of the columns that are shown: fronts and configurations are large."""
+    found = rows.values(
+        *FIGURE,
+        "device_id",
+        "last_session_at",
+        "state",
+        *(f"device__{name}" for name in DEVICE),
+        front_name=F("front__slug"),
+        configuration_name=F("configuration__name"),
+        baseline_name=F("baseline__name"),
     )
+    devices: dict[int, Device] = {}
+    for row in found:
+        if row["device_id"] not in devices:
+            parts = {name: row[f"device__{name}"] for name in DEVICE}
+            parts["name"] = names.shown(parts["manufacturer"], parts["name"], parts.pop("market_name"))
+            devices[row["device_id"]] = Device(**parts)
+    return [
+        Speedup(
+            device=devices[row["device_id"]],
+            front=row["front_name"],
+            configuration=row["configuration_name"],
+            baseline=row["baseline_name"],
+            last_session_at=_hour(row["last_session_at"]),
+            suspect=row["state"] == State.SUSPECT,
+            **{name: row[name] for name in FIGURE},
+        )
+        for row in found
+    ]
 
 
 def _sessions() -> QuerySet[MeasurementSession]:

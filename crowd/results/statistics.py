@@ -113,6 +113,11 @@ def ratio(log_ratio: float) -> float:
     return math.exp(log_ratio)
 
 
+def geometric_mean(ratios: Sequence[float]) -> float:
+    """Of one ratio or more. Never an arithmetic mean of ratios."""
+    return math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
+
+
 @dataclass(frozen=True)
 class Interval:
     """A ratio with its confidence interval; low and high are None where no interval is due."""
@@ -227,8 +232,5 @@ def without_agreement(sessions: Sequence[tuple[Hashable, float]]) -> list[bool]:
 
 
 def crowd_speedup(speedups: Sequence[float]) -> Interval | None:
-    """Unweighted geometric mean over device models, with an interval over them; None for none.
-
-    Never an arithmetic mean of ratios.
-    """
+    """Unweighted geometric mean over device models, with an interval over them; None for none."""
     return geometric_interval([math.log(speedup) for speedup in speedups], LEAST_MODELS) if speedups else None

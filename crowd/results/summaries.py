@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -66,7 +66,7 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
     }
 
 
-def _by_installation(summaries: QuerySet[SessionSummary]) -> QuerySet[SessionSummary, dict[str, Any]]:
+def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[str, Any]]:
     return (
         summaries.filter(counted=True, state__in=[State.VALID, State.SUSPECT])
         .order_by("cohort_id", "configuration_id", "installation_id")

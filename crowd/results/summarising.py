@@ -121,7 +121,7 @@ def summarise_session(key: int) -> None:
 
 def _small(cohorts: Iterable[Cohort], sessions: Iterable[MeasurementSession]) -> set[int]:
     """Keys of the devices of COHORTS and SESSIONS whose figures are quickly computed."""
-    devices = {row.device_id for row in (*cohorts, *sessions)}
+    devices = {cohort.device_id for cohort in cohorts} | {session.device_id for session in sessions}
     large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE)
     return devices - set(large.values_list("device_id", flat=True))
 
