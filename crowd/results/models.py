@@ -324,7 +324,7 @@ class Tombstone(models.Model):
 
 
 class Export(models.Model):
-    """One export of the open data. Its files lie in a folder of their own; the row says whether they count."""
+    """One export of the open data. Its files lie in a folder of their own; the row says if they count."""
 
     started_at = models.DateTimeField(db_index=True)
     touched_at = models.DateTimeField(help_text="while it is being written: when that went on last")

@@ -13,6 +13,8 @@ AGAIN = (
     "submissions",
     "bad_input",
     "erasure",
+    "recomputing",
+    "states",
     "fronts",
     "publishing",
     "public_api",
