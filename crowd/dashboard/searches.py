@@ -6,7 +6,8 @@ import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point, comparable, default
-from crowd.explorations.watching import Found, Watch, found
+from crowd.explorations.readings import Found
+from crowd.explorations.watching import Watch, found
 from pareto.hypervolume import hypervolume_growth
 from slam.protocol import VALID_BELOW
 

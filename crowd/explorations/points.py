@@ -2,8 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,23 @@ from pareto.front import nondominated
 
 Phase = Evaluation.Phase
 CHOSEN = (Phase.GIVEN, Phase.RANDOM, Phase.ACTIVE)  # why this exploration measured it at all
+
+
+class Row(NamedTuple):
+    """What is read of an evaluation to tell what was found."""
+
+    pk: int
+    number: int
+    phase: str
+    label: str
+    configuration: dict[str, Any]
+    configuration_key: str
+    index: int | None
+    frames: int | None
+    state: str
+    objectives: dict[str, float] | None
+    created_at: datetime
+    finished_at: datetime | None
 
 
 @dataclass(frozen=True)
@@ -37,12 +55,12 @@ class Point:
     whole: bool = True
 
 
-def measured(evaluations: Iterable[Evaluation]) -> list[Point]:
+def measured(evaluations: Iterable[Evaluation | Row]) -> list[Point]:
     """Every configuration that was measured, in the order of its first measurement.
 
     What another device measured is prior knowledge and no measurement.
     """
-    groups: dict[str, list[Evaluation]] = {}
+    groups: dict[str, list[Evaluation | Row]] = {}
     for evaluation in evaluations:
         if evaluation.state == Evaluation.State.DONE and evaluation.phase != Phase.PRIOR:
             groups.setdefault(evaluation.configuration_key, []).append(evaluation)
@@ -65,15 +83,13 @@ def comparable(points: Iterable[Point]) -> list[Point]:
 
 def front(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
     """The comparable points within the exploration's limits that no other of them beats, fastest first."""
-    names = exploration.objectives
-    within = [
-        point
-        for point in comparable(points)
-        if all(name in point.values for name in names)
-        and all(point.values[name] <= limit for name, limit in exploration.limits.items())
-    ]
-    table = np.array([[point.values[name] for name in names] for point in within]).reshape(-1, len(names))
-    kept = [point for point, keep in zip(within, nondominated(table), strict=True) if keep]
+    alike = comparable(points)
+    table = np.column_stack([_column(alike, name) for name in exploration.objectives])
+    within = ~np.isnan(table).any(axis=1)
+    for name, limit in exploration.limits.items():
+        within &= _column(alike, name) <= limit
+    rows = np.flatnonzero(within)
+    kept = [alike[row] for row in rows[nondominated(table[rows])]]
     return sorted(kept, key=lambda point: point.values["runtime"])
 
 
@@ -107,7 +123,12 @@ def default(points: Iterable[Point]) -> Point | None:
     return next((point for point in points if point.label == DEFAULT), None)
 
 
-def _point(group: Sequence[Evaluation]) -> Point:
+def _column(points: Sequence[Point], name: str) -> np.ndarray:
+    """One objective of all POINTS, NaN where it is unknown: ten thousand at once, as a page waits for it."""
+    return np.array([point.values.get(name) for point in points], dtype=np.float64)
+
+
+def _point(group: Sequence[Evaluation | Row]) -> Point:
     again = [evaluation for evaluation in group if evaluation.phase == Phase.REPEAT]
     rows = [evaluation.objectives or {} for evaluation in again or group]
     names = [name for name in rows[0] if all(name in row for row in rows)]

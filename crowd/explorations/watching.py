@@ -1,23 +1,21 @@
 """Reads for whoever watches an exploration: how far it is, who measures, what failed, what was found.
 
-`watch` is cheap, a few counts, and tells by its digests whether anything changed; `found` reads every
-measurement, so what it answers is kept until there is another.
+`watch` is cheap, a few counts, and tells by its digests whether anything changed; `found` tells of every
+measurement, and reads only what it has not read before.
 """
 
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
-from functools import lru_cache
 from statistics import median
 from typing import Any
 
-from django.db.models import Count, F, Max, Min, Q
+from django.db.models import Count, F, Max, Min, Q, Sum
 from django.utils import timezone
 
-from crowd.explorations import points
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.points import Point
+from crowd.explorations.readings import Found, kept
 from crowd.explorations.search import COPIED, FINISHED, SEARCHED
 
 State, Phase = Evaluation.State, Evaluation.Phase
@@ -68,20 +66,6 @@ class Watch:
         )
 
 
-@dataclass(frozen=True)
-class Found:
-    """What an exploration measured: its points and front, and the search's measurements in order.
-
-    `indices` places each searched evaluation in the space, `values` has its objectives (None: it failed),
-    both in the order in which they were finished.
-    """
-
-    points: tuple[Point, ...]
-    front: tuple[Point, ...]
-    indices: tuple[int, ...]
-    values: tuple[dict[str, float] | None, ...]
-
-
 def watch(key: int) -> Watch | None:
     """The exploration with that key as it is now, None if there is none. Six queries at most."""
     exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
@@ -90,7 +74,7 @@ def watch(key: int) -> Watch | None:
     own = Evaluation.objects.filter(exploration_id=key).exclude(phase__in=COPIED)
     groups = list(
         own.values("phase", "state")
-        .annotate(rows=Count("pk"), last=Max("finished_at"))
+        .annotate(rows=Count("pk"), attempts=Sum("attempt"), last=Max("finished_at"))
         .order_by("phase", "state")
     )
     counts = {(group["phase"], group["state"]): group["rows"] for group in groups}
@@ -123,27 +107,8 @@ def watch(key: int) -> Watch | None:
 
 
 def found(seen: Watch) -> Found:
-    """What the exploration SEEN had measured then. Two queries, unless it was asked before."""
-    return _found(seen.exploration.pk, seen.results)
-
-
-@lru_cache(maxsize=4)
-def _found(key: int, results: str) -> Found:  # noqa: ARG001
-    exploration = Exploration.objects.get(pk=key)
-    own = exploration.evaluations.exclude(phase=Phase.PRIOR)
-    rows = own.defer("stages", "device", "error").filter(state__in=FINISHED)
-    evaluations = list(rows.order_by("number"))
-    known = points.measured(evaluations)
-    searched = sorted(
-        (row for row in evaluations if row.index is not None and row.phase in SEARCHED),
-        key=lambda row: (row.finished_at or row.created_at, row.number),
-    )
-    return Found(
-        points=tuple(known),
-        front=tuple(points.front(exploration, known)),
-        indices=tuple(row.index for row in searched if row.index is not None),
-        values=tuple(row.objectives for row in searched),
-    )
+    """What the exploration SEEN had measured then. Two queries at most, none if it was asked before."""
+    return kept(seen.exploration.pk, seen.exploration.created_at).found(seen.exploration, seen.results)
 
 
 def _failures(key: int) -> tuple[Failure, ...]:
