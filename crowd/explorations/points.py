@@ -25,7 +25,7 @@ class Row(NamedTuple):
     label: str
     configuration: dict[str, Any]
     configuration_key: str
-    index: int | None
+    place: int | None  # in the space
     frames: int | None
     state: str
     objectives: dict[str, float] | None

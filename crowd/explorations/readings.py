@@ -11,7 +11,6 @@ from datetime import datetime
 from functools import lru_cache
 from operator import attrgetter, itemgetter
 from threading import Lock
-from typing import Any
 
 from django.db import connection
 
@@ -20,13 +19,14 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point, Row
 from crowd.explorations.search import FINISHED, SEARCHED
 
-MOST_KEPT = 4  # explorations; one of ten thousand measurements takes about 30 MB
+MOST_KEPT = 4  # explorations
 MOST_NAMED = 500  # keys in a query; where more rows changed, all are read
+COLUMNS = tuple("index" if name == "place" else name for name in Row._fields)
 
-Mark = tuple[Any, ...]  # key, state, attempt, finished_at as the database's driver gives them
-# Written out since ten thousand rows cost the ORM three times as much as the database.
+Mark = tuple[int, str, int, str | None]  # key, state, attempt, finished_at
+# Written out, and the dates as text: to convert ten thousand of them would take as long as to read them.
 MARKS = f"""
-    SELECT id, state, attempt, finished_at FROM {Evaluation._meta.db_table}
+    SELECT id, state, attempt, CAST(finished_at AS text) FROM {Evaluation._meta.db_table}
     WHERE exploration_id = %s AND state IN (%s, %s) AND phase <> %s
 """
 
@@ -94,12 +94,12 @@ class Reading:
 
     def _found(self, exploration: Exploration) -> Found:
         known = [point for _, point in sorted(self._points.values(), key=itemgetter(0))]
-        searched = [row for row in self._rows.values() if row.index is not None and row.phase in SEARCHED]
+        searched = [row for row in self._rows.values() if row.place is not None and row.phase in SEARCHED]
         searched.sort(key=lambda row: (row.finished_at or row.created_at, row.number))
         return Found(
             points=tuple(known),
             front=tuple(points.front(exploration, known)),
-            indices=tuple(row.index for row in searched if row.index is not None),
+            indices=tuple(row.place for row in searched if row.place is not None),
             values=tuple(row.objectives for row in searched),
         )
 
@@ -120,5 +120,5 @@ def _rows(exploration: Exploration, keys: Collection[int]) -> list[Row]:
     rows = Evaluation.objects.filter(exploration=exploration, state__in=FINISHED).order_by()
     rows = rows.exclude(phase=Evaluation.Phase.PRIOR)
     if len(keys) <= MOST_NAMED:
-        return [Row._make(values) for values in rows.filter(pk__in=keys).values_list(*Row._fields)]
-    return [row for row in map(Row._make, rows.values_list(*Row._fields)) if row.pk in keys]
+        return [Row._make(values) for values in rows.filter(pk__in=keys).values_list(*COLUMNS)]
+    return [row for row in map(Row._make, rows.values_list(*COLUMNS)) if row.pk in keys]
