@@ -235,7 +235,7 @@ def test_editors_prepare_and_publishers_decide(db: None) -> None:
 
     assert "submit_frontversion" in may("editor")
     assert "publish_frontversion" not in may("editor")
-    assert may("publisher") == may("editor") | {"publish_frontversion"}
+    assert may("publisher") == may("editor") | {"publish_frontversion", "change_devicemodel"}
     assert not [name for name in may("publisher") if name.startswith("delete_")]
 
 
