@@ -19,7 +19,8 @@ from crowd import counters
 from crowd.limits import address_of
 
 WINDOW_SECONDS = 900
-# Tries in a window, right or wrong: of one address at one account, of one address, at one account.
+# Tries in a window, right or wrong: of one address at one account, of one address, at one account. A try that
+# an earlier one of these refuses is no try under the later ones: else one address could close an account.
 TRIES_HERE, TRIES_OF_ADDRESS, TRIES_AT_ACCOUNT = 10, 30, 100
 
 log = logging.getLogger(__name__)
@@ -98,9 +99,11 @@ def seconds_to_wait(address: str, name: str) -> int:
             f"login:{here}": TRIES_OF_ADDRESS,
             f"login::{account}": TRIES_AT_ACCOUNT,
         }
-        counts = [(counters.count(key, WINDOW_SECONDS), most) for key, most in limits.items()]
+        for key, most in limits.items():
+            count = counters.count(key, WINDOW_SECONDS)
+            if count.used > most:
+                return math.ceil(count.resets_in)
     except counters.CountingError as error:
         # Whoever administers must get in to a server with a full disk.
         log.warning("tries to log in are not counted now: %s", error)
-        return 0
-    return max((math.ceil(count.resets_in) for count, most in counts if count.used > most), default=0)
+    return 0

@@ -57,10 +57,17 @@ def test_too_many_tries_are_refused_even_with_the_right_password(client: Client,
 
 def test_tries_from_one_address_lock_no_other_out(account: Any) -> None:
     attacker, owner = Client(REMOTE_ADDR="203.0.113.9"), Client(REMOTE_ADDR="198.51.100.1")
-    for _ in range(logins.TRIES_HERE + 5):
+    for _ in range(logins.TRIES_AT_ACCOUNT + 1):
         log_in(attacker, "wrong")
 
     assert log_in(owner).status_code == 302
+
+
+def test_many_addresses_at_one_account_are_refused(account: Any) -> None:
+    for number in range(logins.TRIES_AT_ACCOUNT):
+        log_in(Client(REMOTE_ADDR=f"203.0.113.{number}"), "wrong")
+
+    assert log_in(Client(REMOTE_ADDR="198.51.100.1")).status_code == 429
 
 
 def test_an_address_that_tries_many_accounts_is_refused(client: Client, account: Any) -> None:
