@@ -7,6 +7,7 @@ for HTTP" (draft-ietf-httpapi-ratelimit-headers-10): quota q in a window of w se
 import ipaddress
 import logging
 import math
+import re
 from dataclasses import dataclass
 from typing import Any, ClassVar, cast
 
@@ -18,6 +19,8 @@ from rest_framework.throttling import BaseThrottle
 from crowd import counters
 
 A_MINUTE, AN_HOUR = 60, 3600
+# Some proxies add the port: 198.51.100.1:4711, [2001:db8::1]:4711.
+WITH_PORT = re.compile(r"^(?:\[(.+)\]|([0-9.]+))(?::[0-9]+)?$")
 
 log = logging.getLogger(__name__)
 
@@ -143,7 +146,11 @@ def address_of(request: Request | HttpRequest) -> str:
     """
     text = str(BaseThrottle().get_ident(cast(Request, request)))
     try:
-        address = ipaddress.ip_address(text)
+        address = ipaddress.ip_address(WITH_PORT.sub(r"\1\2", text))
     except ValueError:
         return text
-    return str(ipaddress.ip_network((address, 64), strict=False)) if address.version == 6 else text
+    if isinstance(address, ipaddress.IPv4Address):
+        return str(address)
+    if address.ipv4_mapped is not None:  # what a socket for both versions calls an IPv4 address
+        return str(address.ipv4_mapped)
+    return str(ipaddress.IPv6Network((int(address), 64), strict=False))
