@@ -11,6 +11,9 @@ from contextvars import ContextVar
 from datetime import UTC, datetime
 from typing import Any
 
+from django.conf import settings
+from django.http import HttpRequest
+
 # Of the request that is being answered here, or that caused the running task; empty where there is none.
 request_id: ContextVar[str] = ContextVar("request_id", default="")
 
@@ -47,6 +50,29 @@ class JsonFormatter(logging.Formatter):
         if record.exc_info:
             entry["exception"] = self.formatException(record.exc_info)
         return json.dumps(entry, ensure_ascii=False, default=str)
+
+
+class WithoutAddress(logging.Filter):
+    """Puts the pattern of a request's address in place of the address, in what Django says of it.
+
+    An address may be a secret, as that of a participant's own page.
+    """
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        request = getattr(record, "request", None)
+        if isinstance(request, HttpRequest) and isinstance(record.args, tuple):
+            # Django escapes what it puts in.
+            escaped = request.path.encode("unicode_escape").decode("ascii")
+            shown = f"/{endpoint(request)}"
+            record.args = tuple(shown if each in (request.path, escaped) else each for each in record.args)
+        return True
+
+
+def endpoint(request: HttpRequest) -> str:
+    """The pattern that answered, as api/v1/submissions/<uuid:key>; "static" and "unmatched" beside these."""
+    if request.resolver_match is not None:
+        return request.resolver_match.route
+    return "static" if request.path_info.startswith(settings.STATIC_URL) else "unmatched"
 
 
 def _added(record: logging.LogRecord) -> dict[str, object]:

@@ -6,7 +6,6 @@ import time
 import uuid
 from collections.abc import Callable
 
-from django.conf import settings
 from django.http import HttpRequest, HttpResponse
 
 from crowd import logs, metrics
@@ -47,15 +46,8 @@ class RequestMiddleware:
 
 def _note(request: HttpRequest, status: int, seconds: float) -> None:
     method = request.method if request.method in METHODS else "OTHER"
-    endpoint = _endpoint(request)
+    endpoint = logs.endpoint(request)
     metrics.requests.observe(method, endpoint, status, seconds)
     level = logging.DEBUG if endpoint in WATCHING and status < 500 else logging.INFO
     milliseconds = round(seconds * 1e3, 1)
     log.log(level, "%s /%s %d", method, endpoint, status, extra=logs.more(ms=milliseconds))
-
-
-def _endpoint(request: HttpRequest) -> str:
-    """The pattern that answered, as api/v1/submissions/<uuid:key>; "static" and "unmatched" beside these."""
-    if request.resolver_match is not None:
-        return request.resolver_match.route
-    return "static" if request.path_info.startswith(settings.STATIC_URL) else "unmatched"

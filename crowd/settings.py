@@ -286,8 +286,12 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {"text": {"()": "crowd.logs.TextFormatter"}, "json": {"()": "crowd.logs.JsonFormatter"}},
+    "filters": {"without address": {"()": "crowd.logs.WithoutAddress"}},
     "handlers": {"console": {"class": "logging.StreamHandler", "formatter": FRONTRUNNER_LOGS}},
     "root": {"handlers": ["console"], "level": "INFO"},
-    # Our own line tells of every request by its address's pattern; this one writes the address out.
-    "loggers": {"django.request": {"level": "ERROR"}},
+    # Our own line tells of every request by its address's pattern; these write the address out.
+    "loggers": {
+        "django.request": {"level": "ERROR", "filters": ["without address"]},
+        "django.security.csrf": {"filters": ["without address"]},
+    },
 }

@@ -9,6 +9,7 @@ import pytest
 from django.test import Client
 
 from crowd import logs
+from crowd.results.own_pages import path_of
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import API, Participant
 
@@ -59,6 +60,23 @@ def test_a_line_holds_neither_address_nor_token_nor_query(participant: Participa
     assert "GET /unmatched 404" in written
     for private in (participant.token, answer["submission_id"], "somebody", "192.0.2.77", "127.0.0.1"):
         assert private not in written
+
+
+def test_a_failing_secret_page_is_told_by_its_pattern(
+    front: Any, installation: Any, monkeypatch: pytest.MonkeyPatch, lines: Any
+) -> None:
+    path = path_of(installation)
+    monkeypatch.setattr("crowd.dashboard.own_views.own_page", lambda _: 1 // 0)
+    client = Client(raise_request_exception=False, enforce_csrf_checks=True)
+
+    failed, refused = client.get(path), client.post(path)
+
+    assert (failed.status_code, refused.status_code) == (500, 403)
+    told = [line for line in lines() if line["logger"].startswith("django.")]
+    assert "Internal Server Error: /mine/<str:signed>/" in [line["message"] for line in told]
+    assert "Forbidden (CSRF cookie not set.): /mine/<str:signed>/" in [line["message"] for line in told]
+    assert "ZeroDivisionError" in json.dumps(told)
+    assert path.split("/")[2] not in json.dumps(lines())
 
 
 def test_those_who_watch_are_logged_only_for_debugging(client: Client, db: None, lines: Any) -> None:
