@@ -42,6 +42,13 @@ def test_every_variable_of_the_example_is_a_setting() -> None:
     assert named <= described
 
 
+def test_caddy_asks_by_the_name_that_it_serves() -> None:
+    caddy = (DEPLOY / "Caddyfile").read_text()
+    (site,) = re.findall(r"^(\S+) \{$", caddy, re.MULTILINE)
+
+    assert re.search(rf"health_headers \{{\s+Host {re.escape(site)}\s+\}}", caddy)
+
+
 def test_the_page_names_only_files_that_are_there() -> None:
     page = (ROOT / "docs/deploy.md").read_text()
 
