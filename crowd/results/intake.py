@@ -90,13 +90,16 @@ def check(
         raise Problem(400, "run_count", f"{count} runs: send 1 to {checks.MAX_RUNS}", field="sessions")
     fronts = _fronts({session.front_version for session in submission.sessions})
     sessions = _stored_sessions(submission) if look else {}
-    items = [
-        item
-        for place, session in enumerate(submission.sessions)
-        for item in _session_items(
-            place, session, beyond.sessions[place], fronts.get(session.front_version), sessions, installation
+    items: list[Item] = []
+    first: dict[UUID, schema.Session] = {}
+    for place, session in enumerate(submission.sessions):
+        front = fronts.get(session.front_version)
+        refusal = _check_session(
+            session, front, sessions.get(session.id), first.get(session.id), installation
         )
-    ]
+        if refusal is None:
+            first.setdefault(session.id, session)
+        items += _session_items(place, session, beyond.sessions[place], front, refusal)
     _mark_duplicates(items, _stored_runs(items) if look else set())
     _refuse_taken_repeats(items, sessions)
     return Intake(submission, beyond, fronts, sessions, items)
@@ -117,10 +120,8 @@ def _session_items(
     session: schema.Session,
     beyond: extras.SessionExtras,
     front: Front | None,
-    stored: dict[UUID, MeasurementSession],
-    installation: Installation,
+    refusal: Rejection | None,
 ) -> Iterator[Item]:
-    refusal = _check_session(session, front, stored.get(session.id), installation)
     for number, raw in enumerate(session.runs):
         item = Item(schema.id_of(raw), session, beyond, rejection=refusal)
         where = f"sessions[{place}]"
@@ -142,8 +143,10 @@ def _check_session(
     session: schema.Session,
     front: Front | None,
     stored: MeasurementSession | None,
+    first: schema.Session | None,
     installation: Installation,
 ) -> Rejection | None:
+    """What is wrong with SESSION, of which a part may be STORED, and the FIRST part be in this request."""
     if front is None or front.row.application != session.application:
         return Rejection(
             "unknown_front_version",
@@ -160,7 +163,14 @@ def _check_session(
         session.started_at.astimezone(UTC)
     except OverflowError:
         return Rejection("invalid_field", f"{session.started_at} is no moment in UTC", "started_at")
-    if stored is not None and (stored.installation_id != installation.pk or stored.front_id != front.row.pk):
+    # Runs of one session are compared with each other.
+    present = installation.pk, front.row.pk, session.backend
+    taken = stored is not None and (stored.installation_id, stored.front_id, stored.backend) != present
+    other = first is not None and (first.front_version, first.backend) != (
+        session.front_version,
+        session.backend,
+    )
+    if taken or other:
         return Rejection("session_taken", "another session has this id: use a new one", "id")
     return None
 

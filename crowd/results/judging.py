@@ -7,6 +7,7 @@ from uuid import UUID
 
 import numpy as np
 from django.db import connection
+from django.db.models import F
 from numpy.typing import NDArray
 
 from crowd.results import packing, rules, statistics
@@ -34,7 +35,9 @@ def judge_runs(sessions: Sequence[MeasurementSession], decisions: Decisions) -> 
     """
     by_key = {session.pk: session for session in sessions}
     protocols = {session.front_id: Protocol.of(session.front.protocol) for session in sessions}
-    rows = Run.objects.filter(session__in=sessions).defer("uuid", "failure", "tracked", "extra")
+    # A run of another front has nothing to be compared with.
+    own = Run.objects.filter(session__in=sessions, configuration__front=F("session__front"))
+    rows = own.defer("uuid", "failure", "tracked", "extra")
     runs = list(rows.order_by("session_id", "repeat", "pk"))
     before = {run.pk: _derived(run) for run in runs}
     for run in runs:

@@ -11,8 +11,15 @@ from django.test import Client, RequestFactory
 from django.urls import get_resolver
 
 from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.fronts.services import publish_content
 from crowd.results.models import MeasurementSession, Run, Submission
-from tests.crowd.documents import device_document, run_document, session_document, submission_document
+from tests.crowd.documents import (
+    device_document,
+    front_document,
+    run_document,
+    session_document,
+    submission_document,
+)
 from tests.crowd.participant import API, Participant
 
 
@@ -394,6 +401,33 @@ def test_a_session_of_somebody_else(participant: Participant, join: Callable[[],
     response = join().submit(submission_document(session | {"runs": [run_document("best", 5, 5, 1)]}))
 
     assert problem(response)[:2] == (422, "session_taken")
+    assert Run.objects.count() == 4
+
+
+@pytest.mark.parametrize("other", [{"front_version": "kfusion-second"}, {"backend": "neon"}])
+def test_one_session_is_of_one_front_and_backend(
+    participant: Participant, pack: dict[str, Any], other: dict[str, str]
+) -> None:
+    """Within one request as between two: runs of a session are compared with each other."""
+    publish_content(front_document(pack, "second"))
+    session = session_document()
+    first, second = session | {"runs": session["runs"][:2]}, session | {"runs": session["runs"][2:]} | other
+
+    items = participant.submit(submission_document(first, second)).json()["items"]
+    later = participant.submit(submission_document(second))
+
+    assert [item["code"] for item in items] == [None, None, "session_taken", "session_taken"]
+    assert problem(later)[:2] == (422, "session_taken")
+    assert Run.objects.count() == 2
+    assert participant.get("/speedups?since=2020-01-01").status_code == 200
+
+
+def test_a_session_that_is_refused_takes_no_id(participant: Participant) -> None:
+    session = session_document()
+
+    answer = participant.submit(submission_document(session | {"front_version": "kfusion-none"}, session))
+
+    assert [item["code"] for item in answer.json()["items"]] == ["unknown_front_version"] * 4 + [None] * 4
     assert Run.objects.count() == 4
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from crowd.devices.models import DeviceModel
+from crowd.fronts.services import publish_content
 from crowd.results import rules, summarising
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
-from tests.crowd.documents import FRAMES, run_document, session_document, submission_document
+from tests.crowd.documents import FRAMES, front_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
 Join = Callable[[], Participant]
@@ -137,6 +138,21 @@ def test_a_hidden_sessions_runs_are_still_there_to_be_seen(participant: Particip
     stored = Run.objects.filter(session__uuid=session["id"])
     assert [run.state for run in stored] == ["valid"] * len(session["runs"])
     assert SessionSummary.objects.get(session__uuid=session["id"]).log_ratio == pytest.approx(np.log(160))
+
+
+def test_a_run_of_another_front_is_compared_with_nothing(
+    participant: Participant, pack: dict[str, Any]
+) -> None:
+    send(participant)
+    version, _ = publish_content(front_document(pack, "second"))
+    Run.objects.filter(configuration__name="best", repeat=1).update(
+        configuration=version.configurations.get(name="accurate")
+    )
+
+    summarising.summarise_session(MeasurementSession.objects.get().pk)
+
+    assert [row.configuration.name for row in SessionSummary.objects.all()] == ["best"]
+    assert SessionSummary.objects.get().pairs == 1
 
 
 def test_one_installation_cannot_move_the_crowds_figure(
