@@ -1,26 +1,59 @@
 """What a participant may ask to be gone: one run, or everything. A tombstone without a name remains."""
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import TypeVar
 from uuid import UUID
 
-from django.db import transaction
-from django.db.models import QuerySet
+from django.db import IntegrityError, OperationalError, transaction
+from django.db.models import Q, QuerySet
 from django.utils import timezone
 
-from crowd.devices.models import DeviceDescription, Installation
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.results import publication, refreshing, summarising
 from crowd.results.models import Cohort, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.opendata import exports
 
 AT_ONCE = 1_000
+TRIES = 3
+DEADLOCK = "40P01"  # PostgreSQL's code
+
+T = TypeVar("T")
 
 
-@transaction.atomic
 def erase_installation(installation: Installation) -> None:
     """Delete everything of INSTALLATION, compute the figures that held it anew, withdraw such exports."""
+    _persist(lambda: _erase_installation(installation.pk))
+
+
+def erase_run(installation: Installation, uuid: UUID) -> bool:
+    """Delete one run of INSTALLATION, and its session with the last one; False where there is none."""
+    return _persist(lambda: _erase_run(installation.pk, uuid))
+
+
+def _persist(erase: Callable[[], T]) -> T:
+    """What ERASE answers, which is tried again where something came in meanwhile that refers to what it
+    deletes, or where it and another writer waited for each other.
+    """
+    for _ in range(TRIES - 1):
+        try:
+            with transaction.atomic():
+                return erase()
+        except IntegrityError:
+            continue
+        except OperationalError as error:
+            if getattr(error.__cause__, "sqlstate", None) != DEADLOCK:
+                raise
+    with transaction.atomic():
+        return erase()
+
+
+def _erase_installation(key: UUID) -> None:
     # Nothing of it may come in meanwhile.
-    list(Installation.objects.select_for_update().filter(pk=installation.pk))
+    installation = Installation.objects.select_for_update().filter(pk=key).first()
+    if installation is None:
+        return
+    _lock_models(installation.sessions.all())
     sessions = list(installation.sessions.select_for_update().defer("samples").order_by("pk"))
     runs = Run.objects.filter(session__installation=installation).values_list("uuid", flat=True)
     cohorts = _locked(SessionSummary.objects.filter(session__installation=installation))
@@ -31,14 +64,16 @@ def erase_installation(installation: Installation) -> None:
     _after(sessions, cohorts)
 
 
-@transaction.atomic
-def erase_run(installation: Installation, uuid: UUID) -> bool:
-    """Delete one run of INSTALLATION, and its session with the last one; False where there is none."""
-    own = Run.objects.filter(session__installation=installation).select_related("session")
-    run = own.filter(uuid=uuid).first()
-    if run is None:
+def _erase_run(key: UUID, uuid: UUID) -> bool:
+    # One request of an installation at a time: who asks for the last two runs at once erases the session.
+    list(Installation.objects.select_for_update(no_key=True).filter(pk=key))
+    holding = Run.objects.filter(uuid=uuid).values("session")
+    own = MeasurementSession.objects.filter(installation=key, pk__in=holding)
+    _lock_models(own)
+    session = own.select_for_update().first()
+    if session is None:
         return False
-    session = run.session
+    run = session.runs.get(uuid=uuid)
     _bury(Tombstone.Kind.RUN, [run.uuid])
     run.delete()
     if session.runs.exists():
@@ -46,8 +81,11 @@ def erase_run(installation: Installation, uuid: UUID) -> bool:
         summarising.summarise_session(session.pk)
     else:
         cohorts = _locked(session.summaries.all())
+        places = set(session.summaries.values_list("cohort_id", "installation_id", "day"))
         _bury(Tombstone.Kind.SESSION, [session.uuid])
         session.delete()
+        # A later session of that day may count in its place.
+        refreshing.count_days_of(places)
         _after([session], cohorts)
     return True
 
@@ -62,6 +100,13 @@ def _bury(kind: Tombstone.Kind, ids: Iterable[UUID]) -> None:
         ),
         batch_size=AT_ONCE,
     )
+
+
+def _lock_models(sessions: QuerySet[MeasurementSession]) -> None:
+    """Nobody else decides whether the models of SESSIONS are rare, until the transaction ends."""
+    described = DeviceDescription.objects.filter(sessions__in=sessions)
+    shown = Q(pk__in=described.values("model")) | Q(pk__in=described.values("model__canonical"))
+    list(DeviceModel.objects.select_for_update(no_key=True).filter(shown).order_by("pk").values_list("pk"))
 
 
 def _locked(summaries: QuerySet[SessionSummary]) -> list[Cohort]:

@@ -13,8 +13,8 @@ from django.db.models import Min, Q, QuerySet
 from crowd.devices import recognition
 from crowd.devices.disclosure import Shown, columns, is_rare, published
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.results import summarising
-from crowd.results.models import MeasurementSession
+from crowd.results import refreshing, summarising
+from crowd.results.models import Cohort, MeasurementSession, SessionSummary
 from crowd.results.opendata import exports
 
 BATCH = 500
@@ -34,8 +34,7 @@ def settle(keys: Iterable[int]) -> None:
             rare.add(shown.model)
         if device != shown.public(show_model):
             misplaced.add(shown.model)
-    misplaced |= {model.pk for model in DeviceModel.objects.filter(pk__in=rare) if _recount(model)}
-    for key in sorted(misplaced):
+    for key in sorted(misplaced | {key for key in rare if _recount(key)}):
         _place(key)
 
 
@@ -49,10 +48,9 @@ def republish_waiting(limit: int = BATCH) -> int:
 def republish(keys: Iterable[int]) -> None:
     """Count anew who measured the models KEYS, put their sessions right, and have them summarised again."""
     models = DeviceModel.objects.filter(pk__in=list(keys)).select_related("canonical")
-    shown = {model.shown.pk: model.shown for model in models}
-    for key in sorted(shown):
+    for key in sorted({model.shown.pk for model in models}):
+        _recount(key)
         with transaction.atomic():
-            _recount(shown[key])
             _place(key, again=True)
             _rename_drivers(key)
             DeviceModel.objects.filter(Q(pk=key) | Q(canonical=key)).update(changed=False)
@@ -65,9 +63,9 @@ def after_erasure(keys: Iterable[int]) -> None:
     """
     models = list(DeviceModel.objects.filter(pk__in=list(keys)).select_related("canonical"))
     DeviceDescription.objects.filter(model__in=models, sessions=None, split=None).delete()
-    for model in models:
-        if _recount(model.shown):
-            _place(model.shown.pk)
+    for key in sorted({model.shown.pk for model in models}):
+        if _recount(key):
+            _place(key)
     _forget(models)
 
 
@@ -90,8 +88,13 @@ def _forget(models: Iterable[DeviceModel]) -> None:
 _DECIDED = ("accepted", "refused", "undone")
 
 
-def _recount(model: DeviceModel) -> bool:
-    """Whether MODEL, which is shown as itself, became rare or ceased to be; that is stored."""
+@transaction.atomic
+def _recount(key: int) -> bool:
+    """Whether the model KEY, which is shown as itself, became rare or ceased to be; that is stored."""
+    # Who counts last has seen what those before have stored.
+    model = DeviceModel.objects.select_for_update(no_key=True).filter(pk=key).first()
+    if model is None:
+        return False
     enough = max(1, settings.FRONTRUNNER_RARE_BELOW)
     who = _sessions_of(model.pk).values_list("installation_id", flat=True).order_by().distinct()[:enough]
     rare = is_rare(len(who))
@@ -107,29 +110,60 @@ def _place(key: int, again: bool = False) -> None:
     """Put the sessions of the model KEY and of its aliases under what the public sees; AGAIN: have all of
     them summarised anew, not the moved ones alone.
     """
-    model = DeviceModel.objects.select_for_update(of=("self",)).select_related("group").get(pk=key)
+    models = DeviceModel.objects.filter(pk=key).select_related("group")
+    model = models.get()
     if model.group is None:
         recognition.regroup([model])
     sessions = _sessions_of(key)
+    # Installations before models, as everybody.
+    summarising.lock_installations(sessions.filter(_misplaced(model, False) | _misplaced(model, True)))
+    model = models.select_for_update(of=("self",), no_key=True).get()
     moved: list[int] = []
+    hidden: list[int] = []
+    devices: set[int] = set()
     for show_model in (False, True):
         target = published(model, show_model)
-        wrong = sessions.filter(installation__show_model=show_model).exclude(device=target)
+        wrong = sessions.filter(_misplaced(model, show_model))
         if target.kind == DeviceModel.Kind.GROUP:
             # Open data that names the model must not outlive its being public.
             named = wrong.exclude(device__kind=DeviceModel.Kind.GROUP)
             if (since := named.aggregate(first=Min("received_at"))["first"]) is not None:
                 exports.withdraw(since)
+                hidden += named.order_by("pk").values_list("pk", flat=True)
+        devices |= set(wrong.order_by().values_list("device", flat=True).distinct())
         for keys in _batches(wrong):
             MeasurementSession.objects.filter(pk__in=keys).update(device=target)
+            devices.add(target.pk)
             moved += keys
+    refreshing.lock(Cohort.objects.filter(device__in=devices))
+    # Before summaries are made: how many sessions a device has decides whether its figures follow at once.
+    refreshing.count_activity(devices)
     if again or len(moved) > BATCH:
         for keys in _batches(sessions):
             summarising.resummarise(MeasurementSession.objects.filter(pk__in=keys))
+        _withhold(hidden)
     else:
-        # At once, lest a figure stays under a name that is no longer to be seen.
+        # At once, lest a figure stays under a name that is no longer to be seen. Large devices wait for the
+        # sweep; one that nothing is left under is none.
         seen = MeasurementSession.objects.filter(pk__in=moved).exclude(summary_algorithm=None)
         summarising.summarise_sessions(list(seen.values_list("pk", flat=True)))
+
+
+def _misplaced(model: DeviceModel, show_model: bool) -> Q:
+    """Which sessions on MODEL, of installations that want SHOW_MODEL or not, are not where they belong."""
+    return Q(installation__show_model=show_model) & ~Q(device=published(model, show_model))
+
+
+def _withhold(keys: list[int]) -> None:
+    """The sessions KEYS wait to be summarised anew: until then nothing of them counts under a name that is no
+    longer to be seen.
+    """
+    of_them = [SessionSummary.objects.filter(session__in=part) for part in _parts(keys)]
+    left = {cohort for rows in of_them for cohort in rows.values_list("cohort", flat=True)}
+    cohorts = refreshing.lock(Cohort.objects.filter(pk__in=left))
+    for rows in of_them:
+        rows.delete()
+    refreshing.refresh(cohorts)
 
 
 def _rename_drivers(key: int) -> None:
@@ -146,5 +180,8 @@ def _sessions_of(key: int) -> QuerySet[MeasurementSession]:
 
 def _batches(sessions: QuerySet[MeasurementSession]) -> list[list[int]]:
     """Primary keys of SESSIONS, in parts of a size that every database takes, in one order for everybody."""
-    keys = list(sessions.order_by("pk").values_list("pk", flat=True))
+    return _parts(list(sessions.order_by("pk").values_list("pk", flat=True)))
+
+
+def _parts(keys: list[int]) -> list[list[int]]:
     return [keys[start : start + BATCH] for start in range(0, len(keys), BATCH)]

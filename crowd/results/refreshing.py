@@ -2,6 +2,8 @@
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable
+from datetime import date
+from uuid import UUID
 
 from django.db import transaction
 from django.db.models import Avg, Count, Max, Q, QuerySet
@@ -144,6 +146,16 @@ def change(cohort: QuerySet[SessionSummary], keys: Collection[int], state: State
     count_days(cohort.filter(installation_id__in={who for who, _ in days}, day__in={day for _, day in days}))
 
 
+def count_days_of(places: Iterable[tuple[int, UUID, date]]) -> None:
+    """Find anew which sessions count on the days of PLACES: cohort, installation and day."""
+    found = set(places)
+    if found:
+        cohorts, installations, days = zip(*found, strict=True)
+        count_days(
+            SessionSummary.objects.filter(cohort__in=cohorts, installation__in=installations, day__in=days)
+        )
+
+
 def count_days(cohort_days: QuerySet[SessionSummary]) -> None:
     """Mark which of those sessions count: the first few of each installation, day, cohort and state.
 
@@ -167,7 +179,7 @@ def count_activity(devices: Iterable[int]) -> None:
     """Count the sessions and installations of DEVICES anew; a device without any has no row."""
     found = (
         MeasurementSession.objects.filter(device_id__in=set(devices))
-        .order_by()
+        .order_by("device_id")
         .values("device_id")
         .annotate(
             sessions=Count("id"), installations=Count("installation", distinct=True), last=Max("started_at")

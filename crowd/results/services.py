@@ -55,8 +55,9 @@ def _accept(installation: Installation, key: str, body: bytes, careful: bool) ->
     """
     if careful:
         # One request of an installation at a time, so that a run sent twice at once is stored once.
-        locked = Installation.objects.select_for_update().filter(pk=installation.pk, revoked_at=None)
-        if not locked.exists():
+        # Summaries of it may be stored meanwhile; it may not be erased.
+        known = Installation.objects.filter(pk=installation.pk, revoked_at=None)
+        if not known.select_for_update(no_key=True).exists():
             raise Problem(401, "token_invalid", "this installation was erased: enrol again")
     digest = hashlib.sha256(body).hexdigest()
     earlier = Submission.objects.filter(installation=installation, idempotency_key=key)
@@ -154,10 +155,9 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
     Run.objects.bulk_create(
         [_row(item, sessions[item.session.id], checked.fronts[item.session.front_version]) for item in new]
     )
-    # A session that was summarised before has more runs now.
-    again = [session.pk for session in sessions.values() if session.summary_algorithm is not None]
-    if again:
-        MeasurementSession.objects.filter(pk__in=again).update(summary_algorithm=None)
+    # A session that goes on has more runs now than its summary knows, also one that is being made just now.
+    if going_on := [session.pk for uuid, session in checked.sessions.items() if uuid in named]:
+        MeasurementSession.objects.filter(pk__in=going_on).update(summary_algorithm=None)
     return tuple(session.pk for session in sessions.values())
 
 

@@ -6,6 +6,7 @@ from django.db import transaction
 from django.db.models import Q, QuerySet
 from django.utils import timezone
 
+from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import DEFAULT
 from crowd.results import comparing, judging, refreshing, statistics
@@ -70,6 +71,7 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
 
     Sessions that are gone are left out. The figures of large devices wait for `refreshing.refresh_stale`.
     """
+    lock_installations(MeasurementSession.objects.filter(pk__in=keys))
     sessions = list(
         MeasurementSession.objects.select_for_update(of=("self",))
         .select_related("front", "description__model")
@@ -79,11 +81,12 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     )
     decisions = Decisions.on(sessions)
     runs = judging.judge_runs(sessions, decisions)
-    earlier = dict(SessionSummary.objects.filter(session__in=sessions).values_list("pk", "cohort_id"))
+    earlier = SessionSummary.objects.filter(session__in=sessions)
+    places = set(earlier.values_list("cohort_id", "installation_id", "day"))
     # A session whose device was renamed or merged leaves its cohort for another.
-    cohorts = _cohorts(sessions, set(earlier.values()))
-    if earlier:
-        SessionSummary.objects.filter(pk__in=earlier).delete()
+    cohorts = _cohorts(sessions, {cohort for cohort, _, _ in places})
+    if places:
+        earlier.delete()
     baselines = _baselines(sessions)
     made = [
         summary
@@ -97,13 +100,8 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
         )
     ]
     SessionSummary.objects.bulk_create(made)
-    refreshing.count_days(
-        SessionSummary.objects.filter(
-            cohort__in={row.cohort_id for row in made},
-            installation__in={row.installation_id for row in made},
-            day__in={row.day for row in made},
-        )
-    )
+    # Where a session has left, a later one may count in its place.
+    refreshing.count_days_of(places | {(row.cohort_id, row.installation_id, row.day) for row in made})
     done = MeasurementSession.objects.filter(pk__in=[session.pk for session in sessions])
     done.update(summary_algorithm=statistics.ALGORITHM)
     small = _small(cohorts.values(), sessions) if figures else set()
@@ -117,6 +115,16 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
 def summarise_session(key: int) -> None:
     """Compute the session's summaries and its device's figures; nothing for a session that is gone."""
     summarise_sessions([key])
+
+
+def lock_installations(sessions: QuerySet[MeasurementSession]) -> None:
+    """Let nobody erase the installations of SESSIONS until the transaction ends.
+
+    Writers lock installations first, then models, sessions and cohorts, each in the order of their keys, so
+    that no two wait for each other. `no_key`: what only refers to the rows may be stored meanwhile.
+    """
+    rows = Installation.objects.filter(pk__in=sessions.order_by().values("installation"))
+    list(rows.select_for_update(no_key=True).order_by("pk").values_list("pk"))
 
 
 def _small(cohorts: Iterable[Cohort], sessions: Iterable[MeasurementSession]) -> set[int]:

@@ -1,12 +1,23 @@
 """A participant sees everything that is kept of them, and can have it gone."""
 
 from collections.abc import Callable
+from typing import Any
+from uuid import UUID
 
 import pytest
 from django.test import Client
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.results.models import Decision, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
+from crowd.results import erasure
+from crowd.results.models import (
+    Decision,
+    DeviceSpeedup,
+    MeasurementSession,
+    Run,
+    SessionSummary,
+    Submission,
+    Tombstone,
+)
 from crowd.results.moderation import decide
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
@@ -176,3 +187,35 @@ def test_what_an_administrator_decided_is_told_and_erased_with_the_rest(particip
     assert participant.delete(f"/me/runs/{run.uuid}").status_code == 204
     assert participant.delete("/me").status_code == 204
     assert not Decision.objects.exists()
+
+
+@pytest.mark.parametrize("erased", [[0, 1, 2, 3], [0, 3]], ids=["the whole session", "its baseline"])
+def test_a_later_session_of_the_day_counts_in_an_erased_ones_place(
+    participant: Participant, settings: Any, erased: list[int]
+) -> None:
+    """Five of a day count; without the first one's answer that is true of the five others."""
+    settings.FRONTRUNNER_SUBMISSIONS_PER_MINUTE = 0
+    sessions = [session_document(started_at=f"2026-11-20T1{hour}:00:00Z") for hour in range(6)]
+    for session in sessions:
+        participant.submit(submission_document(session))
+    assert list(SessionSummary.objects.order_by("started_at").values_list("counted", flat=True)) == [
+        *[True] * 5,
+        False,
+    ]
+
+    for place in erased:
+        assert participant.delete(f"/me/runs/{sessions[0]['runs'][place]['id']}").status_code == 204
+
+    assert list(SessionSummary.objects.values_list("counted", flat=True)) == [True] * 5
+    assert DeviceSpeedup.objects.get().sessions == 5
+
+
+def test_erasing_a_run_twice_buries_it_once(participant: Participant, installation: Installation) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    run = UUID(session["runs"][0]["id"])
+
+    assert erasure.erase_run(installation, run)
+    assert not erasure.erase_run(installation, run)
+
+    assert Tombstone.objects.count() == 1

@@ -2,14 +2,16 @@
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import pytest
 from django.db import connection
 
 from crowd.devices.models import Installation
+from crowd.devices.recognition import Recognised
 from crowd.fronts.models import FrontVersion
 from crowd.problems import Problem
-from crowd.results import services
+from crowd.results import services, summarising
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
 from tests.crowd.documents import run_document, session_document, submission_document
 from tests.crowd.participant import Participant
@@ -85,6 +87,28 @@ def test_a_session_may_come_in_two_parts(participant: Participant) -> None:
     participant.submit(submission_document(session | {"runs": second}))
 
     assert MeasurementSession.objects.get().runs.count() == 4
+    assert SessionSummary.objects.get().pairs == 2
+
+
+def test_a_session_summarised_while_its_second_part_comes_is_summarised_again(
+    participant: Participant, no_worker: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = session_document()
+    first, second = session["runs"][:2], session["runs"][2:]
+    participant.submit(submission_document(session | {"runs": first}))
+    real = services.recognise
+
+    def summarised_meanwhile(raw: dict[str, Any]) -> Recognised:
+        """The second part is checked by now and not stored yet."""
+        summarising.summarise_waiting()
+        return real(raw)
+
+    monkeypatch.setattr(services, "recognise", summarised_meanwhile)
+    participant.submit(submission_document(session | {"runs": second}))
+    assert SessionSummary.objects.get().pairs == 1
+
+    summarising.summarise_waiting()
+
     assert SessionSummary.objects.get().pairs == 2
 
 
