@@ -250,10 +250,12 @@ def test_ranges_that_do_not_fit(client: Client, db: None) -> None:
     beyond = client.get(address, headers={"Range": f"bytes={size}-"})
     changed = client.get(address, headers={"Range": "bytes=0-3", "If-Range": '"another"'})
     several = client.get(address, headers={"Range": "bytes=0-1,4-5"})
+    endless = client.get(address, headers={"Range": f"bytes={'9' * 5000}-"})
 
     assert (beyond.status_code, beyond.headers["Content-Range"]) == (416, f"bytes */{size}")
     assert (changed.status_code, len(changed.getvalue())) == (200, size)
     assert (several.status_code, len(several.getvalue())) == (200, size)
+    assert (endless.status_code, len(endless.getvalue())) == (200, size)
 
 
 def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
@@ -272,6 +274,8 @@ def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
         "/data/latest/nothing.parquet",
         "/data/latest/..%2fsecret_key",
         "/data/x/y",
+        "/data/20200101/runs.parquet",
+        "/data/9999-12-31/runs.parquet",
     ],
 )
 def test_what_is_no_file_of_an_export(client: Client, db: None, address: str) -> None:
@@ -305,6 +309,37 @@ def test_erasure_withdraws_the_exports_that_held_it(
     assert len(table("runs")) == 7
     digest = hashlib.sha256(session["runs"][0]["id"].encode()).hexdigest()
     assert [(row["kind"], row["id_sha256"]) for row in table("tombstones")] == [("run", digest)]
+
+
+def test_an_export_that_reads_before_the_erasure_is_committed_is_withdrawn(
+    client: Client, participant: Participant, django_capture_on_commit_callbacks: Any
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+
+    with django_capture_on_commit_callbacks(execute=True):
+        participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+        # As another connection makes it, which does not see the erasure yet.
+        meanwhile = exports.make()
+
+    assert client.get(f"/data/{meanwhile.name}/runs.parquet").status_code == 410
+    assert not (exports.root() / meanwhile.folder).exists()
+
+
+def test_a_withdrawn_export_is_remembered_for_a_while(client: Client, participant: Participant) -> None:
+    participant.submit(submission_document())
+    gone = exports.make()
+    exports.withdraw(gone.started_at)
+    Export.objects.update(started_at=F("started_at") - timedelta(days=1))
+    address = f"/data/{Export.objects.get().name}/runs.parquet"
+    exports.make_if_due()
+    assert client.get(address).status_code == 410
+
+    Export.objects.filter(pk=gone.pk).update(withdrawn_at=F("withdrawn_at") - exports.WITHDRAWN_KEPT)
+    exports.make_if_due()
+
+    assert client.get(address).status_code == 404
+    assert Export.objects.count() == 1
 
 
 def test_erasing_everything_leaves_tombstones_without_a_name(participant: Participant) -> None:

@@ -8,7 +8,7 @@ import hashlib
 import json
 import os
 import shutil
-from datetime import datetime, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,8 @@ from crowd.results.opendata.tables import LICENCE, TABLES, data_package
 NIGHT_HOUR = 2  # UTC
 # An export that was not written on for so long belongs to a process that died.
 DEAD_AFTER = timedelta(minutes=10)
+# For so long the address of a withdrawn export says that it was withdrawn.
+WITHDRAWN_KEPT = timedelta(days=30)
 TRIES = 3
 LICENCE_TEXT = """\
 These measurements are licensed under {title} ({name}):
@@ -77,15 +79,40 @@ def listed() -> list[Export]:
     return list(by_day.values())
 
 
+def made_on(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
+    """Those of ROWS that bear the name DAY; none where that is no day."""
+    try:
+        found = date.fromisoformat(day)
+    except ValueError:
+        return rows.none()
+    if found.isoformat() != day:
+        return rows.none()
+    return rows.filter(
+        started_at__range=(datetime.combine(found, time.min, UTC), datetime.combine(found, time.max, UTC))
+    )
+
+
 def withdraw(since: datetime) -> None:
     """End every export that may hold what was received at SINCE; call it in the erasing transaction."""
+    ended = _end(since)
+
+    def once_more() -> None:
+        # Where readers do not wait for writers, an export that began meanwhile has read what is gone now.
+        if _end(since) or ended:
+            sweep()
+
+    transaction.on_commit(once_more)
+
+
+def _end(since: datetime) -> int:
     rows = Export.objects.filter(withdrawn_at=None)
-    if rows.filter(Q(published_at=None) | Q(published_at__gte=since)).update(withdrawn_at=timezone.now()):
-        transaction.on_commit(sweep)
+    held = rows.filter(Q(published_at=None) | Q(published_at__gte=since))
+    return held.update(withdrawn_at=timezone.now())
 
 
 def sweep() -> None:
-    """Delete the folders of exports that ended, were withdrawn, or whose process died."""
+    """Delete the folders of exports that ended, were withdrawn, or whose process died, and old rows."""
+    Export.objects.filter(withdrawn_at__lt=timezone.now() - WITHDRAWN_KEPT).delete()
     unfinished = Export.objects.filter(published_at=None)
     unfinished.filter(touched_at__lt=timezone.now() - DEAD_AFTER).delete()
     # Folders first: one that another process makes meanwhile has its row before.

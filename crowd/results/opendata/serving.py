@@ -29,7 +29,8 @@ TYPES = {
     "json": "application/json",
     "text": "text/plain; charset=utf-8",
 }
-RANGE = re.compile(r"bytes=(?P<first>\d*)-(?P<last>\d*)")
+# Numbers that no file reaches are no range: the whole file is sent.
+RANGE = re.compile(r"bytes=(?P<first>[0-9]{0,18})-(?P<last>[0-9]{0,18})")
 AT_ONCE = 1 << 16
 
 
@@ -69,8 +70,8 @@ def _found(name: str, file: str) -> tuple[dict[str, Any], Export]:
     if name == LATEST:
         export = exports.published().first()
     else:
-        export = next((row for row in exports.published() if row.name == name), None)
-    if export is None and any(row.name == name for row in Export.objects.exclude(withdrawn_at=None)):
+        export = exports.made_on(name, exports.published()).first()
+    if export is None and exports.made_on(name, Export.objects.exclude(withdrawn_at=None)).exists():
         raise Problem(
             410,
             "export_withdrawn",

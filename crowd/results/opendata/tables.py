@@ -47,7 +47,11 @@ def _hour(name: str, description: str) -> Column:
 DEVICE = Column("device", "string", "the device as the public sees it: a row of devices")
 FRONT = Column("front", "string", "version of the front: with configuration, a row of configurations")
 BASELINE = Column("baseline", "string", "the configuration it is compared with")
-STATE = Column("state", "string", "valid, suspect, invalid or quarantined: only the first make figures")
+STATE = Column(
+    "state",
+    "string",
+    "valid, suspect, invalid or quarantined: valid ones make figures, suspect ones where none is valid",
+)
 REASON = Column("reason", "string", "code of the rule that set the state; empty for a valid one")
 ALGORITHM = Column("algorithm", "int32", "version of the statistics that computed it")
 BACKEND = Column("backend", "string", "what computed, such as opencl")
