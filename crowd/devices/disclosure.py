@@ -14,12 +14,13 @@ from django.conf import settings
 from crowd.devices.models import DeviceModel
 from crowd.devices.normalisation import HANDHELD
 
-PREFIX = "group|"
+# Begins no model's key: what devices say of themselves is one line each.
+PREFIX = "group\n"
 
 
 @dataclass(frozen=True)
 class Group:
-    """What rare models with one chip have in common; `key` is no model's, as no maker contains a bar."""
+    """What rare models with one chip have in common; `key` is no model's."""
 
     name: str
     cpu: str = ""

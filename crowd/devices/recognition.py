@@ -112,7 +112,8 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     derived = [(row, *_derived(row.raw)) for row in described]
     ruled = [identity for row, identity, _ in derived if row.split_id is None]
     keys = {identity.key for identity in ruled}
-    if len(keys) == 1 and old.key not in keys and not DeviceModel.objects.filter(key__in=keys).exists():
+    renamed = len(keys) == 1 and old.key not in keys and old.kind != DeviceModel.Kind.GROUP
+    if renamed and not DeviceModel.objects.filter(key__in=keys).exists():
         old.key, old.manufacturer, old.name = ruled[0].key, ruled[0].manufacturer, ruled[0].name
         old.save(update_fields=["key", "manufacturer", "name"])
     touched: set[int] = set()
@@ -132,6 +133,8 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
         row.model, row.rules = reset[model.pk], normalisation.RULES
         row.driver_name, row.driver_version = driver.name, driver.version[:50]
         row.save(update_fields=["model", "rules", "driver_name", "driver_version"])
+    if old.kind == DeviceModel.Kind.GROUP:
+        touched.discard(old.pk)  # nobody measures a group: it is neither counted nor placed
     return touched
 
 
