@@ -1,7 +1,7 @@
 """The participant's own page: a link that only they were told, which names the device by its own name.
 
 The link holds the installation's number under a signature. It shows and changes nothing else: erasing still
-needs the token. It ends with the installation.
+needs the token. It ends with the installation, or when an administrator revokes its token.
 """
 
 from dataclasses import dataclass
@@ -47,12 +47,13 @@ def path_of(installation: Installation) -> str:
 
 
 def own_page(signed: str) -> OwnPage | None:
-    """The page behind the path's last part; None where it is no such path, or the installation is gone."""
+    """The page behind the path's last part; None where it is no such path, or the installation has ended."""
     try:
         key = UUID(hex=Signer(salt=SALT).unsign(signed))
     except (BadSignature, ValueError):
         return None
-    installation = Installation.objects.filter(pk=key).annotate(count=Count("sessions")).first()
+    there = Installation.objects.filter(pk=key, revoked_at=None)
+    installation = there.annotate(count=Count("sessions")).first()
     if installation is None:
         return None
     models = DeviceModel.objects.filter(descriptions__sessions__installation=installation).distinct()
