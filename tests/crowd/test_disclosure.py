@@ -1,25 +1,30 @@
 """What the public sees of a model that few people have: its chip, everywhere; its owner sees the name."""
 
+import importlib
 import json
 from collections.abc import Callable
 from typing import Any
 
 import pytest
+from django.apps import apps
 from django.core.management import call_command
 from django.test import Client
+from django.utils import timezone
 
+from crowd.devices import disclosure, recognition
 from crowd.devices.disclosure import group_of
-from crowd.devices.models import DeviceModel
-from crowd.results import publication, summarising
+from crowd.devices.models import DeviceModel, Installation
+from crowd.results import publication, summarising, tasks
 from crowd.results.models import DeviceSpeedup, MeasurementSession
 from crowd.results.own_pages import path_of
-from tests.crowd.documents import device_document, session_document, submission_document
+from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
 
 Join = Callable[[], Participant]
 
 GROUP = "google-tensor-g3-device"
 NAMED = "google-pixel-8"
+CALLED_A_GROUP = {"manufacturer": "group", "model": "Google Tensor G3 device", "os": "Android 14", "cpu": "x"}
 # What of a phone's own strings may be nowhere in public while the phone is rare.
 TELLING = ("Pixel 8", "pixel-8", "husky-build-77", "3a7f")
 
@@ -107,6 +112,40 @@ def test_the_fifth_installation_names_the_model(client: Client, front: Any, join
     assert "Pixel 8" in client.get(f"/sessions/{session['id']}/").content.decode()
 
 
+def test_no_device_can_call_itself_a_group(client: Client, front: Any, join: Join) -> None:
+    measure(join())
+
+    answer = join().submit(submission_document(session_document(), device=CALLED_A_GROUP))
+
+    assert answer.status_code == 202
+    group = DeviceModel.objects.get(slug=GROUP)
+    assert (group.kind, group.cpu, group.descriptions.count()) == (DeviceModel.Kind.GROUP, "", 0)
+    assert not MeasurementSession.objects.filter(description__model__slug=GROUP).exists()
+
+
+def test_a_device_that_had_taken_a_groups_place_gets_its_own(
+    front: Any, join: Join, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as before:
+        before.setattr(disclosure, "PREFIX", "group|")
+        measure(join())
+        join().submit(submission_document(session_document(), device=CALLED_A_GROUP))
+    group = DeviceModel.objects.get(slug=GROUP)
+    assert group.descriptions.count() == 1
+
+    migration = importlib.import_module("crowd.devices.migrations.0004_keys_of_groups")
+    migration.apart(apps, None)
+    recognition.renormalise_waiting()
+    work()
+
+    group.refresh_from_db()
+    assert (group.kind, group.group, group.rare) == (DeviceModel.Kind.GROUP, None, False)
+    assert group.key.startswith(disclosure.PREFIX)
+    assert group.descriptions.count() == 0
+    assert group.rare_models.get().slug == NAMED
+    assert DeviceModel.objects.get(manufacturer="Group").descriptions.count() == 1
+
+
 def test_one_eager_installation_names_nothing(client: Client, front: Any, join: Join) -> None:
     who = join()
     for _ in range(6):
@@ -172,6 +211,47 @@ def test_the_choice_may_be_taken_back(
     assert (row["device"], row["sessions"]) == (GROUP, 2)
 
 
+def test_the_choice_holds_for_sessions_that_compare_nothing_too(
+    client: Client, front: Any, join: Join, django_capture_on_commit_callbacks: Any
+) -> None:
+    """No configuration beside the baseline: no summary, no figure, but a device in the list."""
+    who = join()
+    alone = session_document(runs=[run_document("default", 0, 0, 80_000)])
+    who.submit(submission_document(alone, show_model=True))
+    assert [row["slug"] for row in client.get(f"{API}/devices").json()["results"]] == [NAMED]
+
+    with django_capture_on_commit_callbacks(execute=True):
+        measure(who, show_model=False)
+
+    rows = client.get(f"{API}/devices").json()["results"]
+    assert [(row["slug"], row["sessions"]) for row in rows] == [(GROUP, 2)]
+
+
+@pytest.mark.parametrize(("module", "limit", "value"), [(publication, "BATCH", 2), (summarising, "LARGE", 3)])
+def test_a_name_is_hidden_at_once_however_much_was_measured(
+    client: Client,
+    front: Any,
+    join: Join,
+    monkeypatch: pytest.MonkeyPatch,
+    module: Any,
+    limit: str,
+    value: int,
+) -> None:
+    """What takes long waits for the sweep; what may no longer be seen does not."""
+    crowd = [join() for _ in range(5)]
+    for who in crowd:
+        measure(who)
+    monkeypatch.setattr(module, limit, value)
+
+    crowd[0].delete("/me")
+
+    for address in ("devices", "speedups", "speedups?since=2020-01-01"):
+        assert NAMED not in client.get(f"{API}/{address}").content.decode(), address
+    tasks.sweep()
+    (row,) = client.get(f"{API}/speedups").json()["results"]
+    assert (row["device"], row["installations"]) == (GROUP, 4)
+
+
 def test_a_submission_that_says_nothing_changes_no_choice(front: Any, join: Join) -> None:
     who = join()
     measure(who, show_model=True)
@@ -216,6 +296,15 @@ def test_an_own_link_ends_with_the_installation(
     assert "Pixel 8" in client.get(path).content.decode()
 
     participant.delete("/me")
+
+    assert client.get(path).status_code == 404
+
+
+def test_an_own_link_ends_with_the_token(client: Client, participant: Participant, installation: Any) -> None:
+    measure(participant)
+    path = path_of(installation)
+
+    Installation.objects.update(revoked_at=timezone.now())
 
     assert client.get(path).status_code == 404
 
