@@ -60,7 +60,11 @@ def power_saving(root: Path = Path("/"), system: str = sys.platform) -> bool | N
 
 
 def throttling(root: Path = Path("/"), system: str = sys.platform) -> str | None:
-    """What the platform reports of cooling by slowing down; None where it reports nothing."""
+    """What the platform reports of cooling by slowing down; None where it reports nothing.
+
+    Thermal zones are not asked: on phones many of them are voltages or percents, and on PCs their passive
+    trips are whatever a program was notified of last.
+    """
     if system == "darwin":
         limit = MAC_SPEED_LIMIT.search(output(program("pmset"), "-g", "therm") or "")
         return f"the processor is held to {limit[1]} %" if limit and int(limit[1]) < 100 else None
@@ -68,10 +72,6 @@ def throttling(root: Path = Path("/"), system: str = sys.platform) -> str | None
         kind, state = word(device / "type"), number(device / "cur_state")
         if kind and COOLERS.search(kind) and state and state > 0:
             return f"{kind} is slowed down (step {state:.0f})"
-    for zone in sorted((root / "sys/class/thermal").glob("thermal_zone*")):
-        trip, present = _passive_trip(zone), number(zone / "temp")
-        if trip is not None and present is not None and present >= trip > 0:
-            return f"{word(zone / 'type') or zone.name} is at {present / 1000:.0f} degrees"
     return None
 
 
@@ -107,17 +107,6 @@ def _termux_battery() -> Battery | None:
         return Battery(float(told["percentage"]), told["status"] == "DISCHARGING")
     except (ValueError, TypeError, KeyError):
         return None
-
-
-def _passive_trip(zone: Path) -> float | None:
-    """The temperature, in the zone's own unit, from which the system slows a processor down."""
-    trips = [
-        value
-        for kind in zone.glob("trip_point_*_type")
-        if word(kind) == "passive"
-        and (value := number(kind.with_name(kind.name.replace("_type", "_temp")))) is not None
-    ]
-    return min(trips, default=None)
 
 
 def _windows_power() -> tuple[int, int, int] | None:

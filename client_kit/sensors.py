@@ -1,5 +1,6 @@
 """Temperature, clock and battery while a measurement runs; null where the platform hides them."""
 
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,6 +10,10 @@ from typing import TypedDict
 from client_kit.sources import number, word
 
 PLAUSIBLE_CELSIUS = (-40.0, 150.0)
+# Qualcomm's kernels have zones of the battery's charge (soc, percent), voltage and current, which act on low
+# readings.
+NO_TEMPERATURE = re.compile(r"soc$|.*(vbat|ibat|bcl)", re.IGNORECASE)
+LOW_POLICY = "low_limits"
 INTERVAL_SECONDS = 1.0
 LOW_BATTERY_PERCENT = 20.0
 
@@ -40,7 +45,12 @@ def temperature(root: Path = Path("/")) -> float | None:
 
     The zones' names differ from maker to maker; the hottest one is what a throttling policy acts on.
     """
-    zones = (number(zone) for zone in (root / "sys/class/thermal").glob("thermal_zone*/temp"))
+    zones = (
+        number(zone / "temp")
+        for zone in (root / "sys/class/thermal").glob("thermal_zone*")
+        if not NO_TEMPERATURE.match(word(zone / "type") or "")
+        and not (word(zone / "policy") or "").startswith(LOW_POLICY)
+    )
     low, high = PLAUSIBLE_CELSIUS
     # Most kernels report thousandths of a degree, some old ones whole degrees.
     degrees = [value / 1000 if abs(value) > high else value for value in zones if value is not None]

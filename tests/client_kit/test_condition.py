@@ -94,24 +94,25 @@ def test_a_cooling_device_at_work_is_throttling_and_a_fan_is_not(tmp_path: Path)
     assert condition.throttling(tmp_path, "linux") == "thermal-cpufreq-0 is slowed down (step 2)"
 
 
-@pytest.mark.parametrize(("present", "reason"), [("84000", None), ("86000", "x86_pkg_temp is at 86 degrees")])
-def test_a_zone_beyond_its_passive_trip_is_throttling(
-    present: str, reason: str | None, tmp_path: Path
+@pytest.mark.parametrize(
+    ("kind", "present", "trip"),
+    [("vbat", "3900", "3300"), ("soc", "87", "10"), ("x86_pkg_temp", "61000", "60000")],
+)
+def test_a_zone_beyond_its_passive_trip_need_not_be_throttling(
+    kind: str, present: str, trip: str, tmp_path: Path
 ) -> None:
     zone = f"{THERMAL}/thermal_zone0"
     files(
         tmp_path,
         {
-            f"{zone}/type": "x86_pkg_temp\n",
+            f"{zone}/type": f"{kind}\n",
             f"{zone}/temp": f"{present}\n",
-            f"{zone}/trip_point_0_type": "critical\n",
-            f"{zone}/trip_point_0_temp": "50000\n",
-            f"{zone}/trip_point_1_type": "passive\n",
-            f"{zone}/trip_point_1_temp": "85000\n",
+            f"{zone}/trip_point_0_type": "passive\n",
+            f"{zone}/trip_point_0_temp": f"{trip}\n",
         },
     )
 
-    assert condition.throttling(tmp_path, "linux") == reason
+    assert condition.throttling(tmp_path, "linux") is None
 
 
 def test_load_and_memory_are_the_kernels(tmp_path: Path) -> None:

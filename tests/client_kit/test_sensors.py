@@ -67,3 +67,14 @@ def test_samples_are_taken_at_most_once_a_second(tmp_path: Path) -> None:
 
     assert [sample["t"] for sample in sampler.samples] == [0.0, 1.0, 2.1]
     assert sampler.samples[0] == {"t": 0.0, "temperature_c": 50.0, "cpu_mhz": None, "battery": None}
+
+
+def test_zones_that_are_no_temperature_are_left_aside(tmp_path: Path) -> None:
+    zones = {"cpu-1-0-usr": "41000", "soc": "87", "pm8150b-vbat-lvl0": "3900", "pm8150b-ibat-lvl0": "1500"}
+    for number, (kind, value) in enumerate(zones.items()):
+        zone = f"sys/class/thermal/thermal_zone{number}"
+        files(tmp_path, {f"{zone}/type": f"{kind}\n", f"{zone}/temp": f"{value}\n"})
+    policy = "sys/class/thermal/thermal_zone9"
+    files(tmp_path, {f"{policy}/type": "x", f"{policy}/policy": "low_limits_cap\n", f"{policy}/temp": "99"})
+
+    assert temperature(tmp_path) == 41
