@@ -5,6 +5,7 @@ import math
 import time
 import uuid
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from client_kit.manifest import Manifest
 from client_kit.schedule import Schedule
 from client_kit.sensors import Sampler
 from client_kit.session import MICROSECONDS, Run, Session
-from slam import benchmark, opencl
+from slam import benchmark, disclosure, opencl
 from slam.benchmark import Report
 from slam.datasets.sequence import Sequence, SequenceError
 from slam.opencl import NoDeviceError
@@ -194,6 +195,10 @@ def _recorded(run_id: str, configuration: str, repeat: int, order: int, result: 
 
 
 def _failure(error: Exception) -> str:
-    """The reason in a line, without the user's folder, which often is the user's name."""
-    text = f"{type(error).__name__}: {error}".replace(str(Path.home()), "~")
-    return " ".join(text.split())[:LONGEST_FAILURE]
+    """The reason in a line, without folders, of which one often is the user's name."""
+    text = f"{type(error).__name__}: {error}"
+    with suppress(RuntimeError):  # nobody knows where the user's folder is
+        home = str(Path.home())
+        # The text of an OSError quotes its path by repr(), which doubles the separators of Windows.
+        text = text.replace(repr(home)[1:-1], "~").replace(home, "~")
+    return " ".join(disclosure.public(text).split())[:LONGEST_FAILURE]

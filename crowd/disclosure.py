@@ -1,11 +1,5 @@
-"""What everybody may read of a text that a machine wrote: nothing of how its disk is laid out."""
+"""What everybody may read of a text that a machine wrote: as `slam.disclosure`, which clients use too."""
 
-import re
+from slam.disclosure import public
 
-# An absolute path of two parts or more, up to its last part; with a drive on Windows.
-FOLDERS = re.compile(r"""(?<![\w.~])(?:[A-Za-z]:)?[/\\](?:[^\s/\\"'<>|:;,()]+[/\\])+(?=[^\s/\\])""")
-
-
-def public(text: str) -> str:
-    """TEXT with the last part alone of every absolute path in it."""
-    return FOLDERS.sub("", text)
+__all__ = ["public"]

@@ -208,3 +208,21 @@ def test_a_device_that_breaks_down_for_good_fails_run_by_run(
     session = measure(pack, asked, ("default", "best"))
 
     assert {run.failure for run in session.runs} == {"RuntimeError: CL_OUT_OF_RESOURCES"}
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("clang: /home/anna/x/kernel.cl:3: error", "clang: kernel.cl:3: error"),
+        (repr(r"C:\Users\Anna Smith\cache\kernel.cl"), "'kernel.cl'"),
+        (r"C:\Users\anna\cache\kernel.cl is gone", "kernel.cl is gone"),
+        ("compute_size_ratio=7: 320/7 is no whole number", "compute_size_ratio=7: 320/7 is no whole number"),
+    ],
+)
+def test_a_failure_tells_no_folder(text: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", homeless)
+
+    assert measurement._failure(OSError(text)) == f"OSError: {told}"
