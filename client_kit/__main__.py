@@ -3,14 +3,13 @@
 import argparse
 import json
 import os
-import signal
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from client_kit import __version__, delivery, enrolment
+from client_kit import __version__, delivery, enrolment, interrupts
 from client_kit.client import Client
 from client_kit.console import Console
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
@@ -32,21 +31,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     console = Console()
-    if hasattr(signal, "SIGTERM"):
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    interrupts.as_ctrl_c()
     try:
         return options.command(options, console) or 0
     except ClientError as error:
         print(f"frontrunner: {error}", file=sys.stderr)
         return error.exit_code
-    except ModuleNotFoundError as error:
+    except ImportError as error:
         from client_kit import drivers
 
         print(f"frontrunner: {drivers.remedy(error)}", file=sys.stderr)
         return CannotMeasureError.exit_code
-    except BrokenPipeError:  # whoever read the lines has had enough of them
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except KeyboardInterrupt:
         print(f"frontrunner: {options.when_stopped}", file=sys.stderr)
         return INTERRUPTED
@@ -227,7 +222,8 @@ def _choose(options: argparse.Namespace, console: Console) -> None:
     if options.run is not None:
         from client_kit import adaptation
 
-        report = adaptation.run(point, front.application, options.run, options.device, options.frames)
+        device = client.chosen_device(options.device)
+        report = adaptation.run(point, front.application, options.run, device, options.frames)
     if options.json:
         document = {
             "front_version": front.front_version,

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from client_kit.choice import Point
+from client_kit.device import opencl_identity
 from client_kit.errors import CannotMeasureError, UsageError
-from slam import benchmark
+from slam import benchmark, opencl
 from slam.benchmark import Report
 from slam.datasets import SequenceError, open_sequence
 from slam.opencl import OpenCLError
@@ -12,19 +13,34 @@ from slam.trajectory import TrajectoryError
 
 
 def run(
-    point: Point, application: str, sequence: Path, device: str | None = None, frames: int | None = None
+    point: Point,
+    application: str,
+    sequence: Path,
+    device: tuple[str, str] | None = None,
+    frames: int | None = None,
 ) -> Report:
-    """Run `point` over SEQUENCE, in any form that `slam` reads.
+    """Run `point` over SEQUENCE, in any form that `slam` reads, on the device of that name and platform.
 
-    Raises UsageError for a sequence that cannot be read, CannotMeasureError where the device cannot run it.
+    Raises UsageError for a sequence that cannot be read, CannotMeasureError where the device is gone or
+    cannot run it.
     """
     try:
         opened = open_sequence(sequence)
-        return benchmark.run(point.parameters, opened, system=application, frames=frames, device=device)
+        chosen = None if device is None else _label(device)
+        return benchmark.run(point.parameters, opened, system=application, frames=frames, device=chosen)
     except (SequenceError, TrajectoryError) as error:
         raise UsageError(f"--run {sequence}: {error}") from error
     except OpenCLError as error:
         raise CannotMeasureError(str(error)) from error
+
+
+def _label(device: tuple[str, str]) -> str:
+    """What `slam` picks the device by. Two platforms may offer one processor, with other times."""
+    for present in opencl.list_devices():
+        told = opencl_identity(present.handle)
+        if (told["opencl_device"], told["opencl_platform"]) == device:
+            return present.label
+    raise CannotMeasureError(f"{device[0]} ({device[1]}), for which it was chosen, is not here any more")
 
 
 def lines(report: Report, max_ate: float, max_seconds: float | None) -> list[str]:

@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from client_kit import manifest
-from client_kit.errors import UsageError
+from client_kit.errors import ClientError, UsageError
 from client_kit.home import Home
 from client_kit.server import ProblemError, Server
 
@@ -49,9 +50,13 @@ def check(paths: Sequence[Path], server: Server, home: Home, token: str | None =
     asked, _ = manifest.fetch(server, home)
     _, own = server.enrol(asked.consent_version)
     try:
-        return [_judge(path, body, server, own) for path, body in zip(paths, bodies, strict=True)]
-    finally:
-        server.erase(own)
+        verdicts = [_judge(path, body, server, own) for path, body in zip(paths, bodies, strict=True)]
+    except BaseException:
+        with suppress(ClientError):  # what went wrong first is what to tell
+            server.erase(own)
+        raise
+    server.erase(own)
+    return verdicts
 
 
 def _read(path: Path) -> bytes:

@@ -1,5 +1,6 @@
 """Which configuration of the published front to run on this device: the paper's run-time adaptation."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from statistics import fmean
@@ -32,15 +33,16 @@ def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Po
 
     `payloads` are the sessions that this device has measured; those of other fronts are disregarded. A
     configuration that was measured here has the mean of its runs and its worst error; the others have the
-    reference's error and scaled time, and are left out while nothing was measured here to scale by.
+    reference's error and scaled time, and are left out while nothing was measured here to scale by. One of
+    which half of the runs failed here, or more, is left out too.
     """
     times: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}
-    failed: set[str] = set()
+    failures: Counter[str] = Counter()
     for run in _runs(manifest, payloads):
         name = run["configuration"]
         if run["status"] != "ok" or run["ate_max"] is None:
-            failed.add(name)
+            failures[name] += 1
             continue
         counted = run["frame_us"][manifest.protocol.first_counted_frame :]
         times.setdefault(name, []).append(fmean(counted) / 1e6)
@@ -50,12 +52,14 @@ def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Po
     found = []
     for name, configuration in manifest.configurations.items():
         predicted = configuration.predicted
+        if failures[name] and failures[name] >= len(times.get(name, ())):
+            continue
         if name in times:
             here = Point(name, configuration.parameters, fmean(times[name]), max(errors[name]), MEASURED)
             found.append(here)
             continue
         runtime, ate_max = predicted.get("runtime"), predicted.get("ate_max")
-        if scale and name not in failed and runtime is not None and ate_max is not None:
+        if scale and runtime is not None and ate_max is not None:
             found.append(Point(name, configuration.parameters, runtime * scale, ate_max, SCALED))
     return found
 
@@ -63,8 +67,8 @@ def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Po
 def of_one_device(payloads: Iterable[Mapping[str, Any]], text: str | None = None) -> list[Mapping[str, Any]]:
     """Those `payloads`, oldest first, that come from the OpenCL device that was measured last, or from the
     last one whose name or platform contains `text`: times of two devices say nothing of each other."""
-    matching = [one for one in payloads if not text or text.lower() in " ".join(_device(one)).lower()]
-    return [payload for payload in matching if _device(payload) == _device(matching[-1])]
+    matching = [one for one in payloads if not text or text.lower() in " ".join(device_of(one)).lower()]
+    return [payload for payload in matching if device_of(payload) == device_of(matching[-1])]
 
 
 def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = None) -> Point:
@@ -86,7 +90,8 @@ def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = 
     return point
 
 
-def _device(payload: Mapping[str, Any]) -> tuple[str, str]:
+def device_of(payload: Mapping[str, Any]) -> tuple[str, str]:
+    """Name and platform of the OpenCL device that PAYLOAD was measured on."""
     device = payload["device"]
     return str(device.get("opencl_device")), str(device.get("opencl_platform"))
 

@@ -1,14 +1,14 @@
 """The client for other programs: the same verbs as on the command line, with values instead of lines."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from client_kit import consent, delivery, enrolment
+from client_kit import delivery, enrolment
 from client_kit.console import Console, Silence
 from client_kit.delivery import Delivery
-from client_kit.errors import UsageError
+from client_kit.errors import OutdatedError, UsageError
 from client_kit.home import Home, user_folder
 from client_kit.manifest import Manifest, kept_manifests
 from client_kit.server import Server, ServerError
@@ -82,8 +82,7 @@ class Client:
         delivered = delivery.deliver(spool, self.home)
         self.console.lines(delivered.lines())
         while wait and delivered.outdated is None and (waiting := delivery.waiting(spool)):
-            now = time.time()
-            due = min(0.0 if item.due(now) else item.not_before - now for item in waiting)
+            due = min(delivery.pauses(waiting, time.time()).values())
             seconds = min(max(due, 1.0), LONGEST_SLEEP_SECONDS)
             self.console.say(f"{len(waiting)} to send; next attempt in {max(due, 1.0):.0f} s")
             pause(seconds)
@@ -109,18 +108,18 @@ class Client:
         for known in enrolment.known(self.home):
             try:
                 remote[known.server] = Server(known.server).own_data(known.token)
-            except ServerError as error:
+            except (ServerError, OutdatedError) as error:
                 remote[known.server] = {"unavailable": str(error)}
         return {"here": local, "servers": remote}
 
     def erase(self) -> bool:
         """Erase what is kept here and on the servers; False where a server could not be told yet.
 
-        The request is kept then, and goes with the next `run` or `send`.
+        The request is kept then, and goes with the next `run` or `send`. A process that is sending is
+        waited for; one that measures will keep and send nothing.
         """
-        consent.withdraw(self.home)
-        servers = enrolment.request_erasure(self.home)
-        self.console.say(f"Erased {self.spool.clear()} sessions here.")
+        sessions, servers = delivery.erase(self.spool, self.home)
+        self.console.say(f"Erased {sessions} sessions here.")
         delivered = delivery.deliver(self.spool, self.home)
         self.console.lines(delivered.lines())
         return len(delivered.erased) == len(servers)
@@ -132,13 +131,18 @@ class Client:
         `max_ate` metres or, with a time `max_ms` a frame that is enough, the most accurate within both."""
         from client_kit import choice
 
-        spool = self.spool
-        payloads = (payload for item in spool.items() if (payload := spool.payload(item)) is not None)
-        known = choice.points(self.front(), choice.of_one_device(payloads, device))
+        known = choice.points(self.front(), self._measured_on(device))
         return choice.choose(known, max_ate, None if max_ms is None else max_ms / 1000)
 
+    def chosen_device(self, device: str | None = None) -> tuple[str, str] | None:
+        """Name and platform of the OpenCL device whose measurements `choose` goes by, None without any."""
+        from client_kit import choice
+
+        measured = self._measured_on(device)
+        return choice.device_of(measured[-1]) if measured else None
+
     def front(self) -> Manifest:
-        """The published front that was measured last. Raises UsageError where there is none, or several."""
+        """The published front as of the last visit. Raises UsageError where there is none, or several."""
         manifests = kept_manifests(self.home)
         if self.server is not None:
             manifests = {url: kept for url, kept in manifests.items() if url == self.server}
@@ -147,6 +151,13 @@ class Client:
         if len(manifests) > 1:
             raise UsageError(f"several servers were visited, name one (--server): {', '.join(manifests)}")
         return next(iter(manifests.values()))
+
+    def _measured_on(self, device: str | None) -> list[Mapping[str, Any]]:
+        from client_kit import choice
+
+        spool = self.spool
+        payloads = (payload for item in spool.items() if (payload := spool.payload(item)) is not None)
+        return choice.of_one_device(payloads, device)
 
     def _server(self) -> str:
         if self.server is None:

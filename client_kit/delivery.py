@@ -1,18 +1,20 @@
 """Sending what the spool holds: each session once, in its own request, whatever happened to the others."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from client_kit import enrolment
+from client_kit import consent, enrolment
 from client_kit.errors import OutdatedError, UsageError
 from client_kit.home import Home
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, ServerError
 from client_kit.spool import ACCEPTED, DUPLICATE, REJECTED, WAITING, Item, Spool
 
-# What a server says of a request's content: the same request will never be taken.
+# What a server says of a submission's content: the same request will never be taken.
 FINAL = (400, 409, 413, 415, 422)
+# But for this one: the participant may agree to the new text, and `renew` then makes another request of it.
+CONSENT_OUTDATED = "consent_outdated"
 
 
 @dataclass
@@ -53,7 +55,8 @@ def deliver(
 
     A session that the server rejects is marked with its reason and the next one goes on. A server that
     cannot be reached, or asks to wait, is left alone until the next pass; other servers are still served.
-    `eager` disregards this client's own pauses, as somebody who asks to send now expects.
+    What one session was asked to wait holds for all of that server. `eager` disregards this client's own
+    pauses, as somebody who asks to send now expects.
     """
     delivery = Delivery()
     with home.only_one("delivery") as alone:
@@ -61,9 +64,10 @@ def deliver(
             delivery.busy = True
             return delivery
         spool.recover()
-        _deliver_erasures(home, connect, delivery)
-        for item in spool.items():
-            if item.server in delivery.trouble or not item.due(clock(), eager=eager):
+        held = {server for server, left in pauses(waiting(spool), clock(), eager=eager).items() if left}
+        _deliver_erasures(spool, home, connect, delivery, held, clock)
+        for item in waiting(spool):
+            if item.server in delivery.trouble or item.server in held:
                 continue
             try:
                 server = connect(item.server)
@@ -73,12 +77,48 @@ def deliver(
                 delivery.outdated = error
                 delivery.trouble[item.server] = str(error)
             except (ServerError, UsageError) as error:
-                retry_after = error.retry_after if isinstance(error, ProblemError) else None
-                spool.postpone(item, str(error), retry_after)
-                delivery.trouble[item.server] = str(error)
+                reason = _reason(error)
+                spool.postpone(item, reason, _retry_after(error))
+                delivery.trouble[item.server] = reason
             else:
-                delivery.settled.append(spool.item(item.id))
+                settled = spool.find(item.id)
+                if settled is not None:  # else it was erased meanwhile
+                    delivery.settled.append(settled)
     return delivery
+
+
+def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
+    """Withdraw every agreement, forget every session and note what the servers are to erase; how many
+    sessions there were, and the servers.
+
+    Whoever is sending finds nothing more to send, and is waited for: an installation that it made
+    meanwhile is among those to be erased.
+    """
+    consent.withdraw(home)
+    sessions = spool.clear()
+    with home.only_one("delivery", wait=True):
+        return sessions + spool.clear(), enrolment.request_erasure(home)
+
+
+def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:
+    """Have what waits for SERVER say that the participant agrees to VERSION of the consent text by now.
+
+    Nothing happens while another process sends: the next `run` renews it.
+    """
+    with home.only_one("delivery") as alone:
+        for item in waiting(spool) if alone else ():
+            payload = spool.payload(item) if item.server == server else None
+            if payload is not None and payload["consent_version"] != version:
+                spool.renew(item, {**payload, "consent_version": version})
+
+
+def pauses(items: Iterable[Item], now: float, *, eager: bool = False) -> dict[str, float]:
+    """The seconds for which each server that ITEMS wait for is to be left alone, 0 where it is not."""
+    seconds: dict[str, float] = {}
+    for item in items:
+        left = 0.0 if item.due(now, eager=eager) else item.not_before - now
+        seconds[item.server] = max(left, seconds.get(item.server, 0.0))
+    return seconds
 
 
 def waiting(spool: Spool) -> list[Item]:
@@ -86,15 +126,34 @@ def waiting(spool: Spool) -> list[Item]:
     return [item for item in spool.items() if item.state in WAITING]
 
 
-def _deliver_erasures(home: Home, connect: Callable[[str], Server], delivery: Delivery) -> None:
+def _deliver_erasures(
+    spool: Spool,
+    home: Home,
+    connect: Callable[[str], Server],
+    delivery: Delivery,
+    held: set[str],
+    clock: Callable[[], float],
+) -> None:
     for known in enrolment.known(home):
-        if known.erase:
-            try:
-                enrolment.deliver_erasure(home, connect(known.server))
-            except (ServerError, OutdatedError) as error:
-                delivery.trouble[known.server] = str(error)
-            else:
-                delivery.erased.append(known.server)
+        if not known.erase or known.server in held:
+            continue
+        pause = known.pause(clock())
+        if pause:
+            delivery.trouble[known.server] = f"{known.server} asks to wait for {pause:.0f} s"
+            continue
+        try:
+            enrolment.deliver_erasure(home, connect(known.server))
+        except (ServerError, OutdatedError) as error:
+            delivery.trouble[known.server] = str(error)
+            retry_after = _retry_after(error)
+            if retry_after is not None:
+                enrolment.postpone_erasure(home, known, clock() + retry_after)
+            # What is to be sent there waits for the erasure, and so as long.
+            for item in waiting(spool):
+                if item.server == known.server:
+                    spool.postpone(item, str(error), retry_after)
+        else:
+            delivery.erased.append(known.server)
 
 
 def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
@@ -103,27 +162,35 @@ def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
     payload = spool.payload(item)
     if body is None or payload is None:
         return
-    consent_version = payload["consent_version"]
     spool.mark_sending(item)
-    try:
-        token = enrolment.token(home, server, consent_version)
+    for enrolled_anew in (False, True):
+        # A refusal to enrol is none of the session's.
+        token = enrolment.token(home, server, payload["consent_version"])
         try:
             answer = server.submit(token, item.idempotency_key, body)
         except ProblemError as problem:
-            if problem.status != 401:
+            if problem.status == 401 and not enrolled_anew:
+                # The server does not know this installation any more, after a reset for instance. The ids
+                # of the runs keep it from counting twice what it may still have.
+                enrolment.forget(home, server.url)
+                continue
+            if problem.status not in FINAL or problem.code == CONSENT_OUTDATED:
                 raise
-            # The server does not know this installation any more, after a reset for instance. The ids of
-            # the runs keep it from counting twice what it may still have.
-            enrolment.forget(home, server.url)
-            token = enrolment.token(home, server, consent_version)
-            answer = server.submit(token, item.idempotency_key, body)
-    except ProblemError as problem:
-        if problem.status not in FINAL:
-            raise
-        spool.settle(item, REJECTED, str(problem))
-    else:
+            spool.settle(item, REJECTED, str(problem))
+            return
         state, reason = _verdict(answer)
         spool.settle(item, state, reason, str(answer["submission_id"]))
+        return
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ProblemError) and error.code == CONSENT_OUTDATED:
+        return f"{error}: agree again with `run`"
+    return str(error)
+
+
+def _retry_after(error: Exception) -> float | None:
+    return error.retry_after if isinstance(error, ProblemError) else None
 
 
 def _verdict(answer: dict[str, Any]) -> tuple[str, str | None]:

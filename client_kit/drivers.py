@@ -37,6 +37,10 @@ def remedy(error: Exception, root: Path = Path("/"), system: str = sys.platform)
         help_ = BUILD_ON_ANDROID if android else f"pip install {name}"
         return f"{name} is not installed here: {help_}"
     if isinstance(error, ImportError):
+        module = (error.name or "pyopencl").partition(".")[0]
+        if module != "pyopencl":
+            help_ = BUILD_ON_ANDROID if android else f"pip install --force-reinstall {module}"
+            return f"{module} does not load here ({error}): {help_}"
         help_ = "pkg install ocl-icd" if android else LOADERS.get(system, LOADERS["linux"])
         return f"pyopencl does not load here ({error}): {help_}"
     return f"{error}; on this device: {_on_android(root)}" if android else str(error)

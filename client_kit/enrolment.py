@@ -1,9 +1,9 @@
 """The anonymous installations by which servers know this client: their tokens, and what is to be erased."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from client_kit.home import Home
-from client_kit.server import ProblemError, Server
+from client_kit.server import LONGEST_WAIT_SECONDS, ProblemError, Server
 
 _DOCUMENT = "installations.json"
 # The token names an installation that the server no longer has: nothing is left to erase there.
@@ -12,28 +12,46 @@ _GONE = (401, 404, 410)
 
 @dataclass(frozen=True)
 class Enrolment:
-    """One installation on one server; `erase` when its data there is to be erased."""
+    """One installation on one server; `erase` when its data there is to be erased, which the server asked
+    not to be told again before `not_before` (seconds since the epoch)."""
 
     server: str
     installation_id: str
     token: str
     erase: bool
+    not_before: float = 0.0
+
+    def pause(self, now: float) -> float:
+        """For how many seconds the server is to be left alone. A time further off than any that a server
+        can ask for comes from a clock that was set back."""
+        left = self.not_before - now
+        return left if 0 < left <= LONGEST_WAIT_SECONDS else 0.0
 
 
 def known(home: Home) -> list[Enrolment]:
     """All installations of this client."""
     documents = home.read(_DOCUMENT).items()
-    return [Enrolment(server, d["installation_id"], d["token"], d["erase"]) for server, d in documents]
+    return [
+        Enrolment(server, d["installation_id"], d["token"], d["erase"], d.get("not_before", 0.0))
+        for server, d in documents
+    ]
+
+
+def present(home: Home, server: Server) -> str | None:
+    """The token for a server where this client is enrolled and nothing is to be erased, else None."""
+    tokens = (one.token for one in known(home) if one.server == server.url and not one.erase)
+    return next(tokens, None)
 
 
 def token(home: Home, server: Server, consent_version: str | int) -> str:
     """The token for a server, after enrolling there if need be. Raises the server's errors.
 
     What was to be erased there is erased first: the new installation has nothing to do with the old one.
+    Only who holds the lock "delivery" may call this, and whatever else writes here.
     """
-    for enrolment in known(home):
-        if enrolment.server == server.url and not enrolment.erase:
-            return enrolment.token
+    token = present(home, server)
+    if token is not None:
+        return token
     deliver_erasure(home, server)
     installation_id, new = server.enrol(consent_version)
     _store(home, Enrolment(server.url, installation_id, new, erase=False))
@@ -51,8 +69,13 @@ def request_erasure(home: Home) -> list[str]:
     """Note for every installation that its data is to be erased; the servers concerned."""
     enrolments = known(home)
     for enrolment in enrolments:
-        _store(home, Enrolment(enrolment.server, enrolment.installation_id, enrolment.token, erase=True))
+        _store(home, replace(enrolment, erase=True))
     return [enrolment.server for enrolment in enrolments]
+
+
+def postpone_erasure(home: Home, enrolment: Enrolment, not_before: float) -> None:
+    """Note when the server may be told again what is to be erased."""
+    _store(home, replace(enrolment, not_before=not_before))
 
 
 def deliver_erasure(home: Home, server: Server) -> bool:
@@ -77,5 +100,6 @@ def _store(home: Home, enrolment: Enrolment) -> None:
         "installation_id": enrolment.installation_id,
         "token": enrolment.token,
         "erase": enrolment.erase,
+        "not_before": enrolment.not_before,
     }
     home.write(_DOCUMENT, {**home.read(_DOCUMENT), enrolment.server: document})

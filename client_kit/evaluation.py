@@ -5,7 +5,6 @@ the server takes it or says that nobody waits for it any more.
 """
 
 import platform
-import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -77,8 +76,6 @@ def serve(
     Raises UsageError for a token that is not this device's, and, after giving the present evaluation back,
     KeyboardInterrupt, CannotMeasureError where nothing can be measured here, and OutdatedError.
     """
-    if hasattr(signal, "SIGTERM"):
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
     worker = platform.node()
     console.say(f"Serving {server.url} as {device}. Ctrl-C ends it and gives the present evaluation back.")
     while True:

@@ -38,13 +38,6 @@ class Home:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    @classmethod
-    def of_user(cls) -> "Home":
-        """The user's own folder, made where it is missing. Raises HomeError when it cannot be written."""
-        home = cls(user_folder())
-        home.prepare()
-        return home
-
     def prepare(self) -> None:
         """Make the folder, for its owner only. Raises HomeError when it cannot be written."""
         try:
@@ -89,18 +82,23 @@ class Home:
             (self.path / name).unlink()
 
     @contextmanager
-    def only_one(self, purpose: str) -> Iterator[bool]:
+    def only_one(self, purpose: str, *, wait: bool = False) -> Iterator[bool]:
         """Hold a lock shared by all processes of this folder; yields False when another one holds it.
 
-        SQLite's lock is the one that every platform's Python has and that ends with its process.
+        With `wait` it is waited for until Ctrl-C. SQLite's lock is the one that every platform's Python has
+        and that ends with its process.
         """
         path = self.path / f"{purpose}.lock"
         try:
-            connection = sqlite3.connect(path, timeout=0, isolation_level=None)
+            # Waiting a second at a time: SQLite itself does not hear Ctrl-C.
+            connection = sqlite3.connect(path, timeout=1.0 if wait else 0.0, isolation_level=None)
         except sqlite3.Error as error:
             raise HomeError(f"{path} cannot be used: {error}") from error
         try:
-            yield _locks(connection, path)
+            locked = _locks(connection, path)
+            while wait and not locked:
+                locked = _locks(connection, path)
+            yield locked
         finally:
             connection.close()
 

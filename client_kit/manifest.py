@@ -229,6 +229,8 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
         raise ValueError(f"protocol {dict(protocol)} is out of range")
     # An order such as default, best, best, default spells its repeats out.
     repeats = max(int(protocol["repeats"]), order.count("default"))
+    if repeats > MOST_RUNS // 2:
+        raise ValueError(f"protocol.repeats {repeats} of two configurations are more than {MOST_RUNS} runs")
     return Protocol(
         version=int(protocol["version"]),
         warmup_frames=warmup,

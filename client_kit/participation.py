@@ -13,6 +13,7 @@ from client_kit import (
     device,
     drivers,
     enrolment,
+    interrupts,
     manifest,
     measurement,
     preflight,
@@ -28,11 +29,14 @@ from client_kit.manifest import Manifest
 from client_kit.server import Server, ServerError
 from client_kit.session import Session
 from client_kit.spool import ACCEPTED, DUPLICATE, Item, Spool
-from slam.datasets import open_sequence
+from slam.datasets import SequenceError, open_sequence
 from slam.opencl import Device, NoDeviceError, choose_device
 
 SUMMARY_PATIENCE_SECONDS = 15.0
 SUMMARY_PAUSE_SECONDS = 0.5
+# A device that has just measured is hot: so often, and for so long, it may cool before the next session.
+COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
+WITHDRAWN = "your agreement was withdrawn meanwhile: what was measured is not kept"
 
 
 @dataclass(frozen=True)
@@ -69,8 +73,9 @@ def run(
 ) -> list[Measured]:
     """Measure `wishes.sessions` sessions and send them; what cannot be sent now stays in the spool.
 
-    More configurations than one session holds make several. Raises ClientError, with the exit code of its
-    kind, when nothing can be measured, and KeyboardInterrupt after what was finished is kept.
+    More configurations than one session holds make several; a device that does not cool between them ends
+    with those that are done. Raises ClientError, with the exit code of its kind, when nothing can be
+    measured, and KeyboardInterrupt after what was finished is kept.
     """
     server, spool = Server(wishes.server), Spool(home.spool)
     console.lines(delivery.deliver(spool, home).lines())
@@ -84,18 +89,29 @@ def run(
     plans = asked.plans(wishes.configurations)
     chosen, identity = _device(wishes.device, root)
     _consent(wishes, home, console, server, asked, identity)
+    delivery.renew(spool, home, server.url, asked.consent_version)
     _ready(wishes, home, console, root)
     path = _sequence(server, asked, home, console, fresh)
 
     console.say(f"Device: {identity['opencl_device']} ({identity['opencl_platform']})")
-    measured = []
-    for number, plan in enumerate(plans * wishes.sessions):
+
+    def agreed() -> None:
+        if not consent.given(home, server.url, asked.consent_version):
+            raise CannotMeasureError(WITHDRAWN)
+
+    measured: list[Measured] = []
+    planned = plans * wishes.sessions
+    for number, plan in enumerate(planned):
         if number:
             pause(asked.protocol.rest_seconds)
-            _ready(wishes, home, console, root)
+            if not _ready_again(wishes, home, console, pause, root):
+                console.say(f"{number} of {len(planned)} sessions are done.")
+                break
         console.say(f"Order: {', '.join(plan)}, {asked.protocol.frames} frames each")
         done = _measure(path, asked, plan, chosen, home, console, pause, root)
-        item = spool.put(server.url, session.payload(done, asked, identity, wishes.show_model))
+        payload = session.payload(done, asked, identity, wishes.show_model)
+        with interrupts.ignored():
+            item = spool.put(server.url, payload, agreed)
         if done.interrupted:
             console.say(f"Stopped: the {len(done.runs)} finished runs are kept.")
             raise KeyboardInterrupt
@@ -103,7 +119,10 @@ def run(
         console.lines(summary.stages(done, asked.protocol))
         console.lines(summary.figures(done, asked.protocol))
         console.lines(delivered.lines())
-        measured.append(Measured(done, spool.item(item.id)))
+        kept = spool.find(item.id)
+        if kept is None:
+            raise CannotMeasureError(WITHDRAWN)
+        measured.append(Measured(done, kept))
         if measured[-1].item.state in (ACCEPTED, DUPLICATE):
             _tell_page(server, home, measured[-1], asked, console, pause)
         if delivered.outdated is not None:
@@ -136,8 +155,12 @@ def _measure(
     with home.only_one("measurement") as alone:
         if not alone:
             raise CannotMeasureError("another client measures on this device: wait until it is done")
+        try:
+            sequence = open_sequence(path)
+        except SequenceError as error:
+            raise CannotMeasureError(str(error)) from error
         return measurement.measure(
-            open_sequence(path),
+            sequence,
             asked,
             plan,
             device=chosen.label,
@@ -163,6 +186,24 @@ def _ready(wishes: Wishes, home: Home, console: Console, root: Path) -> None:
         console.say(f"Note: {concern.text}")
 
 
+def _ready_again(
+    wishes: Wishes, home: Home, console: Console, pause: Callable[[float], None], root: Path
+) -> bool:
+    """Whether another session can be measured after one, once the device has cooled; the load that the one
+    before has left says nothing."""
+    for pauses in range(COOLING_PAUSES + 1):
+        found = [concern for concern in preflight.concerns(home, root) if concern.name != preflight.LOAD]
+        stopping = [concern for concern in found if concern.stops and concern.name not in wishes.ignored]
+        if not stopping:
+            return True
+        if pauses == COOLING_PAUSES or stopping[0].name != preflight.THROTTLING:
+            break
+        console.say(f"{stopping[0].text}; again in {COOLING_SECONDS:.0f} s")
+        pause(COOLING_SECONDS)
+    console.say(f"No further session: {stopping[0].text}")
+    return False
+
+
 def _consent(
     wishes: Wishes,
     home: Home,
@@ -174,21 +215,26 @@ def _consent(
     version = asked.consent_version
     if consent.given(home, server.url, version):
         return
-    console.say(_consent_text(server, asked, identity))
+    console.say(_consent_text(server, asked, identity, wishes.show_model))
     if not wishes.yes:
-        if not sys.stdin.isatty():
+        if console.silent or not sys.stdin.isatty():
             raise UsageError("nobody is here to agree: read the text above, then add --yes")
         if not console.ask("Do you agree?"):
             raise CannotMeasureError("nothing was measured or sent: you did not agree")
     consent.remember(home, server.url, version)
 
 
-def _consent_text(server: Server, asked: Manifest, identity: dict[str, str | None]) -> str:
+def _consent_text(
+    server: Server, asked: Manifest, identity: dict[str, str | None], show_model: bool | None = None
+) -> str:
     size = sum(chunk.bytes for chunk in asked.chunks)
-    return consent.text(server.url, asked.consent_version, size, _sample_payload(asked, identity))
+    sample = _sample_payload(asked, identity, show_model)
+    return consent.text(server.url, asked.consent_version, size, sample)
 
 
-def _sample_payload(asked: Manifest, identity: dict[str, str | None]) -> dict[str, Any]:
+def _sample_payload(
+    asked: Manifest, identity: dict[str, str | None], show_model: bool | None
+) -> dict[str, Any]:
     """What would be sent of this device, with a run of two frames for brevity."""
     example = session.Run(
         "a random number", "default", 0, 0, "ok", None, (31250, 30718), {"tracking": (9120, 8980)},
@@ -196,7 +242,7 @@ def _sample_payload(asked: Manifest, identity: dict[str, str | None]) -> dict[st
     )  # fmt: skip
     sample: sensors.Sample = {"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 80.0}
     told = Session("a random number", "2026-01-01T12:00:00Z", "opencl", (example,), (sample,))
-    return session.payload(told, asked, identity)
+    return session.payload(told, asked, identity, show_model)
 
 
 def _sequence(server: Server, asked: Manifest, home: Home, console: Console, fresh: bool) -> Path:
@@ -225,16 +271,21 @@ def _tell_page(
 ) -> None:
     """Point to the pages that show it, and say what of the session counts there, once the server knows."""
     try:
-        state = _summarised(server, home, measured.item, asked, pause)
+        state = _summarised(server, home, measured.item, pause)
     except ServerError as error:
         console.say(f"The session is accepted; its page could not be asked for: {error}")
         return
+    aside = set()
     for told_session in state.get("sessions") or ():
         for told in told_session.get("speedups") or ():
             if told.get("state") != "valid":
                 name, reason = told.get("configuration"), told.get("reason")
+                aside.add(name)
                 console.say(f"The server sets {name} aside: {told.get('state')}, {reason}")
-    _tell_place(server, measured.session, asked, state.get("device"), console)
+    own_speedup = summary.best_speedup(measured.session, asked.protocol)
+    # Neither a speedup that does not count nor a device that the server does not tell yet has a place.
+    if own_speedup is not None and own_speedup[0] not in aside and state.get("device"):
+        _tell_place(server, own_speedup, measured.session.backend, asked, str(state["device"]), console)
     if state.get("page"):
         own = server.page(str(state["page"]))
         console.say(f"Your own page, which names this device (whoever has the link may read it): {own}")
@@ -244,10 +295,10 @@ def _tell_page(
         console.say(f"The server has not worked through this session yet: {server.page('devices/')}")
 
 
-def _summarised(
-    server: Server, home: Home, item: Item, asked: Manifest, pause: Callable[[float], None]
-) -> dict[str, Any]:
-    token = enrolment.token(home, server, asked.consent_version)
+def _summarised(server: Server, home: Home, item: Item, pause: Callable[[float], None]) -> dict[str, Any]:
+    token = enrolment.present(home, server)
+    if token is None:  # erased meanwhile, and nobody is to be enrolled anew for a look
+        return {}
     waited = 0.0
     while True:
         state = server.submission(token, str(item.submission_id))
@@ -257,13 +308,12 @@ def _summarised(
         waited += SUMMARY_PAUSE_SECONDS
 
 
-def _tell_place(server: Server, done: Session, asked: Manifest, device: str | None, console: Console) -> None:
-    own = summary.best_speedup(done, asked.protocol)
-    if own is None:
-        return
+def _tell_place(
+    server: Server, own: tuple[str, float], backend: str, asked: Manifest, device: str, console: Console
+) -> None:
     name, speedup = own
     try:
         crowd = server.speedups(str(asked.front_version), name)
-        console.say(summary.place(crowd, speedup, device, done.backend))
+        console.say(summary.place(crowd, speedup, device, backend))
     except (ServerError, KeyError, TypeError, ValueError) as error:
         console.say(f"The place in the crowd could not be asked for: {error}")

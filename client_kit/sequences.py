@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -61,9 +62,9 @@ def fetch(
 def at_hand(manifest: Download, home: Home) -> Path | None:
     """The folder of the manifest's sequence if it was downloaded whole before, else None."""
     folder = home.sequence(str(manifest.sequence["sha256"]))
-    if not (folder / "pack.json").is_file():
-        return None
-    whole = all(_is_whole(folder / "chunks" / chunk.sha256, chunk) for chunk in manifest.chunks)
+    whole = os.access(folder / "pack.json", os.R_OK) and all(
+        _is_whole(folder / "chunks" / chunk.sha256, chunk) for chunk in manifest.chunks
+    )
     return folder if whole else None
 
 
@@ -95,7 +96,7 @@ def _download(server: Server, chunk: Chunk, pause: Callable[[float], None]) -> b
 def _is_whole(path: Path, chunk: Chunk) -> bool:
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest() == chunk.sha256
-    except FileNotFoundError:
+    except OSError:  # missing, or not to be read: a new download replaces it, or tells why it cannot
         return False
 
 

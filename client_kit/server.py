@@ -95,7 +95,13 @@ class Server:
 
     def __init__(self, url: str, *, timeout: float = TIMEOUT_SECONDS) -> None:
         """Raises UsageError when `url` is no http or https address."""
-        parts = urllib.parse.urlsplit(url if "://" in url else f"//{url}")
+        try:
+            parts = urllib.parse.urlsplit(url if "://" in url else f"//{url}")
+            parts.netloc.rpartition("@")[2].encode("idna")
+            if not (url.isprintable() and parts.path.isascii()) or " " in url or parts.port == 0:
+                raise ValueError("it has characters, or a port, that no address has")
+        except ValueError as error:
+            raise UsageError(f"--server {url!r} is no address: {error}") from error
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise UsageError(f"--server {url}: give an address such as https://frontrunner.example")
         if parts.username or parts.query or parts.fragment:

@@ -94,15 +94,18 @@ class Spool:
         with self._transaction() as connection:
             connection.execute(_SCHEMA)
 
-    def put(self, server: str, payload: Mapping[str, Any]) -> Item:
+    def put(
+        self, server: str, payload: Mapping[str, Any], allowed: Callable[[], None] = lambda: None
+    ) -> Item:
         """Keep a submission of one session for `server`; it is on disk when this returns.
 
         The body is packed once, here: whatever happens later, the same bytes travel under the same key.
+        `allowed` is called while nobody else can change the spool; what it raises keeps the session out.
         """
         session_id = payload["sessions"][0]["id"]
-        text = json.dumps(payload, separators=(",", ":"), allow_nan=False)
-        body = gzip.compress(text.encode(), mtime=0)
+        body = _packed(payload)
         with self._transaction() as connection:
+            allowed()
             connection.execute(
                 "INSERT INTO session (id, server, idempotency_key, body, bytes, state, created) "
                 "VALUES (?, ?, ?, ?, ?, 'queued', ?)",
@@ -113,16 +116,22 @@ class Spool:
 
     def item(self, session_id: str) -> Item:
         """The session of that id. Raises KeyError."""
+        found = self.find(session_id)
+        if found is None:
+            raise KeyError(session_id)
+        return found
+
+    def find(self, session_id: str) -> Item | None:
+        """The session of that id; None where it was erased."""
         with self._transaction() as connection:
             row = connection.execute(f"SELECT {_COLUMNS} FROM session WHERE id = ?", (session_id,)).fetchone()
-        if row is None:
-            raise KeyError(session_id)
-        return _item(row)
+        return None if row is None else _item(row)
 
     def items(self) -> list[Item]:
         """All sessions, oldest first."""
         with self._transaction() as connection:
-            rows = connection.execute(f"SELECT {_COLUMNS} FROM session ORDER BY created, rowid").fetchall()
+            # Not by `created`: clocks are set back.
+            rows = connection.execute(f"SELECT {_COLUMNS} FROM session ORDER BY rowid").fetchall()
         return [_item(row) for row in rows]
 
     def body(self, item: Item) -> bytes | None:
@@ -135,6 +144,16 @@ class Spool:
         """What was, or will be, sent of a session; None when the quota took it."""
         body = self.body(item)
         return None if body is None else json.loads(gzip.decompress(body))
+
+    def renew(self, item: Item, payload: Mapping[str, Any]) -> None:
+        """Send PAYLOAD instead for a session that waits, under a key of its own as its bytes are others."""
+        body = _packed(payload)
+        with self._transaction() as connection:
+            connection.execute(
+                "UPDATE session SET body = ?, bytes = ?, idempotency_key = ?, not_before = 0, reason = NULL "
+                "WHERE id = ? AND body IS NOT NULL",
+                (body, len(body), str(uuid.uuid4()), item.id),
+            )
 
     def recover(self) -> None:
         """Queue again what a process that has died was sending. Call it only while no other one sends."""
@@ -158,14 +177,14 @@ class Spool:
 
     def postpone(self, item: Item, reason: str, retry_after: float | None = None) -> None:
         """Queue a session again: after `retry_after` seconds if the server named a time, else after a
-        pause that doubles its bound with every attempt and is drawn evenly below it (full jitter)."""
-        if retry_after is None:
-            attempts = self.item(item.id).attempts
-            bound = min(LONGEST_PAUSE_SECONDS, FIRST_PAUSE_SECONDS * 2 ** min(max(attempts - 1, 0), 20))
-            pause = self._jitter() * bound
-        else:
-            pause = retry_after
+        pause that doubles its bound with every attempt and is drawn evenly below it (full jitter).
+        One that was erased meanwhile stays so."""
         with self._transaction() as connection:
+            row = connection.execute("SELECT attempts FROM session WHERE id = ?", (item.id,)).fetchone()
+            if row is None:
+                return
+            bound = min(LONGEST_PAUSE_SECONDS, FIRST_PAUSE_SECONDS * 2 ** min(max(row[0] - 1, 0), 20))
+            pause = self._jitter() * bound if retry_after is None else retry_after
             connection.execute(
                 "UPDATE session SET state = 'queued', reason = ?, not_before = ?, asked_to_wait = ? "
                 "WHERE id = ?",
@@ -192,6 +211,11 @@ class Spool:
             raise HomeError(f"the spool {self._path} cannot be used: {error}") from error
 
 
+def _packed(payload: Mapping[str, Any]) -> bytes:
+    text = json.dumps(payload, separators=(",", ":"), allow_nan=False)
+    return gzip.compress(text.encode(), mtime=0)
+
+
 def _item(row: tuple[Any, ...]) -> Item:
     values = list(row)
     values[8] = bool(values[8])
@@ -203,7 +227,7 @@ def _keep_quota(connection: sqlite3.Connection, newest: str) -> None:
     expire, and never the newest. A body is dropped, its row stays to tell what became of it."""
     rows = connection.execute(
         "SELECT id, bytes, state IN ('queued', 'sending') FROM session WHERE body IS NOT NULL AND id != ? "
-        "ORDER BY state IN ('queued', 'sending'), created, rowid",
+        "ORDER BY state IN ('queued', 'sending'), rowid",
         (newest,),
     ).fetchall()
     size = connection.execute("SELECT coalesce(sum(bytes), 0) FROM session WHERE body IS NOT NULL")

@@ -66,7 +66,7 @@ def stages(session: Session, protocol: Protocol) -> list[str]:
     return lines
 
 
-def place(crowd: Iterable[Mapping[str, Any]], own: float, device: str | None, backend: str) -> str:
+def place(crowd: Iterable[Mapping[str, Any]], own: float, device: str, backend: str) -> str:
     """Where a speedup of `own` stands among the crowd's: rows of GET /speedups for one configuration.
 
     A device counts once; rows of this `device` and of other backends are left aside.

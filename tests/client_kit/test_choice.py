@@ -1,9 +1,11 @@
 """Choosing a configuration for this device from the published front and its own measurements."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from client_kit import adaptation
 from client_kit.choice import MEASURED, SCALED, choose, of_one_device, points
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
@@ -87,3 +89,33 @@ def test_only_the_device_that_was_measured_last_counts_unless_another_is_named()
     assert of_one_device([fast, slow], "rtx") == [fast]
     assert of_one_device([fast, slow], "adreno") == []
     assert of_one_device([]) == []
+
+
+def test_what_fails_half_the_time_here_is_never_chosen() -> None:
+    failed = run("best", 1, None, status="failed", frame_us=[])
+    default = run("default", 200, 0.011)
+
+    half = points(FRONT, [session(default, run("best", 40, 0.03), failed)])
+    seldom = points(FRONT, [session(default, run("best", 40, 0.03), run("best", 40, 0.03), failed)])
+
+    assert "best" not in [point.name for point in half]
+    assert "best" in [point.name for point in seldom]
+
+
+def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    def device(name: str, platform: str) -> SimpleNamespace:
+        handle = SimpleNamespace(
+            name=name,
+            vendor="",
+            driver_version="1",
+            version="3",
+            platform=SimpleNamespace(name=platform, version="3"),
+        )
+        return SimpleNamespace(label=f"{name} ({platform}, 3, driver 1)", handle=handle)
+
+    present = [device("a  CPU", "Intel"), device("a  CPU", "PoCL")]
+    monkeypatch.setattr(adaptation.opencl, "list_devices", lambda: present)
+
+    assert adaptation._label(("a CPU", "PoCL")) == present[1].label
+    with pytest.raises(CannotMeasureError, match=r"Mali .* is not here any more"):
+        adaptation._label(("Mali", "ARM"))

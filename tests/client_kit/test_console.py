@@ -1,6 +1,7 @@
 """What a participant sees on a terminal and in a log."""
 
 import io
+import os
 
 from client_kit.console import Console
 
@@ -46,3 +47,15 @@ def test_a_terminal_without_the_letters_shows_something_all_the_same() -> None:
     Console(old).say("Redmi Note 9 Pro \u7ea2\u7c73")
 
     assert raw.getvalue().startswith(b"Redmi Note 9 Pro ??")
+
+
+def test_when_its_reader_is_gone_it_falls_silent() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+
+    with os.fdopen(writing, "w") as stream:
+        console = Console(stream)
+        console.say("one")
+        console.lines(["two", "three"])
+
+        assert console.silent

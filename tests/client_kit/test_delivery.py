@@ -1,7 +1,12 @@
 """Sending the spool: each session once, a bad one never in the way of the next, nothing lost on the way."""
 
+import gzip
+import json
+import time
 from collections.abc import Callable
 from typing import Any
+
+import pytest
 
 from client_kit import __version__, delivery, enrolment
 from client_kit.home import Home
@@ -243,3 +248,104 @@ def test_what_became_of_the_sessions_is_told_in_plain_lines(
 
     assert lines[0] == f"Not sent: {url} cannot be reached: Connection refused"
     assert "kept on this device" in lines[1]
+
+
+def test_what_one_session_was_asked_to_wait_holds_for_its_server(
+    serve: Serve, home: Home, spool: Spool
+) -> None:
+    scripted = serve(
+        lambda request: (
+            problem(429, "too_many_requests", Retry_After="600")
+            if request.path.endswith("/submissions")
+            else accepting(request)
+        )
+    )
+    other = serve(accepting)
+    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, documents.payload())
+    delivery.deliver(spool, home)
+
+    later = spool.put(scripted.url, documents.payload())
+    spool.put(other.url, documents.payload())
+    delivery.deliver(spool, home)
+
+    assert len(submissions(scripted)) == 1
+    assert spool.item(later.id).state == "queued"
+    assert len(submissions(other)) == 1
+
+
+def test_a_request_to_erase_waits_as_long_as_the_server_asks(serve: Serve, home: Home, spool: Spool) -> None:
+    def answer(request: Request) -> Reply:
+        if request.method == "DELETE" and len(deletions()) == 1:
+            return problem(503, "database_unavailable", Retry_After="600")
+        return accepting(request)
+
+    def deletions() -> list[Request]:
+        return [request for request in scripted.requests if request.method == "DELETE"]
+
+    scripted = serve(answer)
+    spool.put(scripted.url, documents.payload())
+    delivery.deliver(spool, home)
+    enrolment.request_erasure(home)
+    began = time.time()
+    assert delivery.deliver(spool, home).erased == []
+    spool.put(scripted.url, documents.payload())
+
+    held = delivery.deliver(spool, home)
+
+    assert "asks to wait" in held.trouble[scripted.url]
+    assert (len(deletions()), len(submissions(scripted))) == (1, 1)
+    delivered = delivery.deliver(spool, home, clock=lambda: began + 700)
+    assert delivered.erased == [scripted.url]
+    assert len(submissions(scripted)) == 2
+
+
+@pytest.mark.parametrize("refusing", ["/enrol", "/submissions"])
+def test_a_newer_consent_text_keeps_what_waits_until_it_is_agreed_to(
+    refusing: str, serve: Serve, home: Home, spool: Spool
+) -> None:
+    def answer(request: Request) -> Reply:
+        if request.path.endswith(refusing) and version(request) == 1:
+            return problem(400, "consent_outdated", "the text is another one")
+        return accepting(request)
+
+    def version(request: Request) -> int:
+        body = request.body if request.path.endswith("/enrol") else gzip.decompress(request.body)
+        told: int = json.loads(body)["consent_version"]
+        return told
+
+    scripted = serve(answer)
+    before = spool.put(scripted.url, documents.payload())
+
+    delivered = delivery.deliver(spool, home)
+    assert spool.item(before.id).state == "queued"
+    assert delivered.trouble[scripted.url].endswith("(consent_outdated): agree again with `run`")
+    delivery.renew(spool, home, scripted.url, 2)
+    delivery.deliver(spool, home)
+
+    after = spool.item(before.id)
+    assert after.state == "accepted"
+    assert after.idempotency_key != before.idempotency_key
+    assert version(submissions(scripted)[-1]) == 2
+    assert submissions(scripted)[-1].headers["idempotency-key"] == after.idempotency_key
+
+
+@pytest.mark.parametrize("reply", [accepted("accepted"), problem(503, "busy")])
+def test_a_session_that_is_erased_while_it_is_sent_is_no_trouble(
+    reply: Reply, serve: Serve, home: Home, spool: Spool
+) -> None:
+    def erasing(request: Request) -> Reply:
+        if request.path.endswith("/submissions"):
+            spool.clear()
+            return reply
+        return accepting(request)
+
+    scripted = serve(erasing)
+    spool.put(scripted.url, documents.payload())
+    spool.put(scripted.url, documents.payload())
+
+    delivered = delivery.deliver(spool, home)
+
+    assert delivered.settled == []
+    assert spool.items() == []
+    assert len(submissions(scripted)) == 1

@@ -266,3 +266,16 @@ def test_send_waits_as_long_as_it_takes_when_asked_to(serve: Serve, home: Home, 
     assert done.returncode == 0, done.stderr
     assert "1 to send; next attempt in 1 s" in done.stdout
     assert states(home) == ["accepted"]
+
+
+def test_whoever_stops_reading_stops_no_measurement(serve: Serve, home: Home, counting: Counting) -> None:
+    process = start(home, "run", "--server", serve(counting).url, "--yes")
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+
+    error = process.stderr.read()
+    process.stderr.close()
+
+    assert (process.wait(timeout=120), error) == (0, "")
+    assert states(home) == ["accepted"]

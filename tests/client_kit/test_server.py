@@ -14,7 +14,18 @@ Serve = Callable[..., ScriptedServer]
 
 
 @pytest.mark.parametrize(
-    "url", ["localhost:8000", "ftp://host", "http://", "http://me:secret@host", "http://host/?a=1"]
+    "url",
+    [
+        *("localhost:8000", "ftp://host", "http://", "http://me:secret@host", "http://host/?a=1"),
+        *(
+            "http://host:99999",
+            "http://host:port",
+            "http://[::1",
+            "http://a..b",
+            "http://ho st",
+            "http://h/\u00e4",
+        ),
+    ],
 )
 def test_an_address_that_is_none_is_a_usage_error(url: str) -> None:
     with pytest.raises(UsageError, match="--server"):

@@ -4,8 +4,10 @@ import errno
 import gzip
 import json
 import os
+import signal
 import sqlite3
 import stat
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,13 +15,24 @@ from typing import Any
 import pytest
 
 from client_kit import __main__ as command_line
-from client_kit import condition, delivery, measurement, participation
+from client_kit import (
+    condition,
+    delivery,
+    enrolment,
+    interrupts,
+    measurement,
+    participation,
+    preflight,
+)
 from client_kit import spool as spool_module
 from client_kit.client import Client
+from client_kit.errors import UsageError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
+from client_kit.preflight import Concern
 from client_kit.session import Session
 from client_kit.spool import Spool
+from slam.datasets import SequenceError
 from tests.client_kit import canned, documents
 from tests.client_kit.counting import Counting
 from tests.client_kit.killed import DEVICE, IDENTITY
@@ -332,3 +345,194 @@ def test_a_module_that_is_missing_is_told_with_what_to_install(
     code, _, error = client("run", "--server", "http://127.0.0.1:1")
 
     assert (code, error) == (3, "frontrunner: numpy is not installed here: pip install numpy\n")
+
+
+def test_erased_while_it_measures_nothing_is_kept_or_sent(
+    client: Terminal, serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def erasing(_: Any, asked: Manifest, plan: tuple[str, ...], **__: Any) -> Session:
+        assert Client(home=home.path).erase()
+        return canned.measured(asked, plan)
+
+    monkeypatch.setattr(measurement, "measure", erasing)
+    server = serve(counting)
+
+    code, _, error = client("run", "--yes", "--server", server.url)
+
+    assert code == 3
+    assert "your agreement was withdrawn meanwhile" in error
+    assert Spool(home.spool).items() == []
+    assert not [path for path in server.paths() if "enrol" in path or "submissions" in path]
+
+
+def test_erased_while_it_sends_what_arrived_is_erased_there_too(
+    client: Terminal, serve: Serve, counting: Counting, home: Home
+) -> None:
+    erased: list[bool] = []
+    erasing = threading.Thread(target=lambda: erased.append(Client(home=home.path).erase()))
+
+    def answer(request: Request) -> Reply:
+        if request.path.endswith("/submissions"):
+            erasing.start()
+            while Spool(home.spool).items():
+                pass
+        return counting(request)
+
+    server = serve(answer)
+
+    code, _, error = client("run", "--yes", "--server", server.url)
+    erasing.join()
+
+    assert code == 3
+    assert "your agreement was withdrawn meanwhile" in error
+    assert erased == [True]
+    assert server.paths()[-1] == "DELETE /api/v1/me"
+    assert (counting.sessions, enrolment.known(home), Spool(home.spool).items()) == ({}, [], [])
+
+
+def test_a_new_consent_text_is_asked_for_and_what_waits_goes_with_it(
+    client: Terminal, serve: Serve, counting: Counting, home: Home
+) -> None:
+    def strict(request: Request) -> Reply:
+        if request.path.endswith("/submissions"):
+            told = json.loads(gzip.decompress(request.body))["consent_version"]
+            if told != counting.manifest["consent_version"]:
+                return problem(400, "consent_outdated", "the text is another one")
+        return counting(request)
+
+    asked = Manifest.parse(counting.manifest)
+    counting.manifest["consent_version"] = 2
+    server = serve(strict)
+    Spool(home.spool).put(server.url, canned.payload(asked))
+
+    code, out, _ = client("run", "--yes", "--server", server.url)
+
+    assert code == 0
+    assert "agree again with `run`" in out
+    assert [item.state for item in Spool(home.spool).items()] == ["accepted"] * 2
+
+
+def test_a_device_that_stays_hot_ends_with_the_sessions_that_are_done(
+    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hot = Concern("throttling", "the device throttles", stops=True)
+    busy = Concern("load", "other programs keep this device busy", stops=False)
+    looks = iter([[], [hot], [hot, busy], [busy]])
+    monkeypatch.setattr(preflight, "concerns", lambda *_: next(looks, [hot]))
+    monkeypatch.setattr(participation, "COOLING_SECONDS", 0.0)
+
+    code, out, _ = client("run", "--yes", "--sessions", "3", "--server", serve(counting).url)
+
+    assert code == 0
+    assert len(counting.sessions) == 2
+    assert "No further session: the device throttles" in out
+    assert "2 of 3 sessions are done." in out
+    assert "other programs" not in out
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        {"device": None, "summarised": False},
+        {"device": "a-phone", "summarised": True, "sessions": [
+            {"speedups": [{"configuration": "best", "state": "suspect", "reason": "slowed down"}]}
+        ]},
+    ],
+)  # fmt: skip
+def test_a_speedup_that_does_not_count_has_no_place(
+    state: dict[str, Any],
+    client: Terminal,
+    serve: Serve,
+    counting: Counting,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(participation, "SUMMARY_PATIENCE_SECONDS", 0.0)
+
+    def answer(request: Request) -> Reply:
+        return Reply(200, state) if "/submissions/" in request.path else counting(request)
+
+    code, out, _ = client("run", "--yes", "--server", serve(answer).url)
+
+    assert code == 0
+    assert "Place " not in out
+
+
+def test_a_silent_client_never_waits_for_an_answer(
+    serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+
+    with pytest.raises(UsageError, match="nobody is here to agree"):
+        Client(serve(counting).url, home.path).run()
+
+
+def test_the_consent_text_shows_the_wish_about_the_model(
+    client: Terminal, serve: Serve, counting: Counting
+) -> None:
+    out = client("run", "--yes", "--show-model", "--server", serve(counting).url)[1]
+
+    assert '"show_model": true' in out
+
+
+def test_ctrl_c_while_a_session_is_kept_waits_until_it_is(
+    client: Terminal, serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put = Spool.put
+
+    def disturbed(*arguments: Any) -> Any:
+        for number in interrupts.ENDING:
+            os.kill(os.getpid(), number)
+        return put(*arguments)
+
+    monkeypatch.setattr(Spool, "put", disturbed)
+    before = [signal.getsignal(number) for number in interrupts.ENDING]
+
+    try:
+        code = client("run", "--yes", "--server", serve(counting).url)[0]
+    finally:
+        for number, handler in zip(interrupts.ENDING, before, strict=True):
+            signal.signal(number, handler)
+
+    assert code == 0
+    assert [item.state for item in Spool(home.spool).items()] == ["accepted"]
+
+
+def test_a_server_that_refuses_this_version_spoils_no_export(
+    client: Terminal, serve: Serve, counting: Counting
+) -> None:
+    def refusing(request: Request) -> Reply:
+        return problem(426, "client_too_old", "2.0") if "/me/" in request.path else counting(request)
+
+    server = serve(refusing)
+    client("run", "--yes", "--server", server.url)
+
+    code, out, _ = client("export")
+
+    assert code == 0
+    assert "too old" in json.loads(out)["servers"][server.url]["unavailable"]
+
+
+def test_a_sequence_that_is_damaged_is_told_in_a_line(
+    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def damaged(path: Path) -> None:
+        raise SequenceError(f"{path}: pack.json is damaged")
+
+    monkeypatch.setattr(participation, "open_sequence", damaged)
+
+    code, _, error = client("run", "--yes", "--server", serve(counting).url)
+
+    assert code == 3
+    assert "pack.json is damaged" in error
+
+
+def test_a_library_that_does_not_load_is_named(client: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any) -> None:
+        raise ImportError("libopenblas.so.0: cannot open", name="numpy._core")
+
+    monkeypatch.setattr(participation, "run", broken)
+
+    code, _, error = client("run", "--server", "http://127.0.0.1:1")
+
+    assert code == 3
+    assert error.startswith("frontrunner: numpy does not load here (libopenblas.so.0: cannot open): ")
