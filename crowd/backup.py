@@ -2,8 +2,8 @@
 
 SQLite is copied by its backup interface, PostgreSQL by pg_dump: both see one moment of a database that goes
 on working. Left out is what can be made anew (open data, static files, messages) and the key that signs
-sessions: people log in again after a restore. A backup holds what the database holds, the digests of tokens
-and passwords too: its file is for its owner alone.
+sessions and own pages: people log in again after a restore. A backup holds what the database holds, the
+digests of tokens and passwords too: its file is for its owner alone.
 """
 
 import hashlib
@@ -25,6 +25,8 @@ from django.conf import settings
 from django.db import connection
 from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
+
+from crowd.results.models import Export
 
 FORMAT = 1
 ABOUT, DATABASE, SEQUENCES = "backup.json", "database", "sequences"
@@ -90,6 +92,7 @@ def restore(path: Path) -> About:
         _check(about, folder, path)
         _put_sequences(folder)
         {"sqlite": _place_sqlite, "postgresql": _load_postgresql}[about.vendor](folder / DATABASE)
+    _end_exports()
     return about
 
 
@@ -170,6 +173,13 @@ def _put_sequences(folder: Path) -> None:
         if not (target / pack.name).exists():
             target.mkdir(exist_ok=True)
             shutil.move(pack, target / pack.name)
+
+
+def _end_exports() -> None:
+    """The open data's files are in no backup: rows that tell of them would keep new ones from being made."""
+    # A backup of an older version may lack the table.
+    if Export._meta.db_table in connection.introspection.table_names():
+        Export.objects.filter(withdrawn_at=None).delete()
 
 
 def _sqlite_file() -> Path:

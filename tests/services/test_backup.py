@@ -66,6 +66,8 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
         token = server.enrol()
         server.submit_until_accepted(token, submission_document())
         until(lambda: server.waiting() == 0)
+        assert command(var, "results", "export", **here).returncode == 0
+        exported = server.call("GET", "/api/v1/exports")[-1]["results"][0]["created_at"]
         before = seen(server, token)
         done = command(var, "backup", str(file), **here)
         assert done.returncode == 0, done.stderr
@@ -78,6 +80,10 @@ def test_a_backup_of_a_working_server_is_the_same_deployment_elsewhere(
         document = submission_document()
         assert restored.submit_until_accepted(token, document) == 202
         assert set(intake.runs_of([document])) < set(intake.own_runs(restored, token))
+
+        # Their files are in no backup: no day's address leads to nothing.
+        exports = restored.call("GET", "/api/v1/exports")[-1]["results"]
+        assert exported not in [export["created_at"] for export in exports]
 
     again = command(other, "restore", str(file), **elsewhere)
     assert again.returncode == 1
