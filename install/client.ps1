@@ -5,18 +5,23 @@ $ErrorActionPreference = "Stop"
 $source = Split-Path -Parent $PSScriptRoot
 $target = Join-Path $env:LOCALAPPDATA "frontrunner-client"
 
+# Write-Error would end the script here, with another exit code.
+function Stop-With([string]$message) {
+    [Console]::Error.WriteLine($message)
+    exit 3
+}
+
+if (-not (Get-Command py -ErrorAction SilentlyContinue)) {
+    Stop-With "Python's launcher py is missing: install Python 3.11 or newer from python.org"
+}
 py -3 -c "import sys; sys.exit(sys.version_info < (3, 11))"
-if ($LASTEXITCODE -ne 0) {
-    Write-Error "Python 3.11 or newer is needed, with its launcher py: install it from python.org"
-    exit 3
-}
-py -3 -m venv $target
-& "$target\Scripts\python.exe" -m pip install --quiet --disable-pip-version-check $source
-if ($LASTEXITCODE -ne 0) {
-    Write-Error "pip could not install the client: the lines above say why"
-    exit 3
-}
+if ($LASTEXITCODE -ne 0) { Stop-With "Python 3.11 or newer is needed: install it from python.org" }
+py -3 -m venv "$target"
+if ($LASTEXITCODE -ne 0) { Stop-With "no virtual environment could be made in ${target}: the lines above say why" }
+$python = Join-Path $target "Scripts\python.exe"
+& $python -m pip install --quiet --disable-pip-version-check "$source"
+if ($LASTEXITCODE -ne 0) { Stop-With "pip could not install the client: the lines above say why" }
 Write-Output "Installed. To take part:"
-Write-Output "  $target\Scripts\python.exe -m client_kit run --server https://ADDRESS"
-& "$target\Scripts\python.exe" -m client_kit doctor
+Write-Output "  & `"$python`" -m client_kit run --server https://ADDRESS"
+& $python -m client_kit doctor
 exit $LASTEXITCODE

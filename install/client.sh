@@ -5,6 +5,10 @@
 set -eu
 source=$(cd "$(dirname "$0")/.." && pwd)
 target=${FRONTRUNNER_CLIENT:-$HOME/.frontrunner-client}
+case $target in
+    /*) ;;
+    *) target=$PWD/$target ;;
+esac
 python=${PYTHON:-python3}
 options=
 
@@ -31,8 +35,8 @@ fi
 echo "Installed. To take part:"
 echo "  $target/bin/python -m client_kit run --server https://ADDRESS"
 if [ -e /vendor/lib64/libOpenCL_adreno.so ] || [ -e /vendor/lib64/libCB.so ]; then
-    echo "This is an Adreno: put LD_LIBRARY_PATH=/vendor/lib64:\$PREFIX/lib before that command."
-    export LD_LIBRARY_PATH="/vendor/lib64:$PREFIX/lib"
+    echo "This is an Adreno: put LD_LIBRARY_PATH=/vendor/lib64:${PREFIX:-/usr}/lib before that command."
+    export LD_LIBRARY_PATH="/vendor/lib64:${PREFIX:-/usr}/lib"
 fi
 cd "$HOME"
 exec "$target/bin/python" -m client_kit doctor
