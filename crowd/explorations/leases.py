@@ -235,7 +235,16 @@ def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluatio
 def _lease(evaluation: Evaluation, worker: str) -> Evaluation | None:
     """Hold EVALUATION; None where it is not any more as it was read."""
     now = timezone.now()
-    as_read = Evaluation.objects.filter(pk=evaluation.pk, state=evaluation.state, attempt=evaluation.attempt)
+    running = Exploration.objects.filter(pk=evaluation.exploration_id, state=Exploration.State.RUNNING)
+    # A subquery, since a join would take the other conditions into one, where a row that changes while it
+    # is waited for is not looked at again.
+    as_read = Evaluation.objects.filter(
+        pk=evaluation.pk,
+        state=evaluation.state,
+        attempt=evaluation.attempt,
+        lease_until=evaluation.lease_until,
+        exploration__in=running,
+    )
     if evaluation.state == Evaluation.State.RUNNING:
         evaluation.losses += 1
     evaluation.state = Evaluation.State.RUNNING

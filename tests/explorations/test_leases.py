@@ -7,7 +7,7 @@ import pytest
 from django.test import Client
 from django.utils import timezone
 
-from crowd.explorations import services
+from crowd.explorations import leases, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.tokens import device_of, issue_token, revoke_token
 from crowd.openapi import document as openapi
@@ -227,6 +227,23 @@ def test_nothing_is_leased_of_a_paused_exploration(board: Board, exploration: Ex
     services.pause(exploration)
     assert board.post("").status_code == 204
     assert board.post("").headers["Retry-After"] == "5"
+
+
+@pytest.mark.parametrize("change", [{"lease_until": None}, {"exploration__state": "paused"}])
+def test_what_has_changed_since_it_was_read_is_not_leased(
+    change: dict[str, Any], exploration: Exploration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    [evaluation, *_] = services.waiting(exploration)
+    Evaluation.objects.filter(pk=evaluation.pk).update(
+        state=Evaluation.State.RUNNING, lease_until=timezone.now() - timedelta(seconds=1)
+    )
+    evaluation = Evaluation.objects.select_related(leases.DEVICE).get(pk=evaluation.pk)
+    if "exploration__state" in change:
+        Exploration.objects.update(state=change["exploration__state"])
+    else:  # its holder, who was only late, has renewed the lease
+        Evaluation.objects.filter(pk=evaluation.pk).update(lease_until=timezone.now() + timedelta(minutes=1))
+
+    assert leases._lease(evaluation, "another") is None
 
 
 def test_openapi_describes_leases() -> None:
