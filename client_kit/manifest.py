@@ -229,8 +229,10 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
         raise ValueError(f"protocol {dict(protocol)} is out of range")
     # An order such as default, best, best, default spells its repeats out.
     repeats = max(int(protocol["repeats"]), order.count("default"))
-    if repeats > MOST_RUNS // 2:
-        raise ValueError(f"protocol.repeats {repeats} of two configurations are more than {MOST_RUNS} runs")
+    runs = -(-repeats // min(order.count(name) for name in order)) * len(order)
+    # Besides the order, the default and any one other configuration have to fit into a session.
+    if max(runs, 2 * repeats) > MOST_RUNS:
+        raise ValueError(f"protocol.repeats {repeats} of {list(order)} are more than {MOST_RUNS} runs")
     return Protocol(
         version=int(protocol["version"]),
         warmup_frames=warmup,

@@ -1,8 +1,7 @@
-"""A network between client and server that loses, delays, breaks off and makes up answers."""
+"""A network between client and server that loses, breaks off and makes up answers."""
 
 import random
 import threading
-import time
 from collections.abc import Callable
 
 from tests.client_kit.scripted import Reply, Request, problem
@@ -24,7 +23,7 @@ class Faulty:
 
     def __call__(self, request: Request) -> Reply:
         with self._lock:
-            kinds = [self._dropped, self._lost, self._cut, self._late, self._refused, self._foreign]
+            kinds = [self._dropped, self._lost, self._cut, self._refused, self._foreign]
             harm = self._chance.choice(kinds) if self._chance.random() < self._share else None
             if harm is None:
                 return self._answer(request)
@@ -42,10 +41,6 @@ class Faulty:
     def _cut(self, request: Request) -> Reply:
         reply = self._one_at_a_time(request)
         return Reply(reply.status, reply.document, reply.headers, reply.raw, cut=3)
-
-    def _late(self, request: Request) -> Reply:
-        time.sleep(0.02)
-        return self._one_at_a_time(request)
 
     def _refused(self, request: Request) -> Reply:
         if request.path.endswith("/submissions"):

@@ -1,6 +1,7 @@
 """`check`: other clients' payloads against a real server's dry run."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ from client_kit.manifest import Manifest
 from crowd.devices.models import Installation
 from crowd.results.models import MeasurementSession
 from slam.datasets.pack import Pack
-from tests.client_kit import canned, room
+from tests.client_kit import canned, documents, room
 from tests.client_kit.published import VERSION, publish
+from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +77,20 @@ def test_a_file_that_is_none_is_a_usage_error(
     for file, words in {"no.json": "is no JSON", "absent.json": "cannot be read"}.items():
         assert command_line.main(["check", str(tmp_path / file), "--server", live_server.url]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_what_went_wrong_is_told_though_the_installation_cannot_be_erased_after_it(
+    serve: Callable[..., ScriptedServer], asked: Manifest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def answer(request: Request) -> Reply:
+        if "/manifest" in request.path:
+            return Reply(200, documents.manifest())
+        if request.path.endswith("/enrol"):
+            return Reply(201, {"installation_id": "me", "token": "secret"})
+        what = "erasing" if request.method == "DELETE" else "judging"
+        return problem(503, "busy", f"no {what} now")
+
+    good = written(tmp_path, "good.json", canned.payload(asked))
+
+    assert command_line.main(["check", good, "--server", serve(answer).url]) == 3
+    assert "no judging now" in capsys.readouterr().err

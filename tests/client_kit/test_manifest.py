@@ -165,3 +165,13 @@ def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
         Manifest.parse(documents.manifest(accepting=False)).require_accepting()
     with pytest.raises(CannotMeasureError, match="at present: back on Monday"):
         Manifest.parse(documents.manifest(accepting=False, message="back on\nMonday")).require_accepting()
+
+
+def test_repeats_that_no_session_holds_are_not_understood() -> None:
+    most = Manifest.parse(documents.manifest(protocol={**protocol(), "repeats": 24}))
+
+    assert [len(plan) for plan in most.plans(("best", "fine"))] == [48, 48]
+    for order, repeats in ((["default", "best", "best", "default"], 25), (["default"], 26)):
+        asked = {**protocol(), "order": order, "repeats": repeats}
+        with pytest.raises(NotFrontrunnerError, match=f"repeats {repeats}"):
+            Manifest.parse(documents.manifest(protocol=asked))

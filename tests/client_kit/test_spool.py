@@ -137,3 +137,16 @@ def test_a_damaged_file_is_named_in_one_line(tmp_path: Path) -> None:
 
     with pytest.raises(HomeError, match=r"spool\.sqlite3 cannot be used: file is not a database"):
         Spool(path)
+
+
+def test_the_quota_goes_by_what_came_first_whatever_the_clock_says(
+    home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(spool_module, "MOST_ITEMS", 2)
+    times = iter([3000.0, 1000.0, 2000.0])
+    spool = Spool(home.spool, clock=lambda: next(times))
+
+    items = [spool.put(SERVER, payload()) for _ in range(3)]
+
+    assert [item.id for item in spool.items()] == [item.id for item in items]
+    assert [item.state for item in spool.items()] == ["expired", "queued", "queued"]
