@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TypeVar
 from uuid import UUID
 
@@ -23,12 +24,16 @@ T = TypeVar("T")
 
 def erase_installation(installation: Installation) -> None:
     """Delete everything of INSTALLATION, compute the figures that held it anew, withdraw such exports."""
-    _persist(lambda: _erase_installation(installation.pk))
+    _place(_persist(partial(_erase_installation, installation.pk)))
 
 
 def erase_run(installation: Installation, uuid: UUID) -> bool:
     """Delete one run of INSTALLATION, and its session with the last one; False where there is none."""
-    return _persist(lambda: _erase_run(installation.pk, uuid))
+    rare = _persist(partial(_erase_run, installation.pk, uuid))
+    if rare is None:
+        return False
+    _place(rare)
+    return True
 
 
 def _persist(erase: Callable[[], T]) -> T:
@@ -48,11 +53,20 @@ def _persist(erase: Callable[[], T]) -> T:
         return erase()
 
 
-def _erase_installation(key: UUID) -> None:
+def _place(models: Iterable[int]) -> None:
+    """Show MODELS as their groups. In transactions of their own: this changes what others sent, whose
+    installations would have to be locked before those that the erasure has locked.
+    """
+    for model in models:
+        _persist(partial(publication.place, model))
+
+
+def _erase_installation(key: UUID) -> list[int]:
+    """The models that are rare from now on."""
     # Nothing of it may come in meanwhile.
     installation = Installation.objects.select_for_update().filter(pk=key).first()
     if installation is None:
-        return
+        return []
     _lock_models(installation.sessions.all())
     sessions = list(installation.sessions.select_for_update().defer("samples").order_by("pk"))
     runs = Run.objects.filter(session__installation=installation).values_list("uuid", flat=True)
@@ -61,10 +75,11 @@ def _erase_installation(key: UUID) -> None:
     _bury(Tombstone.Kind.SESSION, (session.uuid for session in sessions))
     Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
     installation.delete()
-    _after(sessions, cohorts)
+    return _after(sessions, cohorts)
 
 
-def _erase_run(key: UUID, uuid: UUID) -> bool:
+def _erase_run(key: UUID, uuid: UUID) -> list[int] | None:
+    """The models that are rare from now on; None where there is no such run."""
     # One request of an installation at a time: who asks for the last two runs at once erases the session.
     list(Installation.objects.select_for_update(no_key=True).filter(pk=key))
     holding = Run.objects.filter(uuid=uuid).values("session")
@@ -72,22 +87,21 @@ def _erase_run(key: UUID, uuid: UUID) -> bool:
     _lock_models(own)
     session = own.select_for_update().first()
     if session is None:
-        return False
+        return None
     run = session.runs.get(uuid=uuid)
     _bury(Tombstone.Kind.RUN, [run.uuid])
     run.delete()
     if session.runs.exists():
         exports.withdraw(session.received_at)
         summarising.summarise_session(session.pk)
-    else:
-        cohorts = _locked(session.summaries.all())
-        places = set(session.summaries.values_list("cohort_id", "installation_id", "day"))
-        _bury(Tombstone.Kind.SESSION, [session.uuid])
-        session.delete()
-        # A later session of that day may count in its place.
-        refreshing.count_days_of(places)
-        _after([session], cohorts)
-    return True
+        return []
+    cohorts = _locked(session.summaries.all())
+    places = set(session.summaries.values_list("cohort_id", "installation_id", "day"))
+    _bury(Tombstone.Kind.SESSION, [session.uuid])
+    session.delete()
+    # A later session of that day may count in its place.
+    refreshing.count_days_of(places)
+    return _after([session], cohorts)
 
 
 def _bury(kind: Tombstone.Kind, ids: Iterable[UUID]) -> None:
@@ -114,13 +128,15 @@ def _locked(summaries: QuerySet[SessionSummary]) -> list[Cohort]:
     return refreshing.lock(Cohort.objects.filter(pk__in=summaries.values("cohort")))
 
 
-def _after(sessions: list[MeasurementSession], cohorts: list[Cohort]) -> None:
-    """Figures without the deleted SESSIONS; descriptions and models that nobody's session names go too."""
+def _after(sessions: list[MeasurementSession], cohorts: list[Cohort]) -> list[int]:
+    """Figures without the deleted SESSIONS; descriptions and models that nobody's session names go too. The
+    models that are rare from now on.
+    """
     if not sessions:
-        return
+        return []
     descriptions = {session.description_id for session in sessions}
     models = set(DeviceDescription.objects.filter(pk__in=descriptions).values_list("model", flat=True))
     exports.withdraw(min(session.received_at for session in sessions))
     refreshing.refresh(cohorts)
     refreshing.count_activity({session.device_id for session in sessions})
-    publication.after_erasure(models)
+    return publication.after_erasure(models)

@@ -35,7 +35,7 @@ def settle(keys: Iterable[int]) -> None:
         if device != shown.public(show_model):
             misplaced.add(shown.model)
     for key in sorted(misplaced | {key for key in rare if _recount(key)}):
-        _place(key)
+        place(key)
 
 
 def republish_waiting(limit: int = BATCH) -> int:
@@ -51,22 +51,23 @@ def republish(keys: Iterable[int]) -> None:
     for key in sorted({model.shown.pk for model in models}):
         _recount(key)
         with transaction.atomic():
-            _place(key, again=True)
+            place(key, again=True)
             _rename_drivers(key)
             DeviceModel.objects.filter(Q(pk=key) | Q(canonical=key)).update(changed=False)
 
 
 @transaction.atomic
-def after_erasure(keys: Iterable[int]) -> None:
-    """The models KEYS (those of the descriptions) lost sessions: what nobody measures any more is forgotten,
-    and what few measure goes back to its group.
+def after_erasure(keys: Iterable[int]) -> list[int]:
+    """The models KEYS (those of the descriptions) lost sessions: what nobody measures any more is forgotten.
+    Which of the others became rare: `place` each once the erasure is over.
     """
     models = list(DeviceModel.objects.filter(pk__in=list(keys)).select_related("canonical"))
     DeviceDescription.objects.filter(model__in=models, sessions=None, split=None).delete()
-    for key in sorted({model.shown.pk for model in models}):
-        if _recount(key):
-            _place(key)
+    rare = [key for key in sorted({model.shown.pk for model in models}) if _recount(key)]
+    # Whoever erases may be killed before that: the sweep does it then.
+    DeviceModel.objects.filter(pk__in=rare).update(changed=True)
     _forget(models)
+    return rare
 
 
 def _forget(models: Iterable[DeviceModel]) -> None:
@@ -106,12 +107,14 @@ def _recount(key: int) -> bool:
 
 
 @transaction.atomic
-def _place(key: int, again: bool = False) -> None:
+def place(key: int, again: bool = False) -> None:
     """Put the sessions of the model KEY and of its aliases under what the public sees; AGAIN: have all of
     them summarised anew, not the moved ones alone.
     """
     models = DeviceModel.objects.filter(pk=key).select_related("group")
-    model = models.get()
+    model = models.first()
+    if model is None:
+        return
     if model.group is None:
         recognition.regroup([model])
     sessions = _sessions_of(key)

@@ -13,6 +13,7 @@ AGAIN = (
     "crowd/test_submissions.py",
     "crowd/test_bad_input.py",
     "crowd/test_erasure.py",
+    "crowd/test_races.py",
     "crowd/test_recomputing.py",
     "crowd/test_states.py",
     "crowd/test_fronts.py",

@@ -1,0 +1,117 @@
+"""Erasures, submissions and tasks at once, on a database that lets several write."""
+
+import json
+import threading
+import uuid
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+import pytest
+from django.db import OperationalError, connection
+
+from crowd.devices.models import Installation
+from crowd.devices.services import enrol
+from crowd.results import erasure, publication, services, summarising, tasks
+from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
+from tests.crowd.documents import run_document, session_document, submission_document
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+
+@pytest.fixture(autouse=True)
+def several_writers(no_worker: None) -> None:
+    if connection.vendor == "sqlite":
+        pytest.skip("SQLite in memory refuses a second writer at once; PostgreSQL runs this")
+
+
+def enrolled() -> Installation:
+    return enrol("client_kit", "0.1.0", 1)[0]
+
+
+def send(who: Installation, *sessions: dict[str, Any]) -> None:
+    services.accept_submission(who, str(uuid.uuid4()), json.dumps(submission_document(*sessions)).encode())
+
+
+def at_once(*hands: Callable[[], Any]) -> list[Any]:
+    """What HANDS answer, each a thread with a connection of its own."""
+
+    def with_connection(hand: Callable[[], Any]) -> Any:
+        try:
+            return hand()
+        finally:
+            connection.close()
+
+    with ThreadPoolExecutor(len(hands)) as threads:
+        return list(threads.map(with_connection, hands))
+
+
+def test_all_runs_erased_at_once_take_their_session_with_them(front: Any) -> None:
+    who, session = enrolled(), session_document()
+    send(who, session)
+    summarising.summarise_waiting()
+    runs = [UUID(run["id"]) for run in session["runs"]]
+
+    erased = at_once(*(partial(erasure.erase_run, who, run) for run in runs * 2))
+
+    assert sorted(erased) == [False] * 4 + [True] * 4
+    assert not MeasurementSession.objects.exists()
+    assert sorted(Tombstone.objects.values_list("kind", flat=True)) == ["run"] * 4 + ["session"]
+
+
+def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None:
+    """A task may lose against them: it is done again. What remains is as if one had come after the other."""
+    settings.FRONTRUNNER_RARE_BELOW = 4
+    leaving, staying = [enrolled() for _ in range(4)], [enrolled() for _ in range(2)]
+    going_on = session_document()
+    for who in leaving:
+        send(who, session_document(), session_document())
+    send(staying[0], going_on)
+    withdrawn = session_document()
+    send(staying[1], withdrawn, session_document())
+    over = threading.Event()
+
+    def work() -> None:
+        while not over.is_set():
+            keys = list(MeasurementSession.objects.values_list("pk", flat=True))
+            with suppress(OperationalError):
+                publication.settle(keys)
+                summarising.summarise_sessions(keys)
+
+    def leave(who: Sequence[Installation]) -> None:
+        for each in who:
+            erasure.erase_installation(each)
+
+    def withdraw() -> None:
+        for run in withdrawn["runs"]:
+            assert erasure.erase_run(staying[1], UUID(run["id"]))
+
+    def go_on(repeats: Iterable[int]) -> None:
+        for repeat in repeats:
+            run = run_document("best", repeat, 2 + repeat, 9_000)
+            send(staying[0], going_on | {"runs": [run]})
+
+    def all_people() -> None:
+        try:
+            at_once(
+                partial(leave, leaving[:2]),
+                partial(leave, leaving[2:]),
+                withdraw,
+                partial(go_on, range(2, 6)),
+                partial(go_on, range(6, 10)),
+            )
+        finally:
+            over.set()
+
+    at_once(work, work, all_people)
+    tasks.sweep()
+
+    assert set(Installation.objects.all()) == set(staying)
+    assert MeasurementSession.objects.count() == 2
+    assert Run.objects.filter(session__uuid=going_on["id"]).count() == 12
+    assert not summarising.waiting().exists()
+    assert (DeviceActivity.objects.get().sessions, DeviceSpeedup.objects.get().sessions) == (2, 2)
+    assert DeviceSpeedup.objects.get().device.kind == "group"
