@@ -9,7 +9,7 @@ SERVER = "https://frontrunner.example"
 
 def manifest(chunks: tuple[bytes, ...] = (b"header", b"frames"), **changes: Any) -> dict[str, Any]:
     """A manifest whose sequence consists of these chunks."""
-    described = [
+    described: list[dict[str, Any]] = [
         {"sha256": digest(chunk), "bytes": len(chunk), "url": f"/sequences/{digest(chunk)}"}
         for chunk in chunks
     ]

@@ -84,9 +84,9 @@ def ready(_sequence: Any, asked: Manifest, plan: tuple[str, ...], **_: Any) -> S
 
 def main(folder: Path, server: str, stride: int) -> None:
     measurement.measure = ready  # type: ignore[assignment]
-    participation._device = lambda *_: (DEVICE, IDENTITY)  # type: ignore[assignment, return-value]
-    participation.open_sequence = lambda path: path  # type: ignore[assignment, return-value]
-    preflight.concerns = lambda *_: []  # type: ignore[assignment]
+    participation._device = lambda *_: (DEVICE, IDENTITY)  # type: ignore[assignment]
+    participation.open_sequence = lambda path: path  # type: ignore[assignment, misc]
+    preflight.concerns = lambda *_: []
     total = run(Home(folder / "whole"), server)
     kills = []
     for last in range(1, total, stride):

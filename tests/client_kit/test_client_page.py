@@ -1,5 +1,6 @@
 """The Python example of docs/client.md, run as it stands, and the commands that the page names."""
 
+import argparse
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -49,9 +50,10 @@ def test_the_example_measures_sends_and_chooses(
 def test_the_page_names_every_command_and_option_of_run() -> None:
     page = PAGE.read_text(encoding="utf-8")
     [commands] = [action for action in command_line._parser()._actions if action.choices]
-    run = commands.choices["run"]
+    choices: dict[str, argparse.ArgumentParser] = dict(commands.choices)  # type: ignore[arg-type]
+    run = choices["run"]
 
-    for name in commands.choices:
+    for name in choices:
         assert re.search(rf"`?\b{name}\b", page), name
     for option in run._option_string_actions:
         if option.startswith("--") and option not in ("--help", "--ignore-battery"):

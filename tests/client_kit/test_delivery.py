@@ -77,7 +77,7 @@ def test_a_rejected_session_keeps_its_reason_and_the_next_one_goes(
 
 def test_the_answers_to_the_runs_decide_the_sessions_state(serve: Serve, home: Home, spool: Spool) -> None:
     answers = [("accepted", "rejected"), ("duplicate", "duplicate"), ("rejected", "rejected")]
-    scripted = serve(
+    scripted: ScriptedServer = serve(
         lambda request: (
             accepting(request)
             if request.path.endswith("/enrol")

@@ -85,7 +85,8 @@ def serve_lab(tmp_path: Path) -> Callable[[Lab], tuple[str, list[float]]]:
     """Serves a lab until nothing waits: what was said, and how long was waited."""
 
     def served(lab: Lab) -> tuple[str, list[float]]:
-        home, said, pauses = Home(tmp_path / "home"), io.StringIO(), []
+        pauses: list[float] = []
+        home, said = Home(tmp_path / "home"), io.StringIO()
         home.prepare()
         try:
             server = Server(lab.server.url)

@@ -49,7 +49,7 @@ def test_without_a_network_the_last_manifest_serves(serve: Serve, home: Home) ->
 
 def test_a_server_in_trouble_counts_as_away_and_a_refusal_does_not(serve: Serve, home: Home) -> None:
     replies = [Reply(200, documents.manifest()), Reply(502, raw=b"bad gateway"), problem(404, "not_found")]
-    scripted = serve(lambda _: replies[len(scripted.requests) - 1])
+    scripted: ScriptedServer = serve(lambda _: replies[len(scripted.requests) - 1])
     server = Server(scripted.url)
     manifest.fetch(server, home)
 
