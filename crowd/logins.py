@@ -33,7 +33,7 @@ class LogInForm(AdminAuthenticationForm):
     """
 
     otp_token = forms.CharField(
-        label="One-time password",
+        label="One-time code",
         required=False,
         help_text="only for accounts that have set it up",
         widget=forms.TextInput(attrs={"autocomplete": "one-time-code", "inputmode": "numeric"}),
