@@ -67,6 +67,7 @@ def test_from_an_empty_form_to_what_clients_measure(
     assert page.get_by_label("Name of point 2").input_value() == "best"
     page.get_by_role("button", name="Make a draft front").click()
     page.get_by_role("button", name="Submit for review").click()
+    page.get_by_text("its content is fixed now").wait_for()  # the answer to a click comes when it comes
     assert page.get_by_text("its content is fixed now").is_visible()
     assert page.get_by_role("button", name="Publish").count() == 0
     assert client.get("/api/v1/manifest").status_code == 404
@@ -99,11 +100,12 @@ def test_an_earlier_version_is_published_again_after_a_look_at_the_difference(
     page = publisher.open("/admin/fronts/frontversion/")
     page.get_by_role("link", name="kfusion-1").click()
     page.get_by_role("link", name="Compare").click()
+    page.get_by_role("row", name=re.compile("^accurate gained")).wait_for()
     assert page.get_by_role("row", name=re.compile("^accurate gained")).is_visible()
     page.go_back()
     page.get_by_role("button", name="Publish again as a new version").click()
 
-    page.get_by_text("Front kfusion-3 is published").wait_for()  # the answer to a click comes when it comes
+    page.get_by_text("Front kfusion-3 is published").wait_for()
     assert page.get_by_text("Front kfusion-3 is published").is_visible()
     assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-3"
     assert publisher.complaints == []
