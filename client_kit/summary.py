@@ -6,11 +6,10 @@ from typing import Any
 
 from client_kit.manifest import Protocol
 from client_kit.session import Run, Session
+from slam.protocol import MAX_DRIFT
 
 DEFAULT = "default"
 BAR = 28
-# The crowd's rule: a session in which one configuration slowed down by more is set aside.
-MAX_DRIFT = 1.15
 
 
 def run_line(run: Run, protocol: Protocol) -> str:

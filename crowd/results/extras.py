@@ -14,7 +14,6 @@ from crowd.results.schema import Run, Sample, Session, Submission
 
 MAX_BYTES = 4 << 10  # of one run, or of the submission itself
 MAX_SESSION_BYTES = 16 << 10  # with its samples
-NAME_LENGTH = 100
 
 _MEMBERS = msgspec.json.Decoder(dict[str, msgspec.Raw])
 _OBJECTS = msgspec.json.Decoder(list[dict[str, msgspec.Raw]])

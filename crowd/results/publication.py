@@ -12,12 +12,13 @@ from django.db.models import Min, Q, QuerySet
 
 from crowd.devices import recognition
 from crowd.devices.disclosure import Shown, columns, is_rare, published
-from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
 from crowd.results import refreshing, summarising
 from crowd.results.models import Cohort, MeasurementSession, SessionSummary
 from crowd.results.opendata import exports
 
 BATCH = 500
+DECIDED = (DeviceAlias.State.ACCEPTED, DeviceAlias.State.REFUSED, DeviceAlias.State.UNDONE)
 
 
 def settle(keys: Iterable[int]) -> None:
@@ -79,14 +80,11 @@ def _forget(models: Iterable[DeviceModel]) -> None:
         DeviceModel.objects.filter(
             sessions=None, descriptions=None, members=None, rare_models=None, splits=None, split_from=None
         )
-        .exclude(aliases__state__in=_DECIDED)
-        .exclude(alias_of__state__in=_DECIDED)
+        .exclude(aliases__state__in=DECIDED)
+        .exclude(alias_of__state__in=DECIDED)
     )
     unused.filter(pk__in=[model.pk for model in models]).delete()
     unused.filter(pk__in=groups, kind=DeviceModel.Kind.GROUP).delete()
-
-
-_DECIDED = ("accepted", "refused", "undone")
 
 
 @transaction.atomic

@@ -128,7 +128,7 @@ def device(slug: str) -> DeviceDetail | None:
         session_count=activity.sessions if activity else len(listed),
         installations=activity.installations if activity else 0,
         descriptions=_descriptions(model),
-        latest=_detail(listed[0]) if listed else None,
+        latest=_detail(listed[0]),
     )
 
 
@@ -247,14 +247,7 @@ def _speedups_since(filters: SpeedupFilters, front: str | None) -> list[Speedup]
             baseline=called[key.baseline],
             backend=found[key.cohort].backend,
             processor=found[key.cohort].processor,
-            speedup=figure.model.speedup.value,
-            low=figure.model.speedup.low,
-            high=figure.model.speedup.high,
-            repeat_low=figure.model.repeat.low if figure.model.repeat else None,
-            repeat_high=figure.model.repeat.high if figure.model.repeat else None,
-            sessions=figure.model.sessions,
-            installations=figure.model.installations,
-            ate_max=figure.ate_max,
+            **figure.numbers,
             last_session_at=_hour(figure.last_session_at),
             suspect=figure.state == State.SUSPECT,
         )

@@ -14,11 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slam.protocol import FIRST_COUNTED_FRAME
+from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT
 
 # Stored on every summary; raise it with any change of a figure below, and everything is computed again.
 ALGORITHM = 2
-MAX_DRIFT = 1.15
 CONFIDENCE = 0.95
 LEAST_INSTALLATIONS = 3
 LEAST_SESSIONS = 3

@@ -31,6 +31,21 @@ class Figure:
     state: State
     last_session_at: datetime
 
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Ratios, intervals, counts and error by the names under which they are stored and shown."""
+        model = self.model
+        return {
+            "speedup": model.speedup.value,
+            "low": model.speedup.low,
+            "high": model.speedup.high,
+            "repeat_low": model.repeat.low if model.repeat else None,
+            "repeat_high": model.repeat.high if model.repeat else None,
+            "sessions": model.sessions,
+            "installations": model.installations,
+            "ate_max": self.ate_max,
+        }
+
 
 @dataclass(frozen=True)
 class _Installation:
