@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.dashboard.protocols import first_counted_frame
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.rows import RunSeries
+from crowd.results.rows import RunSeries, SessionDetail
 from crowd.results.statistics import OUTSIDE_COMPUTATION
 
 # The pipeline's order; a stage of another system comes after these, by name.
@@ -46,6 +47,11 @@ def stage_times(runs: Sequence[RunSeries], first_counted: int) -> tuple[StageTim
         if series.stage_seconds and len(series.frame_seconds) > first_counted:
             by_configuration.setdefault(series.run.configuration, []).append(series)
     return tuple(_mean_stages(name, members, first_counted) for name, members in by_configuration.items())
+
+
+def times_of(session: SessionDetail | None) -> tuple[StageTimes, ...]:
+    """The rows of SESSION under its own protocol; none before a device has a session."""
+    return () if session is None else stage_times(session.runs, first_counted_frame(session.protocol))
 
 
 @dataclass(frozen=True)

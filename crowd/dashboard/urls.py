@@ -2,27 +2,28 @@
 
 from django.urls import path
 
-from crowd.dashboard import charts, downloads, own_views, views
+from crowd.dashboard import charts, downloads, own_views
+from crowd.dashboard.views import devices, explorations, fronts, home, reading, sessions
 
 app_name = "dashboard"
 
 urlpatterns = [
-    path("", views.home, name="home"),
-    path("devices/", views.devices, name="devices"),
-    path("devices/<slug:slug>/", views.device, name="device"),
-    path("compare/", views.compare, name="compare"),
+    path("", home.home, name="home"),
+    path("devices/", devices.devices, name="devices"),
+    path("devices/<slug:slug>/", devices.device, name="device"),
+    path("compare/", devices.compare, name="compare"),
     path("mine/<str:signed>/", own_views.mine, name="mine"),
-    path("sessions/<uuid:uuid>/", views.session, name="session"),
-    path("runs/<uuid:uuid>/", views.run, name="run"),
-    path("fronts/", views.fronts, name="fronts"),
-    path("fronts/<str:slug>/", views.front, name="front"),
-    path("explorations/", views.explorations, name="explorations"),
-    path("explorations/<int:key>/", views.exploration, name="exploration"),
-    path("explorations/<int:key>/live/", views.exploration_live, name="exploration-live"),
+    path("sessions/<uuid:uuid>/", sessions.session, name="session"),
+    path("runs/<uuid:uuid>/", sessions.run, name="run"),
+    path("fronts/", fronts.fronts, name="fronts"),
+    path("fronts/<str:slug>/", fronts.front, name="front"),
+    path("explorations/", explorations.explorations, name="explorations"),
+    path("explorations/<int:key>/", explorations.exploration, name="exploration"),
+    path("explorations/<int:key>/live/", explorations.exploration_live, name="exploration-live"),
     path("explorations/<int:key>/evaluations.csv", downloads.evaluations_csv, name="evaluations-csv"),
     path("explorations/<int:key>/evaluations.json", downloads.evaluations_json, name="evaluations-json"),
-    path("data/", views.data, name="data"),
-    path("about/", views.about, name="about"),
+    path("data/", reading.data, name="data"),
+    path("about/", reading.about, name="about"),
     path("figures/speedups.json", charts.speedups, name="speedups-figure"),
     path("figures/compare.json", charts.compare, name="compare-figure"),
     path("figures/sessions/<uuid:uuid>/frames.json", charts.session_frames, name="session-frames-figure"),

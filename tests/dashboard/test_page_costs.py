@@ -8,7 +8,7 @@ import pytest
 from django.test import Client
 from django.urls import reverse
 
-from crowd.dashboard import views
+from crowd.dashboard.views import devices
 from crowd.fronts.models import FrontVersion
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
@@ -76,7 +76,7 @@ def test_long_tables_come_in_pages_under_the_same_filters(
     front: FrontVersion,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(views, "PAGE", 2)
+    monkeypatch.setattr(devices, "PAGE", 2)
     for number in range(3):
         measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
 
