@@ -1,0 +1,1 @@
+"""Pages by noun: each view parses, asks a selector, and renders."""

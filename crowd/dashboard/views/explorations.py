@@ -1,0 +1,72 @@
+"""Explorations: the list, one of them, and the part of it that changes while it runs."""
+
+from typing import Any
+
+from django.core.paginator import Paginator
+from django.http import HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import render
+from django.utils import timezone
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
+
+from crowd.dashboard.searches import ate_limit, yield_of
+from crowd.dashboard.views.page import found, page
+from crowd.explorations import selectors as searches
+from crowd.explorations import watching
+from crowd.explorations.insights import milestone
+from crowd.explorations.models import Evaluation
+from crowd.explorations.watching import Watch, watch
+
+EVALUATIONS = 50
+
+
+@page
+def explorations(request: HttpRequest) -> HttpResponse:
+    """Every search, newest first."""
+    return render(request, "dashboard/explorations.html", {"explorations": searches.explorations()})
+
+
+@page
+def exploration(request: HttpRequest, key: int) -> HttpResponse:
+    """One search: how far it is, what it found, and every evaluation."""
+    return render(request, "dashboard/exploration.html", _shown(request, found(watch(key))))
+
+
+@page
+def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
+    """The part of an exploration's page that changes while it runs; 304 where the caller has it."""
+    seen = found(watch(key))
+    etag = quote_etag(_version(request, seen))
+    if (unchanged := get_conditional_response(request, etag=etag)) is not None:
+        return unchanged
+    response = render(request, "dashboard/exploration_live.html", _shown(request, seen))
+    response["ETag"] = etag
+    response["Cache-Control"] = "no-cache"
+    return response
+
+
+def _shown(request: HttpRequest, seen: Watch) -> dict[str, Any]:
+    have = watching.found(seen)
+    evaluations = seen.exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
+    return {
+        "seen": seen,
+        "version": _version(request, seen),
+        "staff": _staff(request),
+        "have": have,
+        "exploration": seen.exploration,
+        "yield": yield_of(seen.exploration, have),
+        "limit": ate_limit(seen.exploration),
+        "parameters": tuple(have.front[0].configuration) if have.front else (),
+        "part": Paginator(evaluations, EVALUATIONS).get_page(request.GET.get("page")),
+        "learnt": milestone(len(have.indices)),
+        "now": timezone.now(),
+    }
+
+
+def _version(request: HttpRequest, seen: Watch) -> str:
+    """By which a page tells whether its live part is still right; who measures is shown to staff only."""
+    return f"{seen.version}-staff" if _staff(request) else seen.version
+
+
+def _staff(request: HttpRequest) -> bool:
+    return request.user.is_authenticated and request.user.is_staff

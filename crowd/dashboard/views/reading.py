@@ -1,0 +1,31 @@
+"""Pages to read: where the data are, and how it is measured."""
+
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+
+from crowd.dashboard.exported import newest, tables_of
+from crowd.dashboard.views.page import page
+from crowd.fronts import selectors as published
+from crowd.results.opendata.tables import LICENCE
+
+APPLICATION = "kfusion"
+
+
+@page
+def data(request: HttpRequest) -> HttpResponse:
+    """Where the raw numbers are, and what each field means."""
+    export = newest()
+    return render(
+        request,
+        "dashboard/data.html",
+        {"export": export, "tables": tables_of(export) if export else (), "licence": LICENCE},
+    )
+
+
+@page
+def about(request: HttpRequest) -> HttpResponse:
+    """What is measured, how a figure comes about, and what is known of the people behind it."""
+    front = published.current(APPLICATION)
+    return render(
+        request, "dashboard/about.html", {"front": front, "protocol": front.protocol if front else {}}
+    )

@@ -1,0 +1,52 @@
+"""One session, one run."""
+
+from uuid import UUID
+
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+
+from crowd.dashboard.figures.frames import stages_height
+from crowd.dashboard.protocols import first_counted_frame
+from crowd.dashboard.race import race
+from crowd.dashboard.stages import frames, spread, stage_table, times_of
+from crowd.dashboard.views.page import found, page
+from crowd.fronts.selectors import BEST
+from crowd.results import selectors as results
+
+
+@page
+def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
+    """One session: its answer, and the runs that it rests on."""
+    detail = found(results.session(uuid))
+    stages = times_of(detail)
+    return render(
+        request,
+        "dashboard/session.html",
+        {
+            "detail": detail,
+            "session": detail.session,
+            "protocol": detail.protocol,
+            "lanes": race(best.speedup if (best := detail.session.speedup(BEST)) else None),
+            "stages": stages,
+            "stage_table": stage_table(stages),
+            "stages_height": stages_height(len(stages)),
+        },
+    )
+
+
+@page
+def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
+    """One run: its frames, where the time went, and whether it counts."""
+    detail = found(results.run(uuid))
+    first_counted = first_counted_frame(detail.protocol)
+    return render(
+        request,
+        "dashboard/run.html",
+        {
+            "detail": detail,
+            "run": detail.run.run,
+            "protocol": detail.protocol,
+            "spread": spread(detail.run, first_counted),
+            "frames": frames(detail.run, first_counted),
+        },
+    )
