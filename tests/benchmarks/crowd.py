@@ -1,6 +1,6 @@
 """How much one machine takes in, beside a plain implementation, and what it costs as the crowd grows.
 
-python -m tests.benchmarks.crowd [--quick] [--only PART ...]; parts are:
+python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME ...] [--keep FOLDER]; parts:
 - intake: submissions of four runs by four clients at once, on granian alone, beside the peer in
   `tests.benchmarks.plain` on the same database, in turns; and the manifest's 304.
 - growth: the same questions and one more submission at 10,000, 100,000 and 1,000,000 runs (`crowd_growth`);
@@ -8,15 +8,17 @@ python -m tests.benchmarks.crowd [--quick] [--only PART ...]; parts are:
 - explorations: what an evaluation costs besides its measurement (`crowd_explorations`); not with --quick.
 - watching: how long a large exploration's pages take (`crowd_watching`); not with --quick.
 
-All on SQLite and, where its wheel is installed, on PostgreSQL. Writes var/benchmarks/crowd.json, and prints
-tables. Figures of one run compare with each other: clients, server and database share this machine's cores.
+All on SQLite and, where its wheel is installed, on PostgreSQL. Intake and growth can be asked for one of them
+alone; --keep leaves growth's data folder and, filled, its SQLite database in FOLDER, which must not be there.
+Writes var/benchmarks/crowd.json, where what was not measured this time stays, and prints tables. Figures of
+one run compare with each other: clients, server and database share this machine's cores.
 """
 
 import argparse
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,7 @@ from tests.services.program import ROOT
 from tests.services.serving import Services, Serving, command
 
 PARTS = ("intake", "growth", "explorations", "watching")
+DATABASES = ("sqlite", "postgresql")
 PEER = {"application": "tests.benchmarks.plain.wsgi", "settings": "tests.benchmarks.plain.settings"}
 TURNS = 3
 SUBMISSIONS, MANIFESTS = 400, 2000
@@ -37,9 +40,12 @@ RESULTS = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var")) / "benchmarks" /
 
 
 @contextmanager
-def databases() -> Iterator[dict[str, PostgreSQL | None]]:
-    """SQLite (None) and, where it is installed, an empty PostgreSQL."""
-    found: dict[str, PostgreSQL | None] = {"sqlite": None}
+def databases(names: Sequence[str]) -> Iterator[dict[str, PostgreSQL | None]]:
+    """Those of NAMES that are here: SQLite (None) and, where it is installed, an empty PostgreSQL."""
+    found: dict[str, PostgreSQL | None] = {"sqlite": None} if "sqlite" in names else {}
+    if "postgresql" not in names:
+        yield found
+        return
     try:
         server = PostgreSQL()
     except ImportError:
@@ -91,14 +97,14 @@ def intake(var: Path, database: PostgreSQL | None, share: float) -> dict[str, An
     }
 
 
-def _intake(say: Callable[[str], Any], quick: bool) -> dict[str, Any]:
+def _intake(say: Callable[[str], Any], quick: bool, names: Sequence[str]) -> dict[str, Any]:
     say(f"Submissions of four runs, {CLIENTS} clients (server's CPU with its database's)")
     say(
         f"{'':12} {'ours /s':>9} {'p95 ms':>8} {'CPU ms':>8} {'plain /s':>9} {'p95 ms':>8} {'CPU ms':>8} "
         f"{'ratio':>6} {'of CPU':>7} {'304 /s':>8} {'p95 ms':>7}"
     )
     found: dict[str, Any] = {}
-    with databases() as each:
+    with databases(names) as each:
         for name, database in each.items():
             with tempfile.TemporaryDirectory() as folder:
                 found[name] = row = intake(Path(folder) / "var", database, 0.25 if quick else 1.0)
@@ -115,13 +121,19 @@ def _columns(row: dict[str, float]) -> str:
     return f" {row['submissions_per_second']:>9} {row['p95_ms']:>8} {row['server_cpu_ms']:>8}"
 
 
-def _growth(say: Callable[[str], Any], quick: bool) -> dict[str, Any]:
+def _growth(
+    say: Callable[[str], Any], quick: bool, names: Sequence[str], keep: Path | None
+) -> dict[str, Any]:
     plan = crowd_growth.QUICK if quick else crowd_growth.FULL
     found: dict[str, Any] = {}
-    with databases() as each:
+    with databases(names) as each:
         for name, database in each.items():
             say(f"Growth on {name}, {plan.devices} devices")
             say(crowd_growth.heading())
+            if keep is not None:
+                (keep / name).mkdir(parents=True)
+                found[name] = crowd_growth.measure(keep / name, plan, database, say)
+                continue
             with tempfile.TemporaryDirectory() as folder:
                 found[name] = crowd_growth.measure(Path(folder), plan, database, say)
     return found
@@ -136,21 +148,39 @@ def main() -> None:
     )
     parser.add_argument("--quick", action="store_true", help="a minute or two, for those who change the code")
     parser.add_argument("--only", nargs="+", choices=PARTS, metavar="PART", help=", ".join(PARTS))
+    parser.add_argument(
+        "--databases",
+        nargs="+",
+        choices=DATABASES,
+        default=DATABASES,
+        metavar="NAME",
+        help=", ".join(DATABASES),
+    )
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="where growth leaves what it filled")
     options = parser.parse_args()
     parts = options.only or (PARTS[:2] if options.quick else PARTS)
-    results: dict[str, Any] = json.loads(RESULTS.read_text()) if options.only and RESULTS.exists() else {}
+    results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     results |= {"quick": options.quick, "cores": os.cpu_count(), "loop_s": round(loop_seconds(), 3)}
     if "intake" in parts:
-        results["intake"] = _intake(say, options.quick)
+        _keep(results, "intake", _intake(say, options.quick, options.databases))
     if "growth" in parts:
-        results["growth"] = _growth(say, options.quick)
+        _keep(
+            results,
+            "growth",
+            _growth(say, options.quick, options.databases, options.keep and options.keep.absolute()),
+        )
     if "explorations" in parts:
-        results["explorations"] = crowd_explorations.compare(say)
+        _keep(results, "explorations", crowd_explorations.compare(say))
     if "watching" in parts:
-        results["watching"] = crowd_watching.compare(say)
+        _keep(results, "watching", crowd_watching.compare(say))
+    say(f"Written: {RESULTS}")
+
+
+def _keep(results: dict[str, Any], part: str, found: dict[str, Any]) -> None:
+    """Write what was FOUND of a PART, beside what is there of others: a later part may take an hour."""
+    results[part] = results.get(part, {}) | found
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     RESULTS.write_text(json.dumps(results, indent=2))
-    say(f"Written: {RESULTS}")
 
 
 if __name__ == "__main__":

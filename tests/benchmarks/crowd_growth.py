@@ -64,7 +64,12 @@ def measure(
         row["recomputed"] = _recompute(var, services, size)
         with Serving(var, services) as server:
             row["one_more"] = _one_more(server, SUBMISSIONS)
-            row["warm"] = {name: read(server.port, path) for name, path in READS.items()}
+            pids = server.pids("granian") + ([database.process.pid] if database else [])
+
+            def cpu(pids: list[int] = pids) -> float:
+                return cpu_seconds(pids)
+
+            row["warm"] = {name: read(server.port, path, cpu) for name, path in READS.items()}
         stored += SUBMISSIONS * 4
         if size == plan.sizes[-1]:
             row["cold"] = _cold(var, services, database)
@@ -77,19 +82,20 @@ def heading() -> str:
     """The columns of `measure`'s lines."""
     return (
         f"{'runs':>10} {'fill s':>8} {'recompute s':>12} {'us a run':>9} {'web ms':>8} {'worker ms':>10}"
-        + "".join(f"{name:>12}" for name in READS)
-        + "   (one more submission: CPU ms; reads: p95 ms, warm; cold: slowest)"
+        + "".join(f"{name:>15}" for name in READS)
+        + "   (one more submission: CPU ms; reads: p95 ms and CPU ms, warm; cold: slowest)"
     )
 
 
 def _line(size: int, row: dict[str, Any]) -> str:
-    def reads(kind: str, figure: str) -> str:
-        return "".join(f"{row[kind][name][figure]:>12}" for name in READS)
+    def reads(kind: str, *figures: str) -> str:
+        each = (" ".join(str(row[kind][name][figure]) for figure in figures) for name in READS)
+        return "".join(f"{figure:>15}" for figure in each)
 
     line = (
         f"{size:>10} {row['filled']['seconds']:>8} {row['recomputed']['seconds']:>12} "
         f"{row['recomputed']['cpu_us_a_run']:>9} {row['one_more']['web_cpu_ms']:>8} "
-        f"{row['one_more']['worker_cpu_ms']:>10}{reads('warm', 'p95_ms')}"
+        f"{row['one_more']['worker_cpu_ms']:>10}{reads('warm', 'p95_ms', 'server_cpu_ms')}"
     )
     return f"{line}\n{'cold':>62}{reads('cold', 'slowest_ms')}" if "cold" in row else line
 
