@@ -1,0 +1,71 @@
+"""Cells of a grid coloured by a value: what all heat maps share."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from plotly import graph_objects as go
+
+from crowd.dashboard.figures import layout
+from crowd.dashboard.palette import Theme
+
+# Told apart by every kind of colour vision, and in grey.
+COLOURS = "Cividis"
+ROW = 26  # pixels
+
+
+def add_cells(
+    figure: go.Figure,
+    values: NDArray[np.float64],
+    hover: Sequence[Sequence[str]],
+    theme: Theme,
+    **changes: Any,
+) -> None:
+    """Draw VALUES (rows, columns) at whole numbers, the first row on top; NaN is left blank. HOVER is shown
+    word for word.
+    """
+    figure.add_heatmap(
+        z=[layout.rounded(row) for row in values],
+        customdata=hover,
+        hovertemplate="%{customdata}<extra></extra>",
+        hoverongaps=False,
+        xgap=1,
+        ygap=1,
+        **{
+            "colorscale": COLOURS,
+            "colorbar": bar(theme, ""),
+            **changes,
+        },
+    )
+    figure.update_layout(
+        xaxis={"showgrid": False, "zeroline": False, "range": [-0.5, values.shape[1] - 0.5]},
+        yaxis={"showgrid": False, "zeroline": False, "range": [values.shape[0] - 0.5, -0.5]},
+    )
+
+
+def bar(theme: Theme, title: str, **changes: Any) -> dict[str, Any]:
+    """The scale of colours, lying above the cells, where a phone has room for it."""
+    return {
+        "orientation": "h",
+        "thickness": 10,
+        "x": 0,
+        "xanchor": "left",
+        "len": 0.7,
+        "y": 1.01,
+        "yanchor": "bottom",
+        "outlinewidth": 0,
+        "tickfont": {"color": theme.muted, "size": 12},
+        "title": {"text": title, "side": "top", "font": {"color": theme.muted, "size": 13}},
+        **changes,
+    }
+
+
+def named_axis(names: Sequence[str], title: str = "") -> dict[str, Any]:
+    """An axis with a name at each whole number."""
+    return {
+        "title": {"text": title},
+        "tickmode": "array",
+        "tickvals": list(range(len(names))),
+        "ticktext": [layout.text(name) for name in names],
+    }

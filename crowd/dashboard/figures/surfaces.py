@@ -1,0 +1,89 @@
+"""Response surfaces: one quantity over the values of two parameters."""
+
+import numpy as np
+from numpy.typing import NDArray
+from plotly import graph_objects as go
+
+from crowd.dashboard import formats
+from crowd.dashboard.figures import heat, layout
+from crowd.dashboard.palette import Theme
+from crowd.dashboard.surface import Surface
+
+# What may be drawn: the attribute of a surface, its unit's name, how many of it one SI unit is.
+QUANTITIES = {
+    "runtime": ("ms a frame (log)", 1e3),
+    "ate_max": ("maximum trajectory error, cm (log)", 100.0),
+}
+
+
+def surface_height(surface: Surface) -> int:
+    """Pixels that surface_map needs."""
+    return 150 + heat.ROW * len(surface.y_values)
+
+
+def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
+    """QUANTITY (of QUANTITIES) over both parameters, on a logarithmic scale of colours.
+
+    Values stand at equal distances, whatever they are. Cells whose trajectory is invalid bear a cross, those
+    that the device could not run are blank.
+    """
+    title, scale = QUANTITIES[quantity]
+    values: NDArray[np.float64] = getattr(surface, quantity) * scale
+    figure = layout.blank(theme, surface_height(surface))
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return layout.note(figure, "Nothing could be measured", theme)
+    ticks = _ticks(float(known.min()), float(known.max()))
+    heat.add_cells(
+        figure,
+        np.log10(values),
+        _hover(surface),
+        theme,
+        colorbar=heat.bar(
+            theme,
+            title,
+            tickvals=[float(np.log10(tick)) for tick in ticks],
+            ticktext=[f"{t:g}" for t in ticks],
+        ),
+    )
+    rows, columns = np.nonzero(~surface.valid & np.isfinite(surface.ate_max))
+    if len(rows):
+        figure.add_scatter(
+            x=columns.tolist(),
+            y=rows.tolist(),
+            mode="markers",
+            marker={"symbol": "x", "size": 9, "color": theme.limit},
+            hoverinfo="skip",
+            showlegend=False,
+        )
+    return figure.update_layout(
+        xaxis=heat.named_axis([f"{value:g}" for value in surface.x_values], formats.words(surface.x)),
+        yaxis=heat.named_axis([f"{value:g}" for value in surface.y_values], formats.words(surface.y)),
+        margin={"t": 64},
+    )
+
+
+def _hover(surface: Surface) -> list[list[str]]:
+    return [
+        [
+            layout.lines(
+                [
+                    f"<b>{formats.words(surface.x)} {x:g}, {formats.words(surface.y)} {y:g}</b>",
+                    f"{formats.milliseconds(float(surface.runtime[row, column]))} a frame",
+                    f"max ATE {formats.centimetres(float(surface.ate_max[row, column]))}",
+                ]
+            )
+            for column, x in enumerate(surface.x_values)
+        ]
+        for row, y in enumerate(surface.y_values)
+    ]
+
+
+def _ticks(low: float, high: float) -> list[float]:
+    """Round numbers from LOW to HIGH: 1, 1.5, 2, 3, 5, 7 times powers of ten."""
+    found = [
+        digit * 10.0**power
+        for power in range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+        for digit in (1, 1.5, 2, 3, 5, 7)
+    ]
+    return [tick for tick in found if low <= tick <= high]

@@ -1,0 +1,173 @@
+"""The response surface that ships: time and trajectory error over a grid of two parameters' values.
+
+`python -m slam surface` wrote the CSV file; the JSON beside it says where and how.
+"""
+
+import csv
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from django.conf import settings
+from numpy.typing import NDArray
+
+from slam.protocol import VALID_BELOW
+from slam.surface import MEASURED
+
+# Columns that say on what was measured; what is neither these, MEASURED nor an axis is the configuration.
+SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device")
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Runtime (s) and maximum trajectory error (m), each (y, x); NaN where the device could not run it.
+
+    `alike` groups the rows of y whose trajectories agree in every digit: there the device did the same work,
+    so their times differ by noise alone.
+    """
+
+    x: str
+    y: str
+    x_values: tuple[float, ...]
+    y_values: tuple[float, ...]
+    runtime: NDArray[np.float64]
+    ate_max: NDArray[np.float64]
+    alike: tuple[tuple[int, ...], ...]
+    fixed: dict[str, str]
+    frames: int
+    provenance: dict[str, Any]
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which cells have a trajectory within the limit, (y, x)."""
+        return self.ate_max < VALID_BELOW
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One cell: its two values, seconds a frame and the maximum trajectory error in metres."""
+
+    x: float
+    y: float
+    runtime: float
+    ate_max: float
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a surface shows, computed from it and from nothing else.
+
+    A span is how many times the largest value of a row (across) or of a column (along) is the smallest, where
+    that is most. noise: the same, over times of equal work: at the median column and where it is most.
+    """
+
+    cells: int
+    valid: int
+    fastest: Cell | None
+    most_accurate: Cell | None
+    inside: bool  # the most accurate cell is at neither end of x
+    runtime_across: float
+    runtime_along: float
+    ate_across: float
+    ate_along: float
+    noise: tuple[float, float] | None
+
+
+@cache
+def shipped() -> Surface | None:
+    """The surface below fixtures/surfaces; None where none ships."""
+    files = sorted((Path(settings.BASE_DIR) / "fixtures" / "surfaces").glob("*.json"))
+    return read(files[0]) if files else None
+
+
+def read(description: Path) -> Surface:
+    """The surface that DESCRIPTION (JSON: x, y, provenance) and the CSV file beside it hold.
+
+    Raises ValueError where the file has no full grid, or mixes two settings or configurations.
+    """
+    told = json.loads(description.read_text(encoding="utf-8"))
+    with description.with_suffix(".csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    x, y = told["x"], told["y"]
+    constant = [name for name in rows[0] if name not in {x, y, *MEASURED}]
+    if any(row[name] != rows[0][name] for row in rows for name in constant):
+        raise ValueError(f"{description.stem}: its rows were measured in more than one setting")
+    cells = {(float(row[y]), float(row[x])): row for row in rows}
+    y_values, x_values = (tuple(sorted({key[axis] for key in cells})) for axis in (0, 1))
+    if len(cells) != len(x_values) * len(y_values):
+        raise ValueError(f"{description.stem}: {len(cells)} cells are no full grid")
+
+    def grid(name: str) -> NDArray[np.float64]:
+        return np.array([[float(cells[v, u][name] or "nan") for u in x_values] for v in y_values])
+
+    return Surface(
+        x=x,
+        y=y,
+        x_values=x_values,
+        y_values=y_values,
+        runtime=grid("runtime"),
+        ate_max=grid("ate_max"),
+        alike=_alike(np.stack([grid("ate_max"), grid("ate_mean")], axis=-1)),
+        fixed={name: rows[0][name] for name in constant if name not in SETTING},
+        frames=int(rows[0]["frames"]),
+        provenance=told["provenance"],
+    )
+
+
+def reading(surface: Surface) -> Reading:
+    """What SURFACE shows."""
+    valid = surface.valid
+    accurate = _cell(surface, surface.ate_max, np.isfinite(surface.ate_max))
+    return Reading(
+        cells=surface.runtime.size,
+        valid=int(valid.sum()),
+        fastest=_cell(surface, surface.runtime, valid),
+        most_accurate=accurate,
+        inside=accurate is not None and accurate.x not in (surface.x_values[0], surface.x_values[-1]),
+        runtime_across=_span(surface.runtime, axis=1),
+        runtime_along=_span(surface.runtime, axis=0),
+        ate_across=_span(surface.ate_max, axis=1),
+        ate_along=_span(surface.ate_max, axis=0),
+        noise=_noise(surface),
+    )
+
+
+def _alike(errors: NDArray[np.float64]) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the rows of ERRORS (y, x, errors) that are the same, in groups of two or more."""
+    groups: dict[bytes, list[int]] = {}
+    for number, row in enumerate(errors):
+        groups.setdefault(row.tobytes(), []).append(number)
+    return tuple(tuple(group) for group in groups.values() if len(group) > 1)
+
+
+def _cell(surface: Surface, values: NDArray[np.float64], among: NDArray[np.bool_]) -> Cell | None:
+    """The cell with the least of VALUES AMONG those; the first one of equals."""
+    if not among.any():
+        return None
+    row, column = np.unravel_index(np.argmin(np.where(among, values, np.inf)), values.shape)
+    return Cell(
+        surface.x_values[column],
+        surface.y_values[row],
+        float(surface.runtime[row, column]),
+        float(surface.ate_max[row, column]),
+    )
+
+
+def _span(values: NDArray[np.float64], axis: int) -> float:
+    return float(np.nanmax(np.nanmax(values, axis=axis) / np.nanmin(values, axis=axis)))
+
+
+def _noise(surface: Surface) -> tuple[float, float] | None:
+    ratios = [
+        surface.runtime[list(group)].max(axis=0) / surface.runtime[list(group)].min(axis=0)
+        for group in surface.alike
+    ]
+    if not ratios:
+        return None
+    together = np.concatenate(ratios)
+    return (
+        (float(np.nanmedian(together)), float(np.nanmax(together))) if np.isfinite(together).any() else None
+    )

@@ -1,0 +1,100 @@
+"""The response surface: how it is read, what is said of it, how it is drawn."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crowd.dashboard.figures.surfaces import surface_map
+from crowd.dashboard.palette import LIGHT
+from crowd.dashboard.surface import Surface, read, reading, shipped
+
+COLUMNS = (
+    "system", "frames", "mu", "icp_threshold", "volume_resolution", "runtime", "ate_mean", "ate_max", "lost",
+    "failure",
+)  # fmt: skip
+# mu across, icp_threshold along: seconds and metres. The last two rows did the same work.
+RUNTIME = [[0.08, 0.04], [0.05, 0.03], [0.06, 0.03]]
+ERROR = [[0.004, 0.01], [0.002, 0.06], [0.002, 0.06]]
+
+
+def written(folder: Path, **changes: str) -> Path:
+    """A grid of 2 x 3 cells below FOLDER, its first row with CHANGES; its description."""
+    with (folder / "grid.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        rows = [
+            {"system": "kfusion", "frames": 100, "mu": mu, "icp_threshold": icp, "volume_resolution": 256,
+             "runtime": RUNTIME[row][column], "ate_mean": ERROR[row][column] / 2,
+             "ate_max": ERROR[row][column], "lost": 0, "failure": ""}
+            for row, icp in enumerate((1e-5, 0.1, 1.0))
+            for column, mu in enumerate((0.1, 0.2))
+        ]  # fmt: skip
+        rows[0] |= changes
+        writer.writerows(rows)
+    description = folder / "grid.json"
+    description.write_text(json.dumps({"x": "mu", "y": "icp_threshold", "provenance": {"device": "a PC"}}))
+    return description
+
+
+@pytest.fixture
+def surface(tmp_path: Path) -> Surface:
+    return read(written(tmp_path))
+
+
+def test_a_surface_is_read_with_its_axes_and_what_stayed_the_same(surface: Surface) -> None:
+    assert (surface.x_values, surface.y_values) == ((0.1, 0.2), (1e-5, 0.1, 1.0))
+    assert surface.runtime.tolist() == RUNTIME
+    assert surface.fixed == {"volume_resolution": "256"}
+    assert surface.alike == ((1, 2),)
+
+
+def test_a_grid_with_a_hole_or_of_two_settings_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="no full grid"):
+        read(written(tmp_path, mu="0.3"))
+    with pytest.raises(ValueError, match="more than one setting"):
+        read(written(tmp_path, volume_resolution="64"))
+
+
+def test_a_cell_that_the_device_could_not_run_is_blank_and_not_valid(tmp_path: Path) -> None:
+    failed = {"runtime": "", "ate_mean": "", "ate_max": "", "failure": "no memory"}
+
+    surface = read(written(tmp_path, **failed))
+
+    assert np.isnan(surface.runtime[0, 0])
+    assert not surface.valid[0, 0]
+    assert surface_map(surface, "runtime", LIGHT).data[0].z[0][0] is None
+
+
+def test_what_is_said_of_a_surface_is_computed_from_it(surface: Surface) -> None:
+    said = reading(surface)
+
+    assert (said.cells, said.valid) == (6, 4)
+    # Faster cells lost their way.
+    assert said.fastest is not None
+    assert (said.fastest.x, said.fastest.y, said.fastest.runtime) == (0.2, 1e-5, 0.04)
+    assert said.most_accurate is not None
+    assert said.most_accurate.ate_max == 0.002
+    assert not said.inside
+    assert said.runtime_across == pytest.approx(2.0)
+    assert said.ate_along == pytest.approx(6.0)
+    assert said.noise == pytest.approx((1.1, 1.2))
+
+
+def test_the_map_has_a_logarithmic_scale_and_crosses_where_trajectories_are_invalid(surface: Surface) -> None:
+    cells, crosses = surface_map(surface, "ate_max", LIGHT).data
+
+    assert cells.z[0] == pytest.approx((np.log10(0.4), 0.0), abs=1e-3)
+    assert "0.40" in cells.customdata[0][0]
+    assert list(zip(crosses.x, crosses.y, strict=True)) == [(1, 1), (1, 2)]
+
+
+def test_the_surface_that_ships_is_whole_and_says_where_it_was_measured() -> None:
+    surface = shipped()
+
+    assert surface is not None
+    assert surface.runtime.size == surface.provenance["evaluations"]
+    assert {"device", "driver", "date", "software", "command", "sequence_sha256"} <= surface.provenance.keys()
+    assert surface.valid.all()
