@@ -134,7 +134,7 @@ def split(descriptions: Sequence[DeviceDescription], by: str) -> DeviceSplit:
         raise DecisionError(f"{source} was split off already: undo that first")
     if not source.descriptions.exclude(pk__in=keys).exists():
         raise DecisionError(f"these are all descriptions of {source}: leave one that stays")
-    model = _split_off(source, normalisation.identify(rows[0].raw))
+    model = _split_off(source, normalisation.identify(rows[0].raw, rows[0].simulated))
     decision = DeviceSplit.objects.create(source=source, model=model, decided_by=by)
     DeviceDescription.objects.filter(pk__in=keys).update(model=model, split=decision)
     recognition.announce({source.pk, model.pk})
@@ -157,6 +157,7 @@ def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceM
         gpu=identity.gpu or source.gpu,
         os=identity.os or source.os,
         kind=source.kind,
+        rare=source.kind != DeviceModel.Kind.SIMULATED,
         examined=True,
     )
     recognition.regroup([model])
@@ -177,9 +178,13 @@ def undo_split(decision: DeviceSplit, by: str) -> None:
 
 @transaction.atomic
 def judge(models: Iterable[DeviceModel], kind: str, by: str) -> None:
-    """Set the kind of MODELS by hand; the rules leave it alone from then on. Figures are computed anew."""
+    """Set the kind of MODELS by hand; the rules leave it alone from then on. Figures are computed anew.
+
+    Groups and simulated models stay what they are.
+    """
     keys = {model.pk for model in models}
-    chosen = DeviceModel.objects.filter(pk__in=keys).exclude(kind=DeviceModel.Kind.GROUP)
+    fixed = [DeviceModel.Kind.GROUP, DeviceModel.Kind.SIMULATED]
+    chosen = DeviceModel.objects.filter(pk__in=keys).exclude(kind__in=fixed)
     chosen.update(kind=kind, judged_by=by, judged_at=timezone.now())
     recognition.regroup(DeviceModel.objects.filter(pk__in=keys).select_related("group"))
     recognition.announce(keys)
@@ -196,6 +201,8 @@ def leave_to_rules(models: Iterable[DeviceModel]) -> None:
 def _refuse_impossible(alias: DeviceModel, model: DeviceModel) -> None:
     if DeviceModel.Kind.GROUP in (alias.kind, model.kind):
         raise DecisionError("a group is no model: rare models leave it by themselves")
+    if DeviceModel.Kind.SIMULATED in (alias.kind, model.kind) and alias.kind != model.kind:
+        raise DecisionError(f"one of {alias} and {model} is simulated: it never merges with what people have")
     if not alias.manufacturer or alias.manufacturer.casefold() != model.manufacturer.casefold():
         makers = f"{alias.manufacturer or 'unknown'} and {model.manufacturer or 'unknown'}"
         raise DecisionError(f"{alias} and {model} have the makers {makers}: models never merge across makers")

@@ -2,7 +2,8 @@
 
 A name that few people's devices bear, with times of day and figures beside it, may tell who measured. Fewer
 than FRONTRUNNER_RARE_BELOW installations make a model rare. This is the one place that decides; sessions
-and figures are stored under its answer, so that every page, address and export says the same.
+and figures are stored under its answer, so that every page, address and export says the same. A simulated
+model is nobody's and never rare.
 """
 
 from collections.abc import Sequence
@@ -38,6 +39,8 @@ def group_of(model: DeviceModel) -> Group:
 
     A system on a chip has one graphics chip, which is told with it; a processor goes with many.
     """
+    if model.kind == DeviceModel.Kind.SIMULATED:
+        return Group("Simulated device")
     if model.kind == DeviceModel.Kind.EMULATOR:
         return Group(f"{model.os} emulator".strip(), os=model.os)
     form = "device" if model.os in HANDHELD or not model.os else "Mac" if model.os == "macOS" else "PC"

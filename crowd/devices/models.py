@@ -51,6 +51,7 @@ class DeviceModel(models.Model):
         EMULATOR = normalisation.EMULATOR
         VIRTUAL = normalisation.VIRTUAL, "virtual machine"
         GROUP = "group", "group of rare models"
+        SIMULATED = normalisation.SIMULATED
 
     key = models.CharField(
         max_length=200, unique=True, editable=False, help_text="maker and name, as compared"
@@ -116,6 +117,9 @@ class DeviceDescription(models.Model):
 
     digest = models.CharField(max_length=64, unique=True, editable=False)
     raw = models.JSONField()
+    simulated = models.BooleanField(
+        default=False, editable=False, help_text="sent by a simulated installation: its model is simulated"
+    )
     model = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="descriptions")
     driver_name = models.CharField(max_length=50, blank=True)
     driver_version = models.CharField(max_length=50, blank=True)

@@ -7,7 +7,7 @@ one model, or between two days of one device, and would split it.
 import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from django.utils.text import slugify
@@ -34,12 +34,16 @@ HANDHELD = frozenset({"Android", "iOS"})
 CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu", re.IGNORECASE)
 
 DEVICE, UNKNOWN_DEVICE, EMULATOR, VIRTUAL = "device", "unknown", "emulator", "virtual"
+SIMULATED = "simulated"
+# Begins no other model's key: what devices say of themselves is one line each.
+SIMULATED_PREFIX = "simulated\n"
 
 
 @dataclass(frozen=True)
 class Identity:
     """What raw strings come to. `key` starts with the maker: no model merges across makers. `kind` is DEVICE,
-    UNKNOWN_DEVICE (its strings tell no model), EMULATOR or VIRTUAL (a PC's virtual machine).
+    UNKNOWN_DEVICE (its strings tell no model), EMULATOR or VIRTUAL (a PC's virtual machine); SIMULATED where
+    nobody has the device.
     """
 
     key: str
@@ -53,13 +57,32 @@ class Identity:
     kind: str
 
     @property
+    def distinct_slug(self) -> str:
+        """The name in addresses that no other key shares."""
+        return _distinct(self.slug, self.key)
+
+    @property
     def emulator(self) -> bool:
         """Whether its figures say nothing of the device that it names."""
         return self.kind == EMULATOR
 
 
-def identify(raw: Mapping[str, Any]) -> Identity:
-    """The identity behind RAW, the client's strings; every one may be absent or null."""
+def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
+    """The identity behind RAW, the client's strings; every one may be absent or null. That of a SIMULATED
+    device is never one of a device that somebody has, whatever the strings.
+    """
+    identity = _identify(raw)
+    if not simulated:
+        return identity
+    return replace(
+        identity,
+        key=f"{SIMULATED_PREFIX}{identity.key}"[:200],
+        slug=f"simulated-{identity.slug.removeprefix('simulated-')}",
+        kind=SIMULATED,
+    )
+
+
+def _identify(raw: Mapping[str, Any]) -> Identity:
     system = operating_system(text(raw, "os"))
     maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
     model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
@@ -90,7 +113,11 @@ def identify(raw: Mapping[str, Any]) -> Identity:
 def slug_of(maker: str, name: str, key: str = "") -> str:
     """The name in addresses; with KEY, one that no other key shares."""
     slug = slugify(f"{maker} {name}")[:SLUG_LENGTH].strip("-") or "device"
-    return f"{slug}-{hashlib.sha256(key.encode()).hexdigest()[:8]}" if key else slug
+    return _distinct(slug, key) if key else slug
+
+
+def _distinct(slug: str, key: str) -> str:
+    return f"{slug}-{hashlib.sha256(key.encode()).hexdigest()[:8]}"
 
 
 def kind_of(raw: Mapping[str, Any], system: str, maker: str, model: str) -> str:

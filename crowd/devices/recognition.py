@@ -35,12 +35,17 @@ class Recognised:
         return key
 
 
-def recognise(raw: dict[str, Any]) -> Recognised:
-    """The device behind RAW; its description, model and group are stored on first sight. One query else."""
-    digest = hashlib.sha256(msgspec.json.encode(raw, order="sorted")).hexdigest()
+def recognise(raw: dict[str, Any], simulated: bool = False) -> Recognised:
+    """The device behind RAW; its description, model and group are stored on first sight. One query else.
+
+    A SIMULATED device has a description and a model of its own, whatever RAW says.
+    """
+    content = msgspec.json.encode(raw, order="sorted")
+    # No JSON begins so.
+    digest = hashlib.sha256(b"simulated\n" + content if simulated else content).hexdigest()
     known = _recognised(digest)
     if known is None:
-        _describe(raw, digest)
+        _describe(raw, digest, simulated)
         known = _recognised(digest)
         assert known is not None  # it was described just now
     return known
@@ -59,14 +64,15 @@ def _recognised(digest: str) -> Recognised | None:
 
 
 @transaction.atomic
-def _describe(raw: dict[str, Any], digest: str) -> None:
+def _describe(raw: dict[str, Any], digest: str, simulated: bool) -> None:
     """Store the description of RAW with its model, and see that the model that is shown has a group."""
-    identity, entry = _derived(raw)
+    identity, entry = _derived(raw, simulated)
     driver = drivers.driver(raw)
     description, _ = DeviceDescription.objects.get_or_create(
         digest=digest,
         defaults={
             "raw": raw,
+            "simulated": simulated,
             "model": _model(identity, entry),
             "driver_name": driver.name,
             "driver_version": driver.version[:50],
@@ -109,7 +115,7 @@ def renormalise(descriptions: QuerySet[DeviceDescription]) -> int:
 def _rederive(described: list[DeviceDescription]) -> set[int]:
     """Derive one model's descriptions again; keys of the models whose sessions or figures that changes."""
     old = described[0].model
-    derived = [(row, *_derived(row.raw)) for row in described]
+    derived = [(row, *_derived(row.raw, row.simulated)) for row in described]
     ruled = [identity for row, identity, _ in derived if row.split_id is None]
     keys = {identity.key for identity in ruled}
     renamed = len(keys) == 1 and old.key not in keys and old.kind != DeviceModel.Kind.GROUP
@@ -138,16 +144,14 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     return touched
 
 
-def _derived(raw: dict[str, Any]) -> tuple[Identity, catalogue.Entry]:
-    return normalisation.identify(raw), catalogue.look_up(raw)
+def _derived(raw: dict[str, Any], simulated: bool) -> tuple[Identity, catalogue.Entry]:
+    return normalisation.identify(raw, simulated), catalogue.look_up(raw)
 
 
 def _model(identity: Identity, entry: catalogue.Entry) -> DeviceModel:
     """The model with the identity's key. Parts that an earlier device did not tell are filled in."""
     taken = DeviceModel.objects.filter(slug=identity.slug).exclude(key=identity.key).exists()
-    slug = (
-        normalisation.slug_of(identity.manufacturer, identity.name, identity.key) if taken else identity.slug
-    )
+    slug = identity.distinct_slug if taken else identity.slug
     model, new = DeviceModel.objects.get_or_create(
         key=identity.key,
         defaults={
@@ -155,7 +159,7 @@ def _model(identity: Identity, entry: catalogue.Entry) -> DeviceModel:
             "manufacturer": identity.manufacturer,
             "name": identity.name,
             "kind": identity.kind,
-            "rare": disclosure.is_rare(1),
+            "rare": identity.kind != normalisation.SIMULATED and disclosure.is_rare(1),
             "changed": False,
             **_parts(identity, entry),
         },

@@ -1,6 +1,7 @@
 """Shapes of the answers about results."""
 
 from datetime import datetime
+from typing import Any
 from uuid import UUID
 
 import msgspec
@@ -89,7 +90,7 @@ class SubmissionState(msgspec.Struct):
 
 
 class SpeedupAnswer(msgspec.Struct):
-    """How much faster a configuration runs than the baseline on one device."""
+    """How much faster a configuration runs than the baseline on one device; `vendor`: whose chip computed."""
 
     device: str
     manufacturer: str
@@ -97,6 +98,8 @@ class SpeedupAnswer(msgspec.Struct):
     soc: str
     gpu: str
     os: str
+    vendor: str
+    simulated: bool
     front: str
     configuration: str
     baseline: str
@@ -144,6 +147,7 @@ class DeviceAnswer(msgspec.Struct):
     soc: str
     gpu: str
     os: str
+    simulated: bool
     sessions: int
     installations: int
     last_session_at: datetime | None
@@ -167,6 +171,7 @@ class DeviceDetailAnswer(msgspec.Struct):
     soc: str
     gpu: str
     os: str
+    simulated: bool
     session_count: int
     installations: int
     speedups: list[SpeedupAnswer]
@@ -210,6 +215,8 @@ def speedup(row: Speedup) -> SpeedupAnswer:
         soc=row.device.soc,
         gpu=row.device.gpu,
         os=row.device.os,
+        vendor=row.vendor,
+        simulated=row.device.simulated,
         front=row.front,
         configuration=row.configuration,
         baseline=row.baseline,
@@ -312,7 +319,7 @@ def _session_speedup(row: SessionSpeedup) -> SpeedupOfSession:
     )
 
 
-def _device(row: Device) -> dict[str, str]:
+def _device(row: Device) -> dict[str, Any]:
     return {
         "slug": row.slug,
         "manufacturer": row.manufacturer,
@@ -321,4 +328,5 @@ def _device(row: Device) -> dict[str, str]:
         "soc": row.soc,
         "gpu": row.gpu,
         "os": row.os,
+        "simulated": row.simulated,
     }

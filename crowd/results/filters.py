@@ -1,17 +1,18 @@
 """Which speedups to show: the same filters in every address of pages and API."""
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from datetime import date
 from typing import Any
+from urllib.parse import urlencode
 
+from crowd.devices import vendors
 from crowd.fronts.selectors import BEST
 
 ALL = "all"
 WHOLE_NUMBER = re.compile(r"[0-9]{1,7}")
 MOST = 1_000_000
-PARSED = frozenset({"since", "min_sessions"})
 
 
 class InvalidFilterError(ValueError):
@@ -22,6 +23,42 @@ class InvalidFilterError(ValueError):
         self.name = name
 
 
+def _day(name: str, given: str) -> date:
+    try:
+        return date.fromisoformat(given)
+    except ValueError:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give a day as 2026-11-30") from None
+
+
+def _number(name: str, given: str) -> int:
+    if not WHOLE_NUMBER.fullmatch(given) or not 1 <= int(given) <= MOST:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give a whole number from 1 to {MOST}")
+    return int(given)
+
+
+def _switch(name: str, given: str) -> bool:
+    if given not in ("0", "1"):
+        raise InvalidFilterError(name, f"{name}={given:.50}: give 1 for yes or 0 for no")
+    return given == "1"
+
+
+def _vendor(name: str, given: str) -> str:
+    known = vendors.known(given)
+    if known is None:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give one of {', '.join(vendors.VENDORS)}")
+    return known
+
+
+READERS: dict[str, Callable[[str, str], Any]] = {
+    "vendor": _vendor,
+    "since": _day,
+    "until": _day,
+    "min_sessions": _number,
+    "suspect": _switch,
+    "simulated": _switch,
+}
+
+
 @dataclass(frozen=True)
 class SpeedupFilters:
     """What to show. Empty text means no restriction; texts match anywhere, whatever the case."""
@@ -29,34 +66,67 @@ class SpeedupFilters:
     front: str = ""  # slug; empty: the newest front that somebody has measured
     application: str = "kfusion"
     configuration: str = BEST  # ALL for every configuration
+    vendor: str = ""  # one of crowd.devices.vendors.VENDORS: whose chip computed
     soc: str = ""
     gpu: str = ""
     os: str = ""
     backend: str = ""
     since: date | None = None  # only sessions measured on or after that day (UTC)
+    until: date | None = None  # only sessions measured on or before that day (UTC)
     min_sessions: int = 1
+    suspect: bool = True  # show figures that come from suspect sessions alone; the headline leaves them out
+    simulated: bool = False  # the simulated crowd and nothing else, instead of what people measured
 
     @classmethod
     def parse(cls, query: Mapping[str, str]) -> "SpeedupFilters":
         """Filters of a query string; absent and empty ones are the defaults. Raises InvalidFilterError."""
         given = {f.name: query[f.name].strip() for f in fields(cls) if query.get(f.name, "").strip()}
-        texts: dict[str, Any] = {name: text for name, text in given.items() if name not in PARSED}
-        filters = cls(**texts)
-        if "since" in given:
-            try:
-                filters = replace(filters, since=date.fromisoformat(given["since"]))
-            except ValueError:
-                raise InvalidFilterError(
-                    "since", f"since={given['since']:.50}: give a day as 2026-11-30"
-                ) from None
-        if "min_sessions" in given:
-            if (
-                not WHOLE_NUMBER.fullmatch(given["min_sessions"])
-                or not 1 <= int(given["min_sessions"]) <= MOST
-            ):
-                raise InvalidFilterError(
-                    "min_sessions",
-                    f"min_sessions={given['min_sessions']:.50}: give a whole number from 1 to 1000000",
-                )
-            filters = replace(filters, min_sessions=int(given["min_sessions"]))
+        values: dict[str, Any] = {
+            name: READERS[name](name, text) if name in READERS else text for name, text in given.items()
+        }
+        filters = cls(**values)
+        if filters.since and filters.until and filters.until < filters.since:
+            raise InvalidFilterError(
+                "until", f"until={filters.until} is before since={filters.since}: give a later day"
+            )
         return filters
+
+    @property
+    def period(self) -> bool:
+        """Whether only sessions of some days count."""
+        return self.since is not None or self.until is not None
+
+    def query(self) -> str:
+        """The shortest query string that means these filters, always in one order; "" for the defaults."""
+        changed = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
+        return urlencode({name: int(v) if isinstance(v, bool) else v for name, v in changed.items()})
+
+    def describe(self) -> str:
+        """What is shown, in words: "Adreno, Android, since 2026-10-01"; "" where nothing is restricted."""
+        return ", ".join(filter(None, self._words()))
+
+    def _words(self) -> list[str]:
+        return [
+            "simulated devices" if self.simulated else "",
+            self.application if self.application != "kfusion" else "",
+            self.front,
+            "" if self.configuration == BEST else _configurations(self.configuration),
+            vendors.VENDORS[self.vendor] if self.vendor else "",
+            f"system on a chip “{self.soc}”" if self.soc else "",
+            f"graphics chip “{self.gpu}”" if self.gpu else "",
+            self.os,
+            self.backend,
+            _period(self.since, self.until),
+            f"at least {self.min_sessions} sessions" if self.min_sessions > 1 else "",
+            "" if self.suspect else "without suspect figures",
+        ]
+
+
+def _configurations(name: str) -> str:
+    return "every configuration" if name == ALL else f"configuration {name}"
+
+
+def _period(since: date | None, until: date | None) -> str:
+    if since and until:
+        return f"on {since}" if since == until else f"{since} to {until}"
+    return f"since {since}" if since else f"until {until}" if until else ""

@@ -7,12 +7,17 @@ from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, page
 from crowd.descriptions import PAGING
+from crowd.devices.vendors import VENDORS
 from crowd.problems import Problem, not_found
 from crowd.results import answers, correlations, selectors
 from crowd.results.filters import MOST, InvalidFilterError, SpeedupFilters
 from crowd.results.rows import DeviceDetail
 
 MOST_COMPARED = 6
+SWITCH = {"type": "string", "enum": ["0", "1"]}
+SIMULATED = OpenApiParameter(
+    "simulated", SWITCH, description="1 shows simulated devices, and none that anybody has; 0 where absent"
+)
 
 
 class SpeedupsView(Endpoint):
@@ -30,6 +35,9 @@ class SpeedupsView(Endpoint):
             OpenApiParameter("front", str, description="version; the newest measured one where absent"),
             OpenApiParameter("application", str, description="kfusion where absent"),
             OpenApiParameter("configuration", str, description="best where absent; all for every one"),
+            OpenApiParameter(
+                "vendor", str, enum=list(VENDORS), description="whose chip computed; CPU: the processor did"
+            ),
             OpenApiParameter("soc", str),
             OpenApiParameter("gpu", str),
             OpenApiParameter("os", str),
@@ -37,17 +45,20 @@ class SpeedupsView(Endpoint):
             OpenApiParameter(
                 "since", OpenApiTypes.DATE, description="a day, as 2026-11-30: only sessions from then on"
             ),
+            OpenApiParameter(
+                "until", OpenApiTypes.DATE, description="a day: only sessions up to its end (UTC)"
+            ),
             OpenApiParameter("min_sessions", {"type": "integer", "minimum": 1, "maximum": MOST}),
+            OpenApiParameter(
+                "suspect", SWITCH, description="0 leaves out figures that come from suspect sessions alone"
+            ),
+            SIMULATED,
             *PAGING,
         ],
         responses={200: answers.SpeedupPage},
     )
     def get(self, request: Request) -> HttpResponse:
-        try:
-            filters = SpeedupFilters.parse(request.query_params)
-        except InvalidFilterError as error:
-            raise Problem(400, "invalid_filter", str(error), field=error.name) from error
-        found = selectors.speedups(filters)
+        found = selectors.speedups(_filters(request))
         rows = page(request, found.rows, lambda row: row.key, answers.speedup)
         return answer({"front": found.front, **rows, "summary": answers.crowd(found.headline)})
 
@@ -58,11 +69,12 @@ class DevicesView(Endpoint):
     @extend_schema(
         operation_id="devices",
         summary="Measured devices, fastest first",
-        parameters=PAGING,
+        parameters=[SIMULATED, *PAGING],
         responses={200: answers.DevicePage},
     )
     def get(self, request: Request) -> HttpResponse:
-        return answer(page(request, selectors.devices(), lambda row: row.device.slug, answers.device))
+        rows = selectors.devices(_filters(request).simulated)
+        return answer(page(request, rows, lambda row: row.device.slug, answers.device))
 
 
 class DeviceView(Endpoint):
@@ -92,8 +104,19 @@ class CompareView(Endpoint):
             detail = f"devices={','.join(slugs)}: name 2 to {MOST_COMPARED} devices, as devices=a,b"
             raise Problem(400, "invalid_filter", detail, field="devices")
         results = [_detail(slug) for slug in slugs]
+        if len({result.simulated for result in results}) > 1:
+            detail = f"devices={','.join(slugs)}: some are simulated; compare them with each other alone"
+            raise Problem(400, "invalid_filter", detail, field="devices")
         found = [answers.correlated(row) for row in correlations.between(slugs)]
         return answer({"results": results, "correlations": found})
+
+
+def _filters(request: Request) -> SpeedupFilters:
+    """The filters of REQUEST. Raises Problem 400 for one that cannot be understood."""
+    try:
+        return SpeedupFilters.parse(request.query_params)
+    except InvalidFilterError as error:
+        raise Problem(400, "invalid_filter", str(error), field=error.name) from error
 
 
 def _detail(slug: str) -> answers.DeviceDetailAnswer:

@@ -96,7 +96,7 @@ def _recount(key: int) -> bool:
         return False
     enough = max(1, settings.FRONTRUNNER_RARE_BELOW)
     who = _sessions_of(model.pk).values_list("installation_id", flat=True).order_by().distinct()[:enough]
-    rare = is_rare(len(who))
+    rare = model.kind != DeviceModel.Kind.SIMULATED and is_rare(len(who))
     if rare == model.rare:
         return False
     model.rare = rare

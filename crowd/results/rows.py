@@ -10,6 +10,8 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.devices.normalisation import SIMULATED
+from crowd.devices.vendors import vendor
 from crowd.fronts.selectors import BEST
 from crowd.results.filters import SpeedupFilters
 from pareto.correlation import Estimate
@@ -33,6 +35,16 @@ class Device:
     @property
     def title(self) -> str:
         return f"{self.manufacturer} {self.name}".strip()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether nobody has this device, and its figures are made up."""
+        return self.kind == SIMULATED
+
+    @property
+    def vendor(self) -> str:
+        """Whose graphics chip it has, one of crowd.devices.vendors.VENDORS."""
+        return vendor("", self.gpu)
 
 
 @dataclass(frozen=True)
@@ -60,6 +72,11 @@ class Speedup:
     ate_max: float | None  # m
     last_session_at: datetime
     suspect: bool
+
+    @property
+    def vendor(self) -> str:
+        """Whose chip computed, one of crowd.devices.vendors.VENDORS."""
+        return vendor(self.processor, self.device.gpu)
 
     @property
     def key(self) -> str:

@@ -141,7 +141,7 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
     new = [item for item in checked.items if item.rejection is None and not item.duplicate]
     if not new:
         return ()
-    device = recognise(checked.submission.device)
+    device = recognise(checked.submission.device, submission.installation.simulated)
     named = {item.session.id: item for item in new}
     made = [
         _session(submission, checked, item, device)

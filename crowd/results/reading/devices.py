@@ -1,0 +1,66 @@
+"""Devices: all that somebody measured, and one with its configurations and sessions."""
+
+from django.db.models import Exists, OuterRef, Q
+
+from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.results.filters import SpeedupFilters
+from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession
+from crowd.results.reading.figures import device_of, figures, hour, simulated_only
+from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_row, session_rows
+from crowd.results.reading.speedups import speedups
+from crowd.results.rows import DeviceDetail, DeviceRow
+
+LISTED_DESCRIPTIONS = 20
+
+
+def devices(simulated: bool = False) -> tuple[DeviceRow, ...]:
+    """Every device with a summarised session, fastest first, those without a figure last; of the SIMULATED
+    ones, or of those that people measured. Four queries.
+    """
+    crowd = speedups(SpeedupFilters(simulated=simulated))
+    best = {row.device.slug: row for row in reversed(crowd.rows)}
+    counts = DeviceActivity.objects.values_list("device_id", "sessions", "installations", "last_session_at")
+    shown = DeviceModel.objects.filter(activity__isnull=False).filter(simulated_only(simulated, ""))
+    models = {model.pk: model for model in shown}
+    rows = (
+        DeviceRow(device_of(model), sessions, installations, hour(last), best.get(model.slug))
+        for key, sessions, installations, last in counts
+        if (model := models.get(key)) is not None
+    )
+    return tuple(
+        sorted(rows, key=lambda row: (-(row.speedup.speedup if row.speedup else 0.0), row.device.slug))
+    )
+
+
+def device(slug: str) -> DeviceDetail | None:
+    """One device: every configuration, newest front first; newest sessions.
+
+    None for an unknown SLUG, and for a model of which nothing is shown under its own name.
+    """
+    model = DeviceModel.objects.filter(slug=slug).first()
+    if model is None:
+        return None
+    sessions = session_rows().filter(device=model)
+    listed = tuple(sessions[:LISTED_SESSIONS])
+    if not listed:
+        return None
+    rows = DeviceSpeedup.objects.filter(device=model).order_by("-front__published_at", "-speedup")
+    activity = DeviceActivity.objects.filter(device=model).first()
+    return DeviceDetail(
+        device=device_of(model),
+        speedups=tuple(figures(rows)),
+        sessions=tuple(session_row(row) for row in listed),
+        # Before the first summary of a device nothing has counted its sessions.
+        session_count=activity.sessions if activity else len(listed),
+        installations=activity.installations if activity else 0,
+        descriptions=_descriptions(model),
+        latest=session_detail(listed[0]),
+    )
+
+
+def _descriptions(model: DeviceModel) -> tuple[dict[str, object], ...]:
+    """Raw strings of MODEL's newest descriptions, of those that have a session under its name."""
+    public = MeasurementSession.objects.filter(description=OuterRef("pk"), device=model)
+    rows = DeviceDescription.objects.filter(Q(model=model) | Q(model__canonical=model)).filter(Exists(public))
+    newest = rows.order_by("-first_seen_at")[:LISTED_DESCRIPTIONS]
+    return tuple(newest.values_list("raw", flat=True))

@@ -1,0 +1,161 @@
+"""Sessions, runs and submissions: what was measured, with its frames."""
+
+import json
+from collections.abc import Iterable
+from typing import Any
+from uuid import UUID
+
+from django.db.models import Prefetch, Q, QuerySet
+
+from crowd.devices.models import DeviceModel, Installation
+from crowd.results import packing, statistics
+from crowd.results.intake import REJECTED
+from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission
+from crowd.results.reading.figures import device_of, hour, simulated_only
+from crowd.results.rows import (
+    RunDetail,
+    RunRow,
+    RunSeries,
+    SessionDetail,
+    SessionRow,
+    SessionSpeedup,
+    SubmissionRow,
+)
+
+LISTED_SESSIONS = 20
+
+
+def latest_sessions(limit: int = LISTED_SESSIONS, simulated: bool = False) -> tuple[SessionRow, ...]:
+    """The sessions that arrived last, newest first; of SIMULATED devices, or of those that people have. Two
+    queries.
+    """
+    return tuple(session_row(row) for row in session_rows().filter(simulated_only(simulated))[:limit])
+
+
+def own_sessions(installation: Installation, model: DeviceModel, limit: int) -> tuple[SessionRow, ...]:
+    """The sessions of INSTALLATION on MODEL, or on an alias of it, newest first. Two queries."""
+    own = Q(description__model=model) | Q(description__model__canonical=model)
+    return tuple(session_row(row) for row in session_rows().filter(own, installation=installation)[:limit])
+
+
+def session(uuid: UUID) -> SessionDetail | None:
+    """A session with the series of all its runs; None if unknown. Three queries."""
+    row = session_rows().filter(uuid=uuid).first()
+    return None if row is None else session_detail(row)
+
+
+def run(uuid: UUID) -> RunDetail | None:
+    """One run's page; None if unknown. Three queries."""
+    row = Run.objects.select_related("configuration").filter(uuid=uuid).first()
+    if row is None:
+        return None
+    around = session_rows().get(pk=row.session_id)
+    return RunDetail(
+        run=_series(row),
+        session=session_row(around),
+        protocol=around.front.protocol,
+        platform=around.platform,
+        driver=around.driver,
+        parameters=row.configuration.parameters,
+    )
+
+
+def submission(installation: Installation, key: UUID) -> SubmissionRow | None:
+    """What became of the submission KEY that INSTALLATION sent; None if it sent none such. Three queries."""
+    row = Submission.objects.filter(installation=installation, pk=key).first()
+    if row is None:
+        return None
+    # A session that came in parts belongs to the submission of its first run: the runs' ids find it too.
+    items = json.loads(row.answer)["items"]
+    uuids = [item["id"] for item in items if item["status"] != REJECTED]
+    sessions = (
+        session_rows()
+        .filter(Q(submission=row) | Q(runs__uuid__in=uuids, installation=installation))
+        .distinct()
+    )
+    return SubmissionRow(
+        id=row.pk,
+        received_at=row.received_at,
+        items=items,
+        sessions=tuple(session_row(each) for each in sessions),
+    )
+
+
+def session_rows() -> QuerySet[MeasurementSession]:
+    """Sessions with what `session_row` reads of them."""
+    answers = SessionSummary.objects.select_related("configuration", "baseline").order_by(
+        "configuration__position"
+    )
+    return MeasurementSession.objects.select_related("device", "front").prefetch_related(
+        Prefetch("summaries", queryset=answers)
+    )
+
+
+def session_row(row: MeasurementSession) -> SessionRow:
+    """A session in a list."""
+    return SessionRow(
+        uuid=row.uuid,
+        device=device_of(row.device),
+        front=row.front.slug,
+        backend=row.backend,
+        processor=row.processor,
+        started_at=hour(row.started_at),
+        summarised=row.summary_algorithm is not None,
+        speedups=tuple(_session_speedup(answer) for answer in row.summaries.all()),
+    )
+
+
+def _session_speedup(row: SessionSummary) -> SessionSpeedup:
+    return SessionSpeedup(
+        configuration=row.configuration.name,
+        baseline=row.baseline.name,
+        speedup=None if row.log_ratio is None else statistics.ratio(row.log_ratio),
+        pairs=row.pairs,
+        drift=row.drift,
+        ate_max=row.ate_max,
+        state=row.state,
+        reason=row.reason,
+    )
+
+
+def session_detail(row: MeasurementSession) -> SessionDetail:
+    """A session with the series of all its runs. One query more."""
+    runs: Iterable[Any] = row.runs.select_related("configuration").order_by("order")
+    return SessionDetail(
+        session=session_row(row),
+        protocol=row.front.protocol,
+        platform=row.platform,
+        driver=row.driver,
+        samples=row.samples,
+        runs=tuple(_series(each) for each in runs),
+    )
+
+
+def _series(row: Run) -> RunSeries:
+    return RunSeries(
+        run=_run(row),
+        frame_seconds=packing.seconds(packing.unpack(row.frame_us)),
+        stage_seconds={
+            name: packing.seconds(series)
+            for name, series in packing.unpack_stages(row.stages, row.stages_us).items()
+        },
+        tracked=tuple(packing.unpack_tracked(row.tracked)),
+    )
+
+
+def _run(row: Run) -> RunRow:
+    return RunRow(
+        uuid=row.uuid,
+        configuration=row.configuration.name,
+        repeat=row.repeat,
+        order=row.order,
+        status=row.status,
+        failure=row.failure,
+        mean_seconds=None if row.mean_us is None else row.mean_us * 1e-6,
+        tracked_frames=row.tracked_frames,
+        ate_max=row.ate_max,
+        ate_mean=row.ate_mean,
+        ate_rmse=row.ate_rmse,
+        state=row.state,
+        reason=row.reason,
+    )

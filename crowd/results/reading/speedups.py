@@ -1,0 +1,116 @@
+"""The crowd's bars and its headline, under the filters of every page."""
+
+from collections import defaultdict
+from collections.abc import Iterable
+from datetime import UTC, date, datetime, time, timedelta
+
+from django.db.models import Q
+
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.selectors import BEST
+from crowd.results import statistics, summaries
+from crowd.results.filters import ALL, SpeedupFilters
+from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
+from crowd.results.reading.figures import device_of, figures, hour, simulated_only
+from crowd.results.rows import Headline, Speedup, Speedups
+
+
+def measured_front(application: str, simulated: bool = False) -> str | None:
+    """Slug of the newest published front that is measured, by people or by SIMULATED devices; the newest of
+    all before anyone measured.
+    """
+    published = FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
+    figured = DeviceSpeedup.objects.filter(simulated_only(simulated))
+    measured = published.filter(pk__in=figured.values("front_id"))
+    return measured.values_list("slug", flat=True).first() or published.values_list("slug", flat=True).first()
+
+
+def speedups(filters: SpeedupFilters) -> Speedups:
+    """Bars and headline for FILTERS, fastest first. Five queries at most, whatever the number of devices."""
+    front = filters.front or measured_front(filters.application, filters.simulated)
+    found = _of_period(filters, front) if filters.period else _stored(filters, front)
+    rows = [
+        row for row in found if filters.vendor in ("", row.vendor) and (filters.suspect or not row.suspect)
+    ]
+    ordered = tuple(sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.configuration)))
+    return Speedups(filters, front, ordered, headline(ordered, filters.configuration))
+
+
+def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
+    """The crowd's figure over device models; a model measured on several processors counts once.
+
+    The models of which no valid figure exists count only where there is none of any model.
+    """
+    name = BEST if configuration == ALL else configuration
+    shown = [row for row in rows if row.configuration == name]
+    counted = [row for row in shown if not row.suspect] or shown
+    by_model: dict[str, list[float]] = defaultdict(list)
+    for row in counted:
+        by_model[row.device.slug].append(row.speedup)
+    models = [statistics.geometric_mean(values) for values in by_model.values()]
+    crowd = statistics.crowd_speedup(models)
+    return Headline(
+        devices=len(models),
+        sessions=sum(row.sessions for row in counted),
+        geometric_mean=crowd.value if crowd else None,
+        low=crowd.low if crowd else None,
+        high=crowd.high if crowd else None,
+        min=min(models, default=None),
+        max=max(models, default=None),
+        suspect=bool(counted) and counted[0].suspect,
+    )
+
+
+def _stored(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
+    rows = DeviceSpeedup.objects.filter(_of_devices(filters), front__slug=front)
+    if filters.min_sessions > 1:
+        rows = rows.filter(sessions__gte=filters.min_sessions)
+    if filters.configuration != ALL:
+        rows = rows.filter(configuration__name=filters.configuration)
+    return figures(rows)
+
+
+def _of_devices(filters: SpeedupFilters) -> Q:
+    """Whose figures FILTERS ask for, of rows that carry a device and a backend."""
+    texts = {"soc": filters.soc, "gpu": filters.gpu, "os": filters.os}
+    asked = {f"device__{name}__icontains": text for name, text in texts.items() if text}
+    if filters.backend:
+        asked["backend"] = filters.backend
+    return simulated_only(filters.simulated) & Q(**asked)
+
+
+def _of_period(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
+    """The same figures from the sessions of a period alone, which no stored row holds. Four queries."""
+    cohorts = Cohort.objects.filter(_of_devices(filters), front__slug=front)
+    found = {cohort.pk: cohort for cohort in cohorts.select_related("device")}
+    version = FrontVersion.objects.filter(slug=front).prefetch_related("configurations").first()
+    called = {c.pk: c.name for c in version.configurations.all()} if version else {}
+    asked = [key for key, name in called.items() if filters.configuration in (ALL, name)]
+    rows = SessionSummary.objects.filter(
+        configuration__in=asked, cohort__in=cohorts.values("pk"), **_between(filters.since, filters.until)
+    )
+    return [
+        Speedup(
+            device=device_of(found[key.cohort].device),
+            front=front or "",
+            configuration=called[key.configuration],
+            baseline=called[key.baseline],
+            backend=found[key.cohort].backend,
+            processor=found[key.cohort].processor,
+            **figure.numbers,
+            last_session_at=hour(figure.last_session_at),
+            suspect=figure.state == State.SUSPECT,
+        )
+        for key, figure in summaries.figures(rows).items()
+        if figure.model.sessions >= filters.min_sessions
+    ]
+
+
+def _between(since: date | None, until: date | None) -> dict[str, datetime]:
+    """Sessions from the beginning of SINCE to the end of UNTIL (UTC)."""
+    bounds = {}
+    if since:
+        bounds["started_at__gte"] = datetime.combine(since, time.min, UTC)
+    if until and until < date.max:
+        bounds["started_at__lt"] = datetime.combine(until + timedelta(days=1), time.min, UTC)
+    return bounds
