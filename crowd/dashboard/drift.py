@@ -1,0 +1,66 @@
+"""How a device held out over a session: its speed run by run, and what its sensors told meanwhile."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from crowd.dashboard.protocols import first_counted_frame
+from crowd.results import statistics
+from crowd.results.rows import RunSeries, SessionDetail
+
+# What a sample may tell: its name, as a reader calls it, its unit.
+SENSORS = {
+    "temperature_c": ("temperature", "°C"),
+    "cpu_mhz": ("processor clock", "MHz"),
+    "battery": ("battery", "%"),
+}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One run in its place (from 1): its time over that of the first run of its configuration, frame by frame
+    (median); 1.0 of that first run itself.
+    """
+
+    place: int
+    configuration: str
+    repeat: int
+    ratio: float
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What one sensor told: seconds after the start, and values in its unit; at least two of them."""
+
+    name: str
+    unit: str
+    seconds: tuple[float, ...]
+    values: tuple[float, ...]
+
+
+def steps(session: SessionDetail) -> tuple[Step, ...]:
+    """The runs of SESSION in their order; those without frames to compare are left out."""
+    counted_from = first_counted_frame(session.protocol)
+    first: dict[str, RunSeries] = {}
+    found = []
+    for series in session.runs:
+        reference = first.setdefault(series.run.configuration, series)
+        ratio = statistics.drift(reference.frame_seconds, series.frame_seconds, counted_from)
+        if ratio is not None:
+            found.append(Step(series.run.order + 1, series.run.configuration, series.run.repeat, ratio))
+    return tuple(found)
+
+
+def readings(samples: Sequence[dict[str, object]]) -> tuple[Readings, ...]:
+    """What each of SENSORS told in SAMPLES; one that told less than two values is left out."""
+    found = []
+    for key, (name, unit) in SENSORS.items():
+        told = [
+            (float(t), float(value))
+            for sample in samples
+            if isinstance(t := sample.get("t"), int | float)
+            and isinstance(value := sample.get(key), int | float)
+        ]
+        if len(told) > 1:
+            seconds, values = zip(*sorted(told), strict=True)
+            found.append(Readings(name, unit, seconds, values))
+    return tuple(found)

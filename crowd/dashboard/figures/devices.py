@@ -1,0 +1,222 @@
+"""Charts of one device: its configurations, its place in the crowd, its history, how it held out."""
+
+from collections.abc import Sequence
+
+from django.urls import reverse
+from plotly import graph_objects as go
+
+from crowd.dashboard import formats
+from crowd.dashboard.drift import Readings, Step
+from crowd.dashboard.figures import layout
+from crowd.dashboard.palette import Theme
+from crowd.fronts.selectors import BEST
+from crowd.results.rows import Speedup
+from crowd.results.statistics import MAX_DRIFT
+
+ROW = 28  # pixels of a bar
+SENSOR = 130  # pixels of a sensor
+
+
+def configurations_height(rows: int) -> int:
+    """Pixels that configuration_bars needs."""
+    return 90 + ROW * max(rows, 2)
+
+
+def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
+    """Every configuration that one device measured, largest gain first, with intervals where one is due.
+
+    `best` has its colour. ROWS are of one front, backend and processor.
+    """
+    ranked = sorted(rows, key=lambda row: (-row.speedup, row.configuration))
+    figure = layout.blank(theme, configurations_height(len(ranked)))
+    figure.add_bar(
+        x=[round(row.speedup, 4) for row in ranked],
+        y=list(range(len(ranked))),
+        orientation="h",
+        width=0.62,
+        marker={"color": [theme.best if row.configuration == BEST else theme.series[0] for row in ranked]},
+        error_x={
+            "type": "data",
+            "symmetric": False,
+            "array": [round(row.high - row.speedup, 4) if row.high is not None else None for row in ranked],
+            "arrayminus": [
+                round(row.speedup - row.low, 4) if row.low is not None else None for row in ranked
+            ],
+            "color": theme.ink,
+            "thickness": 1.5,
+            "width": 3,
+        },
+        text=[formats.speedup(row.speedup) for row in ranked],
+        textposition="inside",
+        insidetextanchor="start",
+        textfont={"color": theme.surface},
+        customdata=[_detail(row) for row in ranked],
+        hovertemplate="%{customdata}<extra></extra>",
+        showlegend=False,
+    )
+    figure.add_shape(
+        type="line",
+        x0=1,
+        x1=1,
+        yref="paper",
+        y0=0,
+        y1=1,
+        line={"color": theme.ink, "width": 1.5, "dash": "dot"},
+    )
+    return figure.update_layout(
+        xaxis={
+            "title": {"text": "speedup over the default, on this device"},
+            "rangemode": "tozero",
+            "ticksuffix": formats.TIMES,
+        },
+        yaxis={
+            "tickmode": "array",
+            "tickvals": list(range(len(ranked))),
+            "ticktext": [layout.text(row.configuration) for row in ranked],
+            "range": [len(ranked) - 0.4, -0.6],
+            "showgrid": False,
+        },
+        margin={"t": 12},
+    )
+
+
+def crowd_bars(rows: Sequence[Speedup], slug: str, theme: Theme) -> go.Figure:
+    """One bar a figure of the crowd, largest gain first; those of the device SLUG are lit and named."""
+    ranked = sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.processor))
+    figure = layout.blank(theme, 300)
+    lit = [row.device.slug == slug for row in ranked]
+    figure.add_bar(
+        x=list(range(1, len(ranked) + 1)),
+        y=[round(row.speedup, 3) for row in ranked],
+        width=0.85,
+        marker={"color": [theme.best if own else theme.default for own in lit], "line": {"width": 0}},
+        customdata=[
+            [f"<b>{layout.text(row.device.title)}</b>", reverse("dashboard:device", args=[row.device.slug])]
+            for row in ranked
+        ],
+        hovertemplate="%{customdata[0]}<br>%{y:.3~r}" + formats.TIMES + ", place %{x}<extra></extra>",
+        showlegend=False,
+    )
+    for place, (row, own) in enumerate(zip(ranked, lit, strict=True), 1):
+        if own:
+            figure.add_annotation(
+                x=place,
+                y=row.speedup,
+                text=f"<b>this device, {formats.speedup(row.speedup)}</b>",
+                font={"color": theme.ink, "size": 13},
+                bgcolor=theme.surface,
+                showarrow=True,
+                arrowcolor=theme.ink,
+                arrowhead=0,
+                ax=0,
+                ay=-28,
+                xanchor="left" if place <= len(ranked) / 2 else "right",
+            )
+    reach = max((row.speedup for row in ranked), default=1.0)
+    return figure.update_layout(
+        xaxis={
+            "title": {"text": "figures of the crowd, largest gain first"},
+            "showgrid": False,
+            "tickformat": "d",
+        },
+        yaxis={
+            "title": {"text": "speedup"},
+            "range": [0, reach * 1.25],
+            "ticksuffix": formats.TIMES,
+        },
+        bargap=0.15,
+    )
+
+
+def drift_steps(steps: Sequence[Step], theme: Theme) -> go.Figure:
+    """How much slower each run was than the first of its configuration, in the order of measurement."""
+    figure = layout.blank(theme, 320)
+    colours = layout.configuration_colours([step.configuration for step in steps], theme)
+    for name in dict.fromkeys(step.configuration for step in steps):
+        own = [step for step in steps if step.configuration == name]
+        figure.add_scatter(
+            x=[step.place for step in own],
+            y=layout.rounded([(step.ratio - 1) * 100 for step in own]),
+            mode="lines+markers",
+            name=layout.text(name),
+            line={"color": colours[name], "width": 1.75},
+            marker={"size": 9, "color": colours[name]},
+            hovertemplate=f"{layout.text(name)}, run %{{x}}: <b>%{{y:+.1f}} %</b><extra></extra>",
+        )
+    limit = (MAX_DRIFT - 1) * 100
+    figure.add_shape(
+        type="line",
+        xref="paper",
+        x0=0,
+        x1=1,
+        y0=limit,
+        y1=limit,
+        line={"color": theme.limit, "width": 1.5, "dash": "dash"},
+    )
+    highest = max(((step.ratio - 1) * 100 for step in steps), default=0.0)
+    lowest = min(((step.ratio - 1) * 100 for step in steps), default=0.0)
+    return figure.update_layout(
+        xaxis={
+            "title": {"text": "run, in the order of measurement"},
+            "dtick": 1 if len(steps) <= 12 else None,
+        },
+        yaxis={
+            "title": {"text": "slower than its first run, %"},
+            "range": [min(lowest * 1.2, -5.0), max(highest, limit) * 1.15],
+            "zeroline": True,
+        },
+        showlegend=True,
+    )
+
+
+def sensors_height(sensors: int) -> int:
+    """Pixels that sensor_lines needs."""
+    return 70 + SENSOR * max(sensors, 1)
+
+
+def sensor_lines(sensors: Sequence[Readings], theme: Theme) -> go.Figure:
+    """What each sensor told over the session, one below the other over one axis of time."""
+    figure = layout.blank(theme, sensors_height(len(sensors)))
+    if not sensors:
+        return layout.note(figure, "The device told nothing of its state", theme)
+    share = 1 / len(sensors)
+    for number, sensor in enumerate(sensors):
+        axis = "" if number == 0 else str(number + 1)
+        figure.add_scatter(
+            x=layout.rounded(sensor.seconds),
+            y=layout.rounded(sensor.values),
+            xaxis="x",
+            yaxis=f"y{axis}",
+            mode="lines+markers",
+            line={"color": theme.series[number], "width": 1.75},
+            marker={"size": 4},
+            hovertemplate=f"%{{x:.0f}} s: <b>%{{y:.4~r}} {sensor.unit}</b><extra></extra>",
+            showlegend=False,
+        )
+        top = 1 - number * share
+        figure.update_layout(
+            {
+                f"yaxis{axis}": {
+                    "domain": [top - share * 0.82, top],
+                    "title": {"text": f"{sensor.name},<br>{sensor.unit}"},
+                    "nticks": 4,
+                }
+            }
+        )
+    last = "" if len(sensors) == 1 else str(len(sensors))
+    return figure.update_layout(
+        xaxis={"title": {"text": "seconds after the start"}, "anchor": f"y{last}", "rangemode": "tozero"},
+        margin={"t": 12},
+    )
+
+
+def _detail(row: Speedup) -> str:
+    parts = [f"<b>{layout.text(row.configuration)}</b>", f"{formats.speedup(row.speedup)} over the default"]
+    if row.low is not None:
+        parts.append(f"95 % interval {formats.interval(row.low, row.high)}")
+    parts.append(
+        f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
+    )
+    if row.suspect:
+        parts.append("suspect: no session of it is valid")
+    return layout.lines(parts)

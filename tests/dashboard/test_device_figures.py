@@ -1,0 +1,125 @@
+"""Figures of one device and of a front's parameters."""
+
+from datetime import UTC, datetime
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+import pytest
+
+from crowd.dashboard.drift import Readings, readings, steps
+from crowd.dashboard.figures.devices import (
+    configuration_bars,
+    crowd_bars,
+    drift_steps,
+    sensor_lines,
+)
+from crowd.dashboard.figures.parameters import parameter_lines
+from crowd.dashboard.palette import DARK, LIGHT
+from crowd.fronts.selectors import Point
+from crowd.results.rows import SessionDetail, SessionRow
+from tests.dashboard.rows import device, run, speedup
+
+
+def session(*runs: Any, samples: Any = ()) -> SessionDetail:
+    row = SessionRow(
+        UUID(int=1), device(), "kfusion-test", "opencl", "Mali", datetime(2026, 11, 20, tzinfo=UTC), True, ()
+    )
+    return SessionDetail(row, {"first_counted_frame": 10}, "", "", list(samples), tuple(runs))
+
+
+def test_configurations_are_sorted_and_best_has_its_colour() -> None:
+    rows = [speedup(3.0, configuration="best"), speedup(5.0, configuration="fast", low=4.0, high=7.0)]
+
+    (bars,) = configuration_bars(rows, LIGHT).data
+
+    assert list(bars.x) == [5.0, 3.0]
+    assert list(bars.marker.color) == [LIGHT.series[0], LIGHT.best]
+    assert list(bars.error_x.array) == [2.0, None]
+    assert "95 % interval" in bars.customdata[0]
+    assert "95 % interval" not in bars.customdata[1]
+
+
+def test_a_device_is_lit_and_named_among_the_crowd() -> None:
+    rows = [speedup(3.0, "mine"), speedup(9.0, "first"), speedup(1.0, "last")]
+
+    figure = crowd_bars(rows, "mine", LIGHT)
+
+    (bars,) = figure.data
+    assert list(bars.y) == [9.0, 3.0, 1.0]
+    assert list(bars.marker.color) == [LIGHT.default, LIGHT.best, LIGHT.default]
+    (label,) = figure.layout.annotations
+    assert (label.x, "this device" in label.text) == (2, True)
+
+
+def test_drift_compares_each_run_with_the_first_of_its_configuration() -> None:
+    measured = session(
+        run("default", 0.1),
+        run("best", 0.01, order=1),
+        run("best", 0.012, order=2, repeat=1),
+        run("default", 0.1, order=3, repeat=1),
+    )
+
+    found = steps(measured)
+
+    assert [(step.place, step.configuration, step.ratio) for step in found] == [
+        (1, "default", 1.0),
+        (2, "best", 1.0),
+        (3, "best", pytest.approx(1.2)),
+        (4, "default", 1.0),
+    ]
+    lines = drift_steps(found, DARK).data
+    assert {line.name: list(line.x) for line in lines} == {"default": [1, 4], "best": [2, 3]}
+    assert lines[1].y[1] == pytest.approx(20.0)
+
+
+def test_a_run_that_ended_before_the_frames_that_count_says_nothing_of_drift() -> None:
+    broken = run("best", frames=3)
+
+    assert [step.configuration for step in steps(session(run("default"), broken))] == ["default"]
+
+
+def test_sensors_that_told_less_than_twice_are_left_out() -> None:
+    samples = [
+        {"t": 0.0, "temperature_c": 31.0, "cpu_mhz": None, "battery": 80.0},
+        {"t": 2.0, "temperature_c": 36.5, "cpu_mhz": 2400.0, "battery": None},
+    ]
+
+    assert readings(samples) == (Readings("temperature", "°C", (0.0, 2.0), (31.0, 36.5)),)
+    assert readings([]) == ()
+
+
+def test_each_sensor_has_an_axis_of_its_own() -> None:
+    sensors = [
+        Readings("temperature", "°C", (0.0, 2.0), (31.0, 36.5)),
+        Readings("battery", "%", (0, 1), (80, 79)),
+    ]
+
+    figure = sensor_lines(sensors, LIGHT)
+
+    assert [trace.yaxis for trace in figure.data] == ["y", "y2"]
+    assert figure.layout.yaxis.domain[0] > figure.layout.yaxis2.domain[1]
+    assert figure.layout.xaxis.anchor == "y2"
+
+
+def test_parameters_stand_in_order_and_lines_are_coloured_by_runtime() -> None:
+    points = [
+        Point("default", {"mu": 0.1, "rate": 1}, 0.08, 0.01, 0.01, {}),
+        Point("best", {"mu": 0.4, "rate": 20}, 0.002, 0.03, 0.01, {}),
+        Point("middle", {"mu": 0.2, "rate": 20}, 0.01, 0.02, 0.01, {}),
+        Point("untold", {"mu": 0.1}, None, None, None, {}),
+    ]
+
+    figure = parameter_lines(points, LIGHT)
+
+    lines = {trace.name: trace for trace in figure.data if trace.name}
+    assert lines["best"].line.color == LIGHT.best
+    assert lines["default"].line.color == LIGHT.default
+    assert lines["untold"].line.color == LIGHT.muted
+    assert lines["middle"].line.color.startswith("rgb")
+    assert np.diff([lines[name].x[0] for name in ("default", "middle", "best")]) == pytest.approx(
+        0.5, abs=0.05
+    )
+    assert list(lines["untold"].y) == [0]
+    ticks = [annotation.text for annotation in figure.layout.annotations]
+    assert ticks == ["mu", "0.1", "0.2", "0.4", "rate", "1", "20"]
