@@ -136,6 +136,21 @@ def objective(name: str) -> str:
     return OBJECTIVES.get(name, (words(name), 1.0))[0]
 
 
+# How columns of downloads name objectives: with the unit that the numbers are in.
+_UNIT_COLUMNS = {
+    "runtime": "runtime_s",
+    "ate_max": "ate_max_m",
+    "ate_mean": "ate_mean_m",
+    "ate_rmse": "ate_rmse_m",
+    "ate_rmse_aligned": "ate_rmse_aligned_m",
+}
+
+
+def unit_column(objective: str) -> str:
+    """An objective's name as a column of a download: ate_max_m, cpu_seconds."""
+    return _UNIT_COLUMNS.get(objective, objective)
+
+
 def duration(seconds: float | None) -> str:
     """A time to wait, as coarse as it is uncertain: 40 s, 12 min, 3 h 20 min."""
     if seconds is None:

@@ -1,8 +1,10 @@
-"""The pages, at the root of the site, and the figures that they draw."""
+"""The pages, at the root of the site, and the addresses of what they draw."""
 
 from django.urls import path
 
-from crowd.dashboard import charts, downloads, own_views
+from crowd.dashboard import downloads, own_views
+from crowd.dashboard.drawings import DRAWINGS
+from crowd.dashboard.drawings.serving import addresses
 from crowd.dashboard.views import devices, explorations, fronts, home, reading, sessions
 
 app_name = "dashboard"
@@ -24,26 +26,5 @@ urlpatterns = [
     path("explorations/<int:key>/evaluations.json", downloads.evaluations_json, name="evaluations-json"),
     path("data/", reading.data, name="data"),
     path("about/", reading.about, name="about"),
-    path("figures/speedups.json", charts.speedups, name="speedups-figure"),
-    path("figures/compare.json", charts.compare, name="compare-figure"),
-    path("figures/sessions/<uuid:uuid>/frames.json", charts.session_frames, name="session-frames-figure"),
-    path("figures/sessions/<uuid:uuid>/stages.json", charts.session_stages, name="session-stages-figure"),
-    path("figures/runs/<uuid:uuid>/stages.json", charts.run_stages, name="run-stages-figure"),
-    path("figures/explorations/<int:key>.json", charts.exploration, name="exploration-figure"),
-    path(
-        "figures/explorations/<int:key>/hypervolume.json",
-        charts.exploration_hypervolume,
-        name="exploration-hypervolume-figure",
-    ),
-    path(
-        "figures/explorations/<int:key>/importance.json",
-        charts.exploration_importance,
-        name="exploration-importance-figure",
-    ),
-    path(
-        "figures/explorations/<int:key>/predictions/<slug:objective>.json",
-        charts.exploration_predictions,
-        name="exploration-predictions-figure",
-    ),
-    path("figures/fronts/<str:slug>.json", charts.front, name="front-figure"),
+    *(address for drawing in DRAWINGS for address in addresses(drawing)),
 ]

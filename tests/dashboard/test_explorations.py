@@ -11,7 +11,7 @@ import pytest
 from django.test import Client
 from django.utils import timezone
 
-from crowd.dashboard import charts
+from crowd.dashboard.drawings import explorations as drawings
 from crowd.dashboard.figures.explorations import (
     MOST_DRAWN,
     exploration_plane,
@@ -142,7 +142,7 @@ def test_a_figure_is_not_drawn_again_while_nothing_was_measured(
     first = client.get(address + "dark")
     etag = first["ETag"]
     with monkeypatch.context() as undrawn:
-        undrawn.setattr(charts, "exploration_plane", lambda *_: pytest.fail("it is drawn again"))
+        undrawn.setattr(drawings, "exploration_plane", lambda *_: pytest.fail("it is drawn again"))
         assert client.get(address + "dark").content == first.content
 
     with leases.leased(services.advance(search.pk)[0].pk):

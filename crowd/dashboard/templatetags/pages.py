@@ -4,11 +4,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from django import template
+from django.template.loader import render_to_string
 from django.urls import reverse
-from django.utils.html import format_html
 from django.utils.safestring import SafeString
 
+from crowd.dashboard.drawings.drawing import with_query
+
 register = template.Library()
+
+# Pixels that title and caption of an embedded figure need below and above it.
+CAPTION = 170
 
 
 @dataclass(frozen=True)
@@ -41,25 +46,34 @@ def server(context: dict[str, Any]) -> str:
     return context["request"].build_absolute_uri("/").rstrip("/")
 
 
-@register.simple_block_tag
-def chart(content: str, address: str, label: str, height: int = 400) -> SafeString:
-    """The place of a figure: ADDRESS gives its JSON, LABEL says what it shows, CONTENT is its caption.
+@register.simple_block_tag(takes_context=True)
+def chart(
+    context: dict[str, Any],
+    content: str,
+    name: str,
+    label: str,
+    height: int = 400,
+    query: str = "",
+    **arguments: Any,
+) -> SafeString:
+    """The place of the drawing NAME: LABEL says what it shows, CONTENT is its caption.
 
-    HEIGHT (pixels) keeps the place free, so that nothing moves when the figure arrives.
+    ARGUMENTS are those of the drawing's path, QUERY the filters that it is under. HEIGHT (pixels) keeps the
+    place free, so that nothing moves when the figure arrives.
     """
-    return format_html(
-        '<figure class="chart" data-figure="{}">'
-        '<div class="plot" role="img" aria-label="{}" style="--height: {}px">'
-        '<p class="waiting">Drawing</p></div>'
-        "<figcaption>{}</figcaption></figure>",
-        address,
-        label,
-        height,
-        content,
+    addresses = {
+        kind: with_query(reverse(f"dashboard:{name}-{kind}", kwargs=arguments), query)
+        for kind in ("figure", "csv", "json", "embed")
+    }
+    return render_to_string(
+        "dashboard/chart.html",
+        {
+            "name": name,
+            "label": label,
+            "height": height,
+            "framed": height + CAPTION,
+            "addresses": addresses,
+            "embed": context["request"].build_absolute_uri(addresses["embed"]),
+            "caption": content,
+        },
     )
-
-
-@register.filter
-def with_query(address: str, query: str) -> str:
-    """ADDRESS under the same filters as the page."""
-    return f"{address}?{query}" if query else address

@@ -1,0 +1,14 @@
+"""Everything that is drawn, by name. A new drawing is one more entry of its module's DRAWINGS."""
+
+from typing import Any
+
+from crowd.dashboard.drawings import comparison, explorations, fronts, sessions, speedups
+from crowd.dashboard.drawings.drawing import Drawing
+
+DRAWINGS: tuple[Drawing[Any], ...] = (
+    *speedups.DRAWINGS,
+    *comparison.DRAWINGS,
+    *sessions.DRAWINGS,
+    *fronts.DRAWINGS,
+    *explorations.DRAWINGS,
+)

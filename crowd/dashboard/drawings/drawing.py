@@ -1,0 +1,54 @@
+"""A drawing: one thing that can be seen as a figure, as a table of numbers, and on other people's pages.
+
+From one Drawing come four addresses with the same path and the same query: the figure for the script that
+draws it (/figures/<path>.json), its numbers (/tables/<path>.csv and .json), and a page to embed
+(/embed/<path>/); `serving` answers them, the template tag `chart` links to all four.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from plotly import graph_objects as go
+
+from crowd.dashboard.palette import Theme
+
+Rows = TypeVar("Rows")
+Cell = str | float | int | bool | None
+
+
+@dataclass(frozen=True)
+class Table:
+    """What a figure shows, as numbers: SI units, unrounded. The names of columns end in the unit (runtime_s,
+    ate_max_m) where there is one.
+    """
+
+    columns: tuple[str, ...]
+    rows: Sequence[Sequence[Cell]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawing(Generic[Rows]):
+    """Each of the functions answers one question about the same rows.
+
+    read(request, **arguments of the path) may raise Http404, or one of serving.REFUSED for a query that
+    cannot be understood. stamp(request, **arguments) is something that is equal exactly as long as the rows
+    are, and much cheaper to ask for; without it the figure itself is compared. page(**arguments) is the page
+    that shows the figure, under the same query.
+    """
+
+    name: str
+    path: str
+    definition: str
+    read: Callable[..., Rows]
+    draw: Callable[[Rows, Theme], go.Figure]
+    table: Callable[[Rows], Table]
+    title: Callable[[Rows], str]
+    n: Callable[[Rows], str]
+    page: Callable[..., str]
+    stamp: Callable[..., object] | None = None
+
+
+def with_query(address: str, query: str) -> str:
+    """ADDRESS under the filters that QUERY names."""
+    return f"{address}?{query}" if query else address

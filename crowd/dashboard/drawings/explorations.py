@@ -1,0 +1,176 @@
+"""Explorations: what was measured, how the front grew, what a model learnt of it.
+
+These figures are asked for again and again while an exploration runs, and ten thousand marks take half a
+second to draw: a stamp tells when nothing was measured since.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from django.http import Http404, HttpRequest
+from django.urls import reverse
+from plotly import graph_objects as go
+
+from crowd.dashboard import formats
+from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.figures.explorations import (
+    exploration_plane,
+    hypervolume_line,
+    importance_bars,
+    prediction_plane,
+)
+from crowd.dashboard.palette import Theme
+from crowd.dashboard.searches import ate_limit, growth_of
+from crowd.dashboard.views.page import found
+from crowd.explorations import watching
+from crowd.explorations.insights import insight
+from crowd.explorations.points import Point
+from crowd.explorations.watching import Watch, watch
+from pareto.prediction import Prediction
+
+
+def read(request: HttpRequest, key: int) -> Watch:  # noqa: ARG001
+    return found(watch(key))
+
+
+def read_objective(request: HttpRequest, key: int, objective: str) -> tuple[Watch, str]:
+    seen = read(request, key)
+    if objective not in seen.exploration.objectives:
+        raise Http404
+    return seen, objective
+
+
+def stamp(request: HttpRequest, key: int, **_: Any) -> str:
+    return read(request, key).results
+
+
+def plane(seen: Watch, theme: Theme) -> go.Figure:
+    have = watching.found(seen)
+    return exploration_plane(have.points, have.front, ate_limit(seen.exploration), theme)
+
+
+def points_table(seen: Watch) -> Table:
+    """A row for each configuration that was measured, with its objectives and parameters."""
+    have = watching.found(seen)
+    objectives = [name for name in formats.OBJECTIVES if any(name in point.values for point in have.points)]
+    parameters = list(dict.fromkeys(name for point in have.points for name in point.configuration))
+    front = {id(point) for point in have.front}
+    return Table(
+        ("phase", "label", "on_front", *(formats.unit_column(name) for name in objectives), *parameters),
+        [_cells(point, id(point) in front, objectives, parameters) for point in have.points],
+    )
+
+
+def _cells(
+    point: Point, on_front: bool, objectives: Sequence[str], parameters: Sequence[str]
+) -> tuple[Any, ...]:
+    return (
+        point.phase,
+        point.label,
+        on_front,
+        *(point.values.get(name) for name in objectives),
+        *(point.configuration.get(name) for name in parameters),
+    )
+
+
+def growth_table(seen: Watch) -> Table:
+    """The hypervolume after each configuration that was searched."""
+    return Table(("configurations", "hypervolume"), list(enumerate(growth_of(seen), 1)))
+
+
+def shares(seen: Watch) -> dict[str, Any]:
+    learnt = insight(seen)
+    return dict(learnt.shares) if learnt else {}
+
+
+def shares_table(seen: Watch) -> Table:
+    """Each parameter's share of the variance of each objective."""
+    return Table(
+        ("objective", "parameter", "share"),
+        [
+            (objective, name, float(share))
+            for objective, told in shares(seen).items()
+            for name, share in (told or {}).items()
+        ],
+    )
+
+
+def prediction(seen: Watch, objective: str) -> Prediction | None:
+    learnt = insight(seen)
+    return learnt.predictions[objective] if learnt else None
+
+
+def predictions_table(seen: Watch, objective: str) -> Table:
+    """What was measured, and what was foretold of it."""
+    told = prediction(seen, objective)
+    unit = formats.unit_column(objective)
+    pairs = [] if told is None else zip(told.measured.tolist(), told.predicted.tolist(), strict=True)
+    return Table((f"measured_{unit}", f"predicted_{unit}"), list(pairs))
+
+
+def _n(seen: Watch) -> str:
+    return formats.plural(seen.finished, "measurement")
+
+
+def _titled(words: str, seen: Watch) -> str:
+    exploration = seen.exploration
+    return f"{words}: exploration {exploration.pk} of {exploration.application}"
+
+
+def _page(key: int, **_: Any) -> str:
+    return reverse("dashboard:exploration", args=[key])
+
+
+DRAWINGS: tuple[Drawing[Any], ...] = (
+    Drawing(
+        name="exploration",
+        path="explorations/<int:key>",
+        definition="Largest trajectory error and mean computation time a frame of every measured "
+        "configuration; the median where one was measured several times.",
+        read=read,
+        draw=plane,
+        table=points_table,
+        title=lambda seen: _titled("Everything measured", seen),
+        n=_n,
+        page=_page,
+        stamp=stamp,
+    ),
+    Drawing(
+        name="exploration-hypervolume",
+        path="explorations/<int:key>/hypervolume",
+        definition="How much of the plane of the objectives, on logarithmic axes, the configurations "
+        "measured so far dominate, up to the limits.",
+        read=read,
+        draw=lambda seen, theme: hypervolume_line(growth_of(seen), seen.phases["random"], theme),
+        table=growth_table,
+        title=lambda seen: _titled("How the front grew", seen),
+        n=_n,
+        page=_page,
+        stamp=stamp,
+    ),
+    Drawing(
+        name="exploration-importance",
+        path="explorations/<int:key>/importance",
+        definition="How much of an objective's variance is lost to a random forest that no longer "
+        "knows the parameter.",
+        read=read,
+        draw=lambda seen, theme: importance_bars(shares(seen), theme),
+        table=shares_table,
+        title=lambda seen: _titled("Which parameters matter", seen),
+        n=_n,
+        page=_page,
+        stamp=stamp,
+    ),
+    Drawing(
+        name="exploration-predictions",
+        path="explorations/<int:key>/predictions/<slug:objective>",
+        definition="Each mark was predicted by those trees of a forest that had not learnt from it.",
+        read=read_objective,
+        draw=lambda rows, theme: prediction_plane(rows[1], prediction(*rows), theme),
+        table=lambda rows: predictions_table(*rows),
+        title=lambda rows: _titled(f"Predicted against measured, {formats.objective(rows[1])}", rows[0]),
+        n=lambda rows: _n(rows[0]),
+        page=_page,
+        stamp=stamp,
+    ),
+)

@@ -1,0 +1,180 @@
+"""Answers a drawing's addresses: the figure, its numbers as CSV and JSON, and a page to embed.
+
+Each has an ETag: what the caller holds already is not sent again.
+"""
+
+import csv
+import hashlib
+import io
+import json
+import math
+import unicodedata
+from collections.abc import Callable, Iterator
+from functools import wraps
+from typing import Any
+
+from csp.decorators import csp_replace
+from django.core.cache import cache
+from django.http import HttpRequest, HttpResponse, HttpResponseBase, QueryDict
+from django.template.loader import render_to_string
+from django.urls import URLPattern, path, reverse
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
+from django.views.decorators.clickjacking import xframe_options_exempt
+from django.views.decorators.gzip import gzip_page
+from django.views.decorators.http import require_safe
+
+from crowd.dashboard.comparison import InvalidComparisonError
+from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
+from crowd.dashboard.palette import LIGHT, THEMES, Theme
+from crowd.explorations import software
+from crowd.explorations.exports import FORMULA
+from crowd.results.filters import InvalidFilterError
+from crowd.results.opendata.tables import LICENCE
+
+REFUSED = (InvalidFilterError, InvalidComparisonError)
+KEPT_SECONDS = 60
+JSON = "application/json"
+
+View = Callable[..., HttpResponseBase]
+Show = Callable[[HttpRequest, Drawing[Any], Any, dict[str, Any]], str]
+
+
+def addresses(drawing: Drawing[Any]) -> Iterator[URLPattern]:
+    """The four addresses of DRAWING; their names are its own and -figure, -csv, -json, -embed."""
+    name, below = drawing.name, drawing.path
+    yield path(f"figures/{below}.json", _reading(_figure(drawing)), name=f"{name}-figure")
+    yield path(f"tables/{below}.csv", _reading(_shown(drawing, csv_of, "text/csv")), name=f"{name}-csv")
+    yield path(f"tables/{below}.json", _reading(_shown(drawing, json_of, JSON)), name=f"{name}-json")
+    embed = _shown(drawing, page_of, "text/html")
+    # The only pages that other sites may frame: they set no cookie and change nothing.
+    framed = xframe_options_exempt(csp_replace({"frame-ancestors": ["*"]})(_reading(embed)))
+    yield path(f"embed/{below}/", framed, name=f"{name}-embed")
+
+
+def csv_of(_: HttpRequest, drawing: Drawing[Any], rows: Any, __: dict[str, Any]) -> str:
+    """The numbers, a line a row, below one line of names. What is absent is empty."""
+    table = drawing.table(rows)
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(table.columns)
+    writer.writerows([_cell(cell) for cell in row] for row in table.rows)
+    return text.getvalue()
+
+
+def json_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
+    """The numbers, with all that is needed to cite them."""
+    table = drawing.table(rows)
+    about = {
+        "title": drawing.title(rows),
+        "n": unicodedata.normalize("NFKC", drawing.n(rows)),
+        "definition": drawing.definition,
+        "page": request.build_absolute_uri(page_address(request, drawing, arguments)),
+        "filters": _query(request).dict(),
+        "licence": LICENCE,
+        "columns": table.columns,
+        "rows": [
+            {name: _finite(cell) for name, cell in zip(table.columns, row, strict=True)} for row in table.rows
+        ],
+    }
+    return json.dumps(about)
+
+
+def page_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
+    """The figure alone, with what a reader elsewhere must know of it."""
+    figure = reverse(f"dashboard:{drawing.name}-figure", kwargs=arguments)
+    return render_to_string(
+        "dashboard/embed.html",
+        {
+            "definition": drawing.definition,
+            "title": drawing.title(rows),
+            "n": drawing.n(rows),
+            "page": page_address(request, drawing, arguments),
+            "figure": with_query(figure, _query(request).urlencode()),
+            "licence": LICENCE,
+        },
+        request,
+    )
+
+
+def page_address(request: HttpRequest, drawing: Drawing[Any], arguments: dict[str, Any]) -> str:
+    """The page that shows DRAWING under the filters of REQUEST."""
+    return with_query(drawing.page(**arguments), _query(request).urlencode())
+
+
+def _reading(view: View) -> View:
+    """VIEW for reading alone, compressed, with a word on a query that it cannot understand."""
+
+    @wraps(view)
+    def answer(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
+        try:
+            return view(request, **arguments)
+        except REFUSED as error:
+            return HttpResponse(str(error), status=400, content_type="text/plain")
+
+    return gzip_page(require_safe(answer))
+
+
+def _shown(drawing: Drawing[Any], show: Show, kind: str) -> View:
+    def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
+        body = show(request, drawing, drawing.read(request, **arguments), arguments).encode()
+        response = _conditional(request, body, _digest(body), kind)
+        if kind != "text/html":
+            name = f"frontrunner-{drawing.name}.{'csv' if kind == 'text/csv' else 'json'}"
+            response["Content-Disposition"] = f'attachment; filename="{name}"'
+        return response
+
+    return view
+
+
+def _figure(drawing: Drawing[Any]) -> View:
+    """The figure in the theme that ?theme= names; one with a stamp is drawn once for all who ask soon."""
+
+    def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
+        theme = THEMES.get(request.GET.get("theme", ""), LIGHT)
+        if drawing.stamp is None:
+            body = _drawn(drawing, drawing.read(request, **arguments), theme)
+            return _conditional(request, body, _digest(body), JSON)
+        facts = (request.path, theme.name, drawing.stamp(request, **arguments), software.version())
+        digest = _digest(repr(facts).encode())
+        if (unchanged := get_conditional_response(request, etag=quote_etag(digest))) is not None:
+            return unchanged
+        body = cache.get(f"figure-{digest}")
+        if body is None:
+            body = _drawn(drawing, drawing.read(request, **arguments), theme)
+            cache.set(f"figure-{digest}", body, KEPT_SECONDS)
+        return _conditional(request, body, digest, JSON)
+
+    return view
+
+
+def _drawn(drawing: Drawing[Any], rows: Any, theme: Theme) -> bytes:
+    return bytes(drawing.draw(rows, theme).to_json(validate=False).encode())
+
+
+def _conditional(request: HttpRequest, body: bytes, digest: str, kind: str) -> HttpResponseBase:
+    etag = quote_etag(digest)
+    response = HttpResponse(body, content_type=kind if kind == JSON else f"{kind}; charset=utf-8")
+    response["ETag"] = etag
+    # Kept by browsers, asked about each time: a new session shows at once.
+    response["Cache-Control"] = "no-cache"
+    return get_conditional_response(request, etag=etag, response=response) or response
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:32]
+
+
+def _query(request: HttpRequest) -> QueryDict:
+    """What the caller asked for, without the theme, which is the reader's own."""
+    query = request.GET.copy()
+    query.pop("theme", None)
+    return query
+
+
+def _cell(cell: Cell) -> Cell:
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else _finite(cell)
+
+
+def _finite(cell: Cell) -> Cell:
+    return None if isinstance(cell, float) and not math.isfinite(cell) else cell

@@ -1,0 +1,114 @@
+"""Sessions and runs, frame by frame and stage by stage."""
+
+from collections.abc import Sequence
+from uuid import UUID
+
+from django.http import HttpRequest
+from django.urls import reverse
+
+from crowd.dashboard import formats
+from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
+from crowd.dashboard.protocols import first_counted_frame
+from crowd.dashboard.stages import StageTimes, frames, inside_computation, ordered, times_of
+from crowd.dashboard.views.page import found
+from crowd.results import selectors as results
+from crowd.results.rows import RunDetail, SessionDetail
+
+
+def read_session(request: HttpRequest, uuid: UUID) -> SessionDetail:  # noqa: ARG001
+    return found(results.session(uuid))
+
+
+def read_run(request: HttpRequest, uuid: UUID) -> RunDetail:  # noqa: ARG001
+    return found(results.run(uuid))
+
+
+def frames_table(session: SessionDetail) -> Table:
+    """A row for each frame of each run."""
+    first_counted = first_counted_frame(session.protocol)
+    return Table(
+        ("run", "configuration", "repeat", "frame", "counted", "computation_s"),
+        [
+            (
+                str(series.run.uuid),
+                series.run.configuration,
+                series.run.repeat,
+                number,
+                number >= first_counted,
+                float(seconds),
+            )
+            for series in session.runs
+            for number, seconds in enumerate(series.frame_seconds)
+        ],
+    )
+
+
+def stages_table(rows: Sequence[StageTimes]) -> Table:
+    """A row for each configuration: seconds a frame of each stage, None where it has no such stage."""
+    stages = ordered({stage for row in rows for stage in row.seconds})
+    return Table(
+        ("configuration", "runs", "computation_s", *(f"{stage}_s" for stage in stages)),
+        [
+            (row.configuration, row.runs, row.computation, *(row.seconds.get(stage) for stage in stages))
+            for row in rows
+        ],
+    )
+
+
+def run_table(detail: RunDetail) -> Table:
+    """A row for each frame of the run, with its stages."""
+    stages = tuple(f"{stage}_s" for stage in inside_computation(detail.run))
+    return Table(
+        ("frame", "counted", "tracked", "computation_s", *stages),
+        [
+            (frame.number, frame.counted, frame.tracked, frame.seconds, *frame.stages)
+            for frame in frames(detail.run, first_counted_frame(detail.protocol))
+        ],
+    )
+
+
+def _session_n(session: SessionDetail) -> str:
+    return f"{formats.plural(len(session.runs), 'run')} of one session"
+
+
+def _session_page(uuid: UUID) -> str:
+    return reverse("dashboard:session", args=[uuid])
+
+
+DRAWINGS = (
+    Drawing(
+        name="session-frames",
+        path="sessions/<uuid:uuid>/frames",
+        definition="Wall time of the computation of each frame. No statistic uses the shaded frames.",
+        read=read_session,
+        draw=lambda session, theme: frame_lines(session.runs, first_counted_frame(session.protocol), theme),
+        table=frames_table,
+        title=lambda session: f"Frame by frame on {session.session.device.title}",
+        n=_session_n,
+        page=_session_page,
+    ),
+    Drawing(
+        name="session-stages",
+        path="sessions/<uuid:uuid>/stages",
+        definition="Mean wall time a frame of each stage, over the frames that count and over the runs of a "
+        "configuration.",
+        read=read_session,
+        draw=lambda session, theme: stage_bars(times_of(session), theme),
+        table=lambda session: stages_table(times_of(session)),
+        title=lambda session: f"Where the time goes on {session.session.device.title}",
+        n=_session_n,
+        page=_session_page,
+    ),
+    Drawing(
+        name="run-stages",
+        path="runs/<uuid:uuid>/stages",
+        definition="Wall time of each stage in each frame, stacked. No statistic uses the shaded frames.",
+        read=read_run,
+        draw=lambda detail, theme: stage_areas(detail.run, first_counted_frame(detail.protocol), theme),
+        table=run_table,
+        title=lambda detail: f"One run of {detail.run.run.configuration} on {detail.session.device.title}",
+        n=lambda detail: formats.plural(len(detail.run.frame_seconds), "frame") + " of one run",
+        page=lambda uuid: reverse("dashboard:run", args=[uuid]),
+    ),
+)

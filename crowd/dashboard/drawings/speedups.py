@@ -1,0 +1,64 @@
+"""The crowd's bars."""
+
+from django.http import HttpRequest
+from django.urls import reverse
+
+from crowd.dashboard import formats
+from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.figures.speedups import speedup_bars
+from crowd.results import selectors as results
+from crowd.results.filters import SpeedupFilters
+from crowd.results.rows import Speedup, Speedups
+
+DEFINITION = (
+    "Speedup: time of the default configuration over time of the best one, on the same device, averaged over "
+    "sessions and installations by logarithms. low and high: 95 % interval over installations, from three "
+    "of them on."
+)
+COLUMNS = (
+    "device", "maker", "model", "soc", "gpu", "os", "backend", "processor", "front", "configuration",
+    "baseline", "speedup", "low", "high", "sessions", "installations", "ate_max_m", "state",
+    "last_session_at",
+)  # fmt: skip
+
+
+def read(request: HttpRequest) -> Speedups:
+    return results.speedups(SpeedupFilters.parse(request.GET))
+
+
+def table(crowd: Speedups) -> Table:
+    return Table(COLUMNS, [_cells(row) for row in crowd.rows])
+
+
+def _cells(row: Speedup) -> tuple[str | float | int | None, ...]:
+    device = row.device
+    return (
+        device.slug, device.manufacturer, device.name, device.soc, device.gpu, device.os, row.backend,
+        row.processor, row.front, row.configuration, row.baseline, row.speedup, row.low, row.high,
+        row.sessions, row.installations, row.ate_max, "suspect" if row.suspect else "valid",
+        row.last_session_at.isoformat(),
+    )  # fmt: skip
+
+
+def _title(crowd: Speedups) -> str:
+    return f"Speedup by device, front {crowd.front}" if crowd.front else "Speedup by device"
+
+
+def _n(crowd: Speedups) -> str:
+    figures = formats.plural(len(crowd.rows), "figure")
+    return f"{figures} from {formats.plural(crowd.headline.sessions, 'session')}"
+
+
+DRAWINGS = (
+    Drawing(
+        name="speedups",
+        path="speedups",
+        definition=DEFINITION,
+        read=read,
+        draw=lambda crowd, theme: speedup_bars(crowd.rows, theme),
+        table=table,
+        title=_title,
+        n=_n,
+        page=lambda: reverse("dashboard:devices"),
+    ),
+)

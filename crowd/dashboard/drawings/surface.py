@@ -1,0 +1,77 @@
+"""The response surface that ships: time and error over two parameters."""
+
+import math
+
+from django.http import Http404, HttpRequest
+from django.urls import reverse
+
+from crowd.dashboard import formats
+from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.figures.surfaces import surface_map
+from crowd.dashboard.surface import Surface, shipped
+
+
+def read(request: HttpRequest) -> Surface:  # noqa: ARG001
+    if (surface := shipped()) is None:
+        raise Http404
+    return surface
+
+
+def cells_table(surface: Surface) -> Table:
+    """A row for each cell."""
+    return Table(
+        (surface.x, surface.y, "runtime_s", "ate_max_m", "valid"),
+        [
+            (
+                x,
+                y,
+                _known(float(surface.runtime[row, column])),
+                _known(float(surface.ate_max[row, column])),
+                bool(surface.valid[row, column]),
+            )
+            for row, y in enumerate(surface.y_values)
+            for column, x in enumerate(surface.x_values)
+        ],
+    )
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _title(what: str, surface: Surface) -> str:
+    return f"{what} over {formats.words(surface.x)} and {formats.words(surface.y)}"
+
+
+def _n(surface: Surface) -> str:
+    return f"{formats.plural(surface.runtime.size, 'configuration')}, each measured once"
+
+
+def _page() -> str:
+    return reverse("dashboard:surface")
+
+
+DRAWINGS = (
+    Drawing(
+        name="surface-runtime",
+        path="surface/runtime",
+        definition="Mean computation time a frame of KinectFusion on one device; all other parameters stay as they are.",
+        read=read,
+        draw=lambda surface, theme: surface_map(surface, "runtime", theme),
+        table=cells_table,
+        title=lambda surface: _title("Time a frame", surface),
+        n=_n,
+        page=_page,
+    ),
+    Drawing(
+        name="surface-error",
+        path="surface/error",
+        definition="Largest distance between the estimated and the true trajectory; all other parameters stay as they are.",
+        read=read,
+        draw=lambda surface, theme: surface_map(surface, "ate_max", theme),
+        table=cells_table,
+        title=lambda surface: _title("Trajectory error", surface),
+        n=_n,
+        page=_page,
+    ),
+)
