@@ -16,7 +16,7 @@ from django.db import Error, InterfaceError, OperationalError, connection, trans
 from django.db.models import Exists, OuterRef, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import software, workers
+from crowd.explorations import software, statements, workers
 from crowd.explorations.measurement import (
     CannotMeasureHereError,
     LeaseLostError,
@@ -29,21 +29,6 @@ from slam.isolated import one_line
 UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
 ASK_AGAIN_SECONDS = 0.5
 DEVICE = "exploration__reference_device"
-# What a measurement reads: the rest, such as the space, is fetched by whoever asks for it.
-READ = (
-    *("number", "configuration", "frames", "state", "attempt", "losses", "lease_until"),
-    *("exploration__application", "exploration__sequence", "exploration__sequence_sha256"),
-    *("exploration__state", "exploration__synchronous", "exploration__batch", "exploration__objectives"),
-    "exploration__note",
-    *(f"{DEVICE}__{name}" for name in ("name", "queue", "opencl_device", "machines")),
-)
-# Asked before every measurement, and written out since the ORM takes ten times as long to build it as the
-# database to answer.
-HELD = f"""
-    SELECT count(*) FROM {Evaluation._meta.db_table} evaluation
-    JOIN {Exploration._meta.db_table} exploration ON exploration.id = evaluation.exploration_id
-    WHERE evaluation.state = %s AND evaluation.lease_until >= %s AND exploration.reference_device_id = %s
-"""
 T = TypeVar("T")
 
 log = logging.getLogger(__name__)
@@ -94,16 +79,17 @@ def take(evaluation_id: int, worker: str) -> Evaluation | None:
     with transaction.atomic():
         # The device alone is locked, as by take_next: of two of its workers the second sees what the first
         # took. Where the evaluation has changed since it was read it is not leased.
-        found = Evaluation.objects.select_for_update(of=(DEVICE,))
-        evaluation = next(iter(found.select_related(DEVICE).only(*READ).filter(pk=evaluation_id)), None)
+        evaluation = statements.to_be_taken(evaluation_id)
         if evaluation is None:
             return None
         if evaluation.exploration.state != Exploration.State.RUNNING or not _free(evaluation):
             return None
+        if (leased := _lease(evaluation, worker)) is not None:
+            return leased
         device = evaluation.exploration.reference_device
         if free_machines(device) < 1:
             raise DeviceBusyError(f"{device}: all of its {device.machines} machines measure")
-        return _lease(evaluation, worker)
+        return None
 
 
 def _take_in_turn(evaluation_id: int, worker: str) -> Evaluation | None:
@@ -126,10 +112,8 @@ def take_next(device: ReferenceDevice, worker: str, among: Collection[int]) -> E
     with transaction.atomic():
         locked = ReferenceDevice.objects.select_for_update().get(pk=device.pk)
         ReferenceDevice.objects.filter(pk=device.pk).update(seen_at=timezone.now())
-        if free_machines(locked) < 1:
-            return None
         found = waiting(locked).filter(exploration__in=among).select_related(DEVICE)
-        while (evaluation := found.first()) is not None:
+        while free_machines(locked) >= 1 and (evaluation := found.first()) is not None:
             # Where a late result has finished it since it was read the next one is had.
             if _lease(evaluation, worker) is not None:
                 return evaluation
@@ -154,10 +138,7 @@ def waiting(device: ReferenceDevice) -> QuerySet[Evaluation]:
 
 def free_machines(device: ReferenceDevice) -> int:
     """How many machines of DEVICE hold no live lease."""
-    now = connection.ops.adapt_datetimefield_value(timezone.now())
-    with connection.cursor() as cursor:
-        cursor.execute(HELD, [Evaluation.State.RUNNING, now, device.pk])
-        return device.machines - int(cursor.fetchone()[0])
+    return device.machines - statements.held(device.pk, timezone.now())
 
 
 def renew(evaluation: Evaluation) -> bool:
@@ -233,38 +214,19 @@ def held(device: ReferenceDevice, evaluation_id: int, attempt: int) -> Evaluatio
 
 
 def _lease(evaluation: Evaluation, worker: str) -> Evaluation | None:
-    """Hold EVALUATION; None where it is not any more as it was read."""
+    """Hold EVALUATION; None where it is not any more as it was read, or no machine is free."""
     now = timezone.now()
-    running = Exploration.objects.filter(pk=evaluation.exploration_id, state=Exploration.State.RUNNING)
-    # A subquery, since a join would take the other conditions into one, where a row that changes while it
-    # is waited for is not looked at again.
-    as_read = Evaluation.objects.filter(
-        pk=evaluation.pk,
-        state=evaluation.state,
-        attempt=evaluation.attempt,
-        lease_until=evaluation.lease_until,
-        exploration__in=running,
-    )
-    if evaluation.state == Evaluation.State.RUNNING:
-        evaluation.losses += 1
-    evaluation.state = Evaluation.State.RUNNING
+    until = now + _duration()
+    if not statements.lease(evaluation, worker[:200], now, until):
+        return None
+    evaluation.state, evaluation.lease_until = Evaluation.State.RUNNING, until
     evaluation.attempt += 1
-    evaluation.worker = worker[:200]
-    evaluation.started_at = evaluation.heartbeat_at = now
-    evaluation.lease_until = now + _duration()
-    fields = ("state", "attempt", "losses", "worker", "started_at", "heartbeat_at", "lease_until")
-    leased = as_read.update(**{name: getattr(evaluation, name) for name in fields})
-    return evaluation if leased else None
+    return evaluation
 
 
 def _finish(evaluation: Evaluation, **values: Any) -> bool:
     # A lease that ran out and that nobody took since loses nothing: what was measured is as good as ever.
-    row = Evaluation.objects.filter(pk=evaluation.pk, state__in=UNFINISHED, attempt=evaluation.attempt)
-
-    def write() -> bool:
-        return bool(row.update(lease_until=None, finished_at=timezone.now(), **values))
-
-    return _patiently(write, _duration())
+    return _patiently(lambda: statements.finish(evaluation, timezone.now(), **values), _duration())
 
 
 def _patiently(write: Callable[[], T], patience: timedelta) -> T:

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from django.core.exceptions import ValidationError
-from django.db import Error, connection, transaction
+from django.db import Error, transaction
 from django.db.models import F, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import batches, known, points, search, warm_start
+from crowd.explorations import batches, known, points, search, statements, warm_start
 from crowd.explorations.batches import Wanted
 from crowd.explorations.measurement import CannotMeasureHereError, pack_of
 from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
@@ -29,11 +29,6 @@ MEASURED = (
 )
 # Repeats change medians, and these what belongs to the front: it is looked at again, but not for ever.
 MOST_ROUNDS_OF_REPEATS = 3
-UNFINISHED = f"""
-    SELECT 1 FROM {Evaluation._meta.db_table}
-    WHERE exploration_id = %s AND state IN ('{Evaluation.State.PENDING}', '{Evaluation.State.RUNNING}')
-    LIMIT %s
-"""
 MAY_GO_ON = (Exploration.State.RUNNING, Exploration.State.PAUSED, Exploration.State.DONE)
 
 log = logging.getLogger(__name__)
@@ -189,10 +184,7 @@ def advance(exploration_id: int) -> list[Evaluation]:
 def due(exploration: Exploration) -> bool:
     """Whether it can ask for more: all is finished, or half a batch where it is not synchronous."""
     most = 0 if exploration.synchronous else exploration.batch // 2
-    # Asked after every measurement, and written out since the ORM takes ten times as long to build it.
-    with connection.cursor() as cursor:
-        cursor.execute(UNFINISHED, [exploration.pk, most + 1])
-        return len(cursor.fetchall()) <= most
+    return statements.unfinished(exploration.pk, most + 1) <= most
 
 
 def waiting(exploration: Exploration) -> list[Evaluation]:
