@@ -31,7 +31,7 @@ serve: $(VENV)/.installed
 	@$(BIN)/python manage.py serve
 
 test: $(VENV)/.installed-development
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 check: $(VENV)/.installed-development
 	$(BIN)/ruff check .

@@ -17,6 +17,26 @@ hypothesis.settings.load_profile("patient")
 app.conf.update(task_always_eager=True, task_eager_propagates=True, broker_url="memory://")
 
 
+ROOT = Path(__file__).parent
+# Their tests start servers, workers and browsers, and wait for them: one after another, beside the rest.
+ONE_BY_ONE = ("services", "browser")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Where pytest-xdist spreads the tests: those that start programs in one process, the others by file.
+
+    The former come first, because they take longest.
+    """
+
+    def room(item: pytest.Item) -> str:
+        return item.path.relative_to(ROOT).parts[0]
+
+    for item in items:
+        group = "programs" if room(item) in ONE_BY_ONE else str(item.path)
+        item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: room(item) not in ONE_BY_ONE)
+
+
 @pytest.fixture(autouse=True)
 def own_data_folder(settings: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An empty data folder; static files from their sources; sequences only where a test puts them."""
