@@ -10,6 +10,7 @@ from django.test import Client
 from crowd.devices.services import enrol
 from crowd.fronts.services import publish_content
 from tests.browser.chromium import NoBrowserError, launched
+from tests.browser.site import Site, running
 from tests.crowd.conftest import pack
 from tests.crowd.documents import device_document, front_document, session_document, submission_document
 from tests.crowd.participant import Participant
@@ -30,6 +31,17 @@ def chromium() -> Iterator[Any]:
         pytest.skip(str(reason))
     finally:
         del os.environ["DJANGO_ALLOW_ASYNC_UNSAFE"]
+
+
+@pytest.fixture(scope="package")
+def site(
+    chromium: Any, django_db_setup: None, django_db_blocker: Any, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Site]:
+    """One filled server for all tests that only read. pytest-django runs them, which are marked django_db,
+    before those that empty the database.
+    """
+    with django_db_blocker.unblock(), running(tmp_path_factory.mktemp("site")) as filled:
+        yield filled
 
 
 @pytest.fixture

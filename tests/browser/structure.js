@@ -14,7 +14,10 @@
   });
   if (!document.documentElement.lang) found.push("the page has no language");
   if (!document.title) found.push("the page has no title");
+  if (!document.querySelector("meta[name=description]")?.content) found.push("the page has no description");
 
+  // Text is there before any script has run.
+  every("script[src]", (e) => e.defer || e.async, "a script that holds up the text");
   every("a, button", (e) => e.getAttribute("aria-label") || e.textContent.trim(), "a control without a name");
   every("input, select", (e) => e.labels.length || e.getAttribute("aria-label"), "a field without a label");
   every("[role=img], [role=region]", (e) => e.getAttribute("aria-label"), "a part without a name");

@@ -29,37 +29,6 @@ def visit(chromium: Any, live_server: Any, measured: list[dict[str, Any]]) -> It
         visitor.context.close()
 
 
-def addresses(sessions: list[dict[str, Any]]) -> list[str]:
-    return [
-        "/",
-        "/devices/",
-        "/devices/?gpu=mali",
-        "/devices/google-pixel-8/",
-        "/compare/?devices=google-pixel-8,google-pixel-7",
-        f"/sessions/{sessions[0]['id']}/",
-        f"/runs/{sessions[0]['runs'][1]['id']}/",
-        "/fronts/",
-        "/fronts/kfusion-test/",
-        "/explorations/",
-        f"/explorations/{Exploration.objects.get().pk}/",
-        "/data/",
-        "/about/",
-    ]
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [390, 1280])
-def test_every_page_loads_without_a_complaint_and_fits_its_screen(
-    visit: Visit, measured: list[dict[str, Any]], width: int, scheme: str
-) -> None:
-    visitor = visit(width=width, scheme=scheme)
-
-    for address in addresses(measured):
-        page = visitor.open(address)
-        assert visitor.complaints == [], address
-        assert page.evaluate("document.documentElement.scrollWidth") <= width, address
-
-
 def test_charts_are_drawn_and_say_what_they_show(visit: Visit) -> None:
     page = visit().open("/devices/google-pixel-8/")
 
@@ -157,16 +126,6 @@ def test_an_exploration_s_page_follows_it_without_loading_again(visit: Visit) ->
     page.locator(".state-cancelled").wait_for(timeout=15_000)
     assert page.evaluate("window.loadedOnce")
     assert visitor.complaints == []
-
-
-def test_pages_make_sense_to_a_screen_reader_and_a_keyboard(
-    visit: Visit, measured: list[dict[str, Any]]
-) -> None:
-    visitor = visit()
-    structure = Path(__file__).with_name("structure.js").read_text()
-
-    for address in addresses(measured):
-        assert visitor.open(address).evaluate(structure) == [], address
 
 
 def rgb(colour: str) -> str:

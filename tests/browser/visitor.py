@@ -14,6 +14,7 @@ class Visitor:
         self, browser: Any, server: str, width: int = 1280, scheme: str = "light", **options: Any
     ) -> None:
         self.server = server
+        self.scheme = scheme
         self.complaints: list[str] = []
         self.context = browser.new_context(
             viewport={"width": width, "height": 844}, color_scheme=scheme, **options

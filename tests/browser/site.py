@@ -1,0 +1,167 @@
+"""A site that has something to show on every page, and an address for each of them.
+
+Filled once, only read from: the tests that change a site make one of their own.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from django.core.management import call_command
+from django.test import Client, override_settings
+from django.urls import URLPattern, reverse
+from pytest_django.live_server_helper import LiveServer
+
+from crowd.dashboard.urls import urlpatterns
+from crowd.devices.models import Installation
+from crowd.devices.services import enrol
+from crowd.fronts.services import publish_content
+from crowd.results.opendata import exports
+from crowd.results.own_pages import path_of
+from tests.crowd.documents import (
+    device_document,
+    front_document,
+    run_document,
+    session_document,
+    submission_document,
+    write_pack,
+)
+from tests.crowd.participant import Participant
+from tests.dashboard import searches
+
+# Addresses end in a slash where a person reads them; figures, tables and pictures end in their format's name.
+PARTS = {"exploration-live"}
+SEARCHED = [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), None]
+# The phones that are measured, with the names of their processors and the time of best.
+PHONES = [
+    ("Pixel 8", "Mali-G715", 9_000),
+    ("Pixel 8", "Mali-G715", 10_500),
+    ("Pixel 8", "Mali-G715", 12_000),
+    ("Pixel 7", "Mali-G710", 13_500),
+    ("Redmi Note 12 Pro 5G Speed Edition Plus", "Adreno (TM) 619", 15_000),
+    ("P30", "NVIDIA T4", 16_500),
+    ("S21", "Samsung Xclipse 920", 18_000),
+]
+
+
+EMBEDDED = "-embed"
+
+
+def page_names() -> list[str]:
+    """The names of all pages that stand for themselves, as urls.py has them."""
+    return [name for name in _patterns() if not name.endswith(EMBEDDED)]
+
+
+def embedded_names() -> list[str]:
+    """The names of all pages that others show in a frame."""
+    return [name for name in _patterns() if name.endswith(EMBEDDED)]
+
+
+def _patterns() -> dict[str, URLPattern]:
+    return {
+        str(pattern.name): pattern
+        for pattern in urlpatterns
+        if isinstance(pattern, URLPattern) and _is_page(pattern)
+    }
+
+
+def _is_page(pattern: URLPattern) -> bool:
+    route = str(pattern.pattern)
+    return (route == "" or route.endswith("/")) and pattern.name not in PARTS
+
+
+@dataclass(frozen=True)
+class Site:
+    """A server's URL, and `pages`: the name of each page with an address that shows it filled."""
+
+    url: str
+    pages: dict[str, str]
+
+
+@contextmanager
+def running(folder: Path) -> Iterator[Site]:
+    """The filled site on a port of its own, its files below FOLDER; an empty database at the end."""
+    (folder / "static").mkdir()
+    own = {
+        "FRONTRUNNER_VAR": folder,
+        "FRONTRUNNER_SEQUENCES": [folder / "sequences"],
+        "FRONTRUNNER_RARE_BELOW": 1,
+        "STATIC_ROOT": folder / "static",
+        "STORAGES": {
+            "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},
+            "staticfiles": {"BACKEND": "django.contrib.staticfiles.storage.StaticFilesStorage"},
+        },
+        "ALLOWED_HOSTS": ["localhost", "testserver"],
+    }
+    with override_settings(**own):
+        try:
+            pages = fill(folder)
+            server = LiveServer("localhost")
+            try:
+                yield Site(server.url, pages)
+            finally:
+                server.stop()
+        finally:
+            call_command("flush", verbosity=0, interactive=False)
+
+
+def fill(folder: Path) -> dict[str, str]:
+    """Two fronts, seven phones, a slow and a failed session, a search, an export; the pages' addresses."""
+    pack = write_pack(folder / "sequences")
+    publish_content(front_document(pack, version="early"))
+    publish_content(front_document(pack))
+    search = searches.exploration(pack)
+    searches.measure(search, searches.KNOWN)
+    searches.measure(search, SEARCHED)
+    sessions = [_send(model, processor, session_document(best_us=best)) for model, processor, best in PHONES]
+    _send("Nexus 5", "Adreno (TM) 330", session_document(runs=_slowing()))
+    _send("Moto G", "PowerVR Rogue GE8320", session_document(runs=_lost()))
+    exports.make()
+    # By the first word of a page's name.
+    arguments: dict[str, dict[str, Any]] = {
+        "device": {"slug": "google-pixel-8"},
+        "front": {"slug": "kfusion-test"},
+        "exploration": {"key": search.pk, "objective": "runtime"},
+        "session": {"uuid": sessions[0]["id"]},
+        "run": {"uuid": sessions[0]["runs"][1]["id"]},
+        "mine": {"signed": path_of(Installation.objects.earliest("created_at")).split("/")[2]},
+    }
+    queries = {"compare": "?devices=google-pixel-8,google-pixel-7", "front": "?against=kfusion-early"}
+
+    def address(name: str, pattern: URLPattern) -> str:
+        word = name.partition("-")[0]
+        needed = {argument: arguments[word][argument] for argument in pattern.pattern.converters}
+        return reverse(f"dashboard:{name}", kwargs=needed) + queries.get(word, "")
+
+    return {name: address(name, pattern) for name, pattern in _patterns().items()}
+
+
+def _send(model: str, processor: str, session: dict[str, Any]) -> dict[str, Any]:
+    """SESSION through the API, from an installation of its own; as it was sent."""
+    _, token = enrol("client_kit", "0.1.0", 1)
+    device = device_document(model, opencl_device=processor)
+    response = Participant(Client(), token, "").submit(submission_document(session, device=device))
+    assert response.status_code == 202, response.content
+    return session
+
+
+def _slowing() -> list[dict[str, Any]]:
+    """Default, best, best, default on a device that throttles: suspect."""
+    return [
+        run_document("default", 0, 0, 80_000),
+        run_document("best", 0, 1, 10_000),
+        run_document("best", 1, 2, 15_000),
+        run_document("default", 1, 3, 120_000),
+    ]
+
+
+def _lost() -> list[dict[str, Any]]:
+    """Runs of which the best ones lost the camera: no figure."""
+    return [
+        run_document("default", 0, 0, 80_000),
+        run_document("best", 0, 1, 1_000, ate_max=0.4),
+        run_document("best", 1, 2, 1_000, ate_max=0.4),
+        run_document("default", 1, 3, 80_000),
+    ]
