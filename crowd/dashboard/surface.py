@@ -57,6 +57,15 @@ class Cell:
 
 
 @dataclass(frozen=True)
+class Row:
+    """One row of the table: a value of y, seconds and metres for each value of x (NaN as None)."""
+
+    y: float
+    runtime: tuple[float | None, ...]
+    ate_max: tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
 class Reading:
     """What a surface shows, computed from it and from nothing else.
 
@@ -133,6 +142,18 @@ def reading(surface: Surface) -> Reading:
         ate_along=_span(surface.ate_max, axis=0),
         noise=_noise(surface),
     )
+
+
+def rows(surface: Surface) -> tuple[Row, ...]:
+    """SURFACE as the lines of a table."""
+    return tuple(
+        Row(y, _cells(surface.runtime[number]), _cells(surface.ate_max[number]))
+        for number, y in enumerate(surface.y_values)
+    )
+
+
+def _cells(values: NDArray[np.float64]) -> tuple[float | None, ...]:
+    return tuple(float(value) if np.isfinite(value) else None for value in values)
 
 
 def _alike(errors: NDArray[np.float64]) -> tuple[tuple[int, ...], ...]:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from crowd.dashboard.drawings import comparison, explorations, fronts, sessions, speedups
+from crowd.dashboard.drawings import comparison, explorations, fronts, sessions, speedups, surface
 from crowd.dashboard.drawings.drawing import Drawing
 
 DRAWINGS: tuple[Drawing[Any], ...] = (
@@ -11,4 +11,5 @@ DRAWINGS: tuple[Drawing[Any], ...] = (
     *sessions.DRAWINGS,
     *fronts.DRAWINGS,
     *explorations.DRAWINGS,
+    *surface.DRAWINGS,
 )

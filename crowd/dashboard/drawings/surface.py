@@ -55,7 +55,8 @@ DRAWINGS = (
     Drawing(
         name="surface-runtime",
         path="surface/runtime",
-        definition="Mean computation time a frame of KinectFusion on one device; all other parameters stay as they are.",
+        definition="Mean computation time a frame of KinectFusion on one device; all other parameters stay "
+        "as they are.",
         read=read,
         draw=lambda surface, theme: surface_map(surface, "runtime", theme),
         table=cells_table,
@@ -66,7 +67,8 @@ DRAWINGS = (
     Drawing(
         name="surface-error",
         path="surface/error",
-        definition="Largest distance between the estimated and the true trajectory; all other parameters stay as they are.",
+        definition="Largest distance between the estimated and the true trajectory; all other parameters "
+        "stay as they are.",
         read=read,
         draw=lambda surface, theme: surface_map(surface, "ate_max", theme),
         table=cells_table,
