@@ -4,11 +4,22 @@ import math
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 
+import numpy as np
+from numpy.typing import NDArray
+
+from crowd.devices.models import DeviceModel
+from crowd.results.filters import SpeedupFilters
 from crowd.results.models import DeviceSpeedup, State
-from crowd.results.rows import DeviceCorrelation
+from crowd.results.reading.tables import named, table
+from crowd.results.rows import CorrelationMatrix, Device, DeviceCorrelation
 from pareto.correlation import correlate
 
+LEAST_COMMON = 3  # below, two points always lie on a line
+MOST_DEVICES = 40  # what a heat map has room for
+
+Array = NDArray[np.float64]
 Logs = dict[str, float]
+Front = tuple[str, bool]  # its slug, and whether simulated devices measured it
 
 
 def between(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
@@ -18,20 +29,86 @@ def between(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
     are left out. Pearson is that of logarithms of time: a speedup is a ratio over the default, so log times
     differ from negated log speedups by a constant only, and the default itself is one more common
     configuration, at 0. A device measured on several processors stands by the one with the most sessions.
-    One query.
+    A simulated device has nothing in common with one that somebody has. One query.
     """
     tables = _tables(slugs)
     found = (_pair(first, second, tables) for first, second in combinations(dict.fromkeys(slugs), 2))
     return tuple(row for row in found if row is not None)
 
 
-def _tables(slugs: Iterable[str]) -> dict[str, dict[str, Logs]]:
+def matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatrix:
+    """Every two of the MOST devices with the most sessions under FILTERS (whatever configuration they name)
+    that measured at least LEAST_COMMON configurations; by vendor, then by name. Three queries where all days
+    count.
+    """
+    found = table(filters, LEAST_COMMON)
+    popular = sorted(range(len(found.slugs)), key=lambda row: (-found.sessions[row], found.slugs[row]))[:most]
+    devices = named(found.slugs[row] for row in popular)
+    shown = sorted(popular, key=lambda row: _order(devices[found.slugs[row]]))
+    pearson, spearman, common = pairwise(-found.log_speedups[shown])
+    return CorrelationMatrix(
+        front=found.front,
+        devices=tuple(devices[found.slugs[row]] for row in shown),
+        sessions=tuple(found.sessions[row] for row in shown),
+        pearson=pearson,
+        spearman=spearman,
+        common=common,
+        left_out=len(found.slugs) - len(shown),
+    )
+
+
+def _order(device: Device) -> tuple[str, str, str]:
+    return device.vendor, device.title, device.slug
+
+
+def pairwise(values: Array, least: int = LEAST_COMMON) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Pearson, Spearman and the number of common columns of every two rows of VALUES (n, m), which are NaN
+    where nothing was measured: three arrays (n, n). NaN on the diagonal, below LEAST common columns, and
+    where a row is constant over them.
+
+    Rows that have the same columns are worked on together: devices measure either a whole front or its best.
+    """
+    measured = np.isfinite(values)
+    common = measured.astype(np.int64) @ measured.T.astype(np.int64)
+    pearson, spearman = np.full(common.shape, np.nan), np.full(common.shape, np.nan)
+    patterns, members = np.unique(measured, axis=0, return_inverse=True)
+    rows = [np.flatnonzero(members.ravel() == pattern) for pattern in range(len(patterns))]
+    for first in range(len(patterns)):
+        for second in range(first + 1):
+            columns = np.flatnonzero(patterns[first] & patterns[second])
+            if len(columns) < least:
+                continue
+            x, y = values[np.ix_(rows[first], columns)], values[np.ix_(rows[second], columns)]
+            for answer, (a, b) in ((pearson, (x, y)), (spearman, (_ranks(x), _ranks(y)))):
+                found = _normalised(a) @ _normalised(b).T
+                answer[np.ix_(rows[first], rows[second])] = np.clip(found, -1.0, 1.0)
+                answer[np.ix_(rows[second], rows[first])] = np.clip(found.T, -1.0, 1.0)
+    for answer in (pearson, spearman):
+        np.fill_diagonal(answer, np.nan)
+    return pearson, spearman, common
+
+
+def _normalised(values: Array) -> Array:
+    """Each row less its mean, of length 1; NaN for a constant row."""
+    centred = values - values.mean(axis=1, keepdims=True)
+    length = np.linalg.norm(centred, axis=1, keepdims=True)
+    return np.divide(centred, length, out=np.full_like(centred, np.nan), where=length > 0)
+
+
+def _ranks(values: Array) -> Array:
+    """Each row's ranks; equal values share the mean of their places."""
+    mine, others = values[:, :, None], values[:, None, :]
+    return (others < mine).sum(axis=2) + ((others == mine).sum(axis=2) + 1) / 2
+
+
+def _tables(slugs: Iterable[str]) -> dict[str, dict[Front, Logs]]:
     """Negated log speedups by device, front (newest first) and configuration."""
     rows = (
         DeviceSpeedup.objects.filter(device__slug__in=slugs, state=State.VALID)
         .order_by("-front__published_at", "-sessions", "processor")
         .values_list(
             "device__slug",
+            "device__kind",
             "front__slug",
             "backend",
             "processor",
@@ -40,9 +117,10 @@ def _tables(slugs: Iterable[str]) -> dict[str, dict[str, Logs]]:
             "speedup",
         )
     )
-    tables: dict[str, dict[str, Logs]] = {}
-    chosen: dict[tuple[str, str], tuple[str, str]] = {}
-    for device, front, backend, processor, configuration, baseline, speedup in rows:
+    tables: dict[str, dict[Front, Logs]] = {}
+    chosen: dict[tuple[str, Front], tuple[str, str]] = {}
+    for device, kind, slug, backend, processor, configuration, baseline, speedup in rows:
+        front = (slug, kind == DeviceModel.Kind.SIMULATED)
         # The first row of a device and front is of the processor with the most sessions.
         if chosen.setdefault((device, front), (backend, processor)) == (backend, processor):
             table = tables.setdefault(device, {}).setdefault(front, {baseline: 0.0})
@@ -50,11 +128,11 @@ def _tables(slugs: Iterable[str]) -> dict[str, dict[str, Logs]]:
     return tables
 
 
-def _pair(first: str, second: str, tables: dict[str, dict[str, Logs]]) -> DeviceCorrelation | None:
+def _pair(first: str, second: str, tables: dict[str, dict[Front, Logs]]) -> DeviceCorrelation | None:
     for front, one in tables.get(first, {}).items():
         other = tables.get(second, {}).get(front, {})
         common = sorted(one.keys() & other.keys())
         found = correlate([one[name] for name in common], [other[name] for name in common])
         if found is not None:
-            return DeviceCorrelation(first, second, front, found.count, found.pearson, found.spearman)
+            return DeviceCorrelation(first, second, front[0], found.count, found.pearson, found.spearman)
     return None

@@ -114,6 +114,117 @@ class Speedups:
 
 
 @dataclass(frozen=True)
+class Share:
+    """A part of the crowd: the devices whose chip, system or maker is `group` ("" where it was not told)."""
+
+    group: str
+    figure: Headline
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a device stands among all device models that count in the headline, itself included.
+
+    `rank` 1 gains most, and equals share the better rank; `slower` is the share (0 to 1) of the other models
+    that gain less, None where there is no other. `models`: every model with its speedup, fastest first.
+    """
+
+    device: Device
+    speedup: float
+    rank: int
+    slower: float | None
+    models: tuple[tuple[Device, float], ...]
+
+
+@dataclass(frozen=True)
+class Release:
+    """One driver and version of the system on a device, with the speedup measured there; times to the hour.
+
+    low and high are the 95 % interval over installations, None below three.
+    """
+
+    driver: str
+    os_version: str
+    speedup: float
+    low: float | None
+    high: float | None
+    sessions: int
+    installations: int
+    first_at: datetime
+    last_at: datetime
+
+
+@dataclass(frozen=True)
+class History:
+    """How a configuration's speedup on one device changed with its driver and system; first seen first."""
+
+    front: str
+    configuration: str
+    backend: str
+    processor: str
+    releases: tuple[Release, ...]
+
+
+@dataclass(frozen=True)
+class Winner:
+    """Which of a front's configurations is fastest on one device, and how the reference's best does there.
+
+    Of `configurations` measured ones, the default among them, `winner` is `speedup` times as fast as the
+    default. best_speedup and best_rank are those of the reference's best (1: it wins here too; equals share
+    the better rank), and `regret` how many times slower it is than the winner, 1 or more; None where it has
+    no valid figure. The winner was picked by its measured time: noise alone makes a regret above 1.
+    """
+
+    device: Device
+    backend: str
+    processor: str
+    configurations: int
+    winner: str
+    speedup: float
+    best_speedup: float | None
+    best_rank: int | None
+    regret: float | None
+    sessions: int
+
+
+@dataclass(frozen=True)
+class Winners:
+    """The winners of one front (None: no front) on each device that measured enough configurations.
+
+    `counts`: how many devices each winning configuration wins on, most first. median_regret, and the shares
+    of devices on which the reference's best wins or is within a tenth of the winner, are over the `judged`
+    devices that measured it; None where there is none.
+    """
+
+    front: str | None
+    reference: str
+    rows: tuple[Winner, ...]
+    counts: tuple[tuple[str, int], ...]
+    judged: int
+    median_regret: float | None
+    wins: float | None
+    nearly_wins: float | None
+
+
+@dataclass(frozen=True)
+class CorrelationMatrix:
+    """How alike devices scale and rank one front's configurations; each array is (devices, devices).
+
+    `pearson` is that of logarithms of time, `spearman` that of ranks, over the `common` configurations that
+    both measured, the default among them; NaN on the diagonal, where those are too few, and where one device
+    runs them all equally fast. `left_out` devices with fewer sessions are not among `devices`.
+    """
+
+    front: str | None
+    devices: tuple[Device, ...]
+    sessions: tuple[int, ...]
+    pearson: NDArray[np.float64]
+    spearman: NDArray[np.float64]
+    common: NDArray[np.int64]
+    left_out: int
+
+
+@dataclass(frozen=True)
 class DeviceRow:
     """A device in the list; speedup is that of `best` on the newest measured front, None before any."""
 

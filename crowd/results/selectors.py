@@ -1,6 +1,7 @@
 """Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
 
 from crowd.results.reading.devices import device, devices
+from crowd.results.reading.history import history
 from crowd.results.reading.sessions import (
     LISTED_SESSIONS,
     latest_sessions,
@@ -9,18 +10,23 @@ from crowd.results.reading.sessions import (
     session,
     submission,
 )
-from crowd.results.reading.speedups import headline, measured_front, speedups
+from crowd.results.reading.speedups import breakdown, headline, measured_front, place, speedups
+from crowd.results.reading.transfer import winners
 
 __all__ = [
     "LISTED_SESSIONS",
+    "breakdown",
     "device",
     "devices",
     "headline",
+    "history",
     "latest_sessions",
     "measured_front",
     "own_sessions",
+    "place",
     "run",
     "session",
     "speedups",
     "submission",
+    "winners",
 ]

@@ -12,7 +12,7 @@ from crowd.results import statistics, summaries
 from crowd.results.filters import ALL, SpeedupFilters
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.reading.figures import device_of, figures, hour, simulated_only
-from crowd.results.rows import Headline, Speedup, Speedups
+from crowd.results.rows import Headline, Place, Share, Speedup, Speedups
 
 
 def measured_front(application: str, simulated: bool = False) -> str | None:
@@ -41,13 +41,8 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
 
     The models of which no valid figure exists count only where there is none of any model.
     """
-    name = BEST if configuration == ALL else configuration
-    shown = [row for row in rows if row.configuration == name]
-    counted = [row for row in shown if not row.suspect] or shown
-    by_model: dict[str, list[float]] = defaultdict(list)
-    for row in counted:
-        by_model[row.device.slug].append(row.speedup)
-    models = [statistics.geometric_mean(values) for values in by_model.values()]
+    counted = _counted(rows, configuration)
+    models = list(_by_model(counted).values())
     crowd = statistics.crowd_speedup(models)
     return Headline(
         devices=len(models),
@@ -61,8 +56,54 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
     )
 
 
+def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[Share, ...]:
+    """The headline of each group of ROWS, most devices first; BY is "vendor" (whose chip computed), "soc",
+    "gpu" or "os". A model measured on several vendors' chips counts with each.
+    """
+    groups: dict[str, list[Speedup]] = defaultdict(list)
+    for row in rows:
+        groups[row.vendor if by == "vendor" else getattr(row.device, by)].append(row)
+    shares = (Share(group, headline(members, configuration)) for group, members in groups.items())
+    known = (share for share in shares if share.figure.devices)
+    return tuple(sorted(known, key=lambda share: (-share.figure.devices, share.group)))
+
+
+def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Place | None:
+    """Where the device SLUG stands in ROWS; None where no figure of it counts in their headline."""
+    counted = _counted(rows, configuration)
+    devices = {row.device.slug: row.device for row in counted}
+    models = _by_model(counted)
+    if slug not in models:
+        return None
+    own = models[slug]
+    ordered = sorted(models, key=lambda name: (-models[name], name))
+    slower = sum(speedup < own for speedup in models.values())
+    return Place(
+        device=devices[slug],
+        speedup=own,
+        rank=1 + sum(speedup > own for speedup in models.values()),
+        slower=slower / (len(models) - 1) if len(models) > 1 else None,
+        models=tuple((devices[name], models[name]) for name in ordered),
+    )
+
+
+def _counted(rows: Iterable[Speedup], configuration: str) -> list[Speedup]:
+    """Those of ROWS that a headline is made of."""
+    name = BEST if configuration == ALL else configuration
+    shown = [row for row in rows if row.configuration == name]
+    return [row for row in shown if not row.suspect] or shown
+
+
+def _by_model(rows: Iterable[Speedup]) -> dict[str, float]:
+    """Each model's speedup, the geometric mean over its processors, by its slug."""
+    found: dict[str, list[float]] = defaultdict(list)
+    for row in rows:
+        found[row.device.slug].append(row.speedup)
+    return {slug: statistics.geometric_mean(values) for slug, values in found.items()}
+
+
 def _stored(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
-    rows = DeviceSpeedup.objects.filter(_of_devices(filters), front__slug=front)
+    rows = DeviceSpeedup.objects.filter(of_devices(filters), front__slug=front)
     if filters.min_sessions > 1:
         rows = rows.filter(sessions__gte=filters.min_sessions)
     if filters.configuration != ALL:
@@ -70,7 +111,7 @@ def _stored(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
     return figures(rows)
 
 
-def _of_devices(filters: SpeedupFilters) -> Q:
+def of_devices(filters: SpeedupFilters) -> Q:
     """Whose figures FILTERS ask for, of rows that carry a device and a backend."""
     texts = {"soc": filters.soc, "gpu": filters.gpu, "os": filters.os}
     asked = {f"device__{name}__icontains": text for name, text in texts.items() if text}
@@ -81,7 +122,7 @@ def _of_devices(filters: SpeedupFilters) -> Q:
 
 def _of_period(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
     """The same figures from the sessions of a period alone, which no stored row holds. Four queries."""
-    cohorts = Cohort.objects.filter(_of_devices(filters), front__slug=front)
+    cohorts = Cohort.objects.filter(of_devices(filters), front__slug=front)
     found = {cohort.pk: cohort for cohort in cohorts.select_related("device")}
     version = FrontVersion.objects.filter(slug=front).prefetch_related("configurations").first()
     called = {c.pk: c.name for c in version.configurations.all()} if version else {}

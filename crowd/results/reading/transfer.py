@@ -1,0 +1,55 @@
+"""Whether what was learned on the reference device holds on others: which configuration wins where."""
+
+from collections import Counter
+from statistics import median
+
+import numpy as np
+
+from crowd.fronts.selectors import BEST
+from crowd.results.filters import SpeedupFilters
+from crowd.results.reading.tables import Table, named, table
+from crowd.results.rows import Device, Winner, Winners
+
+LEAST_CONFIGURATIONS = 3
+# Within this factor of the fastest, the reference's best does nearly as well.
+NEAR = 1.1
+
+
+def winners(filters: SpeedupFilters) -> Winners:
+    """The fastest valid configuration of each device that measured at least LEAST_CONFIGURATIONS of them, the
+    default among them; in the order of slugs. Three queries where all days count.
+    """
+    found = table(filters, LEAST_CONFIGURATIONS)
+    devices = named(found.slugs)
+    rows = tuple(_winner(found, place, devices[slug]) for place, slug in enumerate(found.slugs))
+    regrets = [row.regret for row in rows if row.regret is not None]
+    counts = Counter(row.winner for row in rows)
+    return Winners(
+        front=found.front,
+        reference=BEST,
+        rows=rows,
+        counts=tuple(sorted(counts.items(), key=lambda item: (-item[1], item[0]))),
+        judged=len(regrets),
+        median_regret=median(regrets) if regrets else None,
+        wins=sum(row.best_rank == 1 for row in rows) / len(regrets) if regrets else None,
+        nearly_wins=sum(regret <= NEAR for regret in regrets) / len(regrets) if regrets else None,
+    )
+
+
+def _winner(found: Table, place: int, device: Device) -> Winner:
+    logs = found.log_speedups[place]
+    first = int(np.nanargmax(logs))
+    best = found.configurations.index(BEST) if BEST in found.configurations else None
+    own = None if best is None or np.isnan(logs[best]) else float(logs[best])
+    return Winner(
+        device=device,
+        backend=found.backends[place],
+        processor=found.processors[place],
+        configurations=int(np.isfinite(logs).sum()),
+        winner=found.configurations[first],
+        speedup=float(np.exp(logs[first])),
+        best_speedup=None if own is None else float(np.exp(own)),
+        best_rank=None if own is None else 1 + int((logs > own).sum()),
+        regret=None if own is None else float(np.exp(logs[first] - own)),
+        sessions=found.sessions[place],
+    )

@@ -1,0 +1,190 @@
+"""What pages read of figures: parts of the crowd, a device's place, winners, correlations, history."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from crowd.devices.models import DeviceModel
+from crowd.fronts.models import FrontVersion
+from crowd.results import correlations, selectors
+from crowd.results.correlations import pairwise
+from crowd.results.filters import SpeedupFilters
+from crowd.results.models import DeviceSpeedup
+from crowd.results.rows import Device, Speedup
+from tests.crowd.documents import device_document, run_document, session_document, submission_document
+from tests.crowd.participant import Participant
+
+WIDE = ("fast", "faster", "fastest")
+
+
+def bar(slug: str, speedup: float, **changes: Any) -> Speedup:
+    parts = {"manufacturer": "", "cpu": "", "soc": "", "gpu": "Adreno 750", "os": "Android"}
+    device = Device(slug=slug, name=slug, **{name: changes.pop(name, text) for name, text in parts.items()})
+    values: dict[str, Any] = {
+        "front": "kfusion-test", "configuration": "best", "baseline": "default", "backend": "opencl",
+        "processor": device.gpu, "speedup": speedup, "low": None, "high": None, "repeat_low": None,
+        "repeat_high": None, "sessions": 1, "installations": 1, "ate_max": 0.01,
+        "last_session_at": datetime(2026, 11, 20, tzinfo=UTC), "suspect": False,
+    }  # fmt: skip
+    return Speedup(device=device, **(values | changes))
+
+
+def test_the_crowd_is_broken_down_by_who_made_the_chip_that_computed() -> None:
+    rows = [bar("a", 2.0), bar("b", 8.0), bar("c", 3.0, gpu="Mali-G78"), bar("a", 5.0, processor="pthread")]
+
+    shares = {share.group: share.figure for share in selectors.breakdown(rows, "vendor")}
+
+    assert list(shares) == ["Adreno", "CPU", "Mali"]
+    assert (shares["Adreno"].devices, shares["Adreno"].geometric_mean) == (2, pytest.approx(4.0))
+    assert (shares["CPU"].devices, shares["CPU"].geometric_mean) == (1, pytest.approx(5.0))
+    assert [share.group for share in selectors.breakdown(rows, "os")] == ["Android"]
+
+
+def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> None:
+    rows = [
+        bar("a", 2.0),
+        bar("b", 8.0),
+        bar("b", 2.0, processor="x"),
+        bar("c", 9.0),
+        bar("d", 99, suspect=True),
+    ]
+
+    place = selectors.place(rows, "b")
+
+    assert place is not None
+    assert (place.rank, place.speedup, place.slower) == (2, pytest.approx(4.0), 0.5)
+    assert [device.slug for device, _ in place.models] == ["c", "b", "a"]
+    assert selectors.place(rows, "d") is None
+
+
+def test_an_only_device_has_no_share_of_slower_ones() -> None:
+    place = selectors.place([bar("a", 2.0)], "a")
+
+    assert place is not None
+    assert (place.rank, place.slower) == (1, None)
+
+
+def test_pairwise_correlations_are_those_of_scipy_whatever_is_missing() -> None:
+    values = np.random.default_rng(7).normal(size=(9, 8)).round(1)
+    values[:4, 5:] = np.nan
+    values[8, 2:] = np.nan
+    pearson, spearman, common = pairwise(values)
+
+    for i in range(9):
+        for j in range(9):
+            both = np.isfinite(values[i]) & np.isfinite(values[j])
+            assert common[i, j] == both.sum()
+            if i == j or both.sum() < 3:
+                assert np.isnan(pearson[i, j])
+                assert np.isnan(spearman[i, j])
+            else:
+                x, y = values[i, both], values[j, both]
+                assert pearson[i, j] == pytest.approx(stats.pearsonr(x, y)[0])
+                assert spearman[i, j] == pytest.approx(stats.spearmanr(x, y)[0])
+
+
+def test_a_device_that_runs_all_equally_fast_correlates_with_none() -> None:
+    pearson, _, common = pairwise(np.array([[1.0, 1.0, 1.0], [1.0, 2.0, 3.0]]))
+
+    assert np.isnan(pearson[0, 1])
+    assert common[0, 1] == 3
+
+
+@pytest.fixture
+def measured(front: FrontVersion) -> None:
+    """Figures of three devices and a simulated one; best wins on none but the first."""
+    configurations = {each.name: each for each in front.configurations.all()}
+    for slug, kind, best, accurate, sessions in (
+        ("a", "device", 8.0, 0.5, 9),
+        ("b", "device", 4.0, 5.0, 3),
+        ("c", "device", 0.8, 0.5, 1),
+        ("simulated-d", "simulated", 4.0, 9.0, 30),
+        ("only-best", "device", 4.0, None, 50),
+    ):
+        device = DeviceModel.objects.create(key=slug, slug=slug, name=slug, kind=kind)
+        for name, speedup in (("best", best), ("accurate", accurate)):
+            if speedup is not None:
+                DeviceSpeedup.objects.create(
+                    device=device, front=front, configuration=configurations[name],
+                    baseline=configurations["default"], backend="opencl", processor="Mali-G78", algorithm=2,
+                    speedup=speedup, sessions=sessions, installations=1, state="valid",
+                    last_session_at=datetime(2026, 11, 20, tzinfo=UTC),
+                )  # fmt: skip
+
+
+def test_the_winner_of_each_device_and_what_the_references_best_costs_there(
+    measured: None, django_assert_max_num_queries: Any
+) -> None:
+    with django_assert_max_num_queries(3):
+        found = selectors.winners(SpeedupFilters())
+
+    assert [(row.device.slug, row.winner, row.best_rank, row.configurations) for row in found.rows] == [
+        ("a", "best", 1, 3),
+        ("b", "accurate", 2, 3),
+        ("c", "default", 2, 3),
+    ]
+    assert [row.regret for row in found.rows] == [1.0, pytest.approx(1.25), pytest.approx(1.25)]
+    assert found.counts == (("accurate", 1), ("best", 1), ("default", 1))
+    assert (found.judged, found.median_regret) == (3, pytest.approx(1.25))
+    assert (found.wins, found.nearly_wins) == (pytest.approx(1 / 3), pytest.approx(1 / 3))
+
+
+def test_winners_of_the_simulated_crowd_are_its_own(measured: None) -> None:
+    found = selectors.winners(SpeedupFilters(simulated=True))
+
+    assert [(row.device.slug, row.device.simulated) for row in found.rows] == [("simulated-d", True)]
+
+
+def test_nothing_measured_has_no_winner(front: FrontVersion) -> None:
+    found = selectors.winners(SpeedupFilters())
+
+    assert (found.rows, found.judged, found.median_regret, found.wins) == ((), 0, None, None)
+    assert correlations.matrix(SpeedupFilters()).devices == ()
+
+
+def test_the_matrix_holds_the_devices_with_the_most_sessions(
+    measured: None, django_assert_max_num_queries: Any
+) -> None:
+    with django_assert_max_num_queries(3):
+        found = correlations.matrix(SpeedupFilters(), most=2)
+
+    assert [device.slug for device in found.devices] == ["a", "b"]
+    assert (found.sessions, found.left_out) == ((9, 3), 1)
+    # Times relative to the default: (1/8, 2, 1) and (1/4, 1/5, 1).
+    logs = np.log([[1 / 8, 2, 1], [1 / 4, 1 / 5, 1]])
+    assert found.pearson[0, 1] == pytest.approx(np.corrcoef(logs)[0, 1])
+    assert found.spearman[0, 1] == pytest.approx(-0.5)
+    assert (found.common[0, 1], np.isnan(found.pearson[0, 0])) == (3, True)
+
+
+def test_the_history_of_a_device_by_driver_and_version_of_the_system(
+    front: FrontVersion, join: Callable[[], Participant], django_assert_max_num_queries: Any
+) -> None:
+    old = device_document(os_version="15", opencl_driver="3.0 v1.r38p1")
+    for best_us, device in ((20_000, old), (10_000, old), (5_000, device_document())):
+        sent = session_document()
+        sent["runs"] = [
+            run_document(name, repeat, order, us + order)
+            for name, repeat, order, us in (
+                ("default", 0, 0, 80_000), ("best", 0, 1, best_us), ("best", 1, 2, best_us),
+                ("default", 1, 3, 80_000),
+            )
+        ]  # fmt: skip
+        join().submit(submission_document(sent, device=device))
+
+    with django_assert_max_num_queries(3):
+        found = selectors.history("google-pixel-8")
+
+    assert found is not None
+    assert (found.front, found.configuration, found.processor) == ("kfusion-test", "best", "Mali-G715")
+    assert [(row.driver, row.os_version, row.sessions, row.installations) for row in found.releases] == [
+        ("Mali r38p1", "15", 2, 2),
+        ("Mali r44p1", "16", 1, 1),
+    ]
+    assert found.releases[0].speedup == pytest.approx(np.sqrt(32), rel=1e-3)
+    assert found.releases[1].speedup == pytest.approx(16, rel=1e-3)
+    assert selectors.history("none") is None
