@@ -7,12 +7,13 @@ from typing import Any
 
 import msgspec
 from django.db import transaction
-from django.db.models import QuerySet
+from django.db.models import CharField, QuerySet
 
 from crowd.devices import catalogue, disclosure, drivers, normalisation
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.normalisation import Identity
 from crowd.devices.signals import models_changed
+from crowd.prepared import Hole, Query
 
 PARTS = ("cpu", "soc", "gpu", "os", "market_name")
 BATCH = 200
@@ -52,15 +53,20 @@ def recognise(raw: dict[str, Any], simulated: bool = False) -> Recognised:
 
 
 def _recognised(digest: str) -> Recognised | None:
-    """Bare columns: this is asked for every submission. None before the model has its group."""
-    rows = DeviceDescription.objects.filter(digest=digest).values_list(
-        "pk", "driver_name", "driver_version", *disclosure.columns("model")
-    )
-    for key, driver, version, *model in rows.order_by():
+    """None before the model has its group."""
+    for key, driver, version, *model in _described.rows(digest=digest):
         shown = disclosure.Shown.of(model)
         if shown.group is not None:
             return Recognised(key, shown, f"{driver} {version}".strip())
     return None
+
+
+def _by_digest() -> "QuerySet[DeviceDescription, tuple[Any, ...]]":
+    rows = DeviceDescription.objects.filter(digest=Hole("digest", CharField()))
+    return rows.order_by().values_list("pk", "driver_name", "driver_version", *disclosure.columns("model"))
+
+
+_described = Query(_by_digest)
 
 
 @transaction.atomic

@@ -2,12 +2,16 @@
 
 import hashlib
 import secrets
+from typing import Any
 
-from django.db import transaction
-from django.db.models import Q
+from django.db import DEFAULT_DB_ALIAS, transaction
+from django.db.models import CharField, Q, QuerySet
 
 from crowd.devices import recognition
 from crowd.devices.models import DeviceModel, Installation
+from crowd.prepared import Hole, Query
+
+COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
 
 def enrol(app: str, app_version: str, consent_version: int) -> tuple[Installation, str]:
@@ -32,11 +36,10 @@ def renew_token(installation: Installation) -> str:
 def installation_of(token: str) -> Installation | None:
     """Whose TOKEN it is; None for one that is unknown, was followed by another or revoked. One query."""
     digest = _digest(token)
-    known = Installation.objects.filter(revoked_at=None)
-    try:
-        installation = known.get(Q(token_sha256=digest) | Q(next_token_sha256=digest))
-    except Installation.DoesNotExist:
+    found = _known.rows(digest=digest)
+    if not found:
         return None
+    installation = Installation.from_db(DEFAULT_DB_ALIAS, COLUMNS, found[0])
     if installation.next_token_sha256 == digest:
         Installation.objects.filter(next_token_sha256=digest).update(
             token_sha256=digest, next_token_sha256=None
@@ -59,6 +62,15 @@ def choose_disclosure(installation: Installation, show_model: bool | None) -> No
             "pk", flat=True
         )
     )
+
+
+def _by_token() -> "QuerySet[Installation, tuple[Any, ...]]":
+    digest = Hole("digest", CharField())
+    known = Installation.objects.filter(Q(token_sha256=digest) | Q(next_token_sha256=digest), revoked_at=None)
+    return known.order_by().values_list(*COLUMNS)
+
+
+_known = Query(_by_token)
 
 
 def _digest(token: str) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from django.conf import settings
 
 from crowd.fronts.models import IntakePolicy
+from crowd.prepared import Query
 
 
 @dataclass(frozen=True)
@@ -26,14 +27,16 @@ class Policy:
 
 def current() -> Policy:
     """What holds at this moment, in every process. One query."""
-    decided = IntakePolicy.objects.values_list("accepting", "message", "minimum_app_version")
-    accepting, message, minimum = next(iter(decided), (None, "", ""))
+    accepting, message, minimum = next(iter(_decided.rows()), (None, "", ""))
     return Policy(
         accepting=settings.FRONTRUNNER_ACCEPTING if accepting is None else accepting,
         message=message,
         minimum_app_version=minimum or settings.FRONTRUNNER_MINIMUM_APP_VERSION,
         consent_version=settings.FRONTRUNNER_CONSENT_VERSION,
     )
+
+
+_decided = Query(lambda: IntakePolicy.objects.values_list("accepting", "message", "minimum_app_version"))
 
 
 def _numbers(version: str) -> tuple[int, ...]:

@@ -195,10 +195,10 @@ def _mark_duplicates(items: list[Item], seen: set[UUID]) -> None:
 
 def _refuse_taken_repeats(items: list[Item], sessions: dict[UUID, MeasurementSession]) -> None:
     """One run a repeat: the first repeat of a configuration in a session cannot come twice under two ids."""
-    stored = Run.objects.filter(session__in=sessions.values())
-    repeats = stored.values_list("session__uuid", "configuration__name", "repeat")
-    # No session is stored yet where none goes on: the usual case asks nothing.
-    taken = set(repeats) if sessions else set()
+    taken: set[tuple[UUID, str, int]] = set()
+    if sessions:  # usually none goes on
+        stored = Run.objects.filter(session__in=sessions.values())
+        taken.update(stored.values_list("session__uuid", "configuration__name", "repeat"))
     for item in items:
         if item.run is None or item.rejection is not None or item.duplicate:
             continue

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 from django.db import IntegrityError, transaction
+from django.db.models import CharField, QuerySet, UUIDField
 from django.utils import timezone
 
 from crowd.devices.models import Installation
@@ -15,6 +16,7 @@ from crowd.devices.services import choose_disclosure
 from crowd.disclosure import public
 from crowd.fronts import policy
 from crowd.fronts.policy import Policy
+from crowd.prepared import Hole, Query, insert
 from crowd.problems import Problem
 from crowd.results import extras, intake, judging, packing, schema
 from crowd.results.models import MeasurementSession, Run, Submission
@@ -60,8 +62,7 @@ def _accept(installation: Installation, key: str, body: bytes, careful: bool) ->
         if not known.select_for_update(no_key=True).exists():
             raise Problem(401, "token_invalid", "this installation was erased: enrol again")
     digest = hashlib.sha256(body).hexdigest()
-    earlier = Submission.objects.filter(installation=installation, idempotency_key=key)
-    for earlier_digest, answer in earlier.order_by().values_list("body_sha256", "answer"):
+    for earlier_digest, answer in _earlier.rows(installation=installation.pk, key=key):
         if earlier_digest != digest:
             raise Problem(
                 409, "idempotency_key_reused", "this key came with another body before: use a new key"
@@ -84,6 +85,16 @@ def _accept(installation: Installation, key: str, body: bytes, careful: bool) ->
     submission.answer = json.dumps({"submission_id": str(submission.pk), "items": items})
     submission.save(force_insert=True)
     return Acceptance(submission.answer, replayed=False, sessions=_store(submission, checked))
+
+
+def _under_the_key() -> "QuerySet[Submission, tuple[str, str]]":
+    rows = Submission.objects.filter(
+        installation=Hole("installation", UUIDField()), idempotency_key=Hole("key", CharField())
+    )
+    return rows.order_by().values_list("body_sha256", "answer")
+
+
+_earlier = Query(_under_the_key)
 
 
 def validate_submission(installation: Installation, body: bytes) -> list[dict[str, Any]]:
@@ -152,7 +163,7 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
     sessions = {
         session.uuid: session for session in (*checked.sessions.values(), *made) if session.uuid in named
     }
-    Run.objects.bulk_create(
+    insert(
         [_row(item, sessions[item.session.id], checked.fronts[item.session.front_version]) for item in new]
     )
     # A session that goes on has more runs now than its summary knows, also one that is being made just now.

@@ -98,10 +98,10 @@ def test_a_session_summarised_while_its_second_part_comes_is_summarised_again(
     participant.submit(submission_document(session | {"runs": first}))
     real = services.recognise
 
-    def summarised_meanwhile(raw: dict[str, Any]) -> Recognised:
+    def summarised_meanwhile(*device: Any) -> Recognised:
         """The second part is checked by now and not stored yet."""
         summarising.summarise_waiting()
-        return real(raw)
+        return real(*device)
 
     monkeypatch.setattr(services, "recognise", summarised_meanwhile)
     participant.submit(submission_document(session | {"runs": second}))
