@@ -216,7 +216,7 @@ STATIC_URL = "/static/"
 STATIC_ROOT = FRONTRUNNER_VAR / "static"
 STATICFILES_FINDERS = [
     "django.contrib.staticfiles.finders.AppDirectoriesFinder",
-    "crowd.dashboard.finders.PlotlyFinder",
+    "crowd.dashboard.finders.LibraryFinder",
 ]
 STORAGES = {
     "default": {"BACKEND": "django.core.files.storage.FileSystemStorage"},

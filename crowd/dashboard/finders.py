@@ -1,4 +1,4 @@
-"""plotly.min.js comes out of the installed plotly wheel: no copy of it is kept in the project."""
+"""plotly.min.js and htmx come out of installed wheels: no copy of them is kept in the project."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -7,26 +7,34 @@ from typing import Any
 from django.contrib.staticfiles.finders import BaseFinder
 from django.core.files.storage import FileSystemStorage
 
-NAME = "plotly.min.js"
-PREFIX = "plotly"
+# Each library's file by its address below /static/: package, folder in it.
+LIBRARIES = {
+    "plotly/plotly.min.js": ("plotly", "package_data"),
+    "htmx/htmx-2.min.js": ("django_htmx", "static/django_htmx"),
+}
 
 
-class PlotlyFinder(BaseFinder):
-    """Finds plotly/plotly.min.js, and nothing else of that package."""
+class LibraryFinder(BaseFinder):
+    """Finds the files of LIBRARIES, and nothing else of those packages."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:  # noqa: ARG002 - Django's signature
-        folder = Path(str(files("plotly"))) / "package_data"
-        self.storage = FileSystemStorage(location=str(folder))
-        # collectstatic puts what this storage lists under the prefix.
-        self.storage.prefix = PREFIX  # type: ignore[attr-defined]
+        self.storages = {address: _storage(address, *place) for address, place in LIBRARIES.items()}
 
     def find(self, path: str, find_all: bool = False, **kwargs: Any) -> Any:  # noqa: ARG002
-        """The file's path on disk where PATH names the library, else [] (as Django asks)."""
-        if path != f"{PREFIX}/{NAME}":
+        """The file's path on disk where PATH names a library, else [] (as Django asks)."""
+        if path not in self.storages:
             return []
-        found = self.storage.path(NAME)
+        found = self.storages[path].path(Path(path).name)
         return [found] if find_all else found
 
     def list(self, ignore_patterns: Any) -> Any:  # noqa: ARG002
-        """One file, for collectstatic."""
-        yield NAME, self.storage
+        """One file a library, for collectstatic."""
+        for address, storage in self.storages.items():
+            yield Path(address).name, storage
+
+
+def _storage(address: str, package: str, folder: str) -> FileSystemStorage:
+    storage = FileSystemStorage(location=str(Path(str(files(package))) / folder))
+    # collectstatic puts what this storage lists under the prefix.
+    storage.prefix = str(Path(address).parent)  # type: ignore[attr-defined]
+    return storage

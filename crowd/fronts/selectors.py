@@ -77,6 +77,11 @@ def fronts(application: str | None = None) -> tuple[Front, ...]:
     return tuple(_front(row) for row in rows)
 
 
+def names() -> tuple[tuple[str, str], ...]:
+    """Slug and application of every front that was ever published, newest first. One query."""
+    return tuple(FrontVersion.objects.released().values_list("slug", "application"))
+
+
 def front(slug: str) -> Front | None:
     """The published or retired front called SLUG, None if there is none. Two queries."""
     row = FrontVersion.objects.released().prefetch_related("configurations").filter(slug=slug).first()

@@ -6,7 +6,7 @@ import pytest
 
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.figures.fronts import front_plane
-from crowd.dashboard.figures.speedups import NAMED_BARS, speedup_bars
+from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, speedup_bars
 from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme
 from crowd.dashboard.stages import stage_times
 from crowd.fronts.selectors import Point
@@ -40,6 +40,16 @@ def test_bars_of_one_family_share_a_colour_and_a_legend_entry() -> None:
     assert {trace.name: list(trace.x) for trace in traces} == {"Mali": [6.0, 4.0], "NVIDIA": [5.0]}
     assert len({trace.marker.color for trace in traces}) == 2
     assert all(trace.showlegend for trace in traces)
+
+
+def test_more_groups_than_colours_share_one_as_other() -> None:
+    rows = [speedup(3.0, f"d{n}", device=device(f"d{n}", soc=f"SoC {n // 2}")) for n in range(20)]
+
+    traces = [trace for trace in speedup_bars(rows, LIGHT, SOC).data if trace.type == "bar"]
+
+    assert [trace.name for trace in traces] == [*(f"SoC {n}" for n in range(6)), "other"]
+    assert len({trace.marker.color for trace in traces}) == 7
+    assert sum(len(trace.x) for trace in traces) == 20
 
 
 def test_only_due_intervals_get_whiskers() -> None:

@@ -12,6 +12,7 @@ from django.test import Client
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content, retire
 from crowd.results import selectors
+from crowd.results.filters import SpeedupFilters
 from tests.crowd.documents import (
     device_document,
     front_document,
@@ -63,7 +64,7 @@ def test_the_headline_is_the_geometric_mean_over_device_models(
 
     assert "4.00x faster across 2 devices" in page
     assert "2.00-8.00x" in page
-    assert "n = 2 figures from 3 sessions." in page
+    assert "n = 2 figures from 3 sessions, front kfusion-test." in page
 
 
 def test_every_page_says_what_it_counts_and_what_it_means(client: Client, participant: Participant) -> None:
@@ -101,7 +102,7 @@ def test_three_installations_give_the_device_an_interval(
 
     page = read(client, "/devices/google-pixel-8/")
 
-    (row,) = selectors.speedups(selectors.SpeedupFilters()).rows
+    (row,) = selectors.speedups(SpeedupFilters()).rows
     assert row.low is not None
     assert "95 % interval" in page
     assert "over 3 installations" in page
@@ -219,9 +220,29 @@ def test_filters_live_in_the_address_and_reach_the_figure(client: Client, partic
     shown = client.get("/devices/?gpu=mali&min_sessions=1")
     hidden = client.get("/devices/?gpu=adreno")
 
-    assert "/figures/speedups.json?gpu=mali&amp;min_sessions=1" in shown.content.decode()
+    assert '"/figures/speedups.json?gpu=mali"' in shown.content.decode()
     assert 'name="gpu" value="mali"' in shown.content.decode()
     assert "No device matches these filters" in text(hidden)
+
+
+def test_an_address_under_filters_is_as_short_as_it_can_be(client: Client, front: FrontVersion) -> None:
+    by_form = client.get("/devices/?front=&vendor=Mali&soc=&min_sessions=1&suspect=&colour=soc&page=2")
+    by_script = client.get("/?vendor=&os=Android&min_sessions=1", headers={"HX-Request": "true"})
+
+    assert (by_form.status_code, by_form["Location"]) == (302, "/devices/?vendor=Mali&colour=soc")
+    assert (by_script.status_code, by_script["HX-Push-Url"]) == (200, "/?os=Android")
+
+
+def test_the_crowd_is_parted_by_chip_and_system(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    measure(join(), "Pixel 8", default_us=80_000, best_us=40_000)
+    measure(join(), "Pixel 7", default_us=80_000, best_us=10_000)
+
+    page = client.get("/")
+
+    assert "Mali 4.00x - 2 2" in text(page)
+    assert 'href="/devices/?vendor=Mali"' in page.content.decode()
 
 
 @pytest.mark.parametrize("query", ["since=yesterday", "min_sessions=0", "min_sessions=many"])

@@ -1,11 +1,13 @@
 """The crowd's bars."""
 
+from dataclasses import dataclass
+
 from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
 from crowd.dashboard.drawings.drawing import Drawing, Table
-from crowd.dashboard.figures.speedups import speedup_bars
+from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
 from crowd.results.rows import Speedup, Speedups
@@ -22,12 +24,27 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def read(request: HttpRequest) -> Speedups:
-    return results.speedups(SpeedupFilters.parse(request.GET))
+@dataclass(frozen=True)
+class Bars:
+    """The crowd under filters, and what its bars are coloured by."""
+
+    crowd: Speedups
+    colour: str
 
 
-def table(crowd: Speedups) -> Table:
-    return Table(COLUMNS, [_cells(row) for row in crowd.rows])
+def read(request: HttpRequest) -> Bars:
+    """The bars that the query string asks for."""
+    return Bars(results.speedups(SpeedupFilters.parse(request.GET)), colour_of(request))
+
+
+def colour_of(request: HttpRequest) -> str:
+    """What ?colour= names; whose chip computed where it names nothing known."""
+    return SOC if request.GET.get("colour") == SOC else VENDOR
+
+
+def table(bars: Bars) -> Table:
+    """A row for each bar, fastest first."""
+    return Table(COLUMNS, [_cells(row) for row in bars.crowd.rows])
 
 
 def _cells(row: Speedup) -> tuple[str | float | int | None, ...]:
@@ -40,11 +57,14 @@ def _cells(row: Speedup) -> tuple[str | float | int | None, ...]:
     )  # fmt: skip
 
 
-def _title(crowd: Speedups) -> str:
-    return f"Speedup by device, front {crowd.front}" if crowd.front else "Speedup by device"
+def _title(bars: Bars) -> str:
+    crowd = bars.crowd
+    words = ["Speedup by device", f"front {crowd.front}" if crowd.front else "", crowd.filters.describe()]
+    return ", ".join(filter(None, words))
 
 
-def _n(crowd: Speedups) -> str:
+def _n(bars: Bars) -> str:
+    crowd = bars.crowd
     figures = formats.plural(len(crowd.rows), "figure")
     return f"{figures} from {formats.plural(crowd.headline.sessions, 'session')}"
 
@@ -55,7 +75,7 @@ DRAWINGS = (
         path="speedups",
         definition=DEFINITION,
         read=read,
-        draw=lambda crowd, theme: speedup_bars(crowd.rows, theme),
+        draw=lambda bars, theme: speedup_bars(bars.crowd.rows, theme, bars.colour),
         table=table,
         title=_title,
         n=_n,

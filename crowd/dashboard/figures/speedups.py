@@ -9,7 +9,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.figures import layout
 from crowd.dashboard.palette import Theme
-from crowd.dashboard.processors import family
+from crowd.devices.vendors import OTHER
 from crowd.results.rows import Speedup
 
 # Above this many devices a name for each bar no longer fits: the bars stand upright, names on hover and
@@ -17,6 +17,9 @@ from crowd.results.rows import Speedup
 NAMED_BARS = 30
 # Pixels: three families side by side on a phone.
 LEGEND_ENTRY = 58
+# What bars can be coloured by.
+VENDOR, SOC = "vendor", "soc"
+UNTOLD = "not told"
 
 
 def bars_height(rows: int) -> int:
@@ -24,8 +27,9 @@ def bars_height(rows: int) -> int:
     return 96 + 54 * max(rows, 1) if rows <= NAMED_BARS else 460
 
 
-def speedup_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
-    """One bar a device, largest gain first, coloured by processor family, with a line at 1 (no gain).
+def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.Figure:
+    """One bar a device, largest gain first, with a line at 1 (no gain); coloured by whose chip computed, or
+    BY the system on a chip.
 
     Whiskers are the 95 % intervals over installations, where one is due; suspect figures are hatched. Up
     to NAMED_BARS devices lie flat with the name above each bar.
@@ -34,17 +38,20 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     figure = layout.blank(theme, bars_height(len(ranked)))
     flat = len(ranked) <= NAMED_BARS
     names = bar_names(ranked)
-    families = [family(row.processor, row.device.gpu) for row in ranked]
-    colours = _family_colours(families, theme)
+    vendors = [row.vendor for row in ranked]
+    groups = frequent(
+        [row.device.soc or UNTOLD for row in ranked] if by == SOC else vendors, len(theme.series) - 1
+    )
+    colours = _group_colours(groups, theme)
     for name, colour in colours.items():
-        ranks = [rank for rank, other in enumerate(families) if other == name]
+        ranks = [rank for rank, other in enumerate(groups) if other == name]
         members = [ranked[rank] for rank in ranks]
         values = [round(row.speedup, 4) for row in members]
         figure.add_bar(
             x=values if flat else ranks,
             y=ranks if flat else values,
             orientation="h" if flat else "v",
-            name=name,
+            name=layout.text(layout.clipped(name, 24)),
             width=layout.BAR if flat else 0.8,
             marker={
                 "color": colour,
@@ -57,7 +64,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
                 },
             },
             customdata=[
-                [_detail(names[rank], families[rank], ranked[rank]), _address(ranked[rank])] for rank in ranks
+                [_detail(names[rank], vendors[rank], ranked[rank]), _address(ranked[rank])] for rank in ranks
             ],
             hovertemplate="%{customdata[0]}<extra></extra>",
             showlegend=len(colours) > 1,
@@ -102,12 +109,21 @@ def _address(row: Speedup) -> str:
     return reverse("dashboard:device", args=[row.device.slug])
 
 
-def _family_colours(families: Sequence[str], theme: Theme) -> dict[str, str]:
-    """A colour for each family, by name; one family alone has the colour of `best`, which the bars show."""
-    distinct = sorted(set(families))
+def frequent(groups: Sequence[str], most: int) -> list[str]:
+    """GROUPS with all but the MOST frequent ones called OTHER: more colours nobody tells apart."""
+    counts = Counter(group for group in groups if group != OTHER)
+    kept = {group for group, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]}
+    return [group if group in kept else OTHER for group in groups]
+
+
+def _group_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
+    """A colour for each group, by name, OTHER last; one group alone has the colour of `best`, which the bars
+    show.
+    """
+    distinct = sorted(set(groups), key=lambda group: (group == OTHER, group))
     if len(distinct) <= 1:
         return dict.fromkeys(distinct, theme.best)
-    return {name: theme.series[number % len(theme.series)] for number, name in enumerate(distinct)}
+    return dict(zip(distinct, theme.series, strict=False))
 
 
 def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, theme: Theme) -> None:
@@ -139,14 +155,16 @@ def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, the
     )
 
 
-def _detail(name: str, family_name: str, row: Speedup) -> str:
+def _detail(name: str, vendor: str, row: Speedup) -> str:
     parts = [f"<b>{layout.text(name)}</b>", f"{formats.speedup(row.speedup)} over its own default"]
     if row.low is not None:
         parts.append(f"95 % interval {formats.interval(row.low, row.high)}")
     parts.append(
         f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
     )
-    parts.append(f"{family_name}, {layout.text(row.backend)}")
+    parts.append(f"{vendor}, {layout.text(row.backend)}")
+    if row.device.soc:
+        parts.append(layout.text(row.device.soc))
     if row.suspect:
         parts.append("suspect: no session of it is valid")
     return layout.lines(parts)

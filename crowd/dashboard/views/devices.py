@@ -1,48 +1,39 @@
 """Devices: the list, one of them, several side by side."""
 
 from django.core.paginator import Paginator
-from django.http import HttpRequest, HttpResponse, QueryDict
+from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.comparison import InvalidComparisonError, compared, labelled, parse_devices
+from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.figures.speedups import bars_height
+from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.race import race
 from crowd.dashboard.stages import stage_table, times_of
 from crowd.dashboard.views.page import found, page
-from crowd.fronts import selectors as published
 from crowd.results import selectors as results
-from crowd.results.filters import InvalidFilterError, SpeedupFilters
 
 PAGE = 100
 
 
-@page
-def devices(request: HttpRequest) -> HttpResponse:
+@filtered
+def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
     """Every measured device, under the filters of the query string."""
-    problem = ""
-    try:
-        filters = SpeedupFilters.parse(request.GET)
-    except InvalidFilterError as error:
-        filters, problem = SpeedupFilters(), str(error)
-    crowd = results.speedups(filters)
-    filtered = filters != SpeedupFilters()
+    crowd = results.speedups(asked.filters)
     return render(
         request,
         "dashboard/devices.html",
         {
+            "asked": asked,
+            "colour": colour_of(request),
             "crowd": crowd,
-            "filters": filters,
             "part": Paginator(crowd.rows, PAGE).get_page(request.GET.get("page")),
-            "filtered": filtered,
-            "problem": problem,
-            "fronts": published.fronts(filters.application),
             "height": bars_height(len(crowd.rows)),
-            "query": "" if problem else _without_page(request.GET),
-            "pending": () if filtered else [row for row in results.devices() if row.speedup is None],
+            "query": asked.query,
+            "pending": () if asked.filtered else [row for row in results.devices() if row.speedup is None],
         },
-        status=400 if problem else 200,
     )
 
 
@@ -90,10 +81,3 @@ def compare(request: HttpRequest) -> HttpResponse:
         },
         status=400 if problem else 200,
     )
-
-
-def _without_page(query: QueryDict) -> str:
-    """The filters alone, for the figure (which shows all pages) and for links to other pages."""
-    filters = query.copy()
-    filters.pop("page", None)
-    return filters.urlencode()

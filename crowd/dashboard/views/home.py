@@ -3,30 +3,35 @@
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures.speedups import bars_height
+from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.race import race
-from crowd.dashboard.views.page import page
 from crowd.fronts import selectors as published
 from crowd.results import selectors as results
-from crowd.results.filters import SpeedupFilters
 
 NEWEST = 6
+# What the crowd is broken down by, and what a page calls it.
+PARTS = {"vendor": "chip that computed", "soc": "system on a chip", "os": "operating system"}
 
 
-@page
-def home(request: HttpRequest) -> HttpResponse:
+@filtered
+def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
     """The crowd's answer: how many devices, how much faster, and how to add one's own."""
-    crowd = results.speedups(SpeedupFilters())
+    crowd = results.speedups(asked.filters)
     front = published.front(crowd.front) if crowd.front else None
     return render(
         request,
         "dashboard/home.html",
         {
+            "asked": asked,
+            "colour": colour_of(request),
             "crowd": crowd,
             "front": front,
             "protocol": front.protocol if front else {},
             "lanes": race(crowd.headline.geometric_mean),
-            "sessions": results.latest_sessions(NEWEST),
+            "breakdowns": [(by, name, results.breakdown(crowd.rows, by)) for by, name in PARTS.items()],
+            "sessions": results.latest_sessions(NEWEST, asked.filters.simulated),
             "height": bars_height(len(crowd.rows)),
         },
     )

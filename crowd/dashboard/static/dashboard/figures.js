@@ -35,7 +35,71 @@ function wire(figure, plot) {
   });
 }
 
-const figures = [...document.querySelectorAll("figure[data-figure]")];
-figures.forEach(draw);
-dark.addEventListener("change", () => figures.forEach(draw));
-document.addEventListener("frontrunner:changed", () => figures.forEach(draw));
+// Saves a figure as it is seen, with what it shows, n and its address: SVG as plotly draws it, PNG at twice the size.
+async function save(figure, kind) {
+  const plot = figure.querySelector(".plot");
+  const shown = getComputedStyle(figure);
+  const title = figure.closest("section")?.querySelector("h2, h3")?.textContent.trim() ?? document.title;
+  const n = figure.querySelector("figcaption strong")?.textContent.trim() ?? "";
+  const { margin, height } = plot.layout;
+  const layout = {
+    ...plot.layout,
+    paper_bgcolor: shown.backgroundColor,
+    height: height + 60,
+    margin: { ...margin, t: margin.t + 60 },
+    title: { text: plain(title), subtitle: { text: plain(`${n} ${window.location.href}`) }, x: 0, xref: "paper", y: 1, yref: "container", pad: { t: 14 }, yanchor: "top" },
+  };
+  const size = { width: plot.clientWidth, height: layout.height };
+  const drawing = await window.Plotly.toImage({ data: plot.data, layout }, { format: "svg", ...size });
+  const image = kind === "svg" ? drawing : await painted(drawing, size);
+  const link = document.createElement("a");
+  link.href = image;
+  link.download = `${figure.dataset.name}.${kind}`;
+  link.click();
+}
+
+// Plotly's own PNG goes through a blob: address, which the policy does not allow to images.
+async function painted(drawing, { width, height }) {
+  const image = new Image();
+  image.src = drawing;
+  await image.decode();
+  const canvas = document.createElement("canvas");
+  canvas.width = 2 * width;
+  canvas.height = 2 * height;
+  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+  return canvas.toDataURL("image/png");
+}
+
+// Plotly reads a small HTML in every text.
+function plain(text) {
+  return text.replace(/\s+/g, " ").replaceAll("&", "&amp;").replaceAll("<", "&lt;");
+}
+
+function figures() {
+  return [...document.querySelectorAll("figure[data-figure]")];
+}
+
+// Buttons that only work where this script does.
+function offer(figure) {
+  for (const button of figure.querySelectorAll("[data-save]")) {
+    button.closest("[hidden]")?.removeAttribute("hidden");
+    button.onclick = () => save(figure, button.dataset.save);
+  }
+}
+
+function begin() {
+  for (const figure of figures().filter(({ dataset }) => !dataset.drawn && !dataset.begun)) {
+    figure.dataset.begun = "yes";
+    offer(figure);
+    draw(figure);
+  }
+}
+
+begin();
+dark.addEventListener("change", () => figures().forEach(draw));
+document.addEventListener("frontrunner:changed", () => figures().forEach(draw));
+// A change of filters replaces figures: the old ones let go of the window, the new ones are drawn.
+document.addEventListener("htmx:beforeSwap", ({ target }) => {
+  target.querySelectorAll(".js-plotly-plot").forEach((plot) => window.Plotly.purge(plot));
+});
+document.addEventListener("htmx:afterSettle", begin);

@@ -1,6 +1,6 @@
 import pytest
 
-from crowd.dashboard.processors import CPU, OTHER, family
+from crowd.devices.vendors import CPU, OTHER, vendor
 
 
 @pytest.mark.parametrize(
@@ -21,9 +21,9 @@ from crowd.dashboard.processors import CPU, OTHER, family
     ],
 )
 def test_a_driver_s_name_tells_the_family(processor: str, expected: str) -> None:
-    assert family(processor) == expected
+    assert vendor(processor) == expected
 
 
 def test_the_gpu_helps_where_the_driver_says_nothing() -> None:
-    assert family("", "Mali-G57") == "Mali"
-    assert family("", "") == OTHER
+    assert vendor("", "Mali-G57") == "Mali"
+    assert vendor("", "") == OTHER
