@@ -82,6 +82,11 @@ def percent(fraction: float | None) -> str:
     return ABSENT if fraction is None else f"{significant(fraction * 100, 2)}{GAP}%"
 
 
+def coefficient(value: float | None) -> str:
+    """A correlation coefficient with two decimals; one that is not known (NaN) is absent."""
+    return ABSENT if value is None or math.isnan(value) else f"{value:.2f}".replace("-", _MINUS)
+
+
 def change(ratio: float | None) -> str:
     """A ratio of two times as the change it means: 1.03 reads +3.0 %."""
     if ratio is None:

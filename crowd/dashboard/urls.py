@@ -5,7 +5,7 @@ from django.urls import path
 from crowd.dashboard import downloads, own_views
 from crowd.dashboard.drawings import DRAWINGS
 from crowd.dashboard.drawings.serving import addresses
-from crowd.dashboard.views import devices, explorations, fronts, home, reading, sessions, surface
+from crowd.dashboard.views import devices, explorations, fronts, home, reading, sessions, surface, transfer
 
 app_name = "dashboard"
 
@@ -24,6 +24,7 @@ urlpatterns = [
     path("explorations/<int:key>/live/", explorations.exploration_live, name="exploration-live"),
     path("explorations/<int:key>/evaluations.csv", downloads.evaluations_csv, name="evaluations-csv"),
     path("explorations/<int:key>/evaluations.json", downloads.evaluations_json, name="evaluations-json"),
+    path("transfer/", transfer.transfer, name="transfer"),
     path("surface/", surface.surface, name="surface"),
     path("data/", reading.data, name="data"),
     path("about/", reading.about, name="about"),

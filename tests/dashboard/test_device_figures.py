@@ -12,12 +12,14 @@ from crowd.dashboard.figures.devices import (
     configuration_bars,
     crowd_bars,
     drift_steps,
+    release_marks,
     sensor_lines,
 )
 from crowd.dashboard.figures.parameters import parameter_lines
 from crowd.dashboard.palette import DARK, LIGHT
 from crowd.fronts.selectors import Point
-from crowd.results.rows import SessionDetail, SessionRow
+from crowd.results import selectors
+from crowd.results.rows import Release, SessionDetail, SessionRow
 from tests.dashboard.rows import device, run, speedup
 
 
@@ -42,14 +44,30 @@ def test_configurations_are_sorted_and_best_has_its_colour() -> None:
 
 def test_a_device_is_lit_and_named_among_the_crowd() -> None:
     rows = [speedup(3.0, "mine"), speedup(9.0, "first"), speedup(1.0, "last")]
+    place = selectors.place(rows, "mine")
+    assert place is not None
 
-    figure = crowd_bars(rows, "mine", LIGHT)
+    figure = crowd_bars(place, LIGHT)
 
     (bars,) = figure.data
     assert list(bars.y) == [9.0, 3.0, 1.0]
     assert list(bars.marker.color) == [LIGHT.default, LIGHT.best, LIGHT.default]
     (label,) = figure.layout.annotations
     assert (label.x, "this device" in label.text) == (2, True)
+
+
+def test_releases_are_named_and_have_intervals_where_due() -> None:
+    seen = datetime(2026, 11, 20, tzinfo=UTC)
+    rows = [
+        Release("r44p1", "15", 6.0, None, None, 2, 1, seen, seen),
+        Release("r46", "", 8.0, 7.0, 9.0, 5, 3, seen, seen),
+    ]
+
+    figure = release_marks(rows, LIGHT)
+
+    assert list(figure.data[0].x) == [6.0, 8.0]
+    assert list(figure.data[0].error_x.array) == [None, 1.0]
+    assert [label.text.split("  ")[1] for label in figure.layout.annotations] == ["r44p1, 15", "r46"]
 
 
 def test_drift_compares_each_run_with_the_first_of_its_configuration() -> None:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from crowd.dashboard.drawings import comparison, explorations, fronts, sessions, speedups, surface
+from crowd.dashboard.drawings import comparison, explorations, fronts, sessions, speedups, surface, transfer
 from crowd.dashboard.drawings.drawing import Drawing
 
 DRAWINGS: tuple[Drawing[Any], ...] = (
@@ -12,4 +12,5 @@ DRAWINGS: tuple[Drawing[Any], ...] = (
     *fronts.DRAWINGS,
     *explorations.DRAWINGS,
     *surface.DRAWINGS,
+    *transfer.DRAWINGS,
 )

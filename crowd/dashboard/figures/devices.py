@@ -10,7 +10,7 @@ from crowd.dashboard.drift import Readings, Step
 from crowd.dashboard.figures import layout
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST
-from crowd.results.rows import Speedup
+from crowd.results.rows import Place, Release, Speedup
 from crowd.results.statistics import MAX_DRIFT
 
 ROW = 28  # pixels of a bar
@@ -80,51 +80,104 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     )
 
 
-def crowd_bars(rows: Sequence[Speedup], slug: str, theme: Theme) -> go.Figure:
-    """One bar a figure of the crowd, largest gain first; those of the device SLUG are lit and named."""
-    ranked = sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.processor))
+def crowd_bars(place: Place, theme: Theme) -> go.Figure:
+    """One bar a device model, largest gain first; the one that PLACE is about is lit and named."""
     figure = layout.blank(theme, 300)
-    lit = [row.device.slug == slug for row in ranked]
+    slugs = [device.slug for device, _ in place.models]
     figure.add_bar(
-        x=list(range(1, len(ranked) + 1)),
-        y=[round(row.speedup, 3) for row in ranked],
+        x=list(range(1, len(slugs) + 1)),
+        y=[round(speedup, 3) for _, speedup in place.models],
         width=0.85,
-        marker={"color": [theme.best if own else theme.default for own in lit], "line": {"width": 0}},
+        marker={
+            "color": [theme.best if slug == place.device.slug else theme.default for slug in slugs],
+            "line": {"width": 0},
+        },
         customdata=[
-            [f"<b>{layout.text(row.device.title)}</b>", reverse("dashboard:device", args=[row.device.slug])]
-            for row in ranked
+            [f"<b>{layout.text(device.title)}</b>", reverse("dashboard:device", args=[device.slug])]
+            for device, _ in place.models
         ],
         hovertemplate="%{customdata[0]}<br>%{y:.3~r}" + formats.TIMES + ", place %{x}<extra></extra>",
         showlegend=False,
     )
-    for place, (row, own) in enumerate(zip(ranked, lit, strict=True), 1):
-        if own:
-            figure.add_annotation(
-                x=place,
-                y=row.speedup,
-                text=f"<b>this device, {formats.speedup(row.speedup)}</b>",
-                font={"color": theme.ink, "size": 13},
-                bgcolor=theme.surface,
-                showarrow=True,
-                arrowcolor=theme.ink,
-                arrowhead=0,
-                ax=0,
-                ay=-28,
-                xanchor="left" if place <= len(ranked) / 2 else "right",
-            )
-    reach = max((row.speedup for row in ranked), default=1.0)
+    own = slugs.index(place.device.slug) + 1
+    figure.add_annotation(
+        x=own,
+        y=place.speedup,
+        text=f"<b>this device, {formats.speedup(place.speedup)}</b>",
+        font={"color": theme.ink, "size": 13},
+        bgcolor=theme.surface,
+        showarrow=True,
+        arrowcolor=theme.ink,
+        arrowhead=0,
+        ax=0,
+        ay=-28,
+        xanchor="left" if own <= len(slugs) / 2 else "right",
+    )
     return figure.update_layout(
         xaxis={
-            "title": {"text": "figures of the crowd, largest gain first"},
+            "title": {"text": "device models, largest gain first"},
             "showgrid": False,
             "tickformat": "d",
         },
         yaxis={
             "title": {"text": "speedup"},
-            "range": [0, reach * 1.25],
+            "range": [0, max(speedup for _, speedup in place.models) * 1.25],
             "ticksuffix": formats.TIMES,
         },
         bargap=0.15,
+    )
+
+
+def releases_height(releases: int) -> int:
+    """Pixels that release_marks needs."""
+    return 100 + 2 * ROW * max(releases, 1)
+
+
+def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
+    """The speedup under each driver and version of the system, with intervals where due, first seen first."""
+    figure = layout.blank(theme, releases_height(len(releases)))
+    figure.add_scatter(
+        x=[round(row.speedup, 4) for row in releases],
+        y=list(range(len(releases))),
+        mode="markers",
+        marker={"size": 11, "color": theme.best},
+        error_x={
+            "type": "data",
+            "symmetric": False,
+            "array": [round(row.high - row.speedup, 4) if row.high is not None else None for row in releases],
+            "arrayminus": [
+                round(row.speedup - row.low, 4) if row.low is not None else None for row in releases
+            ],
+            "color": theme.ink,
+            "thickness": 1.5,
+            "width": 4,
+        },
+        customdata=[
+            layout.lines(
+                [
+                    f"<b>{formats.speedup(row.speedup)}</b>",
+                    f"{formats.plural(row.sessions, 'session')}, "
+                    f"{formats.plural(row.installations, 'installation')}",
+                    f"{formats.day(row.first_at)} to {formats.day(row.last_at)}",
+                ]
+            )
+            for row in releases
+        ],
+        hovertemplate="%{customdata}<extra></extra>",
+        showlegend=False,
+    )
+    for rank, row in enumerate(releases):
+        name = ", ".join(filter(None, (row.driver, row.os_version))) or "not told"
+        layout.name_above(figure, rank, name, formats.speedup(row.speedup), theme)
+    reach = max((row.high or row.speedup for row in releases), default=1.0)
+    return figure.update_layout(
+        xaxis={
+            "title": {"text": "speedup of best over the default"},
+            "range": [0, reach * 1.1],
+            "ticksuffix": formats.TIMES,
+        },
+        yaxis=layout.flat_rows(len(releases)),
+        margin={"t": 12},
     )
 
 

@@ -28,6 +28,7 @@ FORMATS: dict[str, Callable[..., str]] = {
     "count": formats.count,
     "percent": formats.percent,
     "change": formats.change,
+    "coefficient": formats.coefficient,
     "plural": formats.plural,
     "parameter": formats.parameter,
     "words": formats.words,

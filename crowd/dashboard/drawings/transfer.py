@@ -1,0 +1,137 @@
+"""How alike devices are, and how the reference's best does on each."""
+
+from dataclasses import dataclass
+
+from django.http import HttpRequest
+from django.urls import reverse
+
+from crowd.dashboard import formats
+from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.figures.transfer import (
+    PEARSON,
+    SPEARMAN,
+    correlation_map,
+    regret_bars,
+    winner_bars,
+)
+from crowd.dashboard.transfer import coefficients, ordered, pairs
+from crowd.results import correlations
+from crowd.results import selectors as results
+from crowd.results.filters import SpeedupFilters
+from crowd.results.rows import CorrelationMatrix, Winners
+
+COUNTED = "Devices count that measured at least three configurations of the front, the default among them."
+
+
+@dataclass(frozen=True)
+class Map:
+    """A matrix, and which of its coefficients is drawn."""
+
+    matrix: CorrelationMatrix
+    kind: str
+
+
+def kind_of(request: HttpRequest) -> str:
+    """What ?correlation= names; Pearson where it names nothing known."""
+    return SPEARMAN if request.GET.get("correlation") == SPEARMAN else PEARSON
+
+
+def read_map(request: HttpRequest) -> Map:
+    """The matrix under the filters of the query string."""
+    return Map(correlations.matrix(SpeedupFilters.parse(request.GET)), kind_of(request))
+
+
+def read_winners(request: HttpRequest) -> Winners:
+    """The winners under the filters of the query string."""
+    return results.winners(SpeedupFilters.parse(request.GET))
+
+
+def map_table(shown: Map) -> Table:
+    """A row for each pair of devices, with both coefficients."""
+    matrix = shown.matrix
+    pearson, spearman = coefficients(matrix, PEARSON), coefficients(matrix, SPEARMAN)
+    count = range(len(matrix.devices))
+    return Table(
+        ("device", "other_device", "configurations", "pearson_log_time", "spearman"),
+        [
+            (
+                matrix.devices[first].slug,
+                matrix.devices[second].slug,
+                int(matrix.common[first, second]),
+                float(pearson[first, second]),
+                float(spearman[first, second]),
+            )
+            for first in count
+            for second in count
+            if first < second
+        ],
+    )
+
+
+def winners_table(found: Winners) -> Table:
+    """A row for each device."""
+    return Table(
+        (
+            "device", "backend", "processor", "configurations", "fastest", "fastest_speedup", "best_speedup",
+            "best_rank", "best_time_over_fastest", "sessions",
+        ),
+        [
+            (
+                row.device.slug, row.backend, row.processor, row.configurations, row.winner, row.speedup,
+                row.best_speedup, row.best_rank, row.regret, row.sessions,
+            )
+            for row in ordered(found.rows)
+        ],
+    )  # fmt: skip
+
+
+def _map_n(shown: Map) -> str:
+    devices = formats.plural(len(shown.matrix.devices), "device")
+    return f"{formats.plural(len(pairs(shown.matrix, shown.kind)), 'pair')} of {devices}"
+
+
+def _winners_n(found: Winners) -> str:
+    return formats.plural(len(found.rows), "device")
+
+
+def _page() -> str:
+    return reverse("dashboard:transfer")
+
+
+DRAWINGS = (
+    Drawing(
+        name="transfer-correlation",
+        path="transfer/correlation",
+        definition="Correlation of two devices' times over the configurations that both measured: Pearson of "
+        "logarithms, or Spearman of ranks. " + COUNTED,
+        read=read_map,
+        draw=lambda shown, theme: correlation_map(shown.matrix, shown.kind, theme),
+        table=map_table,
+        title=lambda shown: f"How alike devices are, front {shown.matrix.front}",
+        n=_map_n,
+        page=_page,
+    ),
+    Drawing(
+        name="transfer-regret",
+        path="transfer/best",
+        definition="Time of the configuration that is best on the reference device, over that of the fastest "
+        "valid configuration measured on the device itself. " + COUNTED,
+        read=read_winners,
+        draw=lambda found, theme: regret_bars(found.rows, theme),
+        table=winners_table,
+        title=lambda found: f"The reference's best on each device, front {found.front}",
+        n=lambda found: formats.plural(found.judged, "device"),
+        page=_page,
+    ),
+    Drawing(
+        name="transfer-winners",
+        path="transfer/winners",
+        definition="The configuration with the largest valid speedup on each device. " + COUNTED,
+        read=read_winners,
+        draw=lambda found, theme: winner_bars(found.counts, theme),
+        table=winners_table,
+        title=lambda found: f"Which configuration wins, front {found.front}",
+        n=_winners_n,
+        page=_page,
+    ),
+)

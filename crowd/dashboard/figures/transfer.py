@@ -1,0 +1,156 @@
+"""Whether a front transfers: how alike devices are, and how its best does on each of them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from django.urls import reverse
+from plotly import graph_objects as go
+
+from crowd.dashboard import formats
+from crowd.dashboard.figures import heat, layout
+from crowd.dashboard.palette import Theme
+from crowd.fronts.selectors import BEST
+from crowd.results.rows import CorrelationMatrix, Winner
+
+PEARSON, SPEARMAN = "pearson", "spearman"
+# Above this many devices their names no longer fit at the edge of the map: they are on hover.
+NAMED_DEVICES = 24
+CELL = 22  # pixels
+BAR = 26
+
+
+def correlation_height(devices: int) -> int:
+    """Pixels that correlation_map needs."""
+    return 130 + max(CELL * devices, 160)
+
+
+def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Figure:
+    """The coefficient KIND of every two devices, in the order of MATRIX; blank where nothing is known.
+
+    Colours span what occurs, up to 1.
+    """
+    devices = matrix.devices
+    figure = layout.blank(theme, correlation_height(len(devices)))
+    values = matrix.pearson if kind == PEARSON else matrix.spearman
+    if not np.isfinite(values).any():
+        return layout.note(figure, "Too few devices with common configurations", theme)
+    lowest = float(np.nanmin(values))
+    heat.add_cells(
+        figure,
+        values,
+        [
+            [_pair(matrix, values, first, second) for second in range(len(devices))]
+            for first in range(len(devices))
+        ],
+        theme,
+        zmin=min(np.floor(lowest * 10) / 10, 0.9),
+        zmax=1,
+        colorbar=heat.bar(theme, f"{kind.title()} correlation of times", nticks=5),
+    )
+    titles = [layout.clipped(device.title, 22) for device in devices]
+    named = len(devices) <= NAMED_DEVICES
+    return figure.update_layout(
+        xaxis={"showticklabels": False, "title": {"text": "the same devices, in the same order"}},
+        yaxis=heat.named_axis(titles) if named else {"showticklabels": False},
+        margin={"t": 64},
+    )
+
+
+def _pair(matrix: CorrelationMatrix, values: np.ndarray, first: int, second: int) -> str:
+    names = [layout.text(matrix.devices[number].title) for number in (first, second)]
+    return layout.lines(
+        [
+            f"<b>{names[0]}</b>",
+            f"<b>{names[1]}</b>",
+            f"{formats.coefficient(float(values[first, second]))}, "
+            f"n = {formats.plural(int(matrix.common[first, second]), 'configuration')}",
+        ]
+    )
+
+
+def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
+    """On each device, how many times longer the reference's best takes than the device's own fastest
+    configuration, least first; 1 where it is the fastest here too. ROWS without a regret are left out.
+    """
+    judged = sorted(
+        (row for row in rows if row.regret is not None),
+        key=lambda row: (row.regret, row.best_rank, row.device.slug),
+    )
+    figure = layout.blank(theme, 340)
+    figure.add_bar(
+        x=list(range(1, len(judged) + 1)),
+        # From 1 on: what is above is what a search on the device itself would have gained.
+        base=1,
+        y=[round((row.regret or 1.0) - 1, 4) for row in judged],
+        marker={"color": theme.series[0], "line": {"width": 0}},
+        customdata=[[_regret(row), reverse("dashboard:device", args=[row.device.slug])] for row in judged],
+        hovertemplate="%{customdata[0]}<extra></extra>",
+        showlegend=False,
+    )
+    winning = [place for place, row in enumerate(judged, 1) if row.best_rank == 1]
+    figure.add_scatter(
+        x=winning,
+        y=[1.0] * len(winning),
+        mode="markers",
+        marker={"color": theme.best, "size": 7},
+        customdata=[
+            [_regret(row), reverse("dashboard:device", args=[row.device.slug])]
+            for row in judged
+            if row.best_rank == 1
+        ],
+        hovertemplate="%{customdata[0]}<extra></extra>",
+        name="best wins here too",
+        showlegend=True,
+    )
+    if not judged:
+        layout.note(figure, "Nobody has measured several configurations yet", theme)
+    most = max((row.regret or 1.0 for row in judged), default=1.0)
+    return figure.update_layout(
+        xaxis={"title": {"text": "devices, least loss first"}, "showgrid": False, "tickformat": "d"},
+        yaxis={
+            "title": {"text": "time of best over the device's fastest"},
+            "range": [1 - (most - 1) * 0.06 - 0.005, 1 + max((most - 1) * 1.08, 0.05)],
+            "ticksuffix": formats.TIMES,
+        },
+        bargap=0.2,
+    )
+
+
+def _regret(row: Winner) -> str:
+    return layout.lines(
+        [
+            f"<b>{layout.text(row.device.title)}</b>",
+            f"best takes {formats.speedup(row.regret)} the time of {layout.text(row.winner)}",
+            f"rank {row.best_rank} of {formats.plural(row.configurations, 'configuration')}",
+        ]
+    )
+
+
+def winners_height(rows: int) -> int:
+    """Pixels that winner_bars needs."""
+    return 80 + BAR * max(rows, 2)
+
+
+def winner_bars(counts: Sequence[tuple[str, int]], theme: Theme) -> go.Figure:
+    """On how many devices each configuration is the fastest; most on top."""
+    figure = layout.blank(theme, winners_height(len(counts)))
+    figure.add_bar(
+        x=[count for _, count in counts],
+        y=list(range(len(counts))),
+        orientation="h",
+        width=0.62,
+        marker={"color": [theme.best if name == BEST else theme.series[0] for name, _ in counts]},
+        text=[formats.count(count) for _, count in counts],
+        textposition="auto",
+        customdata=[layout.text(name) for name, _ in counts],
+        hovertemplate="%{customdata} is the fastest on <b>%{x}</b><extra></extra>",
+        showlegend=False,
+    )
+    if not counts:
+        layout.note(figure, "Nobody has measured several configurations yet", theme)
+    return figure.update_layout(
+        xaxis={"title": {"text": "devices"}, "rangemode": "tozero", "tickformat": "d"},
+        yaxis=heat.named_axis([name for name, _ in counts])
+        | {"range": [len(counts) - 0.4, -0.6], "showgrid": False},
+        margin={"t": 12},
+    )

@@ -1,0 +1,43 @@
+"""Does the front transfer? How the reference's best does on each device, and how alike devices are."""
+
+import numpy as np
+from django.core.paginator import Paginator
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+
+from crowd.dashboard.drawings.transfer import kind_of
+from crowd.dashboard.figures.transfer import correlation_height, winners_height
+from crowd.dashboard.filtering import Filtering, filtered
+from crowd.dashboard.transfer import KINDS, alike, ordered, pairs, wins
+from crowd.results import correlations
+from crowd.results import selectors as results
+
+PAGE = 50
+
+
+@filtered
+def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
+    """The answer in a sentence, and what it rests on, under the filters of the query string."""
+    found = results.winners(asked.filters)
+    matrix = correlations.matrix(asked.filters)
+    kind = kind_of(request)
+    every = pairs(matrix, kind)
+    return render(
+        request,
+        "dashboard/transfer.html",
+        {
+            "asked": asked,
+            "query": asked.query,
+            "found": found,
+            "wins": wins(found),
+            "part": Paginator(ordered(found.rows), PAGE).get_page(request.GET.get("page")),
+            "matrix": matrix,
+            "kind": kind,
+            "kinds": [(name, asked.with_other("correlation", name)) for name in KINDS],
+            "alike": alike(matrix, kind),
+            "pairs": len(every),
+            "median": float(np.median(every)) if len(every) else None,
+            "height": correlation_height(len(matrix.devices)),
+            "winners_height": winners_height(len(found.counts)),
+        },
+    )

@@ -1,0 +1,118 @@
+"""Whether the front transfers: figures, numbers and words from rows, and the page."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from django.test import Client
+
+from crowd.dashboard.drawings.transfer import Map, map_table, winners_table
+from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN, correlation_map, regret_bars, winner_bars
+from crowd.dashboard.palette import LIGHT
+from crowd.dashboard.transfer import alike, ordered, pairs, wins
+from crowd.fronts.models import FrontVersion
+from crowd.results.rows import CorrelationMatrix, Winner, Winners
+from tests.crowd.documents import run_document
+from tests.crowd.participant import Participant
+from tests.dashboard.measuring import measure
+from tests.dashboard.reading import read
+from tests.dashboard.rows import device
+
+NAN = float("nan")
+
+
+def winner(slug: str, name: str, regret: float | None, rank: int | None) -> Winner:
+    best = None if regret is None else 6.0 / regret
+    return Winner(device(slug), "opencl", "Mali", 5, name, 6.0, best, rank, regret, 2)
+
+
+ROWS = (winner("far", "fast", 1.5, 3), winner("here", "best", 1.0, 1), winner("lost", "fast", None, None))
+FOUND = Winners("kfusion-test", "best", ROWS, (("fast", 2), ("best", 1)), 2, 1.25, 0.5, 0.5)
+MATRIX = CorrelationMatrix(
+    front="kfusion-test",
+    devices=(device("a"), device("b"), device("c"), device("alone")),
+    sessions=(3, 2, 1, 1),
+    pearson=np.array([[NAN, 0.9, 0.4, NAN], [0.9, NAN, 0.6, NAN], [0.4, 0.6, NAN, NAN], [NAN] * 4]),
+    spearman=np.array([[NAN, 1.0, -0.5, NAN], [1.0, NAN, 0.8, NAN], [-0.5, 0.8, NAN, NAN], [NAN] * 4]),
+    common=np.full((4, 4), 5),
+    left_out=0,
+)
+
+
+def test_losses_are_sorted_and_winners_are_marked() -> None:
+    bars, marks = regret_bars(ROWS, LIGHT).data
+
+    assert list(bars.y) == [0.0, 0.5]
+    assert [address for _, address in bars.customdata] == ["/devices/here/", "/devices/far/"]
+    assert list(marks.x) == [1]
+    assert "rank 3 of 5" in bars.customdata[1][0]
+
+
+def test_devices_whose_best_has_no_valid_figure_come_last() -> None:
+    assert [row.device.slug for row in ordered(ROWS)] == ["here", "far", "lost"]
+    assert wins(FOUND) == 1
+    assert winners_table(FOUND).rows[-1][-4:-1] == (None, None, None)
+
+
+def test_winners_are_counted_with_best_in_its_colour() -> None:
+    (bars,) = winner_bars(FOUND.counts, LIGHT).data
+
+    assert list(bars.x) == [2, 1]
+    assert list(bars.marker.color) == [LIGHT.series[0], LIGHT.best]
+
+
+def test_the_map_shows_the_coefficient_asked_for_and_blanks_what_is_unknown() -> None:
+    (cells,) = correlation_map(MATRIX, SPEARMAN, LIGHT).data
+
+    assert list(cells.z[0]) == [None, 1.0, -0.5, None]
+    assert (cells.zmin, cells.zmax) == (-0.5, 1)
+    assert "n = 5" in cells.customdata[0][1]
+    assert correlation_map(MATRIX, PEARSON, LIGHT).data[0].z[0][1] == 0.9
+
+
+def test_devices_without_a_common_configuration_get_words_instead_of_a_map() -> None:
+    empty = CorrelationMatrix(None, (), (), np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0), int), 0)
+
+    figure = correlation_map(empty, PEARSON, LIGHT)
+
+    assert not figure.data
+    assert "Too few devices" in figure.layout.annotations[0].text
+
+
+def test_each_pair_counts_once_and_each_device_says_whom_it_is_least_like() -> None:
+    assert sorted(pairs(MATRIX, PEARSON)) == [0.4, 0.6, 0.9]
+    rows = alike(MATRIX, PEARSON)
+    assert [row.device.slug for row in rows] == ["a", "b", "c"]
+    assert (rows[0].median, rows[0].least, rows[0].least_with.slug) == (pytest.approx(0.65), 0.4, "c")
+    assert len(map_table(Map(MATRIX, PEARSON)).rows) == 6
+
+
+@pytest.mark.django_db
+def test_before_anybody_measured_several_the_page_says_how_to(client: Client, front: FrontVersion) -> None:
+    page = read(client, "/transfer/")
+
+    assert "Nobody can say yet" in page
+    assert "--configurations all" in page
+
+
+@pytest.mark.django_db
+def test_the_page_answers_in_a_sentence_with_its_n(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    for model, third_us in (("Pixel 8", 5_000), ("Pixel 7", 20_000)):
+        names = {"default": 80_000, "best": 10_000, "accurate": third_us}
+        runs = [
+            run_document(name, repeat, 3 * repeat + place, frame_us)
+            for repeat in (0, 1)
+            for place, (name, frame_us) in enumerate(names.items())
+        ]
+        measure(join(), model, runs=runs)
+
+    page = read(client, "/transfer/?correlation=spearman")
+
+    assert "On 1 of 2 devices" in page
+    assert "it takes 1.50x the time" in page
+    assert "times correlate with 0.50 (Spearman, median of 1 pair of devices)" in page
+    assert "Google Pixel 8 8.00x 2 of 3 accurate 16.0x 2.00x" in page
+    answer = client.get("/tables/transfer/best.json").json()
+    assert [row["best_rank"] for row in answer["rows"]] == [1, 2]
