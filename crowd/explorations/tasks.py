@@ -1,11 +1,11 @@
 """Celery tasks: they take a row's key, and every one may run twice or never without harm.
 
-Every new evaluation is announced once on its device's queue. Where messages were lost the queue is empty
-before everything is measured: then the reaper announces again what waits.
+Every new evaluation is announced once on its device's queue, quick ones several in a message. Where messages
+were lost the queue is empty before everything is measured: then the reaper announces again what waits.
 """
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -16,7 +16,7 @@ from django.db import transaction
 from django.utils import timezone
 from kombu.exceptions import OperationalError
 
-from crowd.explorations import interruption, leases, reaping, services
+from crowd.explorations import interruption, leases, reaping, services, sharing
 from crowd.explorations.measurement import CannotMeasureHereError, Measurement, evaluator
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
@@ -28,19 +28,16 @@ log = logging.getLogger(__name__)
 @shared_task
 def advance(exploration_id: int) -> None:
     """Ask for more where that is due, and announce it."""
-    _announce(services.advance(exploration_id))
+    if asked := services.advance(exploration_id):
+        _announce(asked[0].exploration, asked)
 
 
 @shared_task
-def evaluate(evaluation_id: int) -> None:
-    """Measure one configuration on this worker's device, unless someone else already does."""
-    # What cannot be measured here waits for another machine, or for the reaper to announce it again.
-    with suppress(CannotMeasureHereError):
-        with leases.leased(evaluation_id) as evaluation:
-            if evaluation is None:
-                return
-            leases.record(evaluation, _measured(evaluation))
-        follow(evaluation)
+def evaluate(*evaluation_ids: int) -> None:
+    """Measure configurations in turn on this worker's device, but for those that someone else measures."""
+    measured = [evaluation for key in evaluation_ids if (evaluation := _evaluated(key)) is not None]
+    if measured:
+        follow(measured[-1])
 
 
 @shared_task
@@ -77,6 +74,17 @@ def reap_at_start(sender: Any = None, **_: object) -> None:
         go_on(exploration)
 
 
+def _evaluated(evaluation_id: int) -> Evaluation | None:
+    """The evaluation, which was held and is finished now; None where it was not to be had."""
+    # What cannot be measured here waits for another machine, or for the reaper to announce it again.
+    with suppress(CannotMeasureHereError):
+        with leases.leased(evaluation_id) as evaluation:
+            if evaluation is not None:
+                leases.record(evaluation, _measured(evaluation))
+        return evaluation
+    return None
+
+
 def _measured(evaluation: Evaluation) -> Measurement:
     """Raises WorkerShutdown as soon as this process is told to end."""
 
@@ -90,13 +98,14 @@ def _measured(evaluation: Evaluation) -> Measurement:
 
 def _dispatch(exploration: Exploration) -> None:
     if exploration.state == Exploration.State.RUNNING:
-        _announce(services.waiting(exploration))
+        _announce(exploration, services.waiting(exploration))
 
 
-def _announce(evaluations: Iterable[Evaluation]) -> None:
-    """Send a message for each, up to the first that cannot be sent: the reaper sends the others later."""
-    for evaluation in evaluations:
-        if not _send(evaluate, evaluation.pk, evaluation.exploration.reference_device.queue):
+def _announce(exploration: Exploration, evaluations: Sequence[Evaluation]) -> None:
+    """Send their messages, up to the first that cannot be sent: the reaper sends the others later."""
+    queue = exploration.reference_device.queue
+    for keys in sharing.messages(exploration, evaluations):
+        if not _send(evaluate, *keys, queue=queue):
             return
 
 
@@ -120,11 +129,11 @@ def _queued(queue: str) -> int:
             return 0
 
 
-def _send(task: Task, key: int, queue: str | None = None) -> bool:
+def _send(task: Task, *keys: int, queue: str | None = None) -> bool:
     """Whether it is sent. Without a broker the reaper does it later: nothing is raised."""
     try:
-        task.apply_async(args=[key], retry=False, **({"queue": queue} if queue else {}))
+        task.apply_async(args=list(keys), retry=False, **({"queue": queue} if queue else {}))
     except (OperationalError, OSError) as error:
-        log.warning("the broker does not answer (%s): the reaper will send %s(%s)", error, task.name, key)
+        log.warning("the broker does not answer (%s): the reaper will send %s%s", error, task.name, keys)
         return False
     return True
