@@ -9,6 +9,7 @@ import logging
 import os
 import time
 import uuid
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,27 +25,33 @@ log = logging.getLogger(__name__)
 class Channel(filesystem.Channel):
     """Messages and bindings in files that appear, change and go at once."""
 
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._seen: dict[str, deque[str]] = {}
+
     def _put(self, queue: str, payload: Any, **_: Any) -> None:  # type: ignore[override]
         # The time first: messages are taken in the order of their names.
         name = f"{time.time_ns()}_{uuid.uuid4()}.{queue}.msg"
         _write(Path(self.data_folder_out) / name, payload)
 
     def _get(self, queue: str, timeout: float | None = None) -> Any:  # noqa: ARG002 - kombu's signature
-        folder = Path(self.data_folder_in)
-        for name in sorted(os.listdir(folder)):
-            if name.partition(".")[2] != f"{queue}.msg":
-                continue
-            taken = folder / f".{name}"
+        seen = self._seen.setdefault(queue, deque())
+        if not seen:
+            # Newer names come after all of these: the folder is read again when they are through.
+            names = os.listdir(self.data_folder_in)
+            seen.extend(sorted(name for name in names if name.partition(".")[2] == f"{queue}.msg"))
+        while seen:
+            name = seen.popleft()
+            path = os.path.join(self.data_folder_in, name)
             try:
-                os.rename(folder / name, taken)
+                content = Path(path).read_bytes()
+                os.unlink(path)
             except OSError:
-                continue  # another worker was faster
+                continue  # another worker was faster: whoever removes it has it
             try:
-                return loads(taken.read_bytes())
+                return loads(content)
             except ValueError:
                 log.warning("a message to %s cannot be read and is given up: %s", queue, name)
-            finally:
-                taken.unlink()
         raise Empty
 
     def get_table(self, exchange: str) -> list[Any]:
