@@ -5,7 +5,17 @@ from django.urls import path
 from crowd.dashboard import downloads, own_views
 from crowd.dashboard.drawings import DRAWINGS
 from crowd.dashboard.drawings.serving import addresses
-from crowd.dashboard.views import devices, explorations, fronts, home, reading, sessions, surface, transfer
+from crowd.dashboard.views import (
+    cards,
+    devices,
+    explorations,
+    fronts,
+    home,
+    reading,
+    sessions,
+    surface,
+    transfer,
+)
 
 app_name = "dashboard"
 
@@ -13,6 +23,8 @@ urlpatterns = [
     path("", home.home, name="home"),
     path("devices/", devices.devices, name="devices"),
     path("devices/<slug:slug>/", devices.device, name="device"),
+    path("devices/<slug:slug>/card.png", cards.device_card, name="device-card"),
+    path("card.png", cards.crowd_card, name="card"),
     path("compare/", devices.compare, name="compare"),
     path("mine/<str:signed>/", own_views.mine, name="mine"),
     path("sessions/<uuid:uuid>/", sessions.session, name="session"),

@@ -6,6 +6,7 @@ from typing import Any
 from django import template
 from django.template.loader import render_to_string
 from django.urls import reverse
+from django.utils.html import format_html
 from django.utils.safestring import SafeString
 
 from crowd.dashboard.drawings.drawing import with_query
@@ -38,6 +39,20 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
     }
     addresses = {name: reverse(f"dashboard:{view}") for name, view in names.items()}
     return tuple(Item(name, address, path.startswith(address)) for name, address in addresses.items())
+
+
+@register.simple_block_tag
+def titled(content: str) -> SafeString:
+    """CONTENT as the page's title, for the browser and for whoever shows a link to it."""
+    return format_html('<title>{0}</title>\n  <meta property="og:title" content="{0}">', content)
+
+
+@register.simple_block_tag
+def described(content: str) -> SafeString:
+    """CONTENT as the page's description, likewise."""
+    return format_html(
+        '<meta name="description" content="{0}">\n  <meta property="og:description" content="{0}">', content
+    )
 
 
 @register.simple_tag(takes_context=True)

@@ -1,0 +1,89 @@
+"""The picture that a link to a page is shown with: its figure in large letters, above the crowd's bars."""
+
+import io
+import unicodedata
+from dataclasses import dataclass
+
+from PIL import Image, ImageDraw, ImageFont
+
+from crowd.dashboard import formats
+from crowd.dashboard.palette import LIGHT
+
+WIDTH, HEIGHT = 1200, 630
+MARGIN = 72
+PAPER = "#f4f6f5"
+# Bars between these heights; of more devices than fit, every n-th is drawn.
+TOP, BOTTOM = 440, 582
+MOST_BARS = 352
+PITCHES = (3, 40)  # least and greatest width of a bar with its gap, pixels
+
+
+@dataclass(frozen=True)
+class Card:
+    """What a card says. `bars` are the crowd's speedups, largest first; `lit` is the one it is about (None:
+    all of them).
+    """
+
+    title: str
+    figure: str
+    note: str
+    bars: tuple[float, ...] = ()
+    lit: int | None = None
+
+
+def png(card: Card) -> bytes:
+    """CARD as a PNG of WIDTH x HEIGHT."""
+    image = Image.new("RGB", (WIDTH, HEIGHT), PAPER)
+    draw = ImageDraw.Draw(image)
+    draw.ellipse((MARGIN, 62, MARGIN + 28, 90), fill=LIGHT.best)
+    draw.text((MARGIN + 44, 76), "Frontrunner", LIGHT.ink, _font(34), anchor="lm")
+    draw.text((MARGIN, 160), _fitting(draw, card.title, 46), LIGHT.ink, _font(46), anchor="lm")
+    draw.text((MARGIN, 266), _fitting(draw, card.figure, 132), LIGHT.best, _font(132), anchor="lm")
+    draw.text((MARGIN, 372), _fitting(draw, card.note, 30), LIGHT.muted, _font(30), anchor="lm")
+    _draw_bars(draw, card)
+    packed = io.BytesIO()
+    image.quantize(64).save(packed, "PNG", optimize=True)
+    return packed.getvalue()
+
+
+def plain(text: str) -> str:
+    """TEXT in the letters that the built-in font has: ASCII alone."""
+    signs = {formats.TIMES: "x", formats.RANGE: "-", formats.ABSENT: "-", "\N{MINUS SIGN}": "-"}
+    for sign, letter in signs.items():
+        text = text.replace(sign, letter)
+    decomposed = unicodedata.normalize("NFKD", text)
+    kept = "".join(letter for letter in decomposed if not unicodedata.combining(letter))
+    return kept.encode("ascii", "replace").decode()
+
+
+def _draw_bars(draw: ImageDraw.ImageDraw, card: Card) -> None:
+    if not card.bars:
+        return
+    every = -(-len(card.bars) // MOST_BARS)
+    drawn = {rank: value for rank, value in enumerate(card.bars) if rank % every == 0 or rank == card.lit}
+    pitch = min(max((WIDTH - 2 * MARGIN) // len(drawn), PITCHES[0]), PITCHES[1])
+    scale = (BOTTOM - TOP) / max(*card.bars, 1.0)
+    for place, (rank, value) in enumerate(drawn.items()):
+        left = MARGIN + place * pitch
+        lit = card.lit is None or rank == card.lit
+        draw.rectangle(
+            (left, BOTTOM - value * scale, left + pitch - max(1, pitch // 6) - 1, BOTTOM),
+            fill=LIGHT.best if lit else "#b4bfc9",
+        )
+    no_gain = BOTTOM - scale
+    for x in range(MARGIN, WIDTH - MARGIN, 12):
+        draw.line((x, no_gain, x + 5, no_gain), LIGHT.ink, 2)
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    font = ImageFont.load_default(size)
+    assert isinstance(font, ImageFont.FreeTypeFont)  # Pillow's wheels bring FreeType
+    return font
+
+
+def _fitting(draw: ImageDraw.ImageDraw, text: str, size: int) -> str:
+    """TEXT cut where the card ends."""
+    shown = plain(text)
+    while draw.textlength(shown, _font(size)) > WIDTH - 2 * MARGIN:
+        shown = shown.removesuffix("...")[:-1].rstrip() + "..."
+    return shown

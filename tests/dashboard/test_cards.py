@@ -1,0 +1,68 @@
+"""The pictures that links to pages are shown with."""
+
+import io
+import re
+from typing import Any
+
+import pytest
+from django.test import Client
+from PIL import Image
+
+from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card, plain, png
+from crowd.dashboard.palette import LIGHT
+from tests.crowd.participant import Participant
+from tests.dashboard.measuring import measure
+
+
+def picture(card: Card) -> Image.Image:
+    return Image.open(io.BytesIO(png(card))).convert("RGB")
+
+
+def colours(image: Image.Image, height: int) -> set[tuple[int, ...]]:
+    """Colours of the row of pixels at HEIGHT."""
+    return {image.getpixel((x, height)) for x in range(image.width)}  # type: ignore[misc]
+
+
+BEST = tuple(bytes.fromhex(LIGHT.best[1:]))
+
+
+def test_a_card_has_the_size_that_is_announced() -> None:
+    assert picture(Card("title", "6.19x", "note")).size == (WIDTH, HEIGHT)
+
+
+@pytest.mark.parametrize("rank", [0, 1, MOST_BARS * 3 + 1])
+def test_the_device_that_a_card_is_about_is_lit_among_any_number(rank: int) -> None:
+    bars = tuple(9 - number / 500 for number in range(MOST_BARS * 3 + 2))
+
+    assert BEST in colours(picture(Card("title", "", "note", bars, rank)), BOTTOM - 8)
+
+
+def test_signs_that_the_font_lacks_are_written_with_letters() -> None:
+    assert (
+        plain("5.84\u20136.55\u00d7, 95\u202f% of Xiaomi Poco \u00e5 \u5c0f")
+        == "5.84-6.55x, 95 % of Xiaomi Poco a ?"
+    )
+
+
+@pytest.mark.django_db
+def test_pages_name_a_picture_of_their_current_figure(client: Client, participant: Participant) -> None:
+    measure(participant)
+
+    for address in ("/", "/devices/google-pixel-8/", "/about/"):
+        page = client.get(address).content.decode()
+        (image,) = re.findall(r'property="og:image" content="http://testserver([^"]+)"', page)
+        (title,) = re.findall(r'property="og:title" content="([^"]+)"', page)
+        assert f"<title>{title}</title>" in page
+        answer: Any = client.get(image)
+        assert (answer["Content-Type"], answer.content[:4]) == ("image/png", b"\x89PNG"), address
+        assert client.get(image, headers={"If-None-Match": answer["ETag"]}).status_code == 304
+
+
+@pytest.mark.django_db
+def test_a_card_changes_with_its_figure(client: Client, participant: Participant) -> None:
+    empty = client.get("/card.png")["ETag"]
+
+    measure(participant)
+
+    assert client.get("/card.png")["ETag"] != empty
+    assert client.get("/devices/nobody/card.png").status_code == 404
