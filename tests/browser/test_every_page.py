@@ -1,4 +1,4 @@
-"""What must hold for every page of the site: in light and dark, on a phone and a desk, with and without scripts."""
+"""Every page of the site: in light and dark, on a phone and a desk, with and without scripts."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,6 @@
 """What a visitor sees: charts drawn under the real security policy, on a phone and a desk, light and dark."""
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
