@@ -29,7 +29,6 @@ from client_kit.manifest import Manifest
 from client_kit.server import Server, ServerError
 from client_kit.session import Session
 from client_kit.spool import ACCEPTED, DUPLICATE, Item, Spool
-from slam.datasets import SequenceError, open_sequence
 from slam.opencl import Device, NoDeviceError, choose_device
 
 SUMMARY_PATIENCE_SECONDS = 15.0
@@ -155,12 +154,8 @@ def _measure(
     with home.only_one("measurement") as alone:
         if not alone:
             raise CannotMeasureError("another client measures on this device: wait until it is done")
-        try:
-            sequence = open_sequence(path)
-        except SequenceError as error:
-            raise CannotMeasureError(str(error)) from error
         return measurement.measure(
-            sequence,
+            path,
             asked,
             plan,
             device=chosen.label,

@@ -12,16 +12,14 @@ def further(runs: Sequence[Run], protocol: Protocol, seconds_left: float, run_se
     """The next runs, default first and last, or none.
 
     Those configurations go on whose speedup has an interval wider than the protocol's precision; one whose
-    runs fail or lose the trajectory does not, since its speed counts for nothing. They run forwards and
-    back, as ABBA does, so that a steady drift weighs on all alike. `run_seconds` is what a run takes on
-    average; a round that would not end in `seconds_left` is not begun.
+    last run failed, or whose runs lose the trajectory, does not: its speed counts for nothing. They run
+    forwards and back, as ABBA does, so that a steady drift weighs on all alike. `run_seconds` is what a run
+    takes on average; a round that would not end in `seconds_left` is not begun.
     """
-    names = [
-        name
-        for name in dict.fromkeys(run.configuration for run in runs)
-        if name != DEFAULT and _loose(runs, name, protocol)
-    ]
-    if not names:
+    last = {run.configuration: run for run in runs}
+    running = [name for name, run in last.items() if run.status == "ok"]
+    names = [name for name in running if name != DEFAULT and _loose(runs, name, protocol)]
+    if not names or DEFAULT not in running:
         return []
     forwards = [DEFAULT, *names]
     following = [*forwards, *reversed(forwards)]

@@ -199,14 +199,23 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def _failure(code: int, errors: str) -> MeasurementError | CannotMeasureHereError:
-    lines = errors.strip().splitlines()
-    last = lines[-1] if lines else "nothing on its error output"
-    if code == NO_DEVICE:
-        return CannotMeasureHereError(one_line(last))
+def ending(code: int, errors: str) -> str:
+    """How a process ended that gave up with CODE, and the last of what it said on its error output."""
+    last = _last_line(errors)
     if code < 0:
         with contextlib.suppress(ValueError):
             name = signal.Signals(-code).name
             likely = " (as the system does when memory runs out)" if name == "SIGKILL" else ""
-            return MeasurementError(one_line(f"killed by {name}{likely}: {last}"))
-    return MeasurementError(one_line(f"exit code {code}: {last}"))
+            return one_line(f"killed by {name}{likely}: {last}")
+    return one_line(f"exit code {code}: {last}")
+
+
+def _failure(code: int, errors: str) -> MeasurementError | CannotMeasureHereError:
+    if code == NO_DEVICE:
+        return CannotMeasureHereError(one_line(_last_line(errors)))
+    return MeasurementError(ending(code, errors))
+
+
+def _last_line(errors: str) -> str:
+    lines = errors.strip().splitlines()
+    return lines[-1] if lines else "nothing on its error output"

@@ -85,7 +85,6 @@ def ready(_sequence: Any, asked: Manifest, plan: tuple[str, ...], **_: Any) -> S
 def main(folder: Path, server: str, stride: int) -> None:
     measurement.measure = ready  # type: ignore[assignment]
     participation._device = lambda *_: (DEVICE, IDENTITY)  # type: ignore[assignment]
-    participation.open_sequence = lambda path: path  # type: ignore[assignment, misc]
     preflight.concerns = lambda *_: []
     total = run(Home(folder / "whole"), server)
     kills = []

@@ -6,15 +6,17 @@ from typing import Any
 
 import pytest
 
-from client_kit import measurement
+from client_kit.bench import Outcome
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
-from client_kit.measurement import measure
+from client_kit.measurement import _recorded, measure
+from client_kit.sensors import Sample
 from client_kit.session import Run, payload
-from slam import benchmark
-from slam.datasets import open_sequence
 from slam.datasets.pack import Pack
 from tests.client_kit import documents, room
+
+PLAN = ("default", "best", "indivisible", "best", "default")
+Told = tuple[str, int, int, float | None]
 
 
 @pytest.fixture(scope="module")
@@ -22,24 +24,35 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
     return room.write(tmp_path_factory.mktemp("room"))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def asked(pack: Pack) -> Manifest:
     return Manifest.parse(room.manifest(pack))
 
 
-def test_a_session_runs_default_best_best_default_over_all_frames(pack: Pack, asked: Manifest) -> None:
-    told: list[Run] = []
-    frames: list[tuple[str, int, int, float | None]] = []
+class Watched:
+    """A session that was really measured, with all that was told meanwhile."""
 
-    session = measure(
-        pack, asked, asked.plan(), on_run=told.append, on_frame=lambda *frame: frames.append(frame)
-    )
+    def __init__(self, folder: Path, asked: Manifest) -> None:
+        self.runs: list[Run] = []
+        self.frames: list[Told] = []
+        self.session = measure(
+            folder, asked, PLAN, on_run=self.runs.append, on_frame=lambda *told: self.frames.append(told)
+        )
 
-    assert [(run.configuration, run.repeat, run.order) for run in session.runs] == [
-        ("default", 0, 0), ("best", 0, 1), ("best", 1, 2), ("default", 1, 3),
+
+@pytest.fixture(scope="module")
+def watched(pack: Pack, asked: Manifest) -> Watched:
+    return Watched(pack._chunks.folder, asked)
+
+
+def test_a_session_runs_its_plan_over_all_frames(watched: Watched) -> None:
+    runs, frames = watched.session.runs, watched.frames
+
+    assert [(run.configuration, run.repeat, run.order) for run in runs] == [
+        ("default", 0, 0), ("best", 0, 1), ("indivisible", 0, 2), ("best", 1, 3), ("default", 1, 4),
     ]  # fmt: skip
-    assert told == list(session.runs)
-    for run in session.runs:
+    assert watched.runs == list(runs)
+    for run in (*runs[:2], *runs[3:]):
         assert run.status == "ok"
         assert len(run.frame_us) == room.FRAMES
         assert all(time > 0 for time in run.frame_us)
@@ -49,17 +62,29 @@ def test_a_session_runs_default_best_best_default_over_all_frames(pack: Pack, as
         assert run.ate_max is not None
         assert run.ate_max < 0.05
     assert [frame[:3] for frame in frames[:2]] == [("warm-up, default", 1, 2), ("warm-up, default", 2, 2)]
-    assert frames[-1] == ("run 4, default", room.FRAMES, room.FRAMES, 0.0)
+    assert frames[-1] == ("run 5, default", room.FRAMES, room.FRAMES, 0.0)
     assert all(left is not None and left >= 0 for *_, left in frames)
     # The same configuration computes the same trajectory.
-    digests = [run.trajectory_sha256 for run in session.runs]
-    assert digests[0] == digests[3] != digests[1] == digests[2]
+    digests = [run.trajectory_sha256 for run in runs]
+    assert digests[0] == digests[4] != digests[1] == digests[3]
 
 
-def test_the_payload_is_what_the_interface_says(pack: Pack, asked: Manifest) -> None:
-    session = measure(pack, asked, ("default",))
+def test_a_configuration_that_fails_here_is_recorded_and_the_others_go_on(
+    watched: Watched, asked: Manifest
+) -> None:
+    failed = watched.session.runs[2]
 
-    sent = json.loads(json.dumps(payload(session, asked, {"model": "Pixel 8", "cpu": None}), allow_nan=False))
+    assert failed.status == "failed"
+    assert "compute_size_ratio=7" in (failed.failure or "")
+    document = payload(watched.session, asked, {})["sessions"][0]["runs"][2]
+    assert (document["frame_us"], document["ate_max"]) == ([], None)
+    assert watched.session.speedup("indivisible", asked.protocol) is None
+
+
+def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifest) -> None:
+    document = payload(watched.session, asked, {"model": "Pixel 8", "cpu": None})
+
+    sent = json.loads(json.dumps(document, allow_nan=False))
 
     assert set(sent) == {"schema_version", "app_version", "consent_version", "device", "sessions"}
     assert sent["device"] == {"model": "Pixel 8", "cpu": None}
@@ -69,160 +94,51 @@ def test_the_payload_is_what_the_interface_says(pack: Pack, asked: Manifest) -> 
     assert told["protocol_version"] == 1
     assert told["backend"] == "opencl"
     assert told["started_at"].endswith("Z")
-    assert set(told["samples"][0]) == {"t", "temperature_c", "cpu_mhz", "battery"}
-    [run] = told["runs"]
+    assert set(told["samples"][0]) == set(Sample.__annotations__)
+    run = told["runs"][0]
     assert set(run["stages_us"]) == {"preprocessing", "tracking", "integration", "raycasting"}
     assert all(len(series) == room.FRAMES for series in run["stages_us"].values())
     assert all(type(time) is int for time in run["frame_us"])
 
 
-def test_a_configuration_that_fails_here_is_recorded_and_the_others_go_on(
-    pack: Pack, asked: Manifest
-) -> None:
-    session = measure(pack, asked, ("default", "indivisible", "indivisible", "default"))
-
-    assert [run.status for run in session.runs] == ["ok", "failed", "failed", "ok"]
-    assert "compute_size_ratio=7" in (session.runs[1].failure or "")
-    document = payload(session, asked, {})["sessions"][0]["runs"][1]
-    assert (document["frame_us"], document["ate_max"]) == ([], None)
-    assert session.speedup("indivisible", asked.protocol) is None
-
-
-def test_between_runs_the_device_rests_as_the_protocol_says(pack: Pack) -> None:
-    protocol = {**documents.manifest()["protocol"], "rest_seconds": 7.5, "warmup_frames": 0}
-    asked = Manifest.parse(room.manifest(pack, protocol=protocol))
-    rests: list[float] = []
-
-    measure(pack, asked, ("default", "default"), rest=rests.append)
-
-    assert rests == [7.5]
-
-
 def test_without_a_device_nothing_is_measured(pack: Pack, asked: Manifest) -> None:
     with pytest.raises(CannotMeasureError, match="no OpenCL device matches 'abacus'"):
-        measure(pack, asked, asked.plan(), device="abacus")
+        measure(pack._chunks.folder, asked, asked.plan(), device="abacus")
 
 
-def test_a_damaged_sequence_is_not_blamed_on_a_configuration(tmp_path: Path) -> None:
+def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path: Path) -> None:
     pack = room.write(tmp_path / "room")
     asked = Manifest.parse(room.manifest(pack))
+    long = Manifest.parse(room.manifest(pack, protocol={**documents.manifest()["protocol"], "frames": 100}))
     last = tmp_path / "room" / "chunks" / pack.manifest["chunks"][-1]["sha256"]
-    last.write_bytes(last.read_bytes()[:-1])
-
-    with pytest.raises(CannotMeasureError, match="damaged"):
-        measure(open_sequence(tmp_path / "room"), asked, asked.plan())
-
-
-def test_a_sequence_shorter_than_the_protocol_is_refused(pack: Pack) -> None:
-    protocol = {**documents.manifest()["protocol"], "frames": 100}
 
     with pytest.raises(CannotMeasureError, match="12 frames, the protocol measures 100"):
-        measure(pack, Manifest.parse(room.manifest(pack, protocol=protocol)), ("default",))
+        measure(tmp_path / "room", long, ("default",))
+    last.write_bytes(last.read_bytes()[:-1])
+    with pytest.raises(CannotMeasureError, match="damaged"):
+        measure(tmp_path / "room", asked, ("default",))
+    (tmp_path / "room" / "pack.json").write_text("{")
+    with pytest.raises(CannotMeasureError, match=r"pack\.json"):
+        measure(tmp_path / "room", asked, ("default",))
 
 
-def test_a_failure_does_not_tell_the_users_name() -> None:
-    error = FileNotFoundError(f"{Path.home()}/.cache/kernel missing\nand more")
-
-    assert measurement._failure(error) == "FileNotFoundError: ~/.cache/kernel missing and more"
-
-
-def test_what_is_known_not_to_fit_is_recorded_and_never_tried(pack: Pack, asked: Manifest) -> None:
-    seen: list[str] = []
-
-    session = measure(
-        pack,
-        asked,
-        ("default", "best"),
-        impossible={"best": "volume_resolution=512 needs 640 MiB"},
-        on_frame=lambda label, *_: seen.append(label),
-    )
-
-    assert [(run.status, run.failure) for run in session.runs] == [
-        ("ok", None),
-        ("failed", "volume_resolution=512 needs 640 MiB"),
-    ]
-    assert not [label for label in seen if "best" in label]
+def recorded(tracked: list[bool | None], worst: float = 0.01) -> Run:
+    stages = dict.fromkeys(("preprocessing", "tracking", "integration", "raycasting"), 0.0024999)
+    frames: list[dict[str, Any]] = [{"computation": 0.01, **stages, "tracked": told} for told in tracked]
+    ate = {"max": worst, "mean": 0.005, "rmse": 0.006}
+    return _recorded("an id", "best", 1, 2, Outcome({"frames": frames, "ate": ate}, "digest"))
 
 
-def test_ctrl_c_keeps_the_runs_that_are_finished(pack: Pack, asked: Manifest) -> None:
-    def interrupt(label: str, done: int, *_: Any) -> None:
-        if label == "run 3, best" and done == 5:
-            raise KeyboardInterrupt
+def test_a_run_that_loses_the_camera_is_failed_and_keeps_its_times() -> None:
+    lost, held = recorded([None] * 4 + [True] + [False] * 7), recorded([None] * 4 + [True] * 4 + [False] * 4)
 
-    session = measure(pack, asked, asked.plan(), on_frame=interrupt)
-
-    assert session.interrupted
-    assert [run.configuration for run in session.runs] == ["default", "best"]
-    assert session.speedup("best", asked.protocol) is not None
+    assert (lost.status, lost.failure) == ("failed", "tracking lost in 7 of 8 frames")
+    assert lost.frame_us == (10_000,) * 12
+    assert lost.stages_us["tracking"] == (2499,) * 12  # never more than the frame in all
+    assert (held.status, held.failure) == ("ok", None)
 
 
-def test_ctrl_c_before_the_first_run_is_over_leaves_nothing(pack: Pack, asked: Manifest) -> None:
-    def interrupt(*_: Any) -> None:
-        raise KeyboardInterrupt
+def test_a_trajectory_that_is_not_finite_is_a_failure_without_times() -> None:
+    run = recorded([True] * 12, float("nan"))
 
-    with pytest.raises(KeyboardInterrupt):
-        measure(pack, asked, asked.plan(), on_frame=interrupt)
-
-
-def test_runs_are_repeated_while_the_interval_is_wide_and_there_is_time(pack: Pack) -> None:
-    changes = {"max_repeats": 4, "precision": 0.0, "warmup_frames": 0}
-    protocol = {**documents.manifest()["protocol"], **changes}
-    asked = Manifest.parse(room.manifest(pack, protocol=protocol))
-    hurried = Manifest.parse(room.manifest(pack, protocol={**protocol, "max_seconds": 0}))
-
-    long, short = measure(pack, asked, asked.plan()), measure(pack, hurried, hurried.plan())
-
-    abba = ["default", "best", "best", "default"]
-    assert [run.configuration for run in long.runs] == abba * 2
-    assert [run.repeat for run in long.of("default")] == [0, 1, 2, 3]
-    assert [run.configuration for run in short.runs] == abba
-
-
-def test_a_run_that_loses_the_camera_is_failed_and_keeps_its_times(
-    pack: Pack, asked: Manifest, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Lost(benchmark.Report):
-        def to_dict(self) -> dict[str, Any]:
-            told = super().to_dict()
-            for frame in told["frames"][5:]:
-                frame["tracked"] = False
-            return told
-
-    real = benchmark.run
-    monkeypatch.setattr(benchmark, "run", lambda *a, **k: Lost(**vars(real(*a, **k))))
-
-    [run] = measure(pack, asked, ("default",)).runs
-
-    assert (run.status, run.failure) == ("failed", "tracking lost in 7 of 8 frames")
-    assert len(run.frame_us) == room.FRAMES
-
-
-def test_a_device_that_breaks_down_for_good_fails_run_by_run(
-    pack: Pack, asked: Manifest, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def broken(*_: Any) -> Any:
-        raise RuntimeError("CL_OUT_OF_RESOURCES")
-
-    monkeypatch.setattr(measurement, "open_session", broken)
-
-    session = measure(pack, asked, ("default", "best"))
-
-    assert {run.failure for run in session.runs} == {"RuntimeError: CL_OUT_OF_RESOURCES"}
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("clang: /home/anna/x/kernel.cl:3: error", "clang: kernel.cl:3: error"),
-        (repr(r"C:\Users\Anna Smith\cache\kernel.cl"), "'kernel.cl'"),
-        (r"C:\Users\anna\cache\kernel.cl is gone", "kernel.cl is gone"),
-        ("compute_size_ratio=7: 320/7 is no whole number", "compute_size_ratio=7: 320/7 is no whole number"),
-    ],
-)
-def test_a_failure_tells_no_folder(text: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def homeless() -> Path:
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.setattr(Path, "home", homeless)
-
-    assert measurement._failure(OSError(text)) == f"OSError: {told}"
+    assert (run.status, run.failure, run.frame_us) == ("failed", "the trajectory is not finite", ())

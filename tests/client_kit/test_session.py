@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -129,9 +130,13 @@ def test_only_configurations_whose_speed_counts_and_is_uncertain_go_on() -> None
         *pairs((40, 10), (44, 10)),
         *(run_of("certain", repeat, [10 if repeat == 0 else 11] * 12) for repeat in (0, 1)),
         *(run_of("lost", repeat, [1 + repeat] * 12, ate_max=2.0) for repeat in (0, 1)),
+        run_of("broken", 0, [20] * 12),
+        replace(run_of("broken", 1, []), status="failed"),
     ]
 
     assert repeats.further(runs, PATIENT, 100, 1) == ["default", "best", "best", "default"]
+    broken = replace(run_of("default", 2, []), status="failed")
+    assert repeats.further([*runs, broken], PATIENT, 100, 1) == []
 
 
 def test_the_time_left_counts_what_each_configuration_took() -> None:

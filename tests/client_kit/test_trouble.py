@@ -32,7 +32,6 @@ from client_kit.manifest import Manifest
 from client_kit.preflight import Concern
 from client_kit.session import Session
 from client_kit.spool import Spool
-from slam.datasets import SequenceError
 from tests.client_kit import canned, documents
 from tests.client_kit.counting import Counting
 from tests.client_kit.killed import DEVICE, IDENTITY
@@ -54,7 +53,6 @@ def canned_measurement(monkeypatch: pytest.MonkeyPatch, home: Home) -> None:
     """A machine that always measures the same, with the home folder of the test."""
     monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
     monkeypatch.setattr(measurement, "measure", lambda _, asked, plan, **__: canned.measured(asked, plan))
-    monkeypatch.setattr(participation, "open_sequence", lambda path: path)
     monkeypatch.setattr(participation, "_device", lambda *_: (DEVICE, IDENTITY))
 
 
@@ -510,20 +508,6 @@ def test_a_server_that_refuses_this_version_spoils_no_export(
 
     assert code == 0
     assert "too old" in json.loads(out)["servers"][server.url]["unavailable"]
-
-
-def test_a_sequence_that_is_damaged_is_told_in_a_line(
-    client: Terminal, serve: Serve, counting: Counting, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def damaged(path: Path) -> None:
-        raise SequenceError(f"{path}: pack.json is damaged")
-
-    monkeypatch.setattr(participation, "open_sequence", damaged)
-
-    code, _, error = client("run", "--yes", "--server", serve(counting).url)
-
-    assert code == 3
-    assert "pack.json is damaged" in error
 
 
 def test_a_library_that_does_not_load_is_named(client: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:

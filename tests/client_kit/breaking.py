@@ -1,0 +1,61 @@
+"""A workbench whose driver breaks down, without OpenCL: `python -m tests.client_kit.breaking`.
+
+Parameters say what becomes of a configuration: {"ends": "abort", "kill" or "hang"}, {"fails": TEXT};
+without any it runs. {"for_good": true} breaks the device, too: the file
+named by FRONTRUNNER_BROKEN stands for that, and no further process can open it. Times are made up.
+"""
+
+import os
+import resource
+import signal
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from client_kit import workbench
+from slam.benchmark import Progress
+from tests.client_kit.canned import STAGES
+
+BROKEN = "FRONTRUNNER_BROKEN"
+FRAMES_BEFORE_THE_END = 3
+
+
+class BreakingWorkbench(workbench.Workbench):
+    def __init__(self, *_: Any) -> None:
+        if Path(os.environ[BROKEN]).exists():
+            end("abort")
+
+    def measure(self, parameters: Mapping[str, Any], frames: int, progress: Progress) -> workbench.Answer:
+        if "fails" in parameters:
+            return {"failure": parameters["fails"]}
+        for frame in range(frames):
+            progress(frame + 1, frames)
+            if "ends" in parameters and frame + 1 == FRAMES_BEFORE_THE_END:
+                if parameters.get("for_good"):
+                    Path(os.environ[BROKEN]).touch()
+                end(parameters["ends"])
+        return {"report": report(frames, 0.04), "trajectory_sha256": "0" * 64}
+
+
+def report(frames: int, seconds: float) -> dict[str, Any]:
+    """What a run tells that took SECONDS a frame."""
+    times = {"computation": seconds, **dict.fromkeys(STAGES, seconds / 5)}
+    ate = {"max": 0.012, "mean": 0.006, "rmse": 0.007}
+    return {"frames": [{**times, "tracked": True}] * frames, "ate": ate}
+
+
+def end(way: str) -> None:
+    """What drivers and systems do to a process."""
+    if way == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if way == "hang":
+        signal.pause()
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    print("LLVM ERROR: Cannot select /home/anna/cache/kernel.cl", file=sys.stderr, flush=True)
+    os.abort()
+
+
+if __name__ == "__main__":
+    workbench.Workbench = BreakingWorkbench  # type: ignore[assignment,misc]
+    workbench.main()
