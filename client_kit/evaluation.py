@@ -1,7 +1,7 @@
 """Serving as a reference device: take an evaluation, measure it in a process of its own, tell the result.
 
-The server's word is the truth. While it cannot be reached a measurement goes on and its result is kept until
-the server takes it or says that nobody waits for it any more.
+The server's word is the truth. While it cannot be reached a measurement goes on, and its result is kept on
+disk until the server takes it or says that nobody waits for it any more, even by another process later.
 """
 
 import platform
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from client_kit import APP, __version__, sequences
+from client_kit import APP, __version__, interrupts, sequences
 from client_kit.console import Console
-from client_kit.errors import CannotMeasureError, ClientError, UsageError
+from client_kit.errors import CannotMeasureError, ClientError, HomeError, UsageError
 from client_kit.home import Home
 from client_kit.manifest import DIGEST, Chunk, read_chunk
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
@@ -24,6 +24,8 @@ IDLE_SECONDS = 5.0
 FIRST_PAUSE_SECONDS = 1.0
 LONGEST_PAUSE_SECONDS = 60.0
 GONE = 410
+# The result that no server has taken yet, by the address of the server and the name of the device there.
+RESULTS = "results.json"
 
 
 @dataclass(frozen=True)
@@ -73,154 +75,181 @@ def serve(
 ) -> None:
     """Measure what waits for DEVICE, one evaluation after another, until Ctrl-C or, if wanted, until idle.
 
-    Raises UsageError for a token that is not this device's, and, after giving the present evaluation back,
-    KeyboardInterrupt, CannotMeasureError where nothing can be measured here, and OutdatedError.
+    While another client measures from the same folder nothing is asked for: the two would disturb each
+    other. Raises UsageError for a token that is not this device's, and, after giving the present evaluation
+    back, KeyboardInterrupt, CannotMeasureError where nothing can be measured here, and OutdatedError.
     """
-    worker = platform.node()
+    reference = _Reference(server, device, token, home, console, pause)
     console.say(f"Serving {server.url} as {device}. Ctrl-C ends it and gives the present evaluation back.")
+    disturbed = False
     while True:
-        answer = _insist(lambda: server.lease(token, device, worker), console, pause)
-        if answer is None:
-            if until_idle:
-                console.say("Nothing waits.")
-                return
-            pause(IDLE_SECONDS)
+        with home.only_one("measurement") as alone:
+            found = alone and reference.serve_next()
+        if found:
             continue
+        if not alone and not disturbed:
+            console.say("Another client measures on this device: waiting until it is done.")
+        disturbed = not alone
+        if alone and until_idle:
+            console.say("Nothing waits.")
+            return
+        pause(IDLE_SECONDS)
+
+
+@dataclass(frozen=True)
+class _Reference:
+    """This machine as the reference device DEVICE of a server."""
+
+    server: Server
+    device: str
+    token: str
+    home: Home
+    console: Console
+    pause: Callable[[float], None]
+
+    def serve_next(self) -> bool:
+        """Tell a result that is kept, or measure what waits; False where there is neither."""
+        kept = self.home.read(RESULTS).get(self._key)
+        if kept is not None:
+            self.console.say(f"{kept['lease']}: its result is still to be told")
+            self._tell(kept["lease"], kept["result"])
+            return True
+        worker = platform.node()
+        answer = self._insist(lambda: self.server.lease(self.token, self.device, worker))
+        if answer is None:
+            return False
         try:
             lease = Lease.parse(answer)
         except NotFrontrunnerError as error:
             # Another client, of another version, may read it: this one asks less and less often.
-            _give_back(server, token, str(answer.get("id")), console, str(error))
-            console.say(f"{error}; again in {LONGEST_PAUSE_SECONDS:.0f} s")
-            pause(LONGEST_PAUSE_SECONDS)
-            continue
-        result = _measure(server, token, lease, home, console, pause)
+            self._give_back(str(answer.get("id")), str(error))
+            self.console.say(f"{error}; again in {LONGEST_PAUSE_SECONDS:.0f} s")
+            self.pause(LONGEST_PAUSE_SECONDS)
+            return True
+        result = self._measure(lease)
         if result is not None:
-            _tell(server, token, lease, result, console, pause)
-
-
-def _measure(
-    server: Server,
-    token: str,
-    lease: Lease,
-    home: Home,
-    console: Console,
-    pause: Callable[[float], None],
-) -> dict[str, Any] | None:
-    """What became of LEASE; None where nobody waits for it any more."""
-
-    def heartbeat() -> bool:
-        try:
-            server.heartbeat(token, lease.id)
-        except ProblemError as problem:
-            return problem.status != GONE
-        except (UnreachableError, NotFrontrunnerError):
-            pass  # the measurement goes on: the server may be back before the lease runs out
+            self._keep(lease.id, result)
+            self._tell(lease.id, result)
         return True
 
-    software = f"{APP} {__version__}"
-    try:
-        pack = sequences.at_hand(lease, home) or _download(server, lease, home, heartbeat, console, pause)
-        measured = isolated.measure(
-            lease.application,
-            lease.configuration,
-            pack,
-            device=lease.opencl_device,
-            frames=lease.frames,
-            heartbeat=heartbeat,
-            heartbeat_seconds=lease.heartbeat_seconds,
-            timeout=lease.timeout_seconds,
-        )
-    except MeasurementError as error:
-        console.say(f"{lease.id}: failed: {error}")
-        return {"status": "failed", "error": one_line(str(error)), "software": software}
-    except LeaseLostError:
-        console.say(f"{lease.id}: the lease is gone, the measurement was ended")
-        return None
-    except CannotMeasureHereError as error:
-        _give_back(server, token, lease.id, console, str(error))
-        raise CannotMeasureError(str(error)) from error
-    except ClientError as error:
-        _give_back(server, token, lease.id, console, str(error))
-        raise
-    except KeyboardInterrupt:
-        _give_back(server, token, lease.id, console)
-        raise
-    runtime = measured.objectives["runtime"]
-    console.say(f"{lease.id}: {1e3 * runtime:.2f} ms a frame, {1e3 * measured.objectives['ate_max']:.1f} mm")
-    return {
-        "status": "done",
-        "objectives": measured.objectives,
-        "stages": measured.stages,
-        "device": measured.device,
-        "software": software,
-    }
+    def _measure(self, lease: Lease) -> dict[str, Any] | None:
+        """What became of LEASE; None where nobody waits for it any more."""
 
+        def heartbeat() -> bool:
+            try:
+                self.server.heartbeat(self.token, lease.id)
+            except ProblemError as problem:
+                return problem.status != GONE
+            except (UnreachableError, NotFrontrunnerError):
+                pass  # the measurement goes on: the server may be back before the lease runs out
+            return True
 
-def _download(
-    server: Server,
-    lease: Lease,
-    home: Home,
-    heartbeat: Callable[[], bool],
-    console: Console,
-    pause: Callable[[float], None],
-) -> Path:
-    """The sequence, however often the server goes away meanwhile. Raises LeaseLostError."""
-    held = time.monotonic()
-
-    def hold(*_: int) -> None:
-        nonlocal held
-        if time.monotonic() - held >= lease.heartbeat_seconds:
-            held = time.monotonic()
-            if not heartbeat():
-                raise LeaseLostError
-
-    def fetch() -> Path:
-        hold()
-        return sequences.fetch(server, lease, home, progress=hold, pause=pause)
-
-    found: Path = _insist(fetch, console, pause)
-    return found
-
-
-def _tell(
-    server: Server,
-    token: str,
-    lease: Lease,
-    result: Mapping[str, Any],
-    console: Console,
-    pause: Callable[[float], None],
-) -> None:
-    try:
-        _insist(lambda: server.finish(token, lease.id, result), console, pause)
-    except ProblemError as problem:
-        console.say(f"{lease.id}: the result was not taken: {problem}")
-
-
-def _give_back(server: Server, token: str, lease: str, console: Console, reason: str = "") -> None:
-    result = {"status": "returned"} | ({"error": one_line(reason)} if reason else {})
-    try:
-        server.finish(token, lease, result)
-    except ClientError as error:
-        console.say(f"{lease} could not be given back, its lease will run out: {error}")
-    else:
-        console.say(f"{lease} is given back")
-
-
-def _insist(ask: Callable[[], Any], console: Console, pause: Callable[[float], None]) -> Any:
-    """What ASK answers, asked again with longer and longer pauses while the server cannot."""
-    seconds = FIRST_PAUSE_SECONDS
-    while True:
+        software = f"{APP} {__version__}"
         try:
-            return ask()
+            pack = sequences.at_hand(lease, self.home) or self._download(lease, heartbeat)
+            measured = isolated.measure(
+                lease.application,
+                lease.configuration,
+                pack,
+                device=lease.opencl_device,
+                frames=lease.frames,
+                heartbeat=heartbeat,
+                heartbeat_seconds=lease.heartbeat_seconds,
+                timeout=lease.timeout_seconds,
+            )
+        except MeasurementError as error:
+            self.console.say(f"{lease.id}: failed: {error}")
+            return {"status": "failed", "error": one_line(str(error)), "software": software}
+        except LeaseLostError:
+            self.console.say(f"{lease.id}: the lease is gone, the measurement was ended")
+            return None
+        except CannotMeasureHereError as error:
+            self._give_back(lease.id, str(error))
+            raise CannotMeasureError(str(error)) from error
+        except ClientError as error:
+            self._give_back(lease.id, str(error))
+            raise
+        except KeyboardInterrupt:
+            self._give_back(lease.id)
+            raise
+        values = measured.objectives
+        self.console.say(
+            f"{lease.id}: {1e3 * values['runtime']:.2f} ms a frame, {1e3 * values['ate_max']:.1f} mm"
+        )
+        return {
+            "status": "done",
+            "objectives": values,
+            "stages": measured.stages,
+            "device": measured.device,
+            "software": software,
+        }
+
+    def _download(self, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
+        """The sequence, however often the server goes away meanwhile. Raises LeaseLostError."""
+        held = time.monotonic()
+
+        def hold(*_: int) -> None:
+            nonlocal held
+            if time.monotonic() - held >= lease.heartbeat_seconds:
+                held = time.monotonic()
+                if not heartbeat():
+                    raise LeaseLostError
+
+        def fetch() -> Path:
+            hold()
+            return sequences.fetch(self.server, lease, self.home, progress=hold, pause=self.pause)
+
+        found: Path = self._insist(fetch)
+        return found
+
+    def _tell(self, lease: str, result: Mapping[str, Any]) -> None:
+        """Have the server take a result that is kept, and drop it then."""
+        try:
+            self._insist(lambda: self.server.finish(self.token, lease, result))
         except ProblemError as problem:
-            if problem.status in (401, 403):
-                raise UsageError(str(problem)) from problem
-            if not problem.temporary and problem.status != 409:
-                raise
-            wait, reason = problem.retry_after or seconds, str(problem)
-        except (UnreachableError, NotFrontrunnerError) as error:
-            wait, reason = seconds, str(error)
-        console.say(f"{reason}; again in {wait:.0f} s")
-        pause(wait)
-        seconds = min(2 * seconds, LONGEST_PAUSE_SECONDS)
+            self.console.say(f"{lease}: the result was not taken: {problem}")
+        except KeyboardInterrupt:
+            self.console.say(f"{lease}: its result is kept here and told by the next `evaluate`")
+            raise
+        results = self.home.read(RESULTS)
+        results.pop(self._key, None)
+        self.home.write(RESULTS, results)
+
+    def _keep(self, lease: str, result: Mapping[str, Any]) -> None:
+        kept = {"lease": lease, "result": dict(result)}
+        try:
+            with interrupts.ignored():
+                self.home.write(RESULTS, {**self.home.read(RESULTS), self._key: kept})
+        except HomeError as error:  # it can be told all the same, but not by another process
+            self.console.say(str(error))
+
+    @property
+    def _key(self) -> str:
+        return f"{self.server.url} {self.device}"
+
+    def _give_back(self, lease: str, reason: str = "") -> None:
+        result = {"status": "returned"} | ({"error": one_line(reason)} if reason else {})
+        try:
+            self.server.finish(self.token, lease, result)
+        except ClientError as error:
+            self.console.say(f"{lease} could not be given back, its lease will run out: {error}")
+        else:
+            self.console.say(f"{lease} is given back")
+
+    def _insist(self, ask: Callable[[], Any]) -> Any:
+        """What ASK answers, asked again with longer and longer pauses while the server cannot."""
+        seconds = FIRST_PAUSE_SECONDS
+        while True:
+            try:
+                return ask()
+            except ProblemError as problem:
+                if problem.status in (401, 403):
+                    raise UsageError(str(problem)) from problem
+                if not problem.temporary and problem.status != 409:
+                    raise
+                wait, reason = problem.retry_after or seconds, str(problem)
+            except (UnreachableError, NotFrontrunnerError) as error:
+                wait, reason = seconds, str(error)
+            self.console.say(f"{reason}; again in {wait:.0f} s")
+            self.pause(wait)
+            seconds = min(2 * seconds, LONGEST_PAUSE_SECONDS)

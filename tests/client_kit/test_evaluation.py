@@ -3,6 +3,7 @@
 import io
 import json
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from client_kit import __main__ as command_line
 from client_kit import evaluation
 from client_kit.console import Console
-from client_kit.errors import CannotMeasureError, UsageError
+from client_kit.errors import CannotMeasureError, HomeError, UsageError
 from client_kit.evaluation import serve
 from client_kit.home import Home
 from client_kit.server import Server
@@ -174,6 +175,74 @@ def test_a_server_in_trouble_does_not_end_a_measurement_and_gets_the_result_late
     _, pauses = serve_lab(lab)
 
     assert pauses == [7.0] * 3
+    assert [result["status"] for result in lab.results] == ["done"]
+
+
+def test_a_result_that_was_not_told_is_told_by_the_next_process(
+    pack: Pack, tmp_path: Path, serve_lab: Any, measured: list[Any]
+) -> None:
+    home, said, lab = Home(tmp_path / "home"), io.StringIO(), Lab(pack)
+    home.prepare()
+    away = problem(503, "database_unavailable")
+
+    def interrupted(_: float) -> None:
+        raise KeyboardInterrupt
+
+    lab.server.answer = lambda request: away if request.path.endswith("/result") else lab.answer(request)
+    with pytest.raises(KeyboardInterrupt):
+        serve(Server(lab.server.url), "board", "secret", home, Console(said), pause=interrupted)
+    assert "its result is kept here and told by the next `evaluate`" in said.getvalue()
+
+    lab.server.answer = lab.answer
+    told, _ = serve_lab(lab)
+
+    assert "5-1: its result is still to be told" in told
+    assert [result["status"] for result in lab.results] == ["done"]
+    assert len(measured) == 1
+    assert home.read(evaluation.RESULTS) == {}
+
+
+def test_a_result_that_cannot_be_kept_is_told_all_the_same(
+    pack: Pack, serve_lab: Any, measured: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = Home.write
+
+    def full(home: Home, name: str, document: Any) -> None:
+        if document:
+            raise HomeError(f"{name} cannot be written: No space left on device")
+        written(home, name, document)
+
+    monkeypatch.setattr(Home, "write", full)
+    lab = Lab(pack)
+
+    said, _ = serve_lab(lab)
+
+    assert "No space left on device" in said
+    assert [result["status"] for result in lab.results] == ["done"]
+
+
+def test_while_another_client_measures_nothing_is_asked_for(
+    pack: Pack, tmp_path: Path, measured: list[Any]
+) -> None:
+    home, said, lab = Home(tmp_path / "home"), io.StringIO(), Lab(pack)
+    home.prepare()
+    other = ExitStack()
+    assert other.enter_context(home.only_one("measurement"))
+    asked: list[int] = []
+
+    def until_it_is_done(_: float) -> None:
+        asked.append(len(lab.server.requests))
+        if len(asked) == 2:
+            other.close()
+
+    try:
+        server = Server(lab.server.url)
+        serve(server, "board", "secret", home, Console(said), until_idle=True, pause=until_it_is_done)
+    finally:
+        lab.server.close()
+
+    assert asked == [0, 0]
+    assert said.getvalue().count("Another client measures on this device") == 1
     assert [result["status"] for result in lab.results] == ["done"]
 
 
