@@ -112,7 +112,15 @@ def _parser() -> argparse.ArgumentParser:
     export.set_defaults(command=_export)
 
     erase = commands.add_parser("erase", help="erase what was sent and what is kept here")
+    erase.add_argument(
+        "--run", metavar="ID", help="this run alone, by its id in `export` or its page's address"
+    )
     erase.set_defaults(command=_erase)
+
+    renew = commands.add_parser(
+        "renew-token", help="replace the tokens by which the servers know this client"
+    )
+    renew.set_defaults(command=_renew_token)
 
     choose = commands.add_parser("choose", help="the configuration to run on this device")
     choose.add_argument(
@@ -210,9 +218,20 @@ def _export(options: argparse.Namespace, console: Console) -> None:
         raise UsageError(f"--out {options.out} cannot be written: {error.strerror}") from error
 
 
-def _erase(_options: argparse.Namespace, console: Console) -> None:
-    if not Client(console=console).erase():
+def _erase(options: argparse.Namespace, console: Console) -> None:
+    client = Client(console=console)
+    if options.run is not None:
+        console.lines(f"Erased at {url}." for url in client.erase_run(options.run))
+        console.say(f"Nothing of run {options.run} is left here.")
+    elif not client.erase():
         console.say("The request to erase is kept and goes with the next `run` or `send`.")
+
+
+def _renew_token(_options: argparse.Namespace, console: Console) -> None:
+    servers = Client(console=console).renew_tokens()
+    console.lines(f"Replaced at {url}; the old token is void." for url in servers)
+    if not servers:
+        console.say("No server knows this client: there is no token to replace.")
 
 
 def _choose(options: argparse.Namespace, console: Console) -> None:

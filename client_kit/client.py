@@ -124,6 +124,18 @@ class Client:
         self.console.lines(delivered.lines())
         return len(delivered.erased) == len(servers)
 
+    def erase_run(self, run: str) -> list[str]:
+        """Erase the run of that id, here and on the servers that have it, which are returned.
+
+        Raises UsageError where nobody has it, ServerError, and nothing is erased here, where a server
+        cannot be asked.
+        """
+        return delivery.erase_run(self.spool, self.home, run)
+
+    def renew_tokens(self) -> list[str]:
+        """Have the servers replace the tokens by which they know this client; those servers."""
+        return delivery.renew_tokens(self.home)
+
     def choose(
         self, max_ate: float = VALID_BELOW, max_ms: float | None = None, device: str | None = None
     ) -> "Point":

@@ -100,6 +100,43 @@ def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
         return sessions + spool.clear(), enrolment.request_erasure(home)
 
 
+def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
+    """Erase one run on the servers that have it, then here; those servers.
+
+    Whoever is sending is waited for. Raises UsageError where nobody has it and ServerError where a server
+    cannot be asked: then it is still here, too.
+    """
+    with home.only_one("delivery", wait=True):
+        spool.recover()
+        item = spool.holding(run)
+        erased = []
+        for known in enrolment.known(home):
+            if known.erase or (item is not None and item.server != known.server):
+                continue
+            try:
+                Server(known.server).erase_run(known.token, run)
+            except ProblemError as problem:
+                if problem.status not in enrolment.GONE:
+                    raise
+            else:
+                erased.append(known.server)
+        if item is not None:
+            spool.drop(item, run)
+        elif not erased:
+            raise UsageError(f"--run {run}: neither this device nor a server that it knows has such a run")
+    return erased
+
+
+def renew_tokens(home: Home) -> list[str]:
+    """Have every server replace the token by which it knows this client; those servers.
+
+    Whoever is sending is waited for. Raises ServerError for the first server that cannot be asked.
+    """
+    with home.only_one("delivery", wait=True):
+        addresses = [known.server for known in enrolment.known(home)]
+        return [address for address in addresses if enrolment.renew(home, Server(address))]
+
+
 def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:
     """Have what waits for SERVER say that the participant agrees to VERSION of the consent text by now.
 

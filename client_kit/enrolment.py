@@ -7,7 +7,7 @@ from client_kit.server import LONGEST_WAIT_SECONDS, ProblemError, Server
 
 _DOCUMENT = "installations.json"
 # The token names an installation that the server no longer has: nothing is left to erase there.
-_GONE = (401, 404, 410)
+GONE = (401, 404, 410)
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,21 @@ def token(home: Home, server: Server, consent_version: str | int) -> str:
     return new
 
 
+def renew(home: Home, server: Server) -> bool:
+    """Have another token take the place of the one for a server; False where there is none.
+
+    The old one ends with the first use of the new one, which is kept before that: whoever is killed in
+    between is locked out of nothing. Raises the server's errors.
+    """
+    for enrolment in known(home):
+        if enrolment.server == server.url and not enrolment.erase:
+            new = server.renew_token(enrolment.token)
+            _store(home, replace(enrolment, token=new))
+            server.own_data(new)
+            return True
+    return False
+
+
 def forget(home: Home, server: str) -> None:
     """Drop the installation on a server."""
     documents = home.read(_DOCUMENT)
@@ -88,7 +103,7 @@ def deliver_erasure(home: Home, server: Server) -> bool:
             try:
                 server.erase(enrolment.token)
             except ProblemError as problem:
-                if problem.status not in _GONE:
+                if problem.status not in GONE:
                     raise
             forget(home, server.url)
             return True

@@ -143,6 +143,18 @@ class Server:
         """Have everything of this installation erased."""
         self._call("DELETE", "/me", token=token)
 
+    def erase_run(self, token: str, run: str) -> None:
+        """Have one run of this installation erased. Raises ProblemError 404 where it sent none of that id."""
+        self._call("DELETE", f"/me/runs/{urllib.parse.quote(run, safe='')}", token=token)
+
+    def renew_token(self, token: str) -> str:
+        """The next token of this installation; TOKEN works until that one is used for the first time."""
+        answer = self._call("POST", "/me/token", token=token, body=b"{}").json()
+        try:
+            return str(answer["token"])
+        except KeyError as error:
+            raise NotFrontrunnerError(f"the answer to a token's renewal lacks {error}") from error
+
     def validate(self, token: str, body: bytes) -> list[dict[str, Any]]:
         """What would become of each run of a submission, plain JSON; nothing is stored."""
         answer = self._call("POST", "/submissions:validate", token=token, body=body).json()

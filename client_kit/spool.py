@@ -155,6 +155,30 @@ class Spool:
                 (body, len(body), str(uuid.uuid4()), item.id),
             )
 
+    def holding(self, run: str) -> Item | None:
+        """The session with the run of that id, as far as its body is still here; None where there is none."""
+        for item in self.items():
+            payload = self.payload(item)
+            if payload is not None and any(one["id"] == run for one in payload["sessions"][0]["runs"]):
+                return item
+        return None
+
+    def drop(self, item: Item, run: str) -> None:
+        """Forget one run of a session, and the session with its last one.
+
+        What waits is sent without it, under a key of its own. Call it only while no other one sends.
+        """
+        payload = self.payload(item)
+        if payload is None:
+            return
+        [session] = payload["sessions"]
+        runs = [one for one in session["runs"] if one["id"] != run]
+        if runs:
+            self.renew(item, {**payload, "sessions": [{**session, "runs": runs}]})
+            return
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM session WHERE id = ?", (item.id,))
+
     def recover(self) -> None:
         """Queue again what a process that has died was sending. Call it only while no other one sends."""
         with self._transaction() as connection:

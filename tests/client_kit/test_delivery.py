@@ -10,6 +10,7 @@ import pytest
 
 from client_kit import __version__, delivery, enrolment
 from client_kit.home import Home
+from client_kit.server import ProblemError, Server
 from client_kit.spool import Spool
 from tests.client_kit import documents
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
@@ -349,3 +350,65 @@ def test_a_session_that_is_erased_while_it_is_sent_is_no_trouble(
     assert delivered.settled == []
     assert spool.items() == []
     assert len(submissions(scripted)) == 1
+
+
+def test_a_run_that_is_erased_before_it_is_sent_never_leaves(serve: Serve, home: Home, spool: Spool) -> None:
+    scripted = serve(accepting)
+    payload = documents.payload()
+    [run] = payload["sessions"][0]["runs"]
+    payload["sessions"][0]["runs"].append({**run, "id": "another"})
+    item = spool.put(scripted.url, payload)
+
+    assert delivery.erase_run(spool, home, run["id"]) == []
+    delivery.deliver(spool, home)
+
+    [sent] = submissions(scripted)
+    [left] = json.loads(gzip.decompress(sent.body))["sessions"][0]["runs"]
+    assert left["id"] == "another"
+    assert sent.headers["idempotency-key"] != item.idempotency_key
+
+
+def test_a_session_goes_with_its_last_run(home: Home, spool: Spool) -> None:
+    payload = documents.payload()
+    spool.put("http://nobody.example", payload)
+
+    delivery.erase_run(spool, home, payload["sessions"][0]["runs"][0]["id"])
+
+    assert spool.items() == []
+
+
+def test_a_run_stays_here_while_its_server_cannot_be_asked_to_erase_it(
+    serve: Serve, home: Home, spool: Spool
+) -> None:
+    scripted = serve(accepting)
+    payload = documents.payload()
+    run = payload["sessions"][0]["runs"][0]["id"]
+    item = spool.put(scripted.url, payload)
+    delivery.deliver(spool, home)
+
+    scripted.answer = lambda _: problem(503, "busy")
+    with pytest.raises(ProblemError, match="busy"):
+        delivery.erase_run(spool, home, run)
+    assert spool.payload(item) == payload
+
+    scripted.answer = lambda _: problem(404, "not_found")  # an answer was lost, it is erased there
+    assert delivery.erase_run(spool, home, run) == []
+    assert spool.items() == []
+
+
+def test_a_new_token_is_kept_before_the_old_one_ends(serve: Serve, home: Home, spool: Spool) -> None:
+    scripted = serve(accepting)
+    spool.put(scripted.url, documents.payload())
+    delivery.deliver(spool, home)
+
+    def renewing(request: Request) -> Reply:
+        if request.path.endswith("/me/token"):
+            return Reply(201, {"token": "another"})
+        assert enrolment.present(home, Server(scripted.url)) == "another"
+        assert request.headers["authorization"] == "Bearer another"
+        return Reply(200, {"sessions": []})
+
+    scripted.answer = renewing
+
+    assert delivery.renew_tokens(home) == [scripted.url]
+    assert scripted.paths()[-2:] == ["POST /api/v1/me/token", "GET /api/v1/me/data"]

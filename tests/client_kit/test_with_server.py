@@ -15,8 +15,11 @@ import pytest
 
 from client_kit import delivery, device, enrolment, measurement
 from client_kit import session as record
+from client_kit.client import Client
+from client_kit.errors import UsageError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
+from client_kit.server import ProblemError, Server
 from client_kit.spool import Spool
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run
 from slam.datasets.pack import Pack
@@ -36,7 +39,7 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
 def measured(pack: Pack) -> dict[str, Any]:
     """What a session of default and best over the room sends."""
     asked = Manifest.parse(room.manifest(pack, front_version=f"kfusion-{VERSION}"))
-    session = measurement.measure(pack, asked, asked.plan())
+    session = measurement.measure(pack._chunks.folder, asked, asked.plan())
     return record.payload(session, asked, device.identify())
 
 
@@ -152,6 +155,34 @@ def test_export_shows_and_erase_removes_what_the_server_keeps(
     assert MeasurementSession.objects.count() == 0
     assert Spool(home.spool).items() == []
     assert enrolment.known(home) == []
+
+
+def test_one_run_can_be_erased_and_the_token_be_replaced(
+    server: str, home: Home, spool: Spool, measured: dict[str, Any]
+) -> None:
+    item = spool.put(server, renamed(measured))
+    delivery.deliver(spool, home)
+    kit, old = Client(home=home.path), str(enrolment.present(home, Server(server)))
+    run = measured_runs(spool)[0]
+
+    assert kit.erase_run(run) == [server]
+    assert kit.renew_tokens() == [server]
+
+    assert Run.objects.count() == 3
+    assert run not in measured_runs(spool)
+    assert spool.item(item.id).state == "accepted"
+    new = str(enrolment.present(home, Server(server)))
+    assert len(Server(server).own_data(new)["sessions"][0]["runs"]) == 3
+    with pytest.raises(ProblemError, match="token_invalid"):
+        Server(server).own_data(old)
+    with pytest.raises(UsageError, match="has such a run"):
+        kit.erase_run(run)
+
+
+def measured_runs(spool: Spool) -> list[str]:
+    """The ids of all runs that the spool holds."""
+    payloads = [spool.payload(item) or {} for item in spool.items()]
+    return [run["id"] for payload in payloads for session in payload["sessions"] for run in session["runs"]]
 
 
 def test_an_unknown_front_is_the_servers_reason(server: str, home: Home, spool: Spool) -> None:
