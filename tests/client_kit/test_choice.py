@@ -1,15 +1,21 @@
 """Choosing a configuration for this device from the published front and its own measurements."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from client_kit import adaptation
+from client_kit import __main__ as command_line
+from client_kit import adaptation, device
 from client_kit.choice import MEASURED, SCALED, choose, of_one_device, points
 from client_kit.errors import CannotMeasureError
+from client_kit.home import ENVIRONMENT, Home
 from client_kit.manifest import Manifest
-from tests.client_kit import documents
+from client_kit.spool import Spool
+from slam import opencl
+from tests.client_kit import documents, room
+from tests.slam.shipped import LIVING_ROOM
 
 FRONT = Manifest.parse(documents.manifest())
 
@@ -119,3 +125,27 @@ def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytes
     assert adaptation._label(("a CPU", "PoCL")) == present[1].label
     with pytest.raises(CannotMeasureError, match=r"Mali .* is not here any more"):
         adaptation._label(("Mali", "ARM"))
+
+
+def test_the_choice_runs_over_the_shipped_sequence(
+    home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    configurations = [
+        {"name": name, "parameters": parameters, "predicted": documents.point(0.1, 0.01)}
+        for name, parameters in room.CONFIGURATIONS.items()
+    ]
+    front = documents.manifest(configurations=configurations)
+    home.write("manifest-1.json", {"server": documents.SERVER, "manifest": front})
+    here = device.opencl_identity(opencl.choose_device().handle)
+    measured = session(run("default", 200, 0.011), run("best", 40, 0.03))
+    spool.put(documents.SERVER, measured | {"device": here})
+    monkeypatch.setenv(ENVIRONMENT, str(home.path))
+
+    code = command_line.main(["choose", "--max-ate", "0.05", "--run", str(LIVING_ROOM), "--frames", "12"])
+
+    told = capsys.readouterr().out
+    assert code == 0
+    assert "best of front kfusion 1" in told
+    assert "volume_resolution = 64" in told
+    assert re.search(r"living-room, 12 frames: [\d.]+ ms a frame, [\d.]+ frames a second", told)
+    assert re.search(r"largest trajectory error [\d.]+ cm, within the limit of 5 cm", told)
