@@ -58,7 +58,9 @@ class MeasurementSession(models.Model):
     uuid = models.UUIDField(unique=True, help_text="given by the client")
     installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="sessions")
     submission = models.ForeignKey(Submission, on_delete=models.CASCADE, related_name="sessions")
-    description = models.ForeignKey(DeviceDescription, on_delete=models.PROTECT, related_name="sessions")
+    description = models.ForeignKey(
+        DeviceDescription, on_delete=models.PROTECT, related_name="sessions", db_index=False
+    )
     device = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="sessions")
     front = models.ForeignKey(FrontVersion, on_delete=models.PROTECT, related_name="sessions")
     protocol_version = models.PositiveSmallIntegerField()
@@ -82,6 +84,8 @@ class MeasurementSession(models.Model):
         ordering = ["-id"]
         indexes = [
             models.Index(fields=["summary_algorithm", "id"], name="session_waiting"),
+            # Whether a description has a session under a name is one look, however many sessions there are.
+            models.Index(fields=["description", "device"], name="session_description"),
             models.Index(fields=["device", "-id"], name="session_device_newest"),
             models.Index(fields=["device", "installation", "started_at"], name="session_device_activity"),
         ]

@@ -61,6 +61,8 @@ def device(slug: str) -> DeviceDetail | None:
 def _descriptions(model: DeviceModel) -> tuple[dict[str, object], ...]:
     """Raw strings of MODEL's newest descriptions, of those that have a session under its name."""
     public = MeasurementSession.objects.filter(description=OuterRef("pk"), device=model)
-    rows = DeviceDescription.objects.filter(Q(model=model) | Q(model__canonical=model)).filter(Exists(public))
+    # By their keys: joined with models, all descriptions would be looked at.
+    models = DeviceModel.objects.filter(Q(pk=model.pk) | Q(canonical=model)).values("pk")
+    rows = DeviceDescription.objects.filter(Exists(public), model__in=models)
     newest = rows.order_by("-first_seen_at")[:LISTED_DESCRIPTIONS]
     return tuple(newest.values_list("raw", flat=True))
