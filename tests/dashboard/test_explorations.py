@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from django.test import Client
 from django.utils import timezone
+from hypothesis import given
+from hypothesis import strategies as st
 
 from crowd.dashboard.drawings import explorations as drawings
+from crowd.dashboard.figures.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.figures.explorations import (
-    MOST_DRAWN,
     exploration_plane,
     hypervolume_line,
     importance_bars,
@@ -309,13 +311,26 @@ def test_of_very_many_points_a_selection_is_drawn_and_the_figure_says_so() -> No
     assert "5,001 of 10,000 points drawn" in [label.text for label in figure.layout.annotations]
 
 
+@given(st.integers(0, 60), st.integers(1, 20), st.sets(st.integers(0, 59)))
+def test_a_selection_keeps_what_it_must_and_the_order(number: int, most: int, kept: set[int]) -> None:
+    drawn = decimated(range(number), kept.__contains__, most)
+
+    assert drawn == sorted(drawn)
+    assert kept & set(range(number)) <= set(drawn)
+    assert len(set(drawn) - kept) <= most
+    assert len(drawn) == number or number > most
+    assert said(len(drawn), number) == (
+        "" if len(drawn) == number else f"{len(drawn)} of {number} points drawn"
+    )
+
+
 def test_hovering_tells_every_parameter_of_a_point() -> None:
     (trace,) = exploration_plane(
         [Point({"mu": 0.1, "<b>": 2}, "", "random", {"ate_max": 1, "runtime": 1}, 1, 0)], [], 0.05, LIGHT
     ).data
 
     assert "mu %{customdata[3]}<br>&lt;b&gt; %{customdata[4]}" in trace.hovertemplate
-    assert trace.customdata[0][3:] == ["0.1", "2"]
+    assert list(trace.customdata[0][3:]) == ["0.1", "2"]
 
 
 def test_the_growth_is_a_staircase_that_says_where_learning_began() -> None:

@@ -4,10 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.figures import layout
+from crowd.dashboard.figures.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.palette import Theme
 from crowd.explorations.points import Point
 from pareto.prediction import Prediction
@@ -22,7 +24,6 @@ PHASES = {
     "active": "active learning",
     "given": "known before",
 }
-MOST_DRAWN = 5000  # beyond that a browser becomes slow
 
 
 def exploration_plane(
@@ -32,12 +33,12 @@ def exploration_plane(
 
     Random samples are circles, those of active learning discs, configurations known before diamonds with
     their names. Points without an error (tracking was lost at once) are left out, errors above MOST_ATE are
-    drawn there; of more than MOST_DRAWN a regular selection is drawn, and the figure says so. Both axes are
-    logarithmic.
+    drawn there; of more than MOST_DRAWN a regular selection and all of the front are drawn, and the figure
+    says so. Both axes are logarithmic.
     """
     figure = layout.blank(theme, 520)
     every = placed(points)
-    drawn = decimated(every)
+    drawn = decimated(every, lambda point: point.label)
     looks = {
         "random": {"symbol": "circle-open", "color": theme.limit, "size": 7},
         "active": {"symbol": "circle", "color": theme.ink, "size": 6},
@@ -73,8 +74,8 @@ def exploration_plane(
         layout.limit_line(figure, max_ate * 100, theme, log=True)
     else:
         layout.note(figure, "Nothing measured yet", theme)
-    if len(drawn) < len(every):
-        layout.corner(figure, f"{len(drawn):,} of {len(every):,} points drawn", theme)
+    if words := said(len(drawn), len(every)):
+        layout.corner(figure, words, theme)
     return figure.update_layout(
         xaxis=layout.log_axis("maximum trajectory error, cm (log)"),
         yaxis=layout.log_axis("runtime, ms a frame (log)"),
@@ -173,12 +174,6 @@ def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme
     return figure.update_layout(xaxis=axes[0], yaxis=axes[1])
 
 
-def decimated(points: Sequence[Point]) -> list[Point]:
-    """At most about MOST_DRAWN of POINTS: those with a name, and of the others every n-th."""
-    every = math.ceil(len(points) / MOST_DRAWN)
-    return [point for number, point in enumerate(points) if point.label or number % max(every, 1) == 0]
-
-
 def _corners(growth: Sequence[float]) -> list[int]:
     """Positions in GROWTH at which it changes, and its ends: the staircase through them is the same."""
     inner = range(1, len(growth) - 1)
@@ -232,4 +227,8 @@ def _told(points: Sequence[Point]) -> dict[str, Any]:
         for column, name in enumerate(names, 3)
     ]
     head = "%{customdata[0]}%{customdata[1]} a frame, max ATE %{customdata[2]}"
-    return {"customdata": rows, "hovertemplate": layout.lines([head, *parameters]) + "<extra></extra>"}
+    # An array, of which plotly looks at no element: of lists it copies and checks each one.
+    return {
+        "customdata": np.array(rows, dtype=object),
+        "hovertemplate": layout.lines([head, *parameters]) + "<extra></extra>",
+    }
