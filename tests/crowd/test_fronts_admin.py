@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from django.contrib.auth.models import Group, User
 from django.core.files.uploadedfile import SimpleUploadedFile
 from django.test import Client
 from django.urls import reverse
@@ -13,6 +12,7 @@ from django.urls import reverse
 from crowd.fronts import services
 from crowd.fronts.models import AuditEntry, FrontVersion
 from tests.crowd.documents import front_document
+from tests.crowd.roles import browser_of
 
 LogIn = Callable[[str], Client]
 
@@ -21,15 +21,7 @@ LogIn = Callable[[str], Client]
 def log_in(db: None) -> LogIn:
     """A browser of somebody on the staff with that role (none where it is empty)."""
 
-    def client(role: str) -> Client:
-        user = User.objects.create_user(f"{role or 'nobody'}-1", is_staff=True)
-        if role:
-            user.groups.add(Group.objects.get(name=role))
-        browser = Client()
-        browser.force_login(user)
-        return browser
-
-    return client
+    return browser_of
 
 
 @pytest.fixture

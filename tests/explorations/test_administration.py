@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 from django.contrib.auth import get_user_model
-from django.contrib.auth.models import Group, User
 from django.test import Client
 from django.urls import reverse
 
@@ -16,6 +15,7 @@ from crowd.explorations import forms, publishing, services, tokens
 from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.fronts.models import FrontVersion
+from tests.crowd.roles import browser_of
 from tests.explorations.conftest import finish, run_to_the_end
 
 ADD = "admin:explorations_exploration_add"
@@ -32,15 +32,7 @@ def administrator(client: Client, db: None) -> Client:
 def staff(db: None) -> Browse:
     """A browser of somebody on the staff with that role (none where it is empty)."""
 
-    def browser(role: str) -> Client:
-        user = User.objects.create_user(f"{role or 'nobody'}-1", is_staff=True)
-        if role:
-            user.groups.add(Group.objects.get(name=role))
-        logged_in = Client()
-        logged_in.force_login(user)
-        return logged_in
-
-    return browser
+    return browser_of
 
 
 def address(name: str, exploration: Exploration) -> str:

@@ -3,10 +3,12 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pareto.commands import main
+from pareto.folder import Folder
 
 SPACE = {
     "name": "toy",
@@ -43,3 +45,17 @@ def rows(path: Path) -> list[dict[str, str]]:
     """The rows of a CSV file."""
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
+
+
+def interrupt_after(monkeypatch: pytest.MonkeyPatch, measurements: int) -> None:
+    """Let a search be interrupted, as by Ctrl-C, when it has stored so many MEASUREMENTS more."""
+    append, left = Folder.append, measurements
+
+    def interrupted(*arguments: Any, **names: Any) -> None:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise KeyboardInterrupt
+        append(*arguments, **names)
+
+    monkeypatch.setattr(Folder, "append", interrupted)

@@ -9,11 +9,10 @@ import pytest
 
 from pareto.commands import main
 from pareto.explorer import Explorer
-from pareto.folder import Folder
 from pareto.hypervolume import hypervolume_growth
 from pareto.progress import Progress, duration, present_front
 from pareto.space import Space
-from tests.pareto.conftest import SPACE, explore, rows
+from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
 
 
 def test_exploring_a_table_writes_evaluations_front_and_state(toy, capsys):
@@ -159,10 +158,7 @@ def test_a_folder_goes_on_with_what_measured_it_and_nothing_else(toy, capsys):
 
 
 def test_what_measures_may_be_mended_until_something_was_measured(toy, monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Folder, "append", interrupted)
+    interrupt_after(monkeypatch, 0)
     assert explore(toy, "--budget", "3", source=["--command", "true"]) == 130
     monkeypatch.undo()
     assert explore(toy, "--budget", "3") == 0
@@ -287,16 +283,7 @@ def test_a_warm_start_that_was_cut_off_is_completed(toy, monkeypatch):
     again = ["--warm-start", str(toy / "known.csv"), "--budget", "2"]
     assert explore(toy, *again, out="whole") == 0
     assert [row["failure"] for row in rows(whole)][:4] == ["", "failed in the earlier run", "", ""]
-    real, left = Folder.append, 2
-
-    def append(*arguments, **names):
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise KeyboardInterrupt
-        real(*arguments, **names)
-
-    monkeypatch.setattr(Folder, "append", append)
+    interrupt_after(monkeypatch, 2)
     assert explore(toy, *again) == 130
     assert len(rows(toy / "out" / "evaluations.csv")) == 2
     monkeypatch.undo()

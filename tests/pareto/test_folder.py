@@ -13,7 +13,7 @@ from pareto.commands import main
 from pareto.errors import StateError
 from pareto.folder import Folder
 from pareto.space import Space
-from tests.pareto.conftest import SPACE, explore, rows
+from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
 
 ROOT = Path(__file__).parents[2]
 
@@ -126,16 +126,7 @@ def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
 def test_the_default_method_goes_on_as_if_nothing_had_happened(toy, monkeypatch):
     options = ["--method", "two-stage", "--random", "10", "--budget", "22", "--batch", "6"]
     assert explore(toy, *options, out="whole") == 0
-    real, left = Folder.append, 14
-
-    def append(*arguments, **names):
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise KeyboardInterrupt
-        real(*arguments, **names)
-
-    monkeypatch.setattr(Folder, "append", append)
+    interrupt_after(monkeypatch, 14)
     assert explore(toy, *options) == 130
     monkeypatch.undo()
     assert explore(toy, *options) == 0
