@@ -33,6 +33,7 @@ ACCESS = {
     "database_unavailable": "The database does not answer: nothing was stored; wait as Retry-After says.",
     "internal_error": "The server failed and stored nothing: its log has the reason. Try again later.",
     "not_accepting": "No measurements are taken at present: keep them, and try again as Retry-After says.",
+    "simulation_not_permitted": "The permit to send simulated data is none, or too old: ask for a new one.",
     "token_invalid": "The token is unknown, was revoked or its data erased: get a new one.",
     "token_missing": "Send Authorization: Bearer TOKEN.",
     "too_many_requests": "A limit is reached: wait as Retry-After says; the RateLimit fields tell the limit.",

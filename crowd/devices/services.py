@@ -14,11 +14,19 @@ from crowd.prepared import Hole, Query
 COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
 
-def enrol(app: str, app_version: str, consent_version: int) -> tuple[Installation, str]:
-    """A new installation and its token, which is told this once and then known by its digest alone."""
+def enrol(
+    app: str, app_version: str, consent_version: int, simulated: bool = False
+) -> tuple[Installation, str]:
+    """A new installation and its token, which is told this once and then known by its digest alone. A
+    SIMULATED one stays so.
+    """
     token = secrets.token_urlsafe(32)
     installation = Installation.objects.create(
-        token_sha256=_digest(token), app=app, app_version=app_version, consent_version=consent_version
+        token_sha256=_digest(token),
+        app=app,
+        app_version=app_version,
+        consent_version=consent_version,
+        simulated=simulated,
     )
     return installation, token
 

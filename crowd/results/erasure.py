@@ -71,9 +71,11 @@ def _erase_installation(key: UUID) -> list[int]:
     sessions = list(installation.sessions.select_for_update().defer("samples").order_by("pk"))
     runs = Run.objects.filter(session__installation=installation).values_list("uuid", flat=True)
     cohorts = _locked(SessionSummary.objects.filter(session__installation=installation))
-    _bury(Tombstone.Kind.RUN, runs.iterator())
-    _bury(Tombstone.Kind.SESSION, (session.uuid for session in sessions))
-    Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
+    # Nothing simulated was ever public: nobody has to be told that it is gone.
+    if not installation.simulated:
+        _bury(Tombstone.Kind.RUN, runs.iterator())
+        _bury(Tombstone.Kind.SESSION, (session.uuid for session in sessions))
+        Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
     installation.delete()
     return _after(sessions, cohorts)
 
@@ -85,11 +87,13 @@ def _erase_run(key: UUID, uuid: UUID) -> list[int] | None:
     holding = Run.objects.filter(uuid=uuid).values("session")
     own = MeasurementSession.objects.filter(installation=key, pk__in=holding)
     _lock_models(own)
-    session = own.select_for_update().first()
+    session = own.select_for_update(of=("self",)).select_related("installation").first()
     if session is None:
         return None
+    public = not session.installation.simulated
     run = session.runs.get(uuid=uuid)
-    _bury(Tombstone.Kind.RUN, [run.uuid])
+    if public:
+        _bury(Tombstone.Kind.RUN, [run.uuid])
     run.delete()
     if session.runs.exists():
         exports.withdraw(session.received_at)
@@ -97,7 +101,8 @@ def _erase_run(key: UUID, uuid: UUID) -> list[int] | None:
         return []
     cohorts = _locked(session.summaries.all())
     places = set(session.summaries.values_list("cohort_id", "installation_id", "day"))
-    _bury(Tombstone.Kind.SESSION, [session.uuid])
+    if public:
+        _bury(Tombstone.Kind.SESSION, [session.uuid])
     session.delete()
     # A later session of that day may count in its place.
     refreshing.count_days_of(places)

@@ -81,6 +81,8 @@ class Enrolment(msgspec.Struct):
     app: Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
     app_version: Version
     consent_version: Small
+    # An administrator's permit to send what nobody measured (crowd.devices.permits).
+    simulated: Text | None = None
 
 
 _SUBMISSION = msgspec.json.Decoder(Submission)

@@ -9,6 +9,7 @@ from rest_framework.request import Request
 
 from crowd import limits
 from crowd.api import Endpoint, answer, body
+from crowd.devices import permits
 from crowd.devices.authentication import OwnEndpoint, installation_asking
 from crowd.devices.services import enrol
 from crowd.fronts import policy
@@ -35,7 +36,16 @@ class EnrolView(Endpoint):
         holding = policy.current()
         services.refuse_outdated(wish.app_version, holding)
         services.refuse_other_consent(wish.consent_version, holding)
-        installation, token = enrol(wish.app, wish.app_version, wish.consent_version)
+        if wish.simulated is not None and not permits.is_valid(wish.simulated):
+            raise Problem(
+                403,
+                "simulation_not_permitted",
+                "no permit of this server, or an old one: manage.py simulate_crowd --permit prints one",
+                field="simulated",
+            )
+        installation, token = enrol(
+            wish.app, wish.app_version, wish.consent_version, simulated=wish.simulated is not None
+        )
         return answer(answers.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
 
 

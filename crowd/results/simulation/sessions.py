@@ -1,0 +1,158 @@
+"""Made-up sessions of made-up devices, in the shape of submissions. Pure, by seed."""
+
+import hashlib
+import math
+import uuid
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowd.results.simulation.devices import Configuration, SimulatedDevice
+
+MOST_RUNS = 50  # of a submission
+# Shares of a frame's time where every frame does everything (SLAMBench's KinectFusion, roughly).
+STAGES = {"preprocessing": 0.15, "tracking": 0.30, "integration": 0.20, "raycasting": 0.35}
+# Which stage is skipped on most frames, by the parameter that tells how seldom it comes.
+PERIODS = {"tracking": "tracking_rate", "integration": "integration_rate"}
+FIRST_TRACKED = 4
+HICCUPS, HICCUP = 0.01, 1.8  # of the frames; how much longer they take
+SAMPLE_SECONDS = 1.0
+HOT = 0.5  # of the sessions of a device that throttles
+COOL, HEATING = 31.0, 16.0  # degrees Celsius
+CLOCK_MHZ = 2400.0
+LOST = "tracking was lost in more than half of the frames"
+REFUSED = "the driver refused to build the program: CL_OUT_OF_RESOURCES"
+
+
+def plan(protocol: Mapping[str, Any], front: Sequence[Configuration], every: bool) -> list[str]:
+    """Names of the runs in their order: the protocol's, or, for EVERY configuration, all of them and back
+    again, so that a steady drift cancels; as many as one submission holds.
+    """
+    if not every:
+        return list(protocol["order"])
+    names = [configuration.name for configuration in front][: MOST_RUNS // 2]
+    return [*names, *reversed(names)]
+
+
+def session(
+    device: SimulatedDevice,
+    installation: int,
+    release: int,
+    front: Sequence[Configuration],
+    manifest: Mapping[str, Any],
+    every: bool,
+    started_at: datetime,
+    random: np.random.Generator,
+) -> dict[str, Any]:
+    """One session of INSTALLATION on DEVICE under RELEASE of its driver, of the default and the best, or of
+    EVERY configuration.
+    """
+    protocol = manifest["protocol"]
+    frames, places = protocol["frames"], {row.name: place for place, row in enumerate(front)}
+    names = plan(protocol, front, every)
+    today = random.normal(0.0, 0.02)
+    throttling = device.throttling if random.random() < HOT else 0.0
+    seen: dict[str, int] = {}
+    runs, elapsed = [], 0.0
+    for order, name in enumerate(names):
+        row = front[places[name]]
+        slowed = 1.0 + throttling * order / max(len(names) - 1, 1)
+        level = float(device.seconds[release, installation, places[name]]) * math.exp(today) * slowed
+        runs.append(_run(device, row, seen.get(name, 0), order, level, frames, random))
+        seen[name] = seen.get(name, 0) + 1
+        elapsed += level * frames + float(protocol.get("rest_seconds") or 0)
+    return {
+        "id": _uuid(random),
+        "started_at": started_at.isoformat(),
+        "application": manifest["application"],
+        "front_version": manifest["front_version"],
+        "protocol_version": protocol["version"],
+        "backend": device.family.backend,
+        "samples": _samples(throttling, elapsed, random),
+        "runs": runs,
+    }
+
+
+def _run(
+    device: SimulatedDevice,
+    row: Configuration,
+    repeat: int,
+    order: int,
+    level: float,
+    frames: int,
+    random: np.random.Generator,
+) -> dict[str, Any]:
+    """One run; its frames take LEVEL seconds in the mean. The configuration that fails on DEVICE loses the
+    camera, or does not even start.
+    """
+    run: dict[str, Any] = {
+        "id": _uuid(random), "configuration": row.name, "repeat": repeat, "order": order, "status": "ok",
+        "failure": None,
+    }  # fmt: skip
+    if row.name == device.failing:
+        return run | {"status": "failed", "failure": REFUSED if row.ate < 0.02 else LOST, "frame_us": []}
+    stages = frame_stages(row.parameters, level, frames) * random.lognormal(0.0, device.noise, frames)
+    stages *= np.where(random.random(frames) < HICCUPS, HICCUP, 1.0)
+    stages_us = np.maximum(np.rint(stages * 1e6), 1).astype(np.int64)
+    # One trajectory for one driver: the same numbers come out of the same program.
+    trajectory = hashlib.sha256(f"{device.name} {row.name}".encode())
+    error = row.ate * float(np.random.default_rng(list(trajectory.digest()[:4])).lognormal(0.0, 0.08))
+    return run | {
+        # What lies between the stages is a hundredth of the frame.
+        "frame_us": (stages_us.sum(axis=0) * 1.01).astype(np.int64).tolist(),
+        "stages_us": {name: series.tolist() for name, series in zip(STAGES, stages_us, strict=True)},
+        "tracked": _tracked(row.parameters, frames),
+        "ate_max": round(error, 6),
+        "ate_mean": round(error * 0.4, 6),
+        "ate_rmse": round(error * 0.5, 6),
+        "trajectory_sha256": trajectory.hexdigest(),
+    }
+
+
+def frame_stages(parameters: Mapping[str, Any], level: float, frames: int) -> NDArray[np.float64]:
+    """Seconds of each of STAGES in each frame, (stages, frames), LEVEL in the mean. A stage that comes every
+    nth frame makes that frame dear, as KinectFusion's integration does.
+    """
+    number = np.arange(frames)
+    shares = np.stack(
+        [
+            share * (number % _period(parameters, name) == 0) * np.sqrt(_period(parameters, name))
+            if name in PERIODS
+            else np.full(frames, share)
+            for name, share in STAGES.items()
+        ]
+    )
+    return shares * (level * frames / shares.sum())
+
+
+def _period(parameters: Mapping[str, Any], stage: str) -> int:
+    return max(int(parameters.get(PERIODS[stage], 1)), 1)
+
+
+def _tracked(parameters: Mapping[str, Any], frames: int) -> list[bool | None]:
+    every = _period(parameters, "tracking")
+    return [True if n >= FIRST_TRACKED and n % every == 0 else None for n in range(frames)]
+
+
+def _samples(throttling: float, seconds: float, random: np.random.Generator) -> list[dict[str, Any]]:
+    """The device's state over a session of SECONDS: it warms up, and where it throttles its clock falls."""
+    count = int(min(max(seconds / SAMPLE_SECONDS, 8), 200))
+    course = np.linspace(0.0, 1.0, count)
+    heat = COOL + HEATING * (1.0 + throttling) * (1.0 - np.exp(-2.5 * course))
+    clock = CLOCK_MHZ / (1.0 + throttling * course)
+    return [
+        {
+            "t": round(float(t), 1),
+            "temperature_c": round(float(t_c + random.normal(0.0, 0.3)), 1),
+            "cpu_mhz": round(float(mhz)),
+            "battery": None,
+        }
+        for t, t_c, mhz in zip(course * max(seconds, count * SAMPLE_SECONDS), heat, clock, strict=True)
+    ]
+
+
+def _uuid(random: np.random.Generator) -> str:
+    return str(uuid.UUID(bytes=random.bytes(16), version=4))

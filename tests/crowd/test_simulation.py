@@ -1,0 +1,168 @@
+"""The simulated crowd: plausible, repeatable by seed, labelled, never mixed in, gone at one command."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from django.core.management import CommandError, call_command
+from django.test import Client
+
+from crowd.devices import permits
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.devices.normalisation import identify
+from crowd.devices.recognition import recognise
+from crowd.devices.vendors import VENDORS
+from crowd.fronts.models import FrontVersion
+from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, Tombstone
+from crowd.results.simulation import devices as made_up
+from crowd.results.simulation import sessions as made_up_sessions
+from tests.crowd.documents import STANDARD, device_document, front_document, submission_document
+from tests.crowd.participant import API, Participant
+
+PACK = {"name": "test-sequence", "sha256": "0" * 64}
+
+
+@pytest.fixture
+def configurations() -> tuple[made_up.Configuration, ...]:
+    return made_up.configurations_of(front_document(PACK))
+
+
+def test_the_same_seed_makes_the_same_crowd(configurations: tuple[made_up.Configuration, ...]) -> None:
+    one, same, other = (made_up.devices(30, configurations, seed) for seed in (1, 1, 2))
+
+    assert [device.descriptions for device in one] == [device.descriptions for device in same]
+    assert all(np.array_equal(a.seconds, b.seconds) for a, b in zip(one, same, strict=True))
+    assert any(
+        a.seconds.shape != b.seconds.shape or a.name != b.name for a, b in zip(one, other, strict=True)
+    )
+
+
+def test_devices_of_one_family_scale_alike(configurations: tuple[made_up.Configuration, ...]) -> None:
+    """What a configuration gains differs more between families than within one."""
+    wide = [
+        made_up.Configuration(
+            str(n), STANDARD | {"mu": 0.1 * 2**n, "volume_resolution": 64 << (n % 4)}, 0.02, 0.01
+        )
+        for n in range(8)
+    ]
+    gains: dict[str, list[Any]] = {}
+    for device in made_up.devices(200, wide, 3):
+        logs = np.log(device.seconds.mean(axis=(0, 1)))
+        gains.setdefault(device.family.name, []).append(logs - logs.mean())
+
+    within = np.mean([np.var(rows, axis=0).mean() for rows in gains.values() if len(rows) > 2])
+    between = np.var([np.mean(rows, axis=0) for rows in gains.values()], axis=0).mean()
+    assert between > within > 0
+
+
+def test_every_description_is_recognised_as_its_familys_chip(
+    configurations: tuple[made_up.Configuration, ...],
+) -> None:
+    for device in made_up.devices(60, configurations, 0):
+        identity = identify(device.descriptions[0], simulated=True)
+        assert device.family.name in VENDORS
+        assert identity.kind == "simulated"
+        assert identity.slug.startswith("simulated-")
+        assert not identity.slug.startswith("simulated-simulated-")
+
+
+def test_a_stage_that_comes_every_nth_frame_makes_it_dear() -> None:
+    stages = made_up_sessions.frame_stages(STANDARD | {"integration_rate": 4}, 0.02, 100)
+    frames = stages.sum(axis=0)
+
+    assert frames.mean() == pytest.approx(0.02)
+    assert set(np.flatnonzero(frames > 1.2 * np.median(frames))) == set(range(0, 100, 4))
+
+
+def test_a_session_of_every_configuration_comes_back_the_way_it_went(
+    configurations: tuple[made_up.Configuration, ...],
+) -> None:
+    names = made_up_sessions.plan(front_document(PACK)["protocol"], configurations, every=True)
+
+    assert names == ["default", "best", "accurate", "accurate", "best", "default"]
+
+
+def enrol(client: Client, **changes: Any) -> Any:
+    wish = {"app": "x", "app_version": "0.1.0", "consent_version": 1} | changes
+    return client.post(f"{API}/enrol", json.dumps(wish), content_type="application/json")
+
+
+def test_nobody_enrols_as_simulated_without_a_permit(client: Client, front: FrontVersion) -> None:
+    refused = enrol(client, simulated="yes")
+    enrolled = enrol(client, simulated=permits.permit())
+
+    assert (refused.status_code, refused.json()["code"]) == (403, "simulation_not_permitted")
+    assert enrolled.status_code == 201
+    assert [row.simulated for row in Installation.objects.all()] == [True]
+
+
+def test_what_is_simulated_joins_no_real_device_and_is_shown_where_it_is_asked_for(
+    client: Client, participant: Participant
+) -> None:
+    """The same strings as those of a real device, and yet another model."""
+    made_up_participant = Participant(client, enrol(client, simulated=permits.permit()).json()["token"], "")
+    for sender in (participant, made_up_participant, made_up_participant):
+        assert sender.submit(submission_document()).status_code == 202
+
+    real, simulated = (
+        client.get(f"{API}/devices{query}").json()["results"] for query in ("", "?simulated=1")
+    )
+
+    assert [(row["slug"], row["sessions"], row["simulated"]) for row in real] == [
+        ("google-pixel-8", 1, False)
+    ]
+    assert [(row["slug"], row["sessions"]) for row in simulated] == [("simulated-google-pixel-8", 2)]
+    assert client.get(f"{API}/speedups").json()["summary"]["sessions"] == 1
+    assert client.get(f"{API}/speedups?simulated=1").json()["summary"]["sessions"] == 2
+    assert client.get(f"{API}/devices/simulated-google-pixel-8").json()["simulated"] is True
+    pair = client.get(f"{API}/compare?devices=google-pixel-8,simulated-google-pixel-8")
+    assert (pair.status_code, pair.json()["field"]) == (400, "devices")
+
+
+def test_a_simulated_model_is_named_however_few_measured_it_and_stays_simulated(
+    db: None, settings: Any
+) -> None:
+    settings.FRONTRUNNER_RARE_BELOW = 3
+    recognise(device_document(), simulated=True)
+    recognise(device_document())
+
+    kinds = {model.kind: model for model in DeviceModel.objects.exclude(kind="group")}
+
+    assert {kind: model.rare for kind, model in kinds.items()} == {"device": True, "simulated": False}
+
+
+def test_an_erased_simulation_leaves_no_tombstone(client: Client, front: FrontVersion) -> None:
+    sender = Participant(client, enrol(client, simulated=permits.permit()).json()["token"], "")
+    sender.submit(submission_document())
+
+    assert sender.delete("/me").status_code == 204
+    assert not Tombstone.objects.exists()
+
+
+def test_a_crowd_is_simulated_and_removed(
+    client: Client, participant: Participant, capsys: pytest.CaptureFixture[str]
+) -> None:
+    participant.submit(submission_document())
+    before = client.get(f"{API}/speedups").json()
+
+    call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "5")
+
+    assert "3 of 3 devices, 6 sessions" in capsys.readouterr().out
+    assert client.get(f"{API}/speedups").json() == before
+    assert client.get(f"{API}/speedups?simulated=1").json()["summary"]["devices"] == 3
+    assert set(MeasurementSession.objects.values_list("summary_algorithm", flat=True)) == {2}
+
+    with pytest.raises(CommandError, match="--remove"):
+        call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "5")
+
+    call_command("simulate_crowd", "--remove")
+
+    assert client.get(f"{API}/speedups?simulated=1").json()["summary"]["devices"] == 0
+    assert client.get(f"{API}/speedups").json() == before
+    assert not Installation.objects.filter(simulated=True).exists()
+    assert not DeviceDescription.objects.filter(simulated=True).exists()
+    assert not DeviceModel.objects.filter(slug__startswith="simulated").exists()
+    assert [MeasurementSession.objects.count(), Run.objects.count()] == [1, 4]
+    assert (Cohort.objects.count(), DeviceSpeedup.objects.count()) == (1, 1)
+    assert not Tombstone.objects.exists()
