@@ -15,7 +15,7 @@ from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import ScriptedServer
 
 PROJECT = Path(__file__).parents[2]
-STRIDE = 41
+STRIDE = 43
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this platform has no fork")
@@ -40,11 +40,11 @@ def test_killed_anywhere_a_run_ends_with_every_session_counted_once(
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     kills = told["kills"]
-    assert len(kills) > 50
+    assert len(kills) > 30
     for kill in kills:
         assert kill["status"] == [signal.SIGKILL, 0], (kill, done.stderr)
-        # What was kept when it was killed is there at the end, with the two sessions of the second run.
-        assert kill["end"] == ["accepted"] * (len(kill["after"]) + 2), kill
+        # What was kept when it was killed is there at the end, with the session of the second run.
+        assert kill["end"] == ["accepted"] * (len(kill["after"]) + 1), kill
     # Moments before, between and after the two sessions were all met.
     assert {len(kill["after"]) for kill in kills} == {0, 1, 2}
     assert {state for kill in kills for state in kill["after"]} >= {"queued", "sending", "accepted"}
