@@ -1,19 +1,21 @@
-"""Devices side by side, each by its newest figure and its newest session."""
+"""Side by side: devices, or configurations of a front on one device, each by its newest figures."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
+from urllib.parse import urlencode
 
 from crowd.dashboard.points import newest_figure
-from crowd.dashboard.protocols import first_counted_frame
-from crowd.dashboard.stages import StageTimes, stage_times
-from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.dashboard.stages import StageTimes, times_of
+from crowd.dashboard.standing import standing
+from crowd.fronts.selectors import BEST, DEFAULT, Front
 from crowd.results.rows import Device, DeviceDetail, Speedup
 
 LEAST, MOST = 2, 6
 
 
 class InvalidComparisonError(ValueError):
-    """Too few or too many devices; the message names them and says what would be right."""
+    """What cannot stand side by side; the message names it and says what would be right."""
 
 
 @dataclass(frozen=True)
@@ -27,24 +29,99 @@ class Compared:
     stages: tuple[StageTimes, ...]
 
 
-def parse_devices(values: Iterable[str]) -> tuple[str, ...]:
-    """Slugs out of ?devices=a,b or ?devices=a&devices=b, each once. Raises InvalidComparisonError."""
-    slugs = tuple(dict.fromkeys(slug for value in values for slug in value.split(",") if slug))
-    if not LEAST <= len(slugs) <= MOST:
-        named = ", ".join(slugs) or "none"
-        raise InvalidComparisonError(f"name {LEAST} to {MOST} devices to compare, not {named}")
-    return slugs
+@dataclass(frozen=True)
+class Configured:
+    """One configuration on a device: its figure (None: no valid one, or the default), its times in the
+    newest session (None where that has none), and its parameters.
+    """
+
+    name: str
+    figure: Speedup | None
+    times: StageTimes | None
+    parameters: Mapping[str, Any]
 
 
-def compared(detail: DeviceDetail) -> Compared:
+@dataclass(frozen=True)
+class Comparison:
+    """Either devices, or configurations on `device`; `bars` is what one chart of stages shows."""
+
+    devices: tuple[Compared, ...]
+    device: Device | None
+    front: str
+    configurations: tuple[Configured, ...]
+    bars: tuple[StageTimes, ...]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters in which the configurations differ."""
+        names = dict.fromkeys(name for column in self.configurations for name in column.parameters)
+        return tuple(
+            name
+            for name in names
+            if len({repr(column.parameters.get(name)) for column in self.configurations}) > 1
+        )
+
+    @property
+    def query(self) -> str:
+        """The shortest query string that asks for it."""
+        if self.device is None:
+            return urlencode({"devices": ",".join(c.device.slug for c in self.devices)}, safe=",")
+        names = ",".join(column.name for column in self.configurations)
+        return urlencode({"configurations": names, "device": self.device.slug}, safe=",")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether nobody measured what is shown."""
+        shown = [column.device for column in self.devices] + ([self.device] if self.device else [])
+        return any(device.simulated for device in shown)
+
+
+def parse_names(values: Iterable[str], noun: str) -> tuple[str, ...]:
+    """Names out of ?devices=a,b or ?devices=a&devices=b, each once. NOUN is what they are names of.
+
+    Raises InvalidComparisonError.
+    """
+    names = tuple(dict.fromkeys(name for value in values for name in value.split(",") if name))
+    if not LEAST <= len(names) <= MOST:
+        named = ", ".join(names) or "none"
+        raise InvalidComparisonError(f"name {LEAST} to {MOST} {noun} to compare, not {named:.300}")
+    return names
+
+
+def of_devices(details: Sequence[DeviceDetail]) -> Comparison:
+    """DETAILS side by side. Raises InvalidComparisonError for simulated devices beside measured ones."""
+    if len({detail.device.simulated for detail in details}) > 1:
+        raise InvalidComparisonError("simulated devices stand beside simulated ones alone: choose one kind")
+    columns = tuple(_compared(detail) for detail in details)
+    return Comparison(columns, None, "", (), _labelled(columns))
+
+
+def of_configurations(detail: DeviceDetail, front: Front, names: Sequence[str]) -> Comparison:
+    """The configurations NAMES of FRONT on one device. Raises InvalidComparisonError for one it lacks."""
+    for name in names:
+        if front.point(name) is None:
+            there = ", ".join(point.name for point in front.points)
+            raise InvalidComparisonError(f"front {front.slug} has no configuration {name:.100}, but {there}")
+    place = standing(detail, newest_figure(detail))
+    figures = {row.configuration: row for row in place.rows} if place else {}
+    latest = detail.latest if detail.latest and detail.latest.session.front == front.slug else None
+    times = {row.configuration: row for row in times_of(latest)}
+    points = {point.name: point for point in front.points}
+    columns = tuple(
+        Configured(name, figures.get(name), times.get(name), points[name].parameters) for name in names
+    )
+    bars = tuple(column.times for column in columns if column.times is not None)
+    return Comparison((), detail.device, front.slug, columns, bars)
+
+
+def _compared(detail: DeviceDetail) -> Compared:
     """DETAIL as one column; times are means over the runs of its newest session."""
-    latest = detail.latest
-    stages = stage_times(latest.runs, first_counted_frame(latest.protocol)) if latest else ()
+    stages = times_of(detail.latest)
     times = {row.configuration: row.computation for row in stages}
     return Compared(detail.device, newest_figure(detail), times.get(DEFAULT), times.get(BEST), stages)
 
 
-def labelled(columns: Sequence[Compared]) -> tuple[StageTimes, ...]:
+def _labelled(columns: Sequence[Compared]) -> tuple[StageTimes, ...]:
     """Every column's default and best, named after its device, for one chart."""
     return tuple(
         StageTimes(f"{row.configuration}, {column.device.title}", row.runs, row.seconds, row.computation)

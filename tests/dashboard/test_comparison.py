@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 from django.test import Client
 
+from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
@@ -34,6 +35,54 @@ def test_devices_stand_side_by_side(
         "default, Google Pixel 7",
         "best, Google Pixel 7",
     ]
+
+
+def test_configurations_of_one_device_stand_side_by_side(client: Client, participant: Participant) -> None:
+    measure(participant, default_us=80_000, best_us=10_000)
+
+    page = read(client, "/compare/?configurations=default,best&device=google-pixel-8")
+
+    assert "Speedup 1.00x 8.00x" in page
+    assert "Time a frame 80.0 ms, 12.5 fps 10.0 ms, 100 fps" in page
+    # Of the parameters, only those that differ.
+    assert "volume resolution 256 128" in page
+    assert "icp threshold" not in page
+    answer = client.get("/tables/compare.json?configurations=default,best&device=google-pixel-8").json()
+    assert [row["configuration"] for row in answer["rows"]] == ["default", "best"]
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("configurations=best", "ame 2 to 6 configurations to compare, not best"),
+        ("configurations=best,unheard", "has no configuration unheard, but default, best, accurate"),
+    ],
+)
+def test_configurations_that_cannot_be_compared_are_named(
+    client: Client, participant: Participant, query: str, words: str
+) -> None:
+    measure(participant)
+
+    response = client.get(f"/compare/?device=google-pixel-8&{query}")
+
+    assert response.status_code == 400
+    assert words in text(response)
+
+
+def test_simulated_devices_stand_beside_simulated_ones_alone(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    measure(join(), "Pixel 8")
+    measure(join(), "Pixel 7")
+    address = "/compare/?devices=google-pixel-8,google-pixel-7"
+    DeviceModel.objects.filter(slug="google-pixel-7").update(kind=DeviceModel.Kind.SIMULATED)
+
+    mixed = client.get(address)
+    DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
+
+    assert mixed.status_code == 400
+    assert "imulated devices stand beside simulated ones alone" in text(mixed)
+    assert "Nobody measured these devices" in read(client, address)
 
 
 @pytest.mark.parametrize("query", ["", "?devices=a", "?devices=a,b,c,d,e,f,g", "?devices=a,a"])

@@ -98,7 +98,7 @@ def test_a_run_that_ended_before_the_frames_that_count_says_nothing_of_drift() -
 
 
 def test_sensors_that_told_less_than_twice_are_left_out() -> None:
-    samples = [
+    samples: list[dict[str, object]] = [
         {"t": 0.0, "temperature_c": 31.0, "cpu_mhz": None, "battery": 80.0},
         {"t": 2.0, "temperature_c": 36.5, "cpu_mhz": 2400.0, "battery": None},
     ]

@@ -2,12 +2,22 @@
 
 from typing import Any
 
-from crowd.dashboard.drawings import comparison, explorations, fronts, sessions, speedups, surface, transfer
+from crowd.dashboard.drawings import (
+    comparison,
+    devices,
+    explorations,
+    fronts,
+    sessions,
+    speedups,
+    surface,
+    transfer,
+)
 from crowd.dashboard.drawings.drawing import Drawing
 
 DRAWINGS: tuple[Drawing[Any], ...] = (
     *speedups.DRAWINGS,
     *comparison.DRAWINGS,
+    *devices.DRAWINGS,
     *sessions.DRAWINGS,
     *fronts.DRAWINGS,
     *explorations.DRAWINGS,

@@ -1,39 +1,54 @@
-"""Devices side by side."""
-
-from collections.abc import Sequence
+"""Devices, or configurations on one device, side by side."""
 
 from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.comparison import Compared, compared, labelled, parse_devices
+from crowd.dashboard.comparison import Comparison, of_configurations, of_devices, parse_names
 from crowd.dashboard.drawings.drawing import Drawing
 from crowd.dashboard.drawings.sessions import stages_table
 from crowd.dashboard.figures.frames import stage_bars
+from crowd.dashboard.points import newest_figure
 from crowd.dashboard.views.page import found
+from crowd.fronts import selectors as published
 from crowd.results import selectors as results
 
 
-def read(request: HttpRequest) -> list[Compared]:
-    slugs = parse_devices(request.GET.getlist("devices"))
-    return [compared(found(results.device(slug))) for slug in slugs]
+def read(request: HttpRequest) -> Comparison:
+    """What ?devices=a,b or ?configurations=x,y&device=a asks for. Raises InvalidComparisonError, Http404."""
+    slug = request.GET.get("device", "")
+    if slug:
+        names = parse_names(request.GET.getlist("configurations"), "configurations")
+        detail = found(results.device(slug))
+        figure = newest_figure(detail)
+        front = figure.front if figure else found(detail.latest).session.front
+        return of_configurations(detail, found(published.front(front)), names)
+    slugs = parse_names(request.GET.getlist("devices"), "devices")
+    return of_devices([found(results.device(slug)) for slug in slugs])
 
 
-def _n(columns: Sequence[Compared]) -> str:
-    runs = sum(row.runs for row in labelled(columns))
-    return f"{formats.plural(runs, 'run')} of {formats.plural(len(columns), 'session')}, the newest of each"
+def _n(shown: Comparison) -> str:
+    runs = formats.plural(sum(row.runs for row in shown.bars), "run")
+    sessions = formats.plural(len(shown.devices) or 1, "session")
+    return f"{runs} of {sessions}, the newest of each device"
+
+
+def _title(shown: Comparison) -> str:
+    if shown.device:
+        return f"Where the time goes on {shown.device.title}"
+    return "Where the time goes: " + ", ".join(column.device.title for column in shown.devices)
 
 
 DRAWINGS = (
     Drawing(
         name="compare",
         path="compare",
-        definition="Mean wall time a frame of each stage, default and best of each device, over the frames "
-        "that count and over the runs of a configuration in the device's newest session.",
+        definition="Mean wall time a frame of each stage, over the frames that count and over the runs of a "
+        "configuration in the device's newest session.",
         read=read,
-        draw=lambda columns, theme: stage_bars(labelled(columns), theme),
-        table=lambda columns: stages_table(labelled(columns)),
-        title=lambda columns: "Where the time goes: " + ", ".join(row.device.title for row in columns),
+        draw=lambda shown, theme: stage_bars(shown.bars, theme),
+        table=lambda shown: stages_table(shown.bars),
+        title=_title,
         n=_n,
         page=lambda: reverse("dashboard:compare"),
     ),

@@ -6,6 +6,7 @@ from django.urls import reverse
 from crowd.dashboard import formats
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.fronts import front_plane
+from crowd.dashboard.figures.parameters import parameter_lines
 from crowd.dashboard.points import parameters_of
 from crowd.dashboard.protocols import max_ate
 from crowd.dashboard.views.page import found
@@ -45,6 +46,18 @@ DRAWINGS = (
         draw=lambda front, theme: front_plane(front.points, max_ate(front.protocol), theme),
         table=points_table,
         title=lambda front: f"Front {front.slug}: error against runtime",
+        n=lambda front: formats.plural(len(front.points), "configuration"),
+        page=lambda slug: reverse("dashboard:front", args=[slug]),
+    ),
+    Drawing(
+        name="front-parameters",
+        path="fronts/<str:slug>/parameters",
+        definition="Each configuration's value of each parameter; runtime is the mean computation time a "
+        "frame on the reference device.",
+        read=read,
+        draw=lambda front, theme: parameter_lines(front.points, theme),
+        table=points_table,
+        title=lambda front: f"Front {front.slug}: its parameters",
         n=lambda front: formats.plural(len(front.points), "configuration"),
         page=lambda slug: reverse("dashboard:front", args=[slug]),
     ),

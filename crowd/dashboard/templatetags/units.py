@@ -55,9 +55,9 @@ for name, function in FORMATS.items():
 
 
 @register.simple_tag
-def interval(low: float | None, high: float | None) -> str:
-    """Both ends of a confidence interval of speedups."""
-    return formats.interval(low, high)
+def interval(low: float | str | None, high: float | str | None) -> str:
+    """Both ends of a confidence interval of speedups; "" is what a template hands on of no figure."""
+    return formats.interval(None if isinstance(low, str) else low, None if isinstance(high, str) else high)
 
 
 @register.simple_tag

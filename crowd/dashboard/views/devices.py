@@ -4,15 +4,19 @@ from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
-from crowd.dashboard.comparison import InvalidComparisonError, compared, labelled, parse_devices
+from crowd.dashboard.comparison import InvalidComparisonError
+from crowd.dashboard.drawings.comparison import read
+from crowd.dashboard.drawings.devices import place_of
 from crowd.dashboard.drawings.speedups import colour_of
+from crowd.dashboard.figures.devices import configurations_height, releases_height
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.race import race
-from crowd.dashboard.stages import stage_table, times_of
+from crowd.dashboard.standing import standing
 from crowd.dashboard.views.page import found, page
+from crowd.dashboard.views.sessions import of_session
 from crowd.results import selectors as results
 
 PAGE = 100
@@ -39,10 +43,13 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
 
 @page
 def device(request: HttpRequest, slug: str) -> HttpResponse:
-    """One device: its speedup, its newest session frame by frame, its sessions, what it says of itself."""
+    """One device: its speedup, its place in the crowd, its configurations, its newest session, its history,
+    its sessions, what it says of itself.
+    """
     detail = found(results.device(slug))
     figure = newest_figure(detail)
-    stages = times_of(detail.latest)
+    here = standing(detail, figure)
+    history = results.history(slug)
     return render(
         request,
         "dashboard/device.html",
@@ -52,32 +59,34 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "protocol": detail.latest.protocol if detail.latest else {},
             "figure": figure,
             "lanes": race(figure.speedup if figure else None),
-            "stages": stages,
-            "stage_table": stage_table(stages),
-            "stages_height": stages_height(len(stages)),
+            "place": place_of(detail, figure),
+            "standing": here,
+            "configurations_height": configurations_height(len(here.rows) if here else 0),
+            "others": [row for row in detail.speedups if here is None or row not in here.rows],
+            "history": history,
+            "releases_height": releases_height(len(history.releases) if history else 0),
+            **of_session(detail.latest),
         },
     )
 
 
 @page
 def compare(request: HttpRequest) -> HttpResponse:
-    """Two to six devices side by side."""
-    problem, columns = "", []
+    """Two to six devices, or configurations on one device, side by side."""
+    problem, shown = "", None
     try:
-        slugs = parse_devices(request.GET.getlist("devices"))
-        columns = [compared(found(results.device(slug))) for slug in slugs]
+        shown = read(request)
     except InvalidComparisonError as error:
         problem = str(error)
-    rows = labelled(columns)
     return render(
         request,
         "dashboard/compare.html",
         {
-            "columns": columns,
+            "shown": shown,
             "problem": problem,
-            "query": request.GET.urlencode(),
-            "runs": sum(row.runs for row in rows),
-            "height": stages_height(len(rows)),
+            "query": shown.query if shown else "",
+            "runs": sum(row.runs for row in shown.bars) if shown else 0,
+            "height": stages_height(len(shown.bars)) if shown else 0,
         },
         status=400 if problem else 200,
     )

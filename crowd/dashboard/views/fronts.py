@@ -1,8 +1,12 @@
 """Fronts: the list, one of them beside another."""
 
+from dataclasses import replace
+
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.figures.parameters import parameters_height
+from crowd.dashboard.figures.transfer import winners_height
 from crowd.dashboard.points import measured_points, parameters_of
 from crowd.dashboard.versions import UnknownVersionError, beside
 from crowd.dashboard.views.page import found, page
@@ -27,7 +31,9 @@ def front(request: HttpRequest, slug: str) -> HttpResponse:
         difference = beside(shown, others, request.GET.get("against", ""))
     except UnknownVersionError as error:
         difference, problem = beside(shown, others, ""), str(error)
-    crowd = results.speedups(SpeedupFilters(front=slug, application=shown.application, configuration=ALL))
+    filters = SpeedupFilters(front=slug, application=shown.application)
+    crowd = results.speedups(replace(filters, configuration=ALL))
+    winners = results.winners(filters)
     return render(
         request,
         "dashboard/front.html",
@@ -35,6 +41,10 @@ def front(request: HttpRequest, slug: str) -> HttpResponse:
             "front": shown,
             "points": measured_points(shown, crowd.rows),
             "parameters": parameters_of(shown),
+            "parameters_height": parameters_height(len(parameters_of(shown))),
+            "found": winners,
+            "winners_height": winners_height(len(winners.counts)),
+            "query": filters.query(),
             "others": others,
             "difference": difference,
             "problem": problem,

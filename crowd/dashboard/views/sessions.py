@@ -1,10 +1,13 @@
 """One session, one run."""
 
+from typing import Any
 from uuid import UUID
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.drift import readings, steps
+from crowd.dashboard.figures.devices import sensors_height
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.protocols import first_counted_frame
 from crowd.dashboard.race import race
@@ -12,13 +15,13 @@ from crowd.dashboard.stages import frames, spread, stage_table, times_of
 from crowd.dashboard.views.page import found, page
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
+from crowd.results.rows import SessionDetail
 
 
 @page
 def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
     """One session: its answer, and the runs that it rests on."""
     detail = found(results.session(uuid))
-    stages = times_of(detail)
     return render(
         request,
         "dashboard/session.html",
@@ -27,9 +30,7 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
             "session": detail.session,
             "protocol": detail.protocol,
             "lanes": race(best.speedup if (best := detail.session.speedup(BEST)) else None),
-            "stages": stages,
-            "stage_table": stage_table(stages),
-            "stages_height": stages_height(len(stages)),
+            **of_session(detail),
         },
     )
 
@@ -50,3 +51,17 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
             "frames": frames(detail.run, first_counted),
         },
     )
+
+
+def of_session(detail: SessionDetail | None) -> dict[str, Any]:
+    """What the charts of a session need: its stages, how it held out, how high they are."""
+    stages = times_of(detail)
+    sensors = readings(detail.samples) if detail else ()
+    return {
+        "stages": stages,
+        "stage_table": stage_table(stages),
+        "stages_height": stages_height(len(stages)),
+        "steps": steps(detail) if detail else (),
+        "sensors": sensors,
+        "sensors_height": sensors_height(len(sensors)),
+    }

@@ -1,0 +1,88 @@
+"""What the page of a device tells beyond its figure, and the addresses of its charts."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.dashboard.drawings import devices
+from crowd.dashboard.standing import standing
+from crowd.fronts.models import FrontVersion
+from crowd.results.rows import DeviceDetail
+from tests.crowd.documents import run_document
+from tests.crowd.participant import Participant
+from tests.dashboard.measuring import measure
+from tests.dashboard.reading import read
+from tests.dashboard.rows import device, speedup
+
+
+def detail(*rows: Any) -> DeviceDetail:
+    return DeviceDetail(device(), tuple(rows), (), 1, 1, (), None)
+
+
+def test_the_winner_is_the_fastest_valid_configuration_of_the_same_front_and_processor() -> None:
+    best = speedup(4.0)
+    rows = (
+        best,
+        speedup(6.0, configuration="fast"),
+        speedup(9.0, configuration="doubtful", suspect=True),
+        speedup(8.0, configuration="elsewhere", processor="pthread-cortex"),
+    )
+
+    found = standing(detail(*rows), best)
+
+    assert found is not None
+    assert (found.winner, found.winner_speedup, found.configurations) == ("fast", 6.0, 3)
+    assert (found.best_rank, found.regret) == (2, 1.5)
+    assert [row.configuration for row in found.rows] == ["doubtful", "fast", "best"]
+
+
+def test_where_nothing_beats_it_the_default_wins() -> None:
+    slow = speedup(0.8)
+
+    found = standing(detail(slow), slow)
+
+    assert found is not None
+    assert (found.winner, found.best_rank) == ("default", 2)
+    assert found.regret == pytest.approx(1.25)
+    assert standing(detail(), None) is None
+
+
+@pytest.mark.django_db
+def test_the_page_tells_its_place_its_winner_its_drift_and_its_history(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    measure(join(), "Pixel 7", best_us=40_000)
+    names = {"default": 80_000, "best": 10_000, "accurate": 8_000}
+    runs = [
+        run_document(name, repeat, 3 * repeat + place, frame_us)
+        for repeat in (0, 1)
+        for place, (name, frame_us) in enumerate(names.items())
+    ]
+    samples = [{"t": t, "temperature_c": 30.0 + t, "cpu_mhz": None, "battery": None} for t in (0.0, 4.0)]
+    session = measure(join(), "Pixel 8", runs=runs, samples=samples)
+
+    page = read(client, "/devices/google-pixel-8/")
+
+    assert "It gains the most: rank 1 of 2 device models" in page
+    assert "Of 3 configurations measured on this device" in page
+    assert "accurate is the fastest valid one, 10.0x over the default" in page
+    assert "n = 6 runs of one session" in page
+    assert "n = 2 of temperature" in page
+    assert "r44p1 16 8.00x - 1 1" in page
+    for drawing in devices.DRAWINGS:
+        arguments = session["id"] if "uuid" in drawing.path else "google-pixel-8"
+        path = drawing.path.replace("<slug:slug>", arguments).replace("<uuid:uuid>", arguments)
+        assert client.get(f"/figures/{path}.json").json()["data"], drawing.name
+        assert client.get(f"/tables/{path}.json").json()["rows"], drawing.name
+
+
+@pytest.mark.django_db
+def test_a_device_alone_has_no_crowd_and_says_so(client: Client, participant: Participant) -> None:
+    measure(participant)
+
+    page = read(client, "/devices/google-pixel-8/")
+
+    assert "there is no crowd to compare it with" in page
+    assert "Only default and best have been measured here" in page
