@@ -1,26 +1,42 @@
-"""What a visitor sees: charts drawn under the real security policy, on a phone and a desk, light and dark."""
+"""What a visitor can do with a page: charts under the real policy, filters, downloads, the keyboard."""
 
+import io
+import json
 from collections.abc import Callable, Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
 from crowd.dashboard.palette import DARK, LIGHT
-from crowd.explorations import services
-from crowd.explorations.models import Exploration
+from tests.browser.site import COUNTED, Site
 from tests.browser.visitor import Visitor
-from tests.dashboard import searches
+
+# A transaction for each test: what the site was filled with stays until the last one.
+pytestmark = pytest.mark.django_db
 
 Visit = Callable[..., Visitor]
+# One of them is suspect: it has a bar, and is not counted.
+BARS = COUNTED + 1
+CHANGED = "figure[data-name=frontrunner-speedups]"
+
+
+@pytest.fixture(autouse=True)
+def own_data_folder() -> None:
+    """The site has one of its own."""
 
 
 @pytest.fixture
-def visit(chromium: Any, live_server: Any, measured: list[dict[str, Any]]) -> Iterator[Visit]:
-    """Opens tabs on the server with five measured phones, and closes them at the end."""
+def visit(chromium: Any, site: Site) -> Iterator[Visit]:
+    """Opens tabs on the site, and closes them at the end."""
     opened: list[Visitor] = []
 
     def tab(**options: Any) -> Visitor:
-        opened.append(Visitor(chromium, live_server.url, **options))
+        opened.append(Visitor(chromium, site.url, **options))
         return opened[-1]
 
     yield tab
@@ -28,29 +44,29 @@ def visit(chromium: Any, live_server: Any, measured: list[dict[str, Any]]) -> It
         visitor.context.close()
 
 
-def test_charts_are_drawn_and_say_what_they_show(visit: Visit) -> None:
-    page = visit().open("/devices/google-pixel-8/")
+def test_charts_are_drawn_and_say_what_they_show(visit: Visit, site: Site) -> None:
+    page = visit().open(site.pages["session"])
 
     plots = page.locator("figure .plot")
-    assert plots.count() == 2
-    for number in range(2):
+    assert plots.count() >= 2
+    for number in range(plots.count()):
         assert plots.nth(number).locator("svg.main-svg").count() > 0
         assert plots.nth(number).get_attribute("aria-label")
-    # Four runs, and three stages and more in two bars.
-    assert page.locator(".scatterlayer .trace").count() == 4
-    assert page.locator(".barlayer .point").count() == 8
+    # Four runs, and four stages in two bars.
+    assert page.locator("section:has(#frames) .scatterlayer .trace").count() == 4
+    assert page.locator("section:has(#stages) .barlayer .point").count() == 8
 
 
-def test_charts_change_their_colours_with_the_system(visit: Visit) -> None:
+def test_charts_change_their_colours_with_the_system(visit: Visit, site: Site) -> None:
     visitor = visit(scheme="light")
-    page = visitor.open("/devices/google-pixel-8/")
+    page = visitor.open(site.pages["session"])
     lines = (
         "[...document.querySelectorAll('.scatterlayer .js-line')].map(line => getComputedStyle(line).stroke)"
     )
     assert rgb(LIGHT.best) in page.evaluate(lines)
 
     page.emulate_media(color_scheme="dark")
-    page.locator("figure[data-drawn=dark]").nth(1).wait_for()
+    page.locator("figure:not([data-drawn=dark])").first.wait_for(state="detached")
 
     assert rgb(DARK.best) in page.evaluate(lines)
     assert visitor.complaints == []
@@ -59,7 +75,7 @@ def test_charts_change_their_colours_with_the_system(visit: Visit) -> None:
 def test_a_bar_leads_to_its_device(visit: Visit) -> None:
     page = visit().open("/")
 
-    page.locator(".barlayer .point").first.click(force=True)
+    page.locator(f"{CHANGED} .barlayer .point").first.click(force=True)
 
     page.wait_for_url("**/devices/google-pixel-8/")
 
@@ -68,24 +84,29 @@ def test_a_chart_that_cannot_be_fetched_says_so_and_points_to_the_table(visit: V
     visitor = visit()
     visitor.page.route("**/figures/**", lambda route: route.abort())
 
-    page = visitor.open("/")
+    page = visitor.open("/devices/")
 
-    assert "This chart could not be drawn" in page.locator("figure .plot").inner_text()
-    assert page.locator("table tbody tr").count() == 5
+    assert "This chart could not be drawn" in page.locator(f"{CHANGED} .plot").inner_text()
+    assert page.locator(f"section:has({CHANGED}) tbody tr").count() == BARS
 
 
-def test_without_scripts_the_numbers_are_all_there(visit: Visit) -> None:
+def test_without_scripts_the_numbers_are_all_there_and_filters_work(visit: Visit) -> None:
     visitor = visit(java_script_enabled=False)
-    visitor.page.goto(f"{visitor.server}/")
+    page = visitor.page
+    page.goto(f"{visitor.server}/devices/")
+    assert page.locator("table tbody tr").count() == BARS
 
-    assert visitor.page.locator("table tbody tr").count() == 5
-    assert visitor.page.get_by_text("faster across 5 devices").is_visible()
-    assert not visitor.page.locator("figure .plot").is_visible()
+    page.get_by_label("Computed by").select_option("NVIDIA")
+    page.get_by_role("button", name="Show", exact=True).click()
+
+    assert page.locator("table tbody tr").count() == 1
+    assert page.locator("table tbody tr").get_by_text("P30").is_visible()
+    assert not page.locator("figure .plot").first.is_visible()
     assert visitor.complaints == []
 
 
 def test_the_first_tab_stop_skips_to_the_content(visit: Visit) -> None:
-    page = visit().open("/")
+    page = visit().open("/about/")
 
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.textContent") == "Skip to the content"
@@ -94,36 +115,139 @@ def test_the_first_tab_stop_skips_to_the_content(visit: Visit) -> None:
     assert page.evaluate("document.activeElement.id") == "content"
 
 
-def test_filters_change_the_address_and_the_chart(visit: Visit) -> None:
-    page = visit().open("/devices/")
-    assert page.locator(".barlayer .point").count() == 5
-
-    page.get_by_label("GPU contains").fill("T4")
-    page.get_by_role("button", name="Show").click()
-    page.locator("figure[data-drawn]").first.wait_for()
-
-    assert "gpu=T4" in page.url
-    assert page.locator(".barlayer .point").count() == 1
-
-
-def test_an_exploration_s_page_follows_it_without_loading_again(visit: Visit) -> None:
+def test_the_keyboard_alone_filters_and_opens_what_a_chart_offers(visit: Visit) -> None:
     visitor = visit()
-    search = Exploration.objects.get()
-    page = visitor.open(f"/explorations/{search.pk}/")
+    page = visitor.open("/devices/")
+
+    page.get_by_label("Computed by").focus()
+    page.keyboard.type("NVIDIA")
+    page.wait_for_url("**/devices/?vendor=NVIDIA")
+    page.locator(f"{CHANGED}[data-drawn]").wait_for()
+    page.locator(f"{CHANGED} summary").focus()
+    page.keyboard.press("Enter")
+    page.keyboard.press("Tab")
+
+    assert page.evaluate("document.activeElement.textContent") == "CSV"
+    outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+    assert outline == "solid"
+    assert visitor.complaints == []
+
+
+def test_filters_change_address_figure_and_headline_and_the_way_back_brings_them_back(visit: Visit) -> None:
+    visitor = visit()
+    page = visitor.open("/")
+    headline = page.locator("h1")
+    assert f"across {COUNTED} devices" in headline.inner_text()
+    assert page.locator(f"{CHANGED} .barlayer .point").count() == BARS
     page.evaluate("window.loadedOnce = true")
-    page.get_by_text("0 of 4 configurations searched").wait_for()
-    marks = page.locator("#plane ~ figure .points path").count()
 
-    searches.measure(search, [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), None])
+    page.get_by_label("Computed by").select_option("Mali")
+    page.wait_for_url("**/?vendor=Mali")
+    page.locator(f"{CHANGED}[data-drawn]").wait_for()
 
-    page.get_by_text("4 of 4 configurations searched").wait_for(timeout=15_000)
-    page.get_by_text("Why 2 measurements failed").wait_for()
-    page.wait_for_function(
-        "marks => document.querySelectorAll('#plane ~ figure .points path').length > marks", arg=marks
-    )
-    services.cancel(search)
-    page.locator(".state-cancelled").wait_for(timeout=15_000)
     assert page.evaluate("window.loadedOnce")
+    assert "across 2 devices" in headline.inner_text()
+    assert page.locator(f"{CHANGED} .barlayer .point").count() == 2
+
+    page.go_back()
+    page.get_by_text(f"across {COUNTED} devices").wait_for()
+    page.locator(f"{CHANGED}[data-drawn]").wait_for()
+
+    assert page.url == f"{visitor.server}/"
+    assert page.locator(f"{CHANGED} .barlayer .point").count() == BARS
+    assert visitor.complaints == []
+
+
+@pytest.fixture
+def taken(visit: Visit, tmp_path: Path) -> Callable[[str, str], bytes]:
+    """What a chart's offer of that name downloads to, on the page at that address."""
+
+    def take(address: str, name: str) -> bytes:
+        visitor = visit()
+        page = visitor.open(address)
+        page.locator(f"{CHANGED} summary").click()
+        with page.expect_download() as download:
+            page.locator(f"{CHANGED} .take").get_by_text(name, exact=True).click()
+        download.value.save_as(tmp_path / name)
+        assert download.value.suggested_filename == f"frontrunner-speedups.{name.lower()}"
+        assert visitor.complaints == []
+        return (tmp_path / name).read_bytes()
+
+    return take
+
+
+def test_a_chart_s_numbers_open_in_pandas(taken: Callable[[str, str], bytes]) -> None:
+    pandas = pytest.importorskip("pandas")
+
+    table = pandas.read_csv(io.BytesIO(taken("/devices/?vendor=Mali", "CSV")))
+    document = json.loads(taken("/devices/?vendor=Mali", "JSON"))
+    rows = pandas.DataFrame(document["rows"])
+
+    assert list(table["device"]) == ["google-pixel-8", "google-pixel-7"]
+    assert table["speedup"].dtype == rows["speedup"].dtype == float
+    assert table["installations"].sum() == rows["installations"].sum() == 4
+    assert document["filters"] == {"vendor": "Mali"}
+    assert document["page"].endswith("/devices/?vendor=Mali")
+    assert document["licence"]["name"].startswith("CC")
+
+
+def test_a_chart_is_saved_as_it_is_seen(taken: Callable[[str, str], bytes]) -> None:
+    drawing = ElementTree.fromstring(taken("/devices/", "SVG"))
+    picture = taken("/devices/", "PNG")
+
+    words = "".join(drawing.itertext())
+    assert drawing.tag.endswith("svg")
+    assert f"n = {BARS} figures" in words
+    assert "Pixel 8" in words
+    assert picture.startswith(b"\x89PNG")
+    width, height = (int.from_bytes(picture[start : start + 4], "big") for start in (16, 20))
+    assert (width, height) == (2 * float(drawing.attrib["width"]), 2 * float(drawing.attrib["height"]))
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Iterator[str]:
+    """Another site: whatever is written into the test's folder."""
+    files = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), files) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_a_chart_can_be_framed_elsewhere_and_other_pages_cannot(
+    visit: Visit, site: Site, tmp_path: Path, elsewhere: str
+) -> None:
+    names = ("speedups-embed", "run-stages-embed")
+    (tmp_path / "charts.html").write_text(
+        "".join(f'<iframe src="{site.url}{site.pages[name]}" title="{name}"></iframe>' for name in names)
+    )
+    (tmp_path / "home.html").write_text(f'<iframe src="{site.url}/"></iframe>')
+    page = visit().page
+
+    page.goto(f"{elsewhere}/charts.html")
+    for name in names:
+        framed = page.frame_locator(f"iframe[title={name}]")
+        framed.locator("figure[data-drawn=light]").wait_for()
+        assert "n = " in framed.locator("figcaption strong").inner_text()
+        assert framed.locator("svg.main-svg").count() > 0
+
+    with page.expect_console_message(lambda message: "frame-ancestors" in message.text):
+        page.goto(f"{elsewhere}/home.html")
+
+
+def test_a_simulated_crowd_is_shown_alone_under_a_banner(visit: Visit) -> None:
+    visitor = visit()
+    page = visitor.open("/devices/")
+    assert page.locator(".banner").count() == 0
+    assert page.get_by_text("Imaginary").count() == 0
+
+    visitor.open("/devices/?simulated=1")
+
+    assert "Nobody measured these devices" in page.locator(".banner").inner_text()
+    assert page.locator(f"{CHANGED} .barlayer .point").count() == 1
+    assert page.locator("section tbody tr").count() == 1
+    page.locator("section tbody tr a").click()
+    assert "Nobody measured" in page.locator(".banner").inner_text()
     assert visitor.complaints == []
 
 
