@@ -2,6 +2,7 @@
 
 import gzip
 import hashlib
+from functools import partial
 from io import BytesIO
 from typing import Any
 
@@ -13,6 +14,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
+from crowd.celery import app
 from crowd.devices.models import Installation
 from tests.benchmarks.plain.models import Submission
 from tests.benchmarks.plain.serializers import SubmissionSerializer
@@ -50,6 +52,8 @@ class SubmissionsView(APIView):
         serializer = SubmissionSerializer(data=request.data)
         serializer.is_valid(raise_exception=True)
         submission = serializer.save(**key)
+        for session in serializer.validated_data["sessions"]:
+            transaction.on_commit(partial(app.send_task, "plain.summarise", [str(session["id"])]))
         items = [
             {"id": run["id"], "status": "accepted", "code": None}
             for session in request.data["sessions"]
