@@ -13,6 +13,7 @@ signal variance is maximised in closed form.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,12 +114,20 @@ class GaussianProcess:
 
         Rasmussen & Williams 2006, eq. 5.10 to 5.12; the hyperparameters stay those of all rows.
         """
-        inverse, _ = dpotri(self._lower, lower=1)
-        precision = np.diag(inverse)[rows]
+        precision = self._precision[rows]
         weights = solve_triangular(self._lower, self._alpha, lower=True, trans=1, check_finite=False)[rows]
         variance = self._scale / precision
         squared = (weights / precision) ** 2 / variance
         return float(-0.5 * np.mean(np.log(2.0 * math.pi * variance) + squared))
+
+    def doubt(self) -> float:
+        """Return the median standard deviation with which a target is foretold from all others."""
+        return float(np.sqrt(self._scale / np.median(self._precision)))
+
+    @cached_property
+    def _precision(self) -> Array:
+        inverse, _ = dpotri(self._lower, lower=1)
+        return np.diag(inverse)
 
     def at(self, features: Array) -> Posterior:
         """Return the posterior at (n, columns) features."""

@@ -51,10 +51,14 @@ def free_points(history: History, targets: Targets, rng: np.random.Generator) ->
         free = space.allowed_grid.copy()
         free[taken] = False
         return np.flatnonzero(free)
-    around = [space.neighbours(int(index)) for index in targets.indices[targets.front]]
-    return np.setdiff1d(
-        np.concatenate([sample(space, SAMPLE, rng, history.taken(), draws=DRAWS), *around]), taken
-    )
+    drawn = sample(space, SAMPLE, rng, history.taken(), draws=DRAWS)
+    return np.setdiff1d(np.concatenate([drawn, beside_front(targets, space)]), taken)
+
+
+def beside_front(targets: Targets, space: Space) -> Indices:
+    """Return the allowed points that differ from one of the measured front in one parameter, ascending."""
+    front = [space.neighbours(int(index)) for index in targets.indices[targets.front]]
+    return np.unique(np.concatenate(front)) if front else np.empty(0, dtype=np.int64)
 
 
 def screen(
@@ -118,8 +122,7 @@ def candidates(
             np.maximum(score, column * weight, out=score)
         score += (0.25 * weights.min()) * doubt
         picked.append(pool[near[_smallest(score, max(1, count // (2 * DIRECTIONS)))]])
-    front = [space.neighbours(int(index)) for index in targets.indices[targets.front]]
-    around = np.unique(np.concatenate(front)) if front else np.empty(0, dtype=np.int64)
+    around = beside_front(targets, space)
     place = np.minimum(np.searchsorted(pool, around), len(pool) - 1)
     around = around[pool[place] == around]  # the pool is sorted, and too large for set operations
     picked.append(rng.permutation(around)[: count // 4])

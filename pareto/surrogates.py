@@ -1,16 +1,16 @@
 """The sharp models: Gaussian processes near the front, and what they promise of single points.
 
-An objective may be smooth over its whole range, as a time that grows with the work done, or smooth only
-where things go well, as an error that leaps once tracking is lost. So two processes are made for each: one
-learns from all values, one from those in reach of the reference alone. The one that foretells the values
-within the reference better, each left out in turn, is kept. Where that is the second, what lies out of its
-reach counts as a failure, and so does what could not be measured: one more process learns where that is.
+An objective may be smooth over its whole range, as a time that grows with the work done, or only where
+things go well, as an error that gets rough and then leaps as tracking is lost. So two processes are made for
+each: one learns from all values, one from those of points on the front or beside it. The one that foretells
+the latter better, each left out in turn, is kept. Where that is the second, what is not beside the front
+counts as a failure, and so does what could not be measured: one more process learns where that is, and so
+do trees, because a process alone finds gaps between any failures, and a search looks for just these.
 
-A process of what is in reach is of no use far from it: where everything is lost it expects anything, and the
-expected improvement of anything is large. So it is never less sure than its values are spread, and the
-process of all values, which has seen what became of the neighbours, is asked too, whether a point is within
-the reference. That one may be wrong about whole regions, since it bridges the leap. Hence two opinions: the
-cautious one heeds it, the bold one does not.
+A process of what is beside the front is sharp there and of no use far from it, where it may expect anything.
+Hence three opinions: the bold one asks it anywhere, the cautious one only where it is about as sure as among
+its own points, and one only beside the front: of fewer points fewer are overrated, and late that is what
+wins.
 """
 
 from __future__ import annotations
@@ -24,20 +24,24 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from pareto.errors import StateError
+from pareto.forest import Forest
 from pareto.gaussian import SHARED, GaussianProcess, Posterior
 from pareto.history import History
 from pareto.improvement import expected_improvement
+from pareto.screening import beside_front
 from pareto.space import Indices, Space
 from pareto.targets import TINY, Targets
 from pareto.transfer import Trend
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
-Recipe = dict[str, Any]  # {"reach": whether from values in reach alone, "theta": hyperparameters}
+Recipe = dict[str, Any]  # {"near": whether from points near the front alone, "theta": hyperparameters}
 
 SUCCESS = "success"
-CAUTIOUS, BOLD = 0, 1  # opinions on success
-LEAST = 10  # values within the reference from which it can be told which process foretells better
+CAUTIOUS, BOLD, BESIDE = 0, 1, 2  # opinions
+LEAST = 10  # points near the front from which it can be told which process foretells better
+TRUST = 2.0  # times its doubt about its own points, from all others: where a near process is to be believed
+TREES = 64  # that judge success
 
 
 class Surrogates:
@@ -66,26 +70,24 @@ class Surrogates:
         self._trend = trend
         self._rng = rng
         self._given = dict(recipes or {})
-        self._within: NDArray[np.bool_] = np.all(targets.values <= targets.reference, axis=1)
-        near = _near_the_front(targets, points, rng)
-        few = self._within[near].sum() < LEAST
-        rest, reached = trend.rest(targets), targets.within_reach()
-        lost = np.zeros(len(targets.indices), dtype=bool)
+        self._near: NDArray[np.bool_] = targets.near()
+        self._beside = beside_front(targets, self.space)
+        rows = _nearest(targets, points, rng)
+        few = self._near[rows].sum() < LEAST
+        rest = trend.rest(targets)
         self._objectives = []
         for number, slope in enumerate(trend.slope):
             column = rest[:, number] if slope or few else targets.values[:, number]
-            learnt = self._objective(str(number), near, column, reached[:, number])
-            self._objectives.append(learnt)
-            if learnt.judge:
-                lost |= ~reached[:, number]
+            self._objectives.append(self._objective(str(number), rows, column))
+        lost = ~self._near & any(learnt.near for learnt in self._objectives)
         self._success: GaussianProcess | None = None
-        bad = np.concatenate([history.failed(), targets.indices[lost]])
+        good, bad = targets.indices[~lost], np.concatenate([history.failed(), targets.indices[lost]])
         if len(bad):
-            good = rng.permutation(targets.indices[~lost])[: points // 2]
-            bad = rng.permutation(bad)[: points // 2]
+            self._forest = self._trees(good, bad)
+            good, bad = (rng.permutation(indices)[: points // 2] for indices in (good, bad))
             labels = np.concatenate([np.ones(len(good)), -np.ones(len(bad))])
             self._success = self._process(SUCCESS, np.concatenate([good, bad]), labels)
-            self.recipes[SUCCESS] = _recipe(self._success, reach=False)
+            self.recipes[SUCCESS] = _recipe(self._success, near=False)
 
     def at(self, indices: Indices) -> Promise:
         """Return what the models say about `indices`."""
@@ -94,31 +96,40 @@ class Surrogates:
         chance = np.ones(len(indices))
         if self._success:
             success = self._success.at(features)
-            chance = ndtr(success.mean / success.spread)
+            # One tree more, undecided: nothing is impossible.
+            trees = (TREES * self._forest.predict(self.space.codes(indices)) + 0.5) / (TREES + 1)
+            chance = ndtr(success.mean / success.spread) * trees
         cautious = chance.copy()
-        trend = self._trend(indices).T
-        columns = zip(self._objectives, objectives, trend, self.targets.reference, strict=True)
-        for learnt, posterior, expected, reference in columns:
+        for learnt, posterior, expected in zip(
+            self._objectives, objectives, self._trend(indices).T, strict=True
+        ):
             posterior.mean += expected
-            if learnt.judge:
-                judged = learnt.judge.at(features)
-                cautious *= ndtr((reference - judged.mean - expected) / judged.spread)
+            cautious *= posterior.spread <= learnt.trusted
+        beside = cautious * np.isin(indices, self._beside)
         widest = np.array([learnt.widest for learnt in self._objectives])
-        return Promise(indices, objectives, np.stack([cautious, chance]), widest)
+        return Promise(indices, objectives, np.stack([cautious, chance, beside]), widest)
 
-    def _objective(self, name: str, near: Rows, column: Array, reached: NDArray[np.bool_]) -> Learnt:
-        """Return the process on all of `near`, or on those `reached` where that one foretells better."""
-        indices, some = self.targets.indices, near[reached[near]]
-        known, everything = self._given.get(name), f"{name} of all values"
-        reach = bool(known and known["reach"])
-        whole = self._process(everything if reach or not known else name, indices[near], column[near])
-        if reach or (not known and len(some) < len(near) and self._within[near].sum() >= LEAST):
-            narrow = self._process(name, indices[some], column[some])
-            if reach or narrow.foretells(self._within[some]) > whole.foretells(self._within[near]):
-                self.recipes[name], self.recipes[everything] = _recipe(narrow, True), _recipe(whole, False)
-                return Learnt(narrow, max(float(column[some].std()), TINY), whole)
-        self.recipes[name] = _recipe(whole, False)
-        return Learnt(whole)
+    def _objective(self, name: str, rows: Rows, column: Array) -> Learnt:
+        """Return the process on all of `rows`, or on the near ones where that one foretells these better."""
+        indices, near = self.targets.indices, self._near[rows]
+        some, known = rows[near], self._given.get(name)
+        if not (known and known["near"]):
+            whole = self._process(name, indices[rows], column[rows])
+            self.recipes[name] = _recipe(whole, near=False)
+            if known or not LEAST <= len(some) < len(rows):
+                return Learnt(whole)
+        narrow = self._process(name, indices[some], column[some])
+        if not known and narrow.foretells(near[near]) <= whole.foretells(near):
+            return Learnt(whole)
+        self.recipes[name] = _recipe(narrow, near=True)
+        spread = max(float(column[some].std()), TINY)
+        return Learnt(narrow, near=True, widest=spread, trusted=TRUST * narrow.doubt())
+
+    def _trees(self, good: Indices, bad: Indices) -> Forest:
+        codes = self.space.codes(np.concatenate([good, bad]))
+        labels = np.concatenate([np.ones(len(good)), np.zeros(len(bad))])
+        seed = int(self._rng.integers(2**31))
+        return Forest.grow(codes, labels, self.space.shape, seed=seed, trees=TREES)
 
     def _process(self, name: str, indices: Indices, column: Array) -> GaussianProcess:
         features, owner = self.space.features(indices), self.space.feature_owner
@@ -134,32 +145,33 @@ def read_recipe(recipe: Mapping[str, Any], space: Space) -> Recipe:
         raise StateError(
             f"the state is damaged: a model has {len(space.shape) + SHARED} finite numbers, not {theta}"
         )
-    return {"reach": bool(recipe["reach"]), "theta": theta}
+    return {"near": bool(recipe["near"]), "theta": theta}
 
 
-def _recipe(process: GaussianProcess, reach: bool) -> Recipe:
-    return {"reach": reach, "theta": process.theta.tolist()}
+def _recipe(process: GaussianProcess, near: bool) -> Recipe:
+    return {"near": near, "theta": process.theta.tolist()}
 
 
 @dataclass(frozen=True)
 class Learnt:
     """The process that foretells an objective.
 
-    Where it was made of values in reach alone, its spread is at most the `widest`, theirs, and the `judge`,
-    made of all values, says where the objective is within the reference.
+    If it was made of `near` points alone, its spread counts up to `widest`, the spread of its own targets,
+    and it is `trusted` where its standard deviation is at most that.
     """
 
     process: GaussianProcess
+    near: bool = False
     widest: float = np.inf
-    judge: GaussianProcess | None = None
+    trusted: float = np.inf
 
 
 @dataclass
 class Promise:
-    """Posteriors of the objectives at `indices`, and the (2, n) `chance` that each is a success.
+    """Posteriors of the objectives at `indices`, and the (opinions, n) `chance` that each is a success.
 
-    Its rows are the CAUTIOUS and the BOLD opinion. `widest` (objectives) are the largest standard deviations
-    that count.
+    Its rows are the CAUTIOUS, the BOLD and the BESIDE opinion. `widest` (objectives) are the largest
+    standard deviations that count.
     """
 
     indices: Indices
@@ -168,7 +180,7 @@ class Promise:
     widest: Array
 
     def gain(self, front: Array, reference: Array, rng: np.random.Generator) -> Array:
-        """Return (2, n) expected improvements, each times the chance to be a success: CAUTIOUS and BOLD."""
+        """Return (opinions, n) expected improvements, each times the chance to be a success."""
         mean = np.stack([posterior.mean for posterior in self.objectives], axis=1)
         spread = np.stack([posterior.spread for posterior in self.objectives], axis=1)
         spread = np.minimum(spread, self.widest)
@@ -181,14 +193,10 @@ class Promise:
         return np.array([posterior.mean[number] for posterior in self.objectives])
 
 
-def _near_the_front(targets: Targets, points: int, rng: np.random.Generator) -> Rows:
+def _nearest(targets: Targets, points: int, rng: np.random.Generator) -> Rows:
     """Return the rows to learn from: all, or mostly those closest to the front and some of the others."""
-    count = len(targets.values)
-    if count <= points:
-        return np.arange(count)
-    front = targets.values[targets.front] if len(targets.front) else targets.reference[None]
-    scale = np.maximum(np.ptp(np.vstack([front, targets.reference]), axis=0), 1e-9)
-    behind = ((targets.values[:, None] - front) / scale).max(axis=2).min(axis=1)
-    order = np.argsort(behind, kind="stable")
+    if len(targets.values) <= points:
+        return np.arange(len(targets.values))
+    order = np.argsort(targets.depth, kind="stable")
     near = points * 4 // 5
     return np.concatenate([order[:near], rng.permutation(order[near:])[: points - near]])

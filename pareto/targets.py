@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from pareto.space import Indices
 Array = NDArray[np.float64]
 
 SLACK = 0.5  # of the front's extent, beyond its ends, where the user set no limit
+NEAR = 0.1  # of the extent of front and reference: how far behind the front is still beside it
+LEAST_NEAR = 60  # points count as near at least, if so many are in reach
 REACH = 0.1  # of the room up to the reference, beyond it: how bad a value may be and still tell something
 FLOOR = 0.05  # of a column's standard deviation: the least room that counts
 TINY = 1e-9  # beside values of the order of one
@@ -62,6 +65,25 @@ class Targets:
     def floor(self) -> Array:
         """The least distance (objectives) below the reference that is worth telling apart."""
         return np.maximum(FLOOR * self.values.std(axis=0), TINY)
+
+    @cached_property
+    def depth(self) -> Array:
+        """How far each of the n points must improve, in all objectives alike, before it would count.
+
+        In shares of the extent of the front and the reference: it must get ahead of every point of the front
+        in some objective, and keep the reference in all. Zero on the front.
+        """
+        front = self.values[self.front] if len(self.front) else self.reference[None]
+        scale = np.maximum(np.ptp(np.vstack([front, self.reference]), axis=0), self.floor)
+        behind = ((self.values[:, None] - front) / scale).min(axis=2).max(axis=1)
+        beyond = ((self.values - self.reference) / scale).max(axis=1)
+        return np.maximum.reduce([behind, beyond, np.zeros(len(behind))])
+
+    def near(self) -> NDArray[np.bool_]:
+        """Return which of the n points lie on the front or beside it: a quarter of them at least."""
+        reached = int(self.within_reach().all(axis=1).sum())
+        count = max(len(self.values) // 4, min(LEAST_NEAR, reached), 1)
+        return self.depth <= max(NEAR, float(np.partition(self.depth, count - 1)[count - 1]))
 
     def winsorised(self) -> Array:
         """Return the values, those out of reach of the reference pulled in to where that ends.

@@ -14,16 +14,17 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 from pareto.history import History, read_index
 from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample, spread_sample
-from pareto.screening import DRAWS, candidates, free_points, screen
+from pareto.screening import DRAWS, beside_front, candidates, free_points, screen
 from pareto.space import Indices, Space
-from pareto.surrogates import BOLD, CAUTIOUS, Recipe, Surrogates, read_recipe
+from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, Recipe, Surrogates, read_recipe
 from pareto.targets import Targets
 from pareto.transfer import Trend, trusted
 
 SHORTLIST = 500  # candidates that stay in the race after the first look
-RENEWAL = 20  # proposals after which the space is screened and the models are chosen anew
+RENEWAL = 20  # proposals, at least, after which the space is screened and the models are chosen anew
+SELDOM = 10  # one in so many of the measurements: proposals after which they are, late
 GREEDY = 100  # of a batch that are chosen one after the other
-VENTURE = 4  # of the greedy choices, one trusts the bold opinion
+TURNS = (BOLD, BESIDE, CAUTIOUS)  # whose opinion decides, choice after choice
 CLIMBERS = 8  # best candidates whose neighbours are looked at, too
 CLIMBS = 8  # times at most
 
@@ -118,7 +119,7 @@ class TwoStage(Method):
         trend = Trend.of(history, targets)
         taken = history.taken() | set(also_taken)
         self._since += count
-        if self._since > RENEWAL or not self._recipes:
+        if self._since > max(RENEWAL, len(taken) // SELDOM) or not self._recipes:
             self._since = count
             found = free_points(history, targets, rng)
             if len(found) > self.candidates:
@@ -126,7 +127,8 @@ class TwoStage(Method):
                 found = candidates(screening, targets, history.space, self.candidates, rng)
             surrogates = Surrogates(history, targets, trend, self.points, rng)
         else:
-            found = np.array(self._shortlist, dtype=np.int64)
+            around = rng.permutation(beside_front(targets, history.space))[: self.candidates]
+            found = np.union1d(self._shortlist, around).astype(np.int64)
             surrogates = Surrogates(history, targets, trend, self.points, rng, self._recipes)
         found = found[~np.isin(found, np.fromiter(taken, dtype=np.int64))]
         if len(found) == 0:
@@ -162,7 +164,7 @@ def _shortlist(
 
 
 def _tops(gain: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the positions of the `count` best, in turn by one opinion and by the other."""
+    """Return the positions of the `count` best, in turn by each opinion."""
     order = np.argsort(-gain, axis=1, kind="stable").T.ravel()
     _, first = np.unique(order, return_index=True)
     return order[np.sort(first)[:count]]
@@ -178,8 +180,8 @@ def _greedy(
 ) -> list[int]:
     """Return `count` of `found`, each the best once those before it turn out as expected.
 
-    Those `waiting` are under way already and are supposed first. One in VENTURE, as `turn` counts, is chosen
-    boldly, the others cautiously.
+    Those `waiting` are under way already and are supposed first. The opinions take TURNS, as `turn` counts;
+    who sees nothing left to gain passes.
     """
     reference = surrogates.targets.reference
     front = surrogates.targets.values[surrogates.targets.front]
@@ -191,7 +193,8 @@ def _greedy(
     gain = np.zeros(len(free))
     for number in range(min(count, len(found), GREEDY)):
         gain = np.where(free, promise.gain(front, reference, rng), 0.0)
-        gain = gain[BOLD if (turn + number) % VENTURE == 0 or gain[CAUTIOUS].max() <= 0 else CAUTIOUS]
+        opinions = (TURNS[(turn + number) % len(TURNS)], CAUTIOUS, BOLD)
+        gain = gain[next((opinion for opinion in opinions if gain[opinion].max() > 0), BOLD)]
         best = int(np.argmax(gain))
         if gain[best] <= 0:
             return promise.indices[picked].tolist()

@@ -2,10 +2,12 @@
 
 import csv
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from pareto.commands import main
 from pareto.folder import Folder
@@ -17,6 +19,13 @@ SPACE = {
         {"name": "mode", "type": "categorical", "values": ["a,b", "c"]},
     ],
 }
+
+
+@pytest.fixture(autouse=True, scope="session")
+def one_thread() -> Iterator[None]:
+    """On the tests' small matrices, threads of BLAS mostly wait for each other: minutes on a busy machine."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
 
 
 @pytest.fixture

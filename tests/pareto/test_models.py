@@ -164,3 +164,5 @@ def test_a_process_foretells_each_target_from_all_others():
         variance = scale * (known[row, row] - known[row, others] @ solved)
         densities.append(norm.logpdf(centred[row], solved @ centred[others], np.sqrt(variance)))
     assert process.foretells(rows) == pytest.approx(np.mean(densities), rel=1e-6)
+    left_out = np.sqrt(scale / np.diag(np.linalg.inv(known)))
+    assert process.doubt() == pytest.approx(np.median(left_out), rel=0.03)  # the median of two variances

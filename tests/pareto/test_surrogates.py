@@ -7,7 +7,7 @@ import numpy as np
 from pareto import Space
 from pareto.history import History
 from pareto.objective import read_objectives
-from pareto.surrogates import BOLD, CAUTIOUS, Surrogates
+from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, Surrogates
 from pareto.targets import Targets
 from pareto.transfer import Trend
 
@@ -38,29 +38,37 @@ def learnt(history, recipes=None):
     return Surrogates(history, targets, Trend.of(history, targets), 600, rng, recipes)
 
 
-def test_an_objective_that_leaps_is_learnt_from_what_is_in_reach_and_a_smooth_one_from_everything():
+def test_an_objective_that_leaps_is_learnt_beside_the_front_and_a_smooth_one_from_everything():
     surrogates = learnt(known(leap=3.0))
-    assert {name: recipe["reach"] for name, recipe in surrogates.recipes.items()} == {
-        "0": False,
-        "1": True,
-        "1 of all values": False,
-        "success": False,
-    }
+    near = {name: recipe["near"] for name, recipe in surrogates.recipes.items()}
+    assert near == {"0": False, "1": True, "success": False}
     free = np.arange(0, len(SPACE), 7)
     promise = surrogates.at(free)
     x, y = SPACE.codes(free).T / 39
     lost, inside = x > 26 / 39, (x < 24 / 39) & (0.8 * y - x + 1 < np.log(3.0) - 0.1)
-    assert promise.chance[BOLD, lost].mean() < 0.3 < 0.7 < promise.chance[BOLD, inside].mean()
-    assert (promise.chance[CAUTIOUS] <= promise.chance[BOLD]).all()
-    assert promise.chance[CAUTIOUS, lost].mean() < promise.chance[CAUTIOUS, inside].mean()
+    assert promise.chance[BOLD, lost].mean() < 0.2 < 0.7 < promise.chance[BOLD, inside].mean()
 
 
-def test_a_process_of_what_is_in_reach_is_never_less_sure_than_its_values_are_spread():
+def test_a_near_process_is_asked_where_it_knows_and_by_one_opinion_only_beside_the_front():
+    surrogates = learnt(known(leap=3.0))
+    free = np.arange(len(SPACE))
+    promise = surrogates.at(free)
+    doubtful = promise.objectives[1].spread > surrogates._objectives[1].trusted
+    assert 0 < doubtful.sum() < len(free)
+    assert (promise.chance[CAUTIOUS, doubtful] == 0).all()
+    assert (promise.chance[CAUTIOUS, ~doubtful] == promise.chance[BOLD, ~doubtful]).all()
+    front = surrogates.targets.indices[surrogates.targets.front]
+    steps = SPACE.codes(free)[:, None] != SPACE.codes(front)
+    beside = (steps.sum(axis=2) == 1).any(axis=1)
+    assert (promise.chance[BESIDE] == np.where(beside, promise.chance[CAUTIOUS], 0.0)).all()
+
+
+def test_a_near_process_is_never_less_sure_than_its_values_are_spread():
     surrogates = learnt(known(leap=3.0))
     promise = surrogates.at(np.arange(40))
     reference, rng = surrogates.targets.reference, np.random.default_rng(0)
-    inside = surrogates.targets.within_reach()[:, 1]
-    assert promise.widest.tolist() == [np.inf, np.std(surrogates.targets.values[inside, 1])]
+    near = surrogates.targets.near()
+    assert promise.widest.tolist() == [np.inf, np.std(surrogates.targets.values[near, 1])]
     before = promise.gain(np.empty((0, 2)), reference, rng)
     promise.objectives[1]._scale *= 1e6
     promise.widest = np.full(2, np.inf)
@@ -69,10 +77,22 @@ def test_a_process_of_what_is_in_reach_is_never_less_sure_than_its_values_are_sp
     assert promise.gain(np.empty((0, 2)), reference, rng).max() < 3 * before.max() < without.max()
 
 
+def test_depth_is_what_a_point_must_improve_by_before_it_counts():
+    values = [(1.0, 4.0), (2.0, 2.0), (4.0, 1.0), (3.0, 3.0), (2.5, 7.0), (9.0, 0.5)]
+    history = History(SPACE, read_objectives(("a", "b")), {"a": np.exp(5.0), "b": np.exp(5.0)})
+    for index, pair in enumerate(values):
+        history.record(index, tuple(np.exp(pair)))
+    targets = Targets.of(history)
+    assert sorted(targets.front) == [0, 1, 2]
+    # The extent, limits included, is 4 in both. (3, 3) is one behind (2, 2); the last two break a limit.
+    np.testing.assert_allclose(targets.depth, [0.0, 0.0, 0.0, 0.25, 0.5, 1.0])
+    assert targets.near().tolist() == [True, True, True, True, False, False]
+
+
 def test_without_a_leap_nothing_counts_as_a_failure():
     surrogates = learnt(known(leap=0.0))
-    assert surrogates.recipes["0"]["reach"] is False
-    assert surrogates.at(np.arange(50)).chance.min() > 0.5
+    assert surrogates.recipes["0"]["near"] is False
+    assert surrogates.at(np.arange(50)).chance[BOLD].min() == 1.0
 
 
 def test_recipes_make_the_same_models_again():
