@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from django.urls import reverse
 from plotly import graph_objects as go
 
@@ -92,10 +93,14 @@ def crowd_bars(place: Place, theme: Theme) -> go.Figure:
             "color": [theme.best if slug == place.device.slug else theme.default for slug in slugs],
             "line": {"width": 0},
         },
-        customdata=[
-            [f"<b>{layout.text(device.title)}</b>", reverse("dashboard:device", args=[device.slug])]
-            for device, _ in place.models
-        ],
+        # Plotly copies and checks lists of lists item by item.
+        customdata=np.array(
+            [
+                [f"<b>{layout.text(device.title)}</b>", reverse("dashboard:device", args=[device.slug])]
+                for device, _ in place.models
+            ],
+            dtype=object,
+        ),
         hovertemplate="%{customdata[0]}<br>%{y:.3~r}" + formats.TIMES + ", place %{x}<extra></extra>",
         showlegend=False,
     )

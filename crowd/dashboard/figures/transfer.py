@@ -77,27 +77,26 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
         key=lambda row: (row.regret, row.best_rank, row.device.slug),
     )
     figure = layout.blank(theme, 340)
+    told = np.array(
+        [[_regret(row), reverse("dashboard:device", args=[row.device.slug])] for row in judged], dtype=object
+    ).reshape(-1, 2)
     figure.add_bar(
         x=list(range(1, len(judged) + 1)),
         # From 1 on: what is above is what a search on the device itself would have gained.
         base=1,
         y=[round((row.regret or 1.0) - 1, 4) for row in judged],
         marker={"color": theme.series[0], "line": {"width": 0}},
-        customdata=[[_regret(row), reverse("dashboard:device", args=[row.device.slug])] for row in judged],
+        customdata=told,
         hovertemplate="%{customdata[0]}<extra></extra>",
         showlegend=False,
     )
-    winning = [place for place, row in enumerate(judged, 1) if row.best_rank == 1]
+    winning = [place for place, row in enumerate(judged) if row.best_rank == 1]
     figure.add_scatter(
-        x=winning,
+        x=[place + 1 for place in winning],
         y=[1.0] * len(winning),
         mode="markers",
         marker={"color": theme.best, "size": 7},
-        customdata=[
-            [_regret(row), reverse("dashboard:device", args=[row.device.slug])]
-            for row in judged
-            if row.best_rank == 1
-        ],
+        customdata=told[winning],
         hovertemplate="%{customdata[0]}<extra></extra>",
         name="best wins here too",
         showlegend=True,

@@ -6,7 +6,8 @@ from django.shortcuts import render
 from crowd.dashboard.exported import newest, tables_of
 from crowd.dashboard.views.page import page
 from crowd.fronts import selectors as published
-from crowd.results.opendata.tables import LICENCE
+from crowd.results.opendata.tables import LICENCE, TABLES
+from crowd.results.rules import RULES
 
 APPLICATION = "kfusion"
 
@@ -18,7 +19,12 @@ def data(request: HttpRequest) -> HttpResponse:
     return render(
         request,
         "dashboard/data.html",
-        {"export": export, "tables": tables_of(export) if export else (), "licence": LICENCE},
+        {
+            "export": export,
+            "tables": tables_of(export) if export else (),
+            "schema": TABLES,
+            "licence": LICENCE,
+        },
     )
 
 
@@ -27,5 +33,7 @@ def about(request: HttpRequest) -> HttpResponse:
     """What is measured, how a figure comes about, and what is known of the people behind it."""
     front = published.current(APPLICATION)
     return render(
-        request, "dashboard/about.html", {"front": front, "protocol": front.protocol if front else {}}
+        request,
+        "dashboard/about.html",
+        {"front": front, "protocol": front.protocol if front else {}, "rules": RULES.values()},
     )
