@@ -19,11 +19,16 @@ from tests.services.installation import Installation
 from tests.services.program import until
 from tests.services.table import NOTHING, look_up, measure
 
-MACHINES = 4
 PATIENCE_SECONDS = 600.0
 LONGEST_DELAY_SECONDS = 0.2
 INTERRUPTED = 2  # measurements at least: so many kills wait for the middle of one
-COMBINATIONS = {"embedded": 1000, "redis postgresql": 300, "rabbitmq postgresql": 300}  # evaluations
+LEARNT = 10  # evaluations, the last ones: the others are random samples
+# A thousand evaluations and several workers once; the others kill the same parts, and look for outliers too.
+COMBINATIONS: dict[str, dict[str, Any]] = {
+    "embedded": {"budget": 1000, "machines": 4, "recheck": False},
+    "redis postgresql": {"budget": 120, "machines": 2},
+    "rabbitmq postgresql": {"budget": 120, "machines": 2},
+}
 
 
 @pytest.fixture(params=COMBINATIONS)
@@ -34,17 +39,20 @@ def combination(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def wishes(combination: str) -> dict[str, Any]:
-    """What is explored there: ten batches, nine of them at random and the last one learnt."""
-    budget = COMBINATIONS[combination]
-    options = {"initial": budget // 10 * 9}
-    return {"budget": budget, "batch": budget // 10, "options": options, "repeats": 2, "machines": MACHINES}
+    """What is explored there: ten batches, of which the last one is learnt at its end."""
+    wanted = COMBINATIONS[combination]
+    budget = wanted["budget"]
+    return wanted | {"batch": budget // 10, "options": {"initial": budget - LEARNT}, "repeats": 1}
 
 
 @pytest.fixture
-def installation(request: pytest.FixtureRequest, combination: str, tmp_path: Path) -> Iterator[Installation]:
+def installation(
+    request: pytest.FixtureRequest, combination: str, wishes: dict[str, Any], tmp_path: Path
+) -> Iterator[Installation]:
     programs = [] if combination == "embedded" else combination.split()
     broker, database = [request.getfixturevalue(name) for name in programs] or (None, None)
-    with Installation(tmp_path / "var", broker, database, MACHINES, TABLE_SECONDS="0.02") as found:
+    workers = wishes["machines"]
+    with Installation(tmp_path / "var", broker, database, workers, TABLE_SECONDS="0.02") as found:
         yield found
 
 
