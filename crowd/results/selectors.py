@@ -1,6 +1,7 @@
 """Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
 
-from crowd.results.reading.devices import device, devices
+from crowd.results.reading.devices import device, devices, pending
+from crowd.results.reading.figures import version
 from crowd.results.reading.history import history
 from crowd.results.reading.sessions import (
     LISTED_SESSIONS,
@@ -23,10 +24,12 @@ __all__ = [
     "latest_sessions",
     "measured_front",
     "own_sessions",
+    "pending",
     "place",
     "run",
     "session",
     "speedups",
     "submission",
+    "version",
     "winners",
 ]

@@ -32,9 +32,9 @@ class Drawing(Generic[Rows]):
     """Each of the functions answers one question about the same rows.
 
     read(request, **arguments of the path) may raise Http404, or one of serving.REFUSED for a query that
-    cannot be understood. stamp(request, **arguments) is something that is equal exactly as long as the rows
-    are, and much cheaper to ask for; without it the figure itself is compared. page(**arguments) is the page
-    that shows the figure, under the same query.
+    cannot be understood. stamp(request, **arguments) is much cheaper to ask for and changes with the rows: a
+    figure that is drawn is kept under it, for a minute. page(**arguments) is the page that shows the figure,
+    under the same query.
     """
 
     name: str

@@ -27,7 +27,6 @@ from django.views.decorators.http import require_safe
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
 from crowd.dashboard.palette import LIGHT, THEMES, Theme
-from crowd.explorations import software
 from crowd.explorations.exports import FORMULA
 from crowd.results.filters import InvalidFilterError
 from crowd.results.opendata.tables import LICENCE
@@ -135,15 +134,13 @@ def _figure(drawing: Drawing[Any]) -> View:
         if drawing.stamp is None:
             body = _drawn(drawing, drawing.read(request, **arguments), theme)
             return _conditional(request, body, _digest(body), JSON)
-        facts = (request.path, theme.name, drawing.stamp(request, **arguments), software.version())
-        digest = _digest(repr(facts).encode())
-        if (unchanged := get_conditional_response(request, etag=quote_etag(digest))) is not None:
-            return unchanged
-        body = cache.get(f"figure-{digest}")
+        facts = (request.path, theme.name, drawing.stamp(request, **arguments))
+        key = f"figure-{_digest(repr(facts).encode())}"
+        body = cache.get(key)
         if body is None:
             body = _drawn(drawing, drawing.read(request, **arguments), theme)
-            cache.set(f"figure-{digest}", body, KEPT_SECONDS)
-        return _conditional(request, body, digest, JSON)
+            cache.set(key, body, KEPT_SECONDS)
+        return _conditional(request, body, _digest(body), JSON)
 
     return view
 

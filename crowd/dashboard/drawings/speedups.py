@@ -37,6 +37,11 @@ def read(request: HttpRequest) -> Bars:
     return Bars(results.speedups(SpeedupFilters.parse(request.GET)), colour_of(request))
 
 
+def stamp(request: HttpRequest) -> tuple[str, str, str]:
+    """What is asked for, and how the crowd is: two thousand bars take a while to draw."""
+    return SpeedupFilters.parse(request.GET).query(), colour_of(request), results.version()
+
+
 def colour_of(request: HttpRequest) -> str:
     """What ?colour= names; whose chip computed where it names nothing known."""
     return SOC if request.GET.get("colour") == SOC else VENDOR
@@ -80,5 +85,6 @@ DRAWINGS = (
         title=_title,
         n=_n,
         page=lambda: reverse("dashboard:devices"),
+        stamp=stamp,
     ),
 )

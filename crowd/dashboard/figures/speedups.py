@@ -15,6 +15,8 @@ from crowd.results.rows import Speedup
 # Above this many devices a name for each bar no longer fits: the bars stand upright, names on hover and
 # in the table.
 NAMED_BARS = 30
+# Above this many, gaps between bars and the middles of whiskers would only blur the picture.
+DENSE = 200
 # Pixels: three families side by side on a phone.
 LEGEND_ENTRY = 58
 # What bars can be coloured by.
@@ -52,7 +54,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
             y=ranks if flat else values,
             orientation="h" if flat else "v",
             name=layout.text(layout.clipped(name, 24)),
-            width=layout.BAR if flat else 0.8,
+            width=layout.BAR if flat else 0.8 if len(ranked) <= DENSE else 1.0,
             marker={
                 "color": colour,
                 "line": {"width": 0},
@@ -141,14 +143,14 @@ def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, the
         "array": [round(high - value, 4) for _, value, _, high in due],
         "arrayminus": [round(value - low, 4) for _, value, low, _ in due],
         "color": theme.ink,
-        "thickness": 1.5,
+        "thickness": 1.5 if len(ranked) <= DENSE else 1,
         "width": 4 if flat else 0,
     }
     figure.add_scatter(
         x=values if flat else ranks,
         y=ranks if flat else values,
         mode="markers",
-        marker={"size": 3, "color": theme.ink},
+        marker={"size": 3, "color": theme.ink, "opacity": float(len(ranked) <= DENSE)},
         **{"error_x" if flat else "error_y": whiskers},
         hoverinfo="skip",
         showlegend=False,

@@ -85,6 +85,8 @@ def chart(
         {
             "name": name,
             "label": label,
+            # Behind the semicolon a label tells where on this page the numbers are.
+            "shown": label.partition(";")[0],
             "height": height,
             "framed": height + CAPTION,
             "addresses": addresses,

@@ -36,7 +36,7 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "part": Paginator(crowd.rows, PAGE).get_page(request.GET.get("page")),
             "height": bars_height(len(crowd.rows)),
             "query": asked.query,
-            "pending": () if asked.filtered else [row for row in results.devices() if row.speedup is None],
+            "pending": () if asked.filtered else results.pending(),
         },
     )
 

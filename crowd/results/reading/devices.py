@@ -3,11 +3,12 @@
 from django.db.models import Exists, OuterRef, Q
 
 from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.fronts.selectors import BEST
 from crowd.results.filters import SpeedupFilters
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession
 from crowd.results.reading.figures import device_of, figures, hour, simulated_only
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_row, session_rows
-from crowd.results.reading.speedups import speedups
+from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.rows import DeviceDetail, DeviceRow
 
 LISTED_DESCRIPTIONS = 20
@@ -29,6 +30,19 @@ def devices(simulated: bool = False) -> tuple[DeviceRow, ...]:
     )
     return tuple(
         sorted(rows, key=lambda row: (-(row.speedup.speedup if row.speedup else 0.0), row.device.slug))
+    )
+
+
+def pending(simulated: bool = False) -> tuple[DeviceRow, ...]:
+    """Devices with a summarised session and no figure of `best` on the newest measured front, by slug; of the
+    SIMULATED ones, or of those that people measured. Four queries at most, whatever the number of devices.
+    """
+    front = measured_front(SpeedupFilters().application, simulated)
+    figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
+    rows = DeviceActivity.objects.select_related("device").filter(simulated_only(simulated))
+    return tuple(
+        DeviceRow(device_of(row.device), row.sessions, row.installations, hour(row.last_session_at), None)
+        for row in rows.exclude(device__in=figured.values("device")).order_by("device__slug")
     )
 
 

@@ -15,7 +15,10 @@ async function draw(figure) {
     plot.querySelector(".waiting")?.remove();
     await window.Plotly.react(plot, data, layout, still);
     figure.dataset.drawn = address.searchParams.get("theme");
-    if (!figure.dataset.wired) wire(figure, plot);
+    if (!figure.dataset.wired) {
+      wire(figure, plot);
+      offer(figure);
+    }
   } catch (error) {
     plot.textContent = "";
     const note = document.createElement("p");
@@ -41,11 +44,12 @@ async function save(figure, kind) {
   const shown = getComputedStyle(figure);
   const title = figure.closest("section")?.querySelector("h2, h3")?.textContent.trim() ?? document.title;
   const n = figure.querySelector("figcaption strong")?.textContent.trim() ?? "";
-  const { margin, height } = plot.layout;
+  const { margin } = plot.layout;
   const layout = {
     ...plot.layout,
     paper_bgcolor: shown.backgroundColor,
-    height: height + 60,
+    // Of the element: a window that changed its size makes plotly forget the layout's own.
+    height: plot.clientHeight + 60,
     margin: { ...margin, t: margin.t + 60 },
     title: { text: plain(title), subtitle: { text: plain(`${n} ${window.location.href}`) }, x: 0, xref: "paper", y: 1, yref: "container", pad: { t: 14 }, yanchor: "top" },
   };
@@ -79,7 +83,7 @@ function figures() {
   return [...document.querySelectorAll("figure[data-figure]")];
 }
 
-// Buttons that only work where this script does.
+// Buttons that only work where there is something drawn.
 function offer(figure) {
   for (const button of figure.querySelectorAll("[data-save]")) {
     button.closest("[hidden]")?.removeAttribute("hidden");
@@ -90,7 +94,6 @@ function offer(figure) {
 function begin() {
   for (const figure of figures().filter(({ dataset }) => !dataset.drawn && !dataset.begun)) {
     figure.dataset.begun = "yes";
-    offer(figure);
     draw(figure);
   }
 }
