@@ -75,6 +75,8 @@ class TwoStage(Method):
         # Where no candidate promises anything, the rest of the batch explores.
         exclude = taken | {index for index, _ in chosen}
         rest = sample(history.space, max(count, 0), rng, exclude, draws=DRAWS)
+        if not chosen and not len(rest):
+            rest = sample(history.space, count, rng, exclude)  # to propose nothing ends a search: longer
         return chosen + [(index, RANDOM) for index in rest.tolist()]
 
     def memory(self) -> dict[str, Any]:

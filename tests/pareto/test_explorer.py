@@ -443,3 +443,16 @@ def test_a_batch_may_be_as_large_as_the_space():
     explorer = explorer_of("two-stage")
     spend(explorer, 20)
     assert len(explorer.ask(10**6)) == len(SPACE) - 20
+
+
+def test_a_search_ends_only_after_a_long_look_for_rare_points(monkeypatch):
+    monkeypatch.setattr("pareto.region.LARGEST_JOIN", 1)
+    monkeypatch.setattr("pareto.methods.two_stage.DRAWS", 1)
+    parameters = [{"name": f"p{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(3)]
+    rare = {"parameters": parameters, "constraints": ["p0 * p1 * p2 >= 940000"]}
+    explorer = Explorer(Space.from_dict(rare), ("time",), initial=1)
+    for _ in range(6):
+        batch = explorer.ask(1)
+        explorer.tell(batch, [None] * len(batch))
+    assert len(explorer.history.told) == 6
+    assert not explorer.finished
