@@ -60,7 +60,10 @@ def _filled(parameter: Any, values: dict[str, Any]) -> Any:
 
 
 def insert(rows: Sequence[Model]) -> None:
-    """Add ROWS of one model, whose primary keys stay unknown: one statement for all."""
+    """Add ROWS of one model, to which the database gives keys that stay unknown here: one statement for all.
+
+    Raises IntegrityError as bulk_create does.
+    """
     if not rows:
         return
     fields = [field for field in rows[0]._meta.concrete_fields if not field.primary_key]

@@ -16,7 +16,7 @@ from tests.client_kit.scripted import Reply, Request, ScriptedServer
 from tests.services.program import until
 from tests.services.serving import Serving
 
-CLIENTS = 24
+CLIENTS = 16
 AT_ONCE = 8
 SHARE = 0.3
 MOST_PASSES = 60

@@ -24,7 +24,7 @@ from tests.services.postgresql import SHARED, PostgreSQL
 from tests.services.program import until
 from tests.services.serving import Services, Serving
 
-CLIENTS, EACH = 16, 3
+CLIENTS, EACH = 16, 2
 IMPATIENT = {"FRONTRUNNER_DATABASE_PATIENCE_SECONDS": "1"}
 SMALL_DISK_BYTES = 128 << 20
 REFUSED, MOST_SENT = 3, 60  # submissions while the disk is full
