@@ -42,6 +42,15 @@ def test_bars_of_one_family_share_a_colour_and_a_legend_entry() -> None:
     assert all(trace.showlegend for trace in traces)
 
 
+def test_a_vendor_keeps_its_colour_whatever_the_filters_leave() -> None:
+    rows = [speedup(4.0, "a"), speedup(5.0, "b", processor="NVIDIA T4"), speedup(6.0, "c", processor="x")]
+
+    together = {trace.name: trace.marker.color for trace in bars(rows)}
+
+    assert {trace.name: trace.marker.color for trace in bars(rows[:1])} == {"Mali": together["Mali"]}
+    assert len(set(together.values())) == 3
+
+
 def test_more_groups_than_colours_share_one_as_other() -> None:
     rows = [speedup(3.0, f"d{n}", device=device(f"d{n}", soc=f"SoC {n // 2}")) for n in range(20)]
 

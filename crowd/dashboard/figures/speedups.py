@@ -9,7 +9,7 @@ from plotly import graph_objects as go
 from crowd.dashboard import formats
 from crowd.dashboard.figures import layout
 from crowd.dashboard.palette import Theme
-from crowd.devices.vendors import OTHER
+from crowd.devices.vendors import CPU, OTHER
 from crowd.results.rows import Speedup
 
 # Above this many devices a name for each bar no longer fits: the bars stand upright, names on hover and
@@ -22,6 +22,8 @@ LEGEND_ENTRY = 58
 # What bars can be coloured by.
 VENDOR, SOC = "vendor", "soc"
 UNTOLD = "not told"
+# Vendors with a colour of their own, in the order of the palette; CPU gets its grey.
+COLOURED = ("Adreno", "Mali", "NVIDIA", "Intel", "Radeon", "Apple", CPU)
 
 
 def bars_height(rows: int) -> int:
@@ -41,10 +43,12 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     flat = len(ranked) <= NAMED_BARS
     names = bar_names(ranked)
     vendors = [row.vendor for row in ranked]
-    groups = frequent(
-        [row.device.soc or UNTOLD for row in ranked] if by == SOC else vendors, len(theme.series) - 1
-    )
-    colours = _group_colours(groups, theme)
+    if by == SOC:
+        groups = frequent([row.device.soc or UNTOLD for row in ranked], len(theme.series) - 1)
+        colours = _group_colours(groups, theme)
+    else:
+        groups = [name if name in COLOURED else OTHER for name in vendors]
+        colours = _vendor_colours(groups, theme)
     for name, colour in colours.items():
         ranks = [rank for rank, other in enumerate(groups) if other == name]
         members = [ranked[rank] for rank in ranks]
@@ -116,6 +120,12 @@ def frequent(groups: Sequence[str], most: int) -> list[str]:
     counts = Counter(group for group in groups if group != OTHER)
     kept = {group for group, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]}
     return [group if group in kept else OTHER for group in groups]
+
+
+def _vendor_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
+    """The colour of each vendor among GROUPS: the same whatever the filters leave."""
+    known = dict(zip(COLOURED, theme.series, strict=True)) | {OTHER: theme.stages["acquisition"]}
+    return {name: colour for name, colour in known.items() if name in groups}
 
 
 def _group_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:

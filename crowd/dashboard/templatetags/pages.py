@@ -33,6 +33,7 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
     names = {
         "Devices": "devices",
         "Fronts": "fronts",
+        "Transfer": "transfer",
         "Explorations": "explorations",
         "Data": "data",
         "About": "about",
