@@ -33,11 +33,11 @@ def session(*runs: Any, samples: Any = ()) -> SessionDetail:
 def test_configurations_are_sorted_and_best_has_its_colour() -> None:
     rows = [speedup(3.0, configuration="best"), speedup(5.0, configuration="fast", low=4.0, high=7.0)]
 
-    (bars,) = configuration_bars(rows, LIGHT).data
+    bars, whiskers = configuration_bars(rows, LIGHT).data
 
     assert list(bars.x) == [5.0, 3.0]
     assert list(bars.marker.color) == [LIGHT.series[0], LIGHT.best]
-    assert list(bars.error_x.array) == [2.0, None]
+    assert (list(whiskers.x), list(whiskers.error_x.array)) == ([5.0], [2.0])
     assert "95 % interval" in bars.customdata[0]
     assert "95 % interval" not in bars.customdata[1]
 
@@ -66,7 +66,7 @@ def test_releases_are_named_and_have_intervals_where_due() -> None:
     figure = release_marks(rows, LIGHT)
 
     assert list(figure.data[0].x) == [6.0, 8.0]
-    assert list(figure.data[0].error_x.array) == [None, 1.0]
+    assert list(figure.data[1].error_x.array) == [1.0]
     assert [label.text.split("  ")[1] for label in figure.layout.annotations] == ["r44p1, 15", "r46"]
 
 

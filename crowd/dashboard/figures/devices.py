@@ -36,25 +36,16 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
         orientation="h",
         width=0.62,
         marker={"color": [theme.best if row.configuration == BEST else theme.series[0] for row in ranked]},
-        error_x={
-            "type": "data",
-            "symmetric": False,
-            "array": [round(row.high - row.speedup, 4) if row.high is not None else None for row in ranked],
-            "arrayminus": [
-                round(row.speedup - row.low, 4) if row.low is not None else None for row in ranked
-            ],
-            "color": theme.ink,
-            "thickness": 1.5,
-            "width": 3,
-        },
         text=[formats.speedup(row.speedup) for row in ranked],
-        textposition="inside",
-        insidetextanchor="start",
-        textfont={"color": theme.surface},
+        textposition="outside",
+        textangle=0,
+        textfont={"color": theme.ink},
+        cliponaxis=False,
         customdata=[_detail(row) for row in ranked],
         hovertemplate="%{customdata}<extra></extra>",
         showlegend=False,
     )
+    _add_intervals(figure, list(enumerate(ranked)), theme)
     figure.add_shape(
         type="line",
         x0=1,
@@ -67,7 +58,8 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     return figure.update_layout(
         xaxis={
             "title": {"text": "speedup over the default, on this device"},
-            "rangemode": "tozero",
+            # Room for the value behind the longest bar.
+            "range": [0, max((row.high or row.speedup for row in ranked), default=1.0) * 1.18],
             "ticksuffix": formats.TIMES,
         },
         yaxis={
@@ -146,17 +138,6 @@ def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
         y=list(range(len(releases))),
         mode="markers",
         marker={"size": 11, "color": theme.best},
-        error_x={
-            "type": "data",
-            "symmetric": False,
-            "array": [round(row.high - row.speedup, 4) if row.high is not None else None for row in releases],
-            "arrayminus": [
-                round(row.speedup - row.low, 4) if row.low is not None else None for row in releases
-            ],
-            "color": theme.ink,
-            "thickness": 1.5,
-            "width": 4,
-        },
         customdata=[
             layout.lines(
                 [
@@ -171,6 +152,7 @@ def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
         hovertemplate="%{customdata}<extra></extra>",
         showlegend=False,
     )
+    _add_intervals(figure, list(enumerate(releases)), theme)
     for rank, row in enumerate(releases):
         name = ", ".join(filter(None, (row.driver, row.os_version))) or "not told"
         layout.name_above(figure, rank, name, formats.speedup(row.speedup), theme)
@@ -265,6 +247,28 @@ def sensor_lines(sensors: Sequence[Readings], theme: Theme) -> go.Figure:
     return figure.update_layout(
         xaxis={"title": {"text": "seconds after the start"}, "anchor": f"y{last}", "rangemode": "tozero"},
         margin={"t": 12},
+    )
+
+
+def _add_intervals(figure: go.Figure, rows: Sequence[tuple[int, Speedup | Release]], theme: Theme) -> None:
+    """Whiskers where an interval is due, as a trace of their own: plotly draws end caps on absent ones."""
+    due = [(rank, row.speedup, row.low, row.high) for rank, row in rows if row.low is not None]
+    figure.add_scatter(
+        x=[round(value, 4) for _, value, _, _ in due],
+        y=[rank for rank, *_ in due],
+        mode="markers",
+        marker={"size": 3, "color": theme.ink},
+        error_x={
+            "type": "data",
+            "symmetric": False,
+            "array": [round((high or value) - value, 4) for _, value, _, high in due],
+            "arrayminus": [round(value - (low or value), 4) for _, value, low, _ in due],
+            "color": theme.ink,
+            "thickness": 1.5,
+            "width": 4,
+        },
+        hoverinfo="skip",
+        showlegend=False,
     )
 
 

@@ -49,8 +49,6 @@ def parameter_lines(points: Sequence[Point], theme: Theme) -> go.Figure:
             line={
                 "color": fixed.get(point.name) or _colour(point, low, high, theme),
                 "width": 3.5 if point.name in fixed else 1.5,
-                "shape": "spline",
-                "smoothing": 0.6,
             },
             marker={"size": 8 if point.name in fixed else 5},
             customdata=[

@@ -13,8 +13,6 @@ from crowd.fronts.selectors import BEST
 from crowd.results.rows import CorrelationMatrix, Winner
 
 PEARSON, SPEARMAN = "pearson", "spearman"
-# Above this many devices their names no longer fit at the edge of the map: they are on hover.
-NAMED_DEVICES = 24
 CELL = 22  # pixels
 BAR = 26
 
@@ -48,10 +46,10 @@ def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Fi
         colorbar=heat.bar(theme, f"{kind.title()} correlation of times", nticks=5),
     )
     titles = [layout.clipped(device.title, 22) for device in devices]
-    named = len(devices) <= NAMED_DEVICES
     return figure.update_layout(
-        xaxis={"showticklabels": False, "title": {"text": "the same devices, in the same order"}},
-        yaxis=heat.named_axis(titles) if named else {"showticklabels": False},
+        # Across stand the same devices in the same order: no phone has room to name them twice.
+        xaxis={"visible": False},
+        yaxis=heat.named_axis(titles),
         margin={"t": 64},
     )
 
@@ -140,7 +138,10 @@ def winner_bars(counts: Sequence[tuple[str, int]], theme: Theme) -> go.Figure:
         width=0.62,
         marker={"color": [theme.best if name == BEST else theme.series[0] for name, _ in counts]},
         text=[formats.count(count) for _, count in counts],
-        textposition="auto",
+        textposition="outside",
+        textangle=0,
+        textfont={"color": theme.ink},
+        cliponaxis=False,
         customdata=[layout.text(name) for name, _ in counts],
         hovertemplate="%{customdata} is the fastest on <b>%{x}</b><extra></extra>",
         showlegend=False,
@@ -148,7 +149,11 @@ def winner_bars(counts: Sequence[tuple[str, int]], theme: Theme) -> go.Figure:
     if not counts:
         layout.note(figure, "Nobody has measured several configurations yet", theme)
     return figure.update_layout(
-        xaxis={"title": {"text": "devices"}, "rangemode": "tozero", "tickformat": "d"},
+        xaxis={
+            "title": {"text": "devices"},
+            "range": [0, max((count for _, count in counts), default=1) * 1.08],
+            "tickformat": "d",
+        },
         yaxis=heat.named_axis([name for name, _ in counts])
         | {"range": [len(counts) - 0.4, -0.6], "showgrid": False},
         margin={"t": 12},
