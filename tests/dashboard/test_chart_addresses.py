@@ -61,8 +61,8 @@ def test_each_theme_has_its_own_figure(client: Client, session: dict[str, Any]) 
     light = client.get("/figures/speedups.json?theme=light")
     dark = client.get("/figures/speedups.json?theme=dark")
 
-    assert LIGHT.best in light.content.decode()
-    assert DARK.best in dark.content.decode()
+    assert LIGHT.ink in light.content.decode()
+    assert DARK.ink in dark.content.decode()
     assert light["ETag"] != dark["ETag"]
 
 
