@@ -5,11 +5,21 @@ import http.client
 import json
 import socket
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.services.program import until
 from tests.services.serving import Serving, command
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    """One of the embedded default."""
+    with Serving(tmp_path_factory.mktemp("served") / "var", {}) as running:
+        yield running
 
 
 def test_a_taken_port_is_one_clear_line(tmp_path: Path) -> None:
@@ -42,41 +52,38 @@ def test_ctrl_c_ends_everything_and_a_second_start_keeps_the_data(tmp_path: Path
         assert status == 200
 
 
-def test_bodies_beyond_the_limits_are_refused_over_the_wire(tmp_path: Path) -> None:
-    with Serving(tmp_path / "var", {}) as server:
-        headers = {
-            "Authorization": f"Bearer {server.enrol()}",
-            "Idempotency-Key": "a",
-            "Content-Type": "application/json",
-        }
+def test_bodies_beyond_the_limits_are_refused_over_the_wire(server: Serving) -> None:
+    headers = {
+        "Authorization": f"Bearer {server.enrol()}",
+        "Idempotency-Key": "a",
+        "Content-Type": "application/json",
+    }
 
-        def refusal(body: Any, **more: str) -> tuple[int, str]:
-            connection = http.client.HTTPConnection("127.0.0.1", server.port)
-            connection.request("POST", "/api/v1/submissions", body, headers | more)
-            response = connection.getresponse()
-            assert response.headers["Content-Type"] == "application/problem+json"
-            return response.status, json.loads(response.read())["code"]
+    def refusal(body: Any, **more: str) -> tuple[int, str]:
+        connection = http.client.HTTPConnection("127.0.0.1", server.port)
+        connection.request("POST", "/api/v1/submissions", body, headers | more)
+        response = connection.getresponse()
+        assert response.headers["Content-Type"] == "application/problem+json"
+        return response.status, json.loads(response.read())["code"]
 
-        assert refusal(b" " * (2 << 20)) == (413, "body_too_large")
-        bomb = gzip.compress(b" " * (64 << 20))
-        assert refusal(bomb, **{"Content-Encoding": "gzip"}) == (413, "inflated_too_large")
-        assert refusal(iter([b"{}"])) == (411, "length_required")
+    assert refusal(b" " * (2 << 20)) == (413, "body_too_large")
+    bomb = gzip.compress(b" " * (64 << 20))
+    assert refusal(bomb, **{"Content-Encoding": "gzip"}) == (413, "inflated_too_large")
+    assert refusal(iter([b"{}"])) == (411, "length_required")
 
 
-def test_pages_and_compressed_static_files_are_served(tmp_path: Path) -> None:
-    with Serving(tmp_path / "var", {}) as server:
-        with urllib.request.urlopen(f"{server.url}/") as response:
-            page = response.read().decode()
-        style = page.split('rel="stylesheet" href="')[1].split('"')[0]
-        request = urllib.request.Request(f"{server.url}{style}", headers={"Accept-Encoding": "gzip"})
-        with urllib.request.urlopen(request) as response:
-            assert response.headers["Content-Encoding"] == "gzip"
-            assert "immutable" in response.headers["Cache-Control"]
-        status, state = server.call("GET", "/readyz")
-        assert (status, state["database"], state["broker"]) == (200, "ok", "ok")
-        assert until(
-            lambda: (
-                json.loads(json.dumps(server.call("GET", "/readyz")[1]))["seconds_since_last_task"]
-                is not None
-            )
+def test_pages_and_compressed_static_files_are_served(server: Serving) -> None:
+    with urllib.request.urlopen(f"{server.url}/") as response:
+        page = response.read().decode()
+    style = page.split('rel="stylesheet" href="')[1].split('"')[0]
+    request = urllib.request.Request(f"{server.url}{style}", headers={"Accept-Encoding": "gzip"})
+    with urllib.request.urlopen(request) as response:
+        assert response.headers["Content-Encoding"] == "gzip"
+        assert "immutable" in response.headers["Cache-Control"]
+    status, state = server.call("GET", "/readyz")
+    assert (status, state["database"], state["broker"]) == (200, "ok", "ok")
+    assert until(
+        lambda: (
+            json.loads(json.dumps(server.call("GET", "/readyz")[1]))["seconds_since_last_task"] is not None
         )
+    )
