@@ -14,9 +14,10 @@ KINDS = (PEARSON, SPEARMAN)
 @dataclass(frozen=True)
 class Alike:
     """How alike a device is to the others: median and least coefficient over OTHERS, and the device of the
-    least.
+    least. `number`, from 1, is its place in the matrix.
     """
 
+    number: int
     device: Device
     sessions: int
     others: int
@@ -55,6 +56,7 @@ def alike(matrix: CorrelationMatrix, kind: str) -> list[Alike]:
     values = coefficients(matrix, kind)
     return [
         Alike(
+            number=number + 1,
             device=device,
             sessions=matrix.sessions[number],
             others=int(np.isfinite(values[number]).sum()),

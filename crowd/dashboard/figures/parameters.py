@@ -85,6 +85,11 @@ def _number(value: object) -> bool:
     return isinstance(value, int | float)
 
 
+def _short(value: object) -> str:
+    """VALUE with three digits: more have no room beside each other, and stand in the table."""
+    return f"{value:.3g}" if isinstance(value, float) else formats.parameter(value)
+
+
 def _place(values: Sequence[Any], value: Any) -> float:
     """Where VALUE stands on an axis from 0 to 1; in its middle where it is the only one."""
     return values.index(value) / (len(values) - 1) if len(values) > 1 else 0.5
@@ -106,7 +111,7 @@ def _add_axis(figure: go.Figure, rank: int, name: str, values: Sequence[Any], th
     )  # fmt: skip
     for value in values:
         figure.add_annotation(
-            x=_place(values, value), y=rank, yshift=-7, text=layout.text(formats.parameter(value)),
+            x=_place(values, value), y=rank, yshift=-7, text=layout.text(_short(value)),
             yanchor="top", font={"color": theme.muted, "size": 12}, bgcolor=theme.surface, borderpad=0,
             showarrow=False,
         )  # fmt: skip

@@ -23,7 +23,8 @@ def correlation_height(devices: int) -> int:
 
 
 def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Figure:
-    """The coefficient KIND of every two devices, in the order of MATRIX; blank where nothing is known.
+    """The coefficient KIND of every two devices, numbered from 1 in the order of MATRIX; blank where nothing
+    is known.
 
     Colours span what occurs, up to 1.
     """
@@ -45,17 +46,17 @@ def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Fi
         zmax=1,
         colorbar=heat.bar(theme, f"{kind.title()} correlation of times", nticks=5),
     )
-    titles = [layout.clipped(device.title, 22) for device in devices]
+    numbers = heat.named_axis([str(number) for number in range(1, len(devices) + 1)])
     return figure.update_layout(
-        # Across stand the same devices in the same order: no phone has room to name them twice.
-        xaxis={"visible": False},
-        yaxis=heat.named_axis(titles),
+        # Numbers: of names a phone has no room for.
+        xaxis=numbers | {"tickvals": numbers["tickvals"][4::5], "ticktext": numbers["ticktext"][4::5]},
+        yaxis=numbers,
         margin={"t": 64},
     )
 
 
 def _pair(matrix: CorrelationMatrix, values: np.ndarray, first: int, second: int) -> str:
-    names = [layout.text(matrix.devices[number].title) for number in (first, second)]
+    names = [f"{number + 1}: {layout.text(matrix.devices[number].title)}" for number in (first, second)]
     return layout.lines(
         [
             f"<b>{names[0]}</b>",
