@@ -224,7 +224,21 @@ class SessionSummary(models.Model):
         indexes = [
             models.Index(fields=["cohort", "installation", "day"], name="summary_day"),
             models.Index(fields=["cohort", "configuration", "log_ratio"], name="summary_log_ratio"),
-            models.Index(fields=["started_at"], name="summary_started_at"),
+            # All that the figures of a period are made of: they are read from here alone.
+            models.Index(
+                fields=[
+                    "configuration",
+                    "cohort",
+                    "baseline",
+                    "installation",
+                    "state",
+                    "started_at",
+                    "log_ratio",
+                    "ate_max",
+                ],
+                name="summary_period",
+                condition=models.Q(counted=True),
+            ),
         ]
         constraints = [
             models.UniqueConstraint(fields=["session", "configuration"], name="session_summary_key"),

@@ -84,7 +84,7 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
 def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[str, Any]]:
     return (
         summaries.filter(counted=True, state__in=[State.VALID, State.SUSPECT])
-        .order_by("cohort_id", "configuration_id", "installation_id")
+        .order_by("configuration_id", "cohort_id", "installation_id")
         .values("cohort_id", "configuration_id", "baseline_id", "installation_id", "state")
         .annotate(
             mean=Avg("log_ratio"),
