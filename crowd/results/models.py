@@ -224,7 +224,8 @@ class SessionSummary(models.Model):
         indexes = [
             models.Index(fields=["cohort", "installation", "day"], name="summary_day"),
             models.Index(fields=["cohort", "configuration", "log_ratio"], name="summary_log_ratio"),
-            # All that the figures of a period are made of: they are read from here alone.
+            # All that the figures of a period are made of: they are read from here alone, which takes the
+            # condition's column too.
             models.Index(
                 fields=[
                     "configuration",
@@ -235,6 +236,7 @@ class SessionSummary(models.Model):
                     "started_at",
                     "log_ratio",
                     "ate_max",
+                    "counted",
                 ],
                 name="summary_period",
                 condition=models.Q(counted=True),

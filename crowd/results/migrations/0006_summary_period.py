@@ -16,6 +16,6 @@ class Migration(migrations.Migration):
         ),
         migrations.AddIndex(
             model_name='sessionsummary',
-            index=models.Index(condition=models.Q(('counted', True)), fields=['configuration', 'cohort', 'baseline', 'installation', 'state', 'started_at', 'log_ratio', 'ate_max'], name='summary_period'),
+            index=models.Index(condition=models.Q(('counted', True)), fields=['configuration', 'cohort', 'baseline', 'installation', 'state', 'started_at', 'log_ratio', 'ate_max', 'counted'], name='summary_period'),
         ),
     ]
