@@ -133,7 +133,7 @@ def main() -> None:
     data = os.environ.get("FRONTRUNNER_DATA")
 
     chosen = [peer for peer in peers.PEERS if peer.most >= 500 or not (arguments.cheap or arguments.quick)]
-    absent = {}
+    absent: dict[str, str] = {}
     if not arguments.stored:
         absent = {peer.name: reason for peer in chosen if (reason := peers.missing(peer.packages))}
     present = [peer for peer in chosen if peer.name not in absent]
