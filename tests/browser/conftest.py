@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from tests.browser.chromium import NoBrowserError, launched
-from tests.browser.site import Site, running
 from tests.crowd.conftest import pack
 
 __all__ = ["pack"]
@@ -25,14 +24,3 @@ def chromium() -> Iterator[Any]:
         pytest.skip(str(reason))
     finally:
         del os.environ["DJANGO_ALLOW_ASYNC_UNSAFE"]
-
-
-@pytest.fixture(scope="package")
-def site(
-    chromium: Any, django_db_setup: None, django_db_blocker: Any, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Site]:
-    """One filled server for all tests that only read. pytest-django runs them, which are marked django_db,
-    before those that empty the database.
-    """
-    with django_db_blocker.unblock(), running(tmp_path_factory.mktemp("site")) as filled:
-        yield filled

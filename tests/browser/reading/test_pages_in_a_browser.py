@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 from crowd.dashboard.palette import DARK, LIGHT
-from tests.browser.site import COUNTED, Site
+from tests.browser.reading.site import COUNTED, Site
 from tests.browser.visitor import Visitor
 
 # A transaction for each test: what the site was filled with stays until the last one.
@@ -23,11 +23,6 @@ Visit = Callable[..., Visitor]
 # One of them is suspect: it has a bar, and is not counted.
 BARS = COUNTED + 1
 CHANGED = "figure[data-name=frontrunner-speedups]"
-
-
-@pytest.fixture(autouse=True)
-def own_data_folder() -> None:
-    """The site has one of its own."""
 
 
 @pytest.fixture
@@ -73,11 +68,11 @@ def test_charts_change_their_colours_with_the_system(visit: Visit, site: Site) -
 
 
 def test_a_bar_leads_to_its_device(visit: Visit) -> None:
-    page = visit().open("/")
+    page = visit().open("/?vendor=NVIDIA")
 
     page.locator(f"{CHANGED} .barlayer .point").first.click(force=True)
 
-    page.wait_for_url("**/devices/google-pixel-8/")
+    page.wait_for_url("**/devices/google-p30/")
 
 
 def test_a_chart_that_cannot_be_fetched_says_so_and_points_to_the_table(visit: Visit) -> None:

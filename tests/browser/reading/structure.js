@@ -19,7 +19,7 @@
   // Text is there before any script has run.
   every("script[src]", (e) => e.defer || e.async, "a script that holds up the text");
   every("a, button", (e) => e.getAttribute("aria-label") || e.textContent.trim(), "a control without a name");
-  every("input, select", (e) => e.labels.length || e.getAttribute("aria-label"), "a field without a label");
+  every("input:not([type=hidden]), select, textarea", (e) => e.labels.length || e.getAttribute("aria-label"), "a field without a label");
   every("[role=img], [role=region]", (e) => e.getAttribute("aria-label"), "a part without a name");
   every(".scroll", (e) => e.tabIndex === 0, "a scrolling part that no keyboard reaches");
   every("th", (e) => e.scope, "a header cell without a scope");

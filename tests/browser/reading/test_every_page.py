@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.site import Site, page_names
+from tests.browser.reading.site import Site, page_names
 from tests.browser.visitor import Visitor
 
 # A transaction for each test: what the site was filled with stays until the last one.
@@ -21,11 +21,6 @@ OVERFLOW = (HERE / "overflow.js").read_text()
 # The inside of a picture is not read out: its name is.
 AXE_CONTEXT = {"exclude": [[".plot .plot-container"]]}
 AXE_OPTIONS = {"resultTypes": ["violations"]}
-
-
-@pytest.fixture(autouse=True)
-def own_data_folder() -> None:
-    """The site has one of its own."""
 
 
 @pytest.fixture(scope="module", params=WIDTHS)
