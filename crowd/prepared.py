@@ -6,7 +6,7 @@ For the few statements that every submission makes; everywhere else query sets s
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from django.db import connection
+from django.db import DEFAULT_DB_ALIAS, connection, connections
 from django.db.models import Expression, Field, Model, QuerySet
 from django.db.models.sql.compiler import SQLCompiler
 
@@ -66,15 +66,17 @@ def insert(rows: Sequence[Model]) -> None:
     """
     if not rows:
         return
+    # The connection itself: behind its proxy each field would look for the thread's one again.
+    database = connections[DEFAULT_DB_ALIAS]
     fields = [field for field in rows[0]._meta.concrete_fields if not field.primary_key]
-    columns = ", ".join(connection.ops.quote_name(str(field.column)) for field in fields)
-    table = connection.ops.quote_name(rows[0]._meta.db_table)
+    columns = ", ".join(database.ops.quote_name(str(field.column)) for field in fields)
+    table = database.ops.quote_name(rows[0]._meta.db_table)
     marks = ", ".join(["%s"] * len(fields))
-    with connection.cursor() as cursor:
+    with database.cursor() as cursor:
         cursor.executemany(
             f"INSERT INTO {table} ({columns}) VALUES ({marks})",
             [
-                [field.get_db_prep_save(field.pre_save(row, add=True), connection) for field in fields]
+                [field.get_db_prep_save(field.pre_save(row, add=True), database) for field in fields]
                 for row in rows
             ],
         )

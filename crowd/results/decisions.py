@@ -1,9 +1,17 @@
 """Which decision of an administrator holds for a session or a run."""
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Protocol
 
-from crowd.results.models import Decision, MeasurementSession, Run
+from crowd.results.models import Decision
+
+
+class OfSession(Protocol):
+    """A run, read as one likes."""
+
+    pk: int
+    session_id: int
 
 
 @dataclass(frozen=True)
@@ -14,8 +22,8 @@ class Decisions:
     runs: dict[int, Decision]
 
     @classmethod
-    def on(cls, sessions: Sequence[MeasurementSession]) -> "Decisions":
-        """What was decided on SESSIONS and on their runs. One query."""
+    def on(cls, sessions: Collection[int]) -> "Decisions":
+        """What was decided on the sessions with the keys SESSIONS and on their runs. One query."""
         whole: dict[int, Decision] = {}
         single: dict[int, Decision] = {}
         for decision in Decision.objects.filter(session__in=sessions).order_by("pk"):
@@ -25,12 +33,12 @@ class Decisions:
                 single[decision.run_id] = decision
         return cls(whole, single)
 
-    def released(self, session: MeasurementSession) -> bool:
-        """Whether SESSION as a whole counts, whatever the rules on sessions and models say."""
-        decision = self.sessions.get(session.pk)
+    def released(self, session: int) -> bool:
+        """Whether the session with that key counts as a whole, whatever rules on sessions and models say."""
+        decision = self.sessions.get(session)
         return decision is not None and decision.action == Decision.Action.RELEASE
 
-    def on_run(self, run: Run) -> str | None:
+    def on_run(self, run: OfSession) -> str | None:
         """The action that holds for RUN: the newest on itself or on its session; None where there is none."""
         both = [self.sessions.get(run.session_id), self.runs.get(run.pk)]
         newest = max((decision for decision in both if decision), key=lambda each: each.pk, default=None)

@@ -1,22 +1,67 @@
-"""Whether a run counts, and what else is derived of it: its value and its fingerprint."""
+"""Whether a run counts, and what else is derived of it: its value and its fingerprint.
+
+A run that comes in is judged by itself; of stored ones many are judged at once, as arrays, with the same
+outcome to the last bit: times are whole microseconds, whose sums are exact in any order.
+"""
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from uuid import UUID
 
 import numpy as np
 from django.db import connection
-from django.db.models import F
-from numpy.typing import NDArray
 
 from crowd.results import packing, rules, statistics
 from crowd.results.checks import Protocol
 from crowd.results.decisions import Decisions
-from crowd.results.models import Decision, MeasurementSession, Run, State
+from crowd.results.models import Decision, Run, State
 from crowd.results.rules import Rule
 
 DERIVED = ("mean_us", "fingerprint", "state", "reason")
+READ = (
+    "pk", "session_id", "configuration_id", "repeat", "status", "frame_us", "stages", "stages_us", "ate_max",
+    "trajectory_sha256", *DERIVED,
+)  # fmt: skip
+
+
+@dataclass(slots=True)
+class StoredRun:
+    """The columns READ of a run, without the cost of a model instance."""
+
+    pk: int
+    session_id: int
+    configuration_id: int
+    repeat: int
+    status: str
+    frame_us: bytes
+    stages: list[str]
+    stages_us: bytes
+    ate_max: float | None
+    trajectory_sha256: str
+    mean_us: float | None
+    fingerprint: int | None
+    state: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Front:
+    """What of a front version runs are judged and compared by; configurations by their keys."""
+
+    key: int
+    protocol: Protocol
+    configurations: Collection[int]
+    baseline: int | None  # the default configuration
+
+
+@dataclass(frozen=True)
+class Around:
+    """What a run is judged by that its session knows."""
+
+    installation: UUID
+    front: Front
 
 
 def judge(run: Run, protocol: Protocol) -> None:
@@ -24,26 +69,33 @@ def judge(run: Run, protocol: Protocol) -> None:
     frames = packing.unpack(run.frame_us)
     first = protocol.first_counted_frame
     run.mean_us = statistics.run_value(frames, first) if frames.size > first else None
-    run.fingerprint = fingerprint(frames)
-    _set(run, _broken(run, frames, protocol))
+    distinct = np.unique(frames).size >= statistics.LEAST_DISTINCT_TIMES
+    run.fingerprint = fingerprint(run.frame_us) if distinct else None
+    broken = _broken(run, frames.size, protocol)
+    stages = packing.unpack_stages(run.stages, run.stages_us)
+    if broken is None and statistics.stages_exceed_frames(frames, stages):
+        broken = rules.STAGES_EXCEED_FRAMES
+    _set(run, broken)
 
 
-def judge_runs(sessions: Sequence[MeasurementSession], decisions: Decisions) -> dict[int, list[Run]]:
+def judge_runs(sessions: Mapping[int, Around], decisions: Decisions) -> dict[int, list[StoredRun]]:
     """The runs of SESSIONS by the session's key and repeat, judged by all rules on runs and by DECISIONS.
 
-    Stored where that changes anything. Three queries at most.
+    Stored where that changes anything. Four queries at most.
     """
-    by_key = {session.pk: session for session in sessions}
-    protocols = {session.front_id: Protocol.of(session.front.protocol) for session in sessions}
-    # A run of another front has nothing to be compared with.
-    own = Run.objects.filter(session__in=sessions, configuration__front=F("session__front"))
-    rows = own.defer("uuid", "failure", "tracked", "extra")
-    runs = list(rows.order_by("session_id", "repeat", "pk"))
-    before = {run.pk: _derived(run) for run in runs}
-    for run in runs:
-        judge(run, protocols[by_key[run.session_id].front_id])
-    copies = _copies(runs, {key: session.installation_id for key, session in by_key.items()})
-    judged: dict[int, list[Run]] = defaultdict(list)
+    rows = Run.objects.filter(session__in=sessions.keys()).order_by().values_list(*READ)
+    runs = [
+        run
+        for run in (StoredRun(*row) for row in rows)
+        # A run of another front has nothing to be compared with.
+        if run.configuration_id in sessions[run.session_id].front.configurations
+    ]
+    # Not by the database, which would carry the times along.
+    runs.sort(key=lambda run: (run.session_id, run.repeat, run.pk))
+    before = [_derived(run) for run in runs]
+    _judge_all(runs, sessions)
+    copies = _copies(runs, sessions)
+    judged: dict[int, list[StoredRun]] = defaultdict(list)
     for run in runs:
         if run.pk in copies and run.state != State.INVALID:
             _set(run, rules.IDENTICAL_SERIES)
@@ -53,12 +105,37 @@ def judge_runs(sessions: Sequence[MeasurementSession], decisions: Decisions) -> 
         elif action == Decision.Action.RELEASE and run.state in {State.SUSPECT, State.QUARANTINED}:
             _set(run, rules.RELEASED)
         judged[run.session_id].append(run)
-    changed = [run for run in runs if before[run.pk] != _derived(run)]
-    _store(changed)
+    _store([run for run, was in zip(runs, before, strict=True) if was != _derived(run)])
     return judged
 
 
-def _store(runs: Sequence[Run]) -> None:
+def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, Around]) -> None:
+    """What `judge` does, for RUNS of SESSIONS: those alike in front, frames and stages at once."""
+    alike: dict[Hashable, list[StoredRun]] = defaultdict(list)
+    for run in runs:
+        alike[
+            sessions[run.session_id].front.key, len(run.frame_us), tuple(run.stages), len(run.stages_us)
+        ].append(run)
+    for group in alike.values():
+        _judge_alike(group, sessions[group[0].session_id].front.protocol)
+
+
+def _judge_alike(runs: Sequence[StoredRun], protocol: Protocol) -> None:
+    """RUNS have the same front, the same number of frames and the same stages."""
+    frames = packing.unpack_many([run.frame_us for run in runs])
+    first, size = protocol.first_counted_frame, frames.shape[1]
+    means = frames[:, first:].mean(axis=1, dtype=np.float64).tolist() if size > first else [None] * len(runs)
+    distinct = statistics.distinct_times(frames) >= statistics.LEAST_DISTINCT_TIMES
+    names = runs[0].stages
+    stages = packing.unpack_many([run.stages_us for run in runs]) if names else frames[:, :0]
+    exceeding = statistics.all_stages_exceed_frames(frames, names, stages)
+    for run, mean, enough, exceeds in zip(runs, means, distinct.tolist(), exceeding.tolist(), strict=True):
+        run.mean_us = mean
+        run.fingerprint = fingerprint(run.frame_us) if enough else None
+        _set(run, _broken(run, size, protocol) or (rules.STAGES_EXCEED_FRAMES if exceeds else None))
+
+
+def _store(runs: Sequence[StoredRun]) -> None:
     """Write the derived columns of RUNS. One statement for each, prepared once: a single one with a case for
     each row and column, as Django writes it, takes ten times as long.
     """
@@ -72,31 +149,29 @@ def _store(runs: Sequence[Run]) -> None:
         )
 
 
-def fingerprint(frames: NDArray[np.uint32]) -> int | None:
-    """64 bits of the SHA-256 of the times; None where they are too few, or too alike, to be nobody else's.
-
-    A coarse clock gives many devices the same few values.
+def fingerprint(frame_us: bytes | memoryview) -> int:
+    """64 bits of the SHA-256 of the packed times. Only of those that vary enough to be nobody else's: a
+    coarse clock gives many devices the same few values.
     """
-    if np.unique(frames).size < statistics.LEAST_DISTINCT_TIMES:
-        return None
-    digest = hashlib.sha256(frames.tobytes()).digest()
-    return int.from_bytes(digest[:8], "big", signed=True)
+    return int.from_bytes(hashlib.sha256(frame_us).digest()[:8], "big", signed=True)
 
 
-def _set(run: Run, rule: Rule | None) -> None:
+def _set(run: Run | StoredRun, rule: Rule | None) -> None:
     run.state, run.reason = (State.VALID, "") if rule is None else (rule.state, rule.code)
 
 
-def _derived(run: Run) -> tuple[float | None, int | None, str, str]:
+def _derived(run: StoredRun) -> tuple[float | None, int | None, str, str]:
     """The values of DERIVED."""
     return run.mean_us, run.fingerprint, str(run.state), run.reason
 
 
-def _broken(run: Run, frames: NDArray[np.uint32], protocol: Protocol) -> Rule | None:
-    """The first rule that RUN breaks by itself."""
+def _broken(run: Run | StoredRun, frames: int, protocol: Protocol) -> Rule | None:
+    """The first rule that RUN, of so many FRAMES, breaks by itself; the last of them, on stages, not looked
+    at.
+    """
     if run.status == Run.Status.FAILED:
         return rules.FAILED
-    if frames.size != protocol.frames or run.mean_us is None:
+    if frames != protocol.frames or run.mean_us is None:
         return rules.FRAME_COUNT
     if run.ate_max is None:
         return rules.ATE_MISSING
@@ -106,19 +181,24 @@ def _broken(run: Run, frames: NDArray[np.uint32], protocol: Protocol) -> Rule | 
         return rules.IMPLAUSIBLE_TIME
     if not run.trajectory_sha256:
         return rules.TRAJECTORY_MISSING
-    if statistics.stages_exceed_frames(frames, packing.unpack_stages(run.stages, run.stages_us)):
-        return rules.STAGES_EXCEED_FRAMES
     return None
 
 
-def _copies(runs: Sequence[Run], installations: dict[int, UUID]) -> set[int]:
-    """Keys of the RUNS whose times another installation sent before; INSTALLATIONS by the session's key."""
-    fingerprints = {run.fingerprint for run in runs if run.fingerprint is not None}
-    known = Run.objects.filter(fingerprint__in=fingerprints).order_by("-pk")
-    # The earliest comes last, and is what remains.
-    first = dict(known.values_list("fingerprint", "session__installation_id"))
-    return {
-        run.pk
-        for run in runs
-        if run.fingerprint in first and first[run.fingerprint] != installations[run.session_id]
-    }
+def _copies(runs: Iterable[StoredRun], sessions: Mapping[int, Around]) -> set[int]:
+    """Keys of the RUNS whose times another installation sent before. Two queries at most."""
+    marked = {run.pk: run for run in runs if run.fingerprint is not None}
+    known = Run.objects.filter(fingerprint__in={run.fingerprint for run in marked.values()}).order_by()
+    # From the index alone; nearly always there is nothing but the run itself.
+    pairs = [
+        *known.values_list("fingerprint", "pk"),
+        *((run.fingerprint, key) for key, run in marked.items()),
+    ]
+    first: dict[int | None, int] = {}
+    for value, key in pairs:
+        first[value] = min(key, first.get(value, key))
+    elsewhere = [key for key in first.values() if key not in marked]
+    installations = {key: sessions[run.session_id].installation for key, run in marked.items()}
+    if elsewhere:
+        others = Run.objects.filter(pk__in=elsewhere).order_by()
+        installations.update(others.values_list("pk", "session__installation_id"))
+    return {key for key, run in marked.items() if installations[first[run.fingerprint]] != installations[key]}

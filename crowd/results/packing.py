@@ -26,6 +26,11 @@ def unpack(packed: bytes | memoryview) -> NDArray[np.uint32]:
     return np.frombuffer(packed, dtype=TYPE)
 
 
+def unpack_many(packed: Sequence[bytes | memoryview]) -> NDArray[np.uint32]:
+    """Series of one length as rows, (len(packed), n), read-only. Of one series or more."""
+    return np.frombuffer(b"".join(packed), dtype=TYPE).reshape(len(packed), len(packed[0]) // TYPE.itemsize)
+
+
 def seconds(microseconds: NDArray[np.uint32]) -> NDArray[np.float64]:
     """The same series in seconds."""
     return microseconds.astype(np.float64) * 1e-6

@@ -82,6 +82,25 @@ def drift(
     return float(np.median(last[:length][timed] / first[:length][timed]))
 
 
+def drifts(
+    first_us: NDArray[np.uint32],
+    last_us: NDArray[np.uint32],
+    first_counted_frame: int = FIRST_COUNTED_FRAME,
+) -> list[float | None]:
+    """`drift` of each row of FIRST_US (n, frames) with that of LAST_US (n, frames)."""
+    first, last = first_us[:, first_counted_frame:], last_us[:, first_counted_frame:]
+    timed = np.all((first > 0) & (last > 0), axis=1)
+    found = [
+        None if whole else drift(one, other, 0)
+        for one, other, whole in zip(first, last, timed.tolist(), strict=True)
+    ]
+    if first.size:
+        medians = np.median(last[timed] / first[timed].astype(np.float64), axis=1).tolist()
+        for place, median in zip(np.flatnonzero(timed).tolist(), medians, strict=True):
+            found[place] = median
+    return found
+
+
 def clock_fall(readings_mhz: Sequence[float]) -> float | None:
     """Median clock of the first third of the readings over that of the last; None for too few of them."""
     if len(readings_mhz) < LEAST_READINGS:
@@ -105,6 +124,29 @@ def stages_exceed_frames(frame_us: ArrayLike, stages_us: Mapping[str, ArrayLike]
         total.sum()
         > np.asarray(frame_us, dtype=np.float64).sum() * STAGE_TOLERANCE + STAGE_SLACK_US * total.size
     )
+
+
+def all_stages_exceed_frames(
+    frame_us: NDArray[np.uint32], names: Sequence[str], stages_us: NDArray[np.uint32]
+) -> NDArray[np.bool_]:
+    """`stages_exceed_frames` of each row of FRAME_US (n, frames): STAGES_US (n, stages * frames) holds the
+    series of the stages called NAMES one after another.
+    """
+    inside = [place for place, name in enumerate(names) if name not in OUTSIDE_COMPUTATION]
+    if not inside:
+        return np.zeros(len(frame_us), dtype=bool)
+    series = stages_us.reshape(len(frame_us), len(names), -1)
+    slack = STAGE_SLACK_US * series.shape[2]
+    total = series[:, inside].sum(axis=(1, 2), dtype=np.float64)
+    exceeding: NDArray[np.bool_] = total > frame_us.sum(axis=1, dtype=np.float64) * STAGE_TOLERANCE + slack
+    return exceeding
+
+
+def distinct_times(frame_us: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """How many different times each row of FRAME_US (n, frames) has."""
+    ordered = np.sort(frame_us, axis=1)
+    changes = np.count_nonzero(ordered[:, 1:] != ordered[:, :-1], axis=1)
+    return changes + min(frame_us.shape[1], 1)
 
 
 def ratio(log_ratio: float) -> float:

@@ -7,9 +7,9 @@ from django.db.models import Q, QuerySet
 from django.utils import timezone
 
 from crowd.devices.models import Installation
-from crowd.fronts.models import Configuration
-from crowd.fronts.selectors import DEFAULT
-from crowd.results import comparing, judging, refreshing, statistics
+from crowd.prepared import insert
+from crowd.results import batches, refreshing, statistics
+from crowd.results.batches import Group, Waiting
 from crowd.results.decisions import Decisions
 from crowd.results.models import Cohort, DeviceActivity, MeasurementSession, SessionSummary, WorkerPulse
 
@@ -21,8 +21,6 @@ MARKED = 5_000
 LARGE = 1_000
 # In place of the version of the statistics that has seen a session: to be summarised again.
 AGAIN = 0
-
-Group = tuple[int, int, str, str]
 
 
 def waiting() -> QuerySet[MeasurementSession]:
@@ -72,37 +70,21 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     Sessions that are gone are left out. The figures of large devices wait for `refreshing.refresh_stale`.
     """
     lock_installations(MeasurementSession.objects.filter(pk__in=keys))
-    sessions = list(
-        MeasurementSession.objects.select_for_update(of=("self",))
-        .select_related("front", "description__model")
-        .defer("extra", "front__sequence", "front__provenance", "description__raw")
-        .filter(pk__in=keys)
-        .order_by("pk")
-    )
-    decisions = Decisions.on(sessions)
-    runs = judging.judge_runs(sessions, decisions)
-    earlier = SessionSummary.objects.filter(session__in=sessions)
+    sessions = batches.locked(keys)
+    present = [session.key for session in sessions]
+    earlier = SessionSummary.objects.filter(session__in=present)
     places = set(earlier.values_list("cohort_id", "installation_id", "day"))
     # A session whose device was renamed or merged leaves its cohort for another.
     cohorts = _cohorts(sessions, {cohort for cohort, _, _ in places})
     if places:
         earlier.delete()
-    baselines = _baselines(sessions)
-    made = [
-        summary
-        for session in sessions
-        for summary in comparing.summaries(
-            session,
-            cohorts[_group(session)],
-            runs.get(session.pk, ()),
-            baselines.get(session.front_id),
-            decisions.released(session),
-        )
-    ]
-    SessionSummary.objects.bulk_create(made)
+    made = batches.summaries(
+        sessions, {row.key: cohorts[row.group].pk for row in sessions}, Decisions.on(present)
+    )
+    insert(made)
     # Where a session has left, a later one may count in its place.
     refreshing.count_days_of(places | {(row.cohort_id, row.installation_id, row.day) for row in made})
-    done = MeasurementSession.objects.filter(pk__in=[session.pk for session in sessions])
+    done = MeasurementSession.objects.filter(pk__in=present)
     done.update(summary_algorithm=statistics.ALGORITHM)
     small = _small(cohorts.values(), sessions) if figures else set()
     refreshing.refresh([cohort for cohort in cohorts.values() if cohort.device_id in small])
@@ -127,20 +109,20 @@ def lock_installations(sessions: QuerySet[MeasurementSession]) -> None:
     list(rows.select_for_update(no_key=True).order_by("pk").values_list("pk"))
 
 
-def _small(cohorts: Iterable[Cohort], sessions: Iterable[MeasurementSession]) -> set[int]:
+def _small(cohorts: Iterable[Cohort], sessions: Iterable[Waiting]) -> set[int]:
     """Keys of the devices of COHORTS and SESSIONS whose figures are quickly computed."""
-    devices = {cohort.device_id for cohort in cohorts} | {session.device_id for session in sessions}
+    devices = {cohort.device_id for cohort in cohorts} | {session.device for session in sessions}
     large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE)
     return devices - set(large.values_list("device_id", flat=True))
 
 
-def _group(row: MeasurementSession | Cohort) -> Group:
-    return row.device_id, row.front_id, row.backend, row.processor
+def _group(cohort: Cohort) -> Group:
+    return cohort.device_id, cohort.front_id, cohort.backend, cohort.processor
 
 
-def _cohorts(sessions: Iterable[MeasurementSession], left: set[int]) -> dict[Group, Cohort]:
+def _cohorts(sessions: Iterable[Waiting], left: set[int]) -> dict[Group, Cohort]:
     """The cohorts of SESSIONS, made on first sight, and those with the keys LEFT; all locked."""
-    groups = {_group(session) for session in sessions}
+    groups = {session.group for session in sessions}
     of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group[0] for group in groups}))
     found = {
         _group(cohort): cohort
@@ -155,9 +137,3 @@ def _cohorts(sessions: Iterable[MeasurementSession], left: set[int]) -> dict[Gro
         # Somebody else may have made it just now.
         [found[group]] = refreshing.lock(Cohort.objects.filter(pk=made.pk))
     return found
-
-
-def _baselines(sessions: Iterable[MeasurementSession]) -> dict[int, int]:
-    """The key of each front's default configuration."""
-    fronts = {session.front_id for session in sessions}
-    return dict(Configuration.objects.filter(front__in=fronts, name=DEFAULT).values_list("front_id", "pk"))

@@ -1,0 +1,104 @@
+"""Many sessions that wait for their summaries, worked on at once: few queries, arrays instead of rows."""
+
+from collections.abc import Collection, Mapping, Sequence
+from datetime import datetime
+from typing import NamedTuple
+from uuid import UUID
+
+from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.fronts.models import Configuration, FrontVersion
+from crowd.fronts.selectors import DEFAULT
+from crowd.results import comparing, judging
+from crowd.results.checks import Protocol
+from crowd.results.comparing import Compared
+from crowd.results.decisions import Decisions
+from crowd.results.judging import Around, Front
+from crowd.results.models import MeasurementSession, SessionSummary
+
+# device, front, backend, processor: what makes a cohort
+Group = tuple[int, int, str, str]
+READ = (
+    "pk", "installation_id", "device_id", "front_id", "backend", "processor", "started_at", "description_id",
+)  # fmt: skip
+
+
+class Waiting(NamedTuple):
+    """The columns READ of a session."""
+
+    key: int
+    installation: UUID
+    device: int
+    front: int
+    backend: str
+    processor: str
+    started_at: datetime
+    description: int
+
+    @property
+    def group(self) -> Group:
+        return self.device, self.front, self.backend, self.processor
+
+
+def locked(keys: Sequence[int]) -> list[Waiting]:
+    """Those of the sessions KEYS that are there, in order, nobody else's until the transaction ends."""
+    rows = MeasurementSession.objects.select_for_update().filter(pk__in=keys).order_by("pk")
+    return [Waiting(*row) for row in rows.values_list(*READ)]
+
+
+def summaries(
+    sessions: Sequence[Waiting], cohorts: Mapping[int, int], decisions: Decisions
+) -> list[SessionSummary]:
+    """Judges the runs of SESSIONS, and what follows of them for the cohorts whose keys COHORTS has by the
+    session's. The runs' states are stored, the summaries are not. Nine queries at most.
+    """
+    fronts = _fronts({row.front for row in sessions})
+    around = {row.key: Around(row.installation, fronts[row.front]) for row in sessions}
+    runs = judging.judge_runs(around, decisions)
+    first = {key: session.front.protocol.first_counted_frame for key, session in around.items()}
+    drifts = comparing.drifts(runs, first)
+    clocks = _clocks([key for key, values in drifts.items() if comparing.drifted(values)])
+    emulators = _emulators({row.description for row in sessions})
+    return [
+        summary
+        for row in sessions
+        for summary in comparing.summaries(
+            Compared(
+                key=row.key,
+                cohort=cohorts[row.key],
+                installation=row.installation,
+                started_at=row.started_at,
+                baseline=fronts[row.front].baseline,
+                emulated=row.description in emulators,
+                released=decisions.released(row.key),
+                clock_mhz=clocks.get(row.key, ()),
+            ),
+            runs.get(row.key, ()),
+            drifts.get(row.key, {}),
+        )
+    ]
+
+
+def _fronts(keys: Collection[int]) -> dict[int, Front]:
+    protocols = dict(FrontVersion.objects.filter(pk__in=keys).values_list("pk", "protocol"))
+    names: dict[int, dict[str, int]] = {key: {} for key in protocols}
+    rows = Configuration.objects.filter(front__in=keys).order_by()
+    for front, name, configuration in rows.values_list("front_id", "name", "pk"):
+        names[front][name] = configuration
+    return {
+        key: Front(key, Protocol.of(protocol), frozenset(names[key].values()), names[key].get(DEFAULT))
+        for key, protocol in protocols.items()
+    }
+
+
+def _clocks(keys: Sequence[int]) -> dict[int, list[float]]:
+    """The readings of the processor's clock in the sessions KEYS; samples are large and rarely looked at."""
+    if not keys:
+        return {}
+    rows = MeasurementSession.objects.filter(pk__in=keys).order_by().values_list("pk", "samples")
+    return {key: [sample["cpu_mhz"] for sample in samples if sample.get("cpu_mhz")] for key, samples in rows}
+
+
+def _emulators(descriptions: Collection[int]) -> set[int]:
+    """Which of DESCRIPTIONS, keys all, are those of emulators."""
+    rows = DeviceDescription.objects.filter(pk__in=descriptions, model__kind=DeviceModel.Kind.EMULATOR)
+    return set(rows.values_list("pk", flat=True))
