@@ -1,6 +1,7 @@
 """Pictures of a running server's pages: python -m tests.browser.screenshots URL FOLDER [PATH ...].
 
-A PATH with a fragment, /explorations/1/#plane, is a picture of the figures in the section of that heading.
+A PATH with a fragment, /explorations/1/#plane, is a picture of the figures in the section of that heading;
+of other pages the upper part is taken.
 """
 
 import sys
@@ -10,6 +11,8 @@ from tests.browser.chromium import NoBrowserError, launched
 from tests.browser.visitor import Visitor
 
 PHONE, DESK = 390, 1280
+# Pixels of a page that a reader of a picture looks at.
+TALLEST = 1760
 
 
 def name_of(path: str, width: int, scheme: str) -> str:
@@ -34,7 +37,9 @@ def main(server: str, folder: Path, paths: list[str]) -> int:
                         if heading:
                             page.locator(f"section:has(#{heading}) .plot").first.screenshot(path=target)
                         else:
-                            page.screenshot(path=target, full_page=True)
+                            height = min(page.evaluate("document.documentElement.scrollHeight"), TALLEST)
+                            page.set_viewport_size({"width": width, "height": height})
+                            page.screenshot(path=target)
                         print(target)
                     complaints += visitor.complaints
                     visitor.context.close()
