@@ -104,21 +104,25 @@ class Headline:
 
 
 @dataclass(frozen=True)
-class Speedups:
-    """What the filters leave, fastest first, and the front they mean (None: no front is published)."""
-
-    filters: SpeedupFilters
-    front: str | None
-    rows: tuple[Speedup, ...]
-    headline: Headline
-
-
-@dataclass(frozen=True)
 class Share:
     """A part of the crowd: the devices whose chip, system or maker is `group` ("" where it was not told)."""
 
     group: str
     figure: Headline
+
+
+@dataclass(frozen=True)
+class Speedups:
+    """What the filters leave, fastest first, and the front they mean (None: no front is published).
+
+    `parts`: the breakdowns that somebody has asked for already, by what.
+    """
+
+    filters: SpeedupFilters
+    front: str | None
+    rows: tuple[Speedup, ...]
+    headline: Headline
+    parts: dict[str, tuple[Share, ...]] = field(default_factory=dict, compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from crowd.results.reading.sessions import (
     session,
     submission,
 )
-from crowd.results.reading.speedups import breakdown, headline, measured_front, place, speedups
+from crowd.results.reading.speedups import breakdown, headline, measured_front, part, place, speedups
 from crowd.results.reading.transfer import winners
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "latest_sessions",
     "measured_front",
     "own_sessions",
+    "part",
     "pending",
     "place",
     "run",

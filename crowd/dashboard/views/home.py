@@ -30,7 +30,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "front": front,
             "protocol": front.protocol if front else {},
             "lanes": race(crowd.headline.geometric_mean),
-            "breakdowns": [(by, name, results.breakdown(crowd.rows, by)) for by, name in PARTS.items()],
+            "breakdowns": [(by, name, results.part(crowd, by)) for by, name in PARTS.items()],
             "sessions": results.latest_sessions(NEWEST, asked.filters.simulated),
             "height": bars_height(len(crowd.rows)),
         },

@@ -1,8 +1,10 @@
 """Stored figures as rows: what every read of speedups and devices shares."""
 
+import hashlib
 from datetime import datetime
 
-from django.db.models import Count, F, Max, Q, QuerySet
+import msgspec
+from django.db.models import Count, F, Max, Q, QuerySet, Sum
 
 from crowd.devices import names
 from crowd.devices.models import DeviceModel
@@ -44,13 +46,15 @@ def device_of(model: DeviceModel) -> Device:
 
 
 def version() -> str:
-    """Another text after every change of a stored figure, or of which models are named. Two queries.
-
-    A model that is only called something else from now on does not change it.
+    """Another text after every change of a stored figure, or of what a model is called and consists of; the
+    same in every process. Two queries.
     """
-    stored = DeviceSpeedup.objects.aggregate(Count("pk"), Max("pk"), Max("computed_at"))
-    models = DeviceModel.objects.aggregate(Count("pk"), rare=Count("pk", filter=Q(rare=True)))
-    return repr((*stored.values(), *models.values()))
+    stored = DeviceSpeedup.objects.aggregate(
+        Count("pk"), Max("pk"), Max("computed_at"), Sum("sessions"), Sum("speedup")
+    )
+    models = DeviceModel.objects.order_by("pk").values_list("pk", "rare", "canonical_id", *DEVICE)
+    facts = msgspec.json.encode([list(stored.values()), list(models)])
+    return hashlib.blake2b(facts, digest_size=16).hexdigest()
 
 
 def figures(rows: QuerySet[DeviceSpeedup]) -> list[Speedup]:
