@@ -22,6 +22,7 @@ ROOT = Path(__file__).parent
 ONE_BY_ONE = ("services", "browser")
 
 
+@pytest.hookimpl(tryfirst=True)  # pytest-xdist reads the groups in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Where pytest-xdist spreads the tests: those that start programs in one process, the others by file.
 
