@@ -6,6 +6,7 @@ are timed, warm; at the largest size also cold: server and database just started
 memory. CPU counts, which a busy machine changes less than time. Part of `python -m tests.benchmarks.crowd`.
 """
 
+import gzip
 import json
 import resource
 import subprocess
@@ -33,6 +34,8 @@ READS = {
     "one device": f"/api/v1/devices/{POPULAR}",
     "its page": f"/devices/{POPULAR}/",
     "home page": "/",
+    "list": "/devices/",
+    "transfer": "/transfer/",
 }
 
 
@@ -135,9 +138,14 @@ def _one_more(server: Serving, count: int) -> dict[str, float]:
     connection.submit(token, bodies(1, lambda _: popular)[0])  # warms up
     until(lambda: server.waiting() == 0)
     before = {word: cpu_seconds(server.pids(word)) for word in ("granian", "--beat")}
-    times = [connection.submit(token, body) for body in bodies(count, lambda _: popular)]
+    sent = bodies(count, lambda _: popular)
+    times = [connection.submit(token, body) for body in sent]
     until(lambda: server.waiting() == 0, 300)
     spent = {word: cpu_seconds(server.pids(word)) - value for word, value in before.items()}
+    # They went to the device with the most sessions, or this measures something else.
+    _, shown = server.call("GET", f"/api/v1/devices/{POPULAR}")
+    newest = json.loads(gzip.decompress(sent[-1]))["sessions"][0]["id"]
+    assert newest in [session["id"] for session in shown["sessions"]], f"{newest} is not of {POPULAR}"
     return {
         "web_cpu_ms": round(1e3 * spent["granian"] / count, 2),
         "worker_cpu_ms": round(1e3 * spent["--beat"] / count, 2),
