@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN
-from crowd.results.rows import CorrelationMatrix, Device, Winner, Winners
+from crowd.results.rows import Device
+from crowd.results.transfer import CorrelationMatrix, Winner, Winners
 
 KINDS = (PEARSON, SPEARMAN)
 

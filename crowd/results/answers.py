@@ -8,7 +8,6 @@ import msgspec
 
 from crowd.results.rows import (
     Device,
-    DeviceCorrelation,
     DeviceRow,
     Headline,
     SessionRow,
@@ -16,6 +15,7 @@ from crowd.results.rows import (
     Speedup,
     SubmissionRow,
 )
+from crowd.results.transfer import DeviceCorrelation
 
 
 class Enrolled(msgspec.Struct):

@@ -11,7 +11,8 @@ from crowd.devices.models import DeviceModel
 from crowd.results.filters import SpeedupFilters
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading.tables import named, table
-from crowd.results.rows import CorrelationMatrix, Device, DeviceCorrelation
+from crowd.results.rows import Device
+from crowd.results.transfer import CorrelationMatrix, DeviceCorrelation
 from pareto.correlation import correlate
 
 LEAST_COMMON = 3  # below, two points always lie on a line

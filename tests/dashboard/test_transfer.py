@@ -11,7 +11,7 @@ from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN, correlation_map,
 from crowd.dashboard.palette import LIGHT
 from crowd.dashboard.transfer import alike, ordered, pairs, wins
 from crowd.fronts.models import FrontVersion
-from crowd.results.rows import CorrelationMatrix, Winner, Winners
+from crowd.results.transfer import CorrelationMatrix, Winner, Winners
 from tests.crowd.documents import run_document
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure

@@ -18,7 +18,7 @@ from crowd.dashboard.transfer import coefficients, ordered, pairs
 from crowd.results import correlations
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
-from crowd.results.rows import CorrelationMatrix, Winners
+from crowd.results.transfer import CorrelationMatrix, Winners
 
 COUNTED = "Devices count that measured at least three configurations of the front, the default among them."
 
