@@ -44,12 +44,6 @@ class Endpoint(APIView):
     throttle_classes: list[type[limits.Limit]] = [limits.Reads]
     usage: limits.Usage | None = None  # set by the limit, once it has counted
 
-    def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:
-        """What holds before any view: PostgreSQL knows no NUL in text, so that no address names one."""
-        if "\0" in request.path or "%00" in request._request.META.get("QUERY_STRING", ""):
-            raise Problem(400, "null_character", "the address holds the character NUL (%00): leave it out")
-        super().initial(request, *args, **kwargs)
-
     def perform_authentication(self, request: Request) -> None:
         """Who asks. A token that is none counts as a request of its address: trying many is limited too."""
         try:

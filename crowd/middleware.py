@@ -1,4 +1,6 @@
-"""Around every request: an id that the client, the log and the tasks share; a line in the log; a count."""
+"""Around every request: an id that the client, the log and the tasks share; a line in the log; a count; no
+NUL in an address.
+"""
 
 import logging
 import re
@@ -9,6 +11,7 @@ from collections.abc import Callable
 from django.http import HttpRequest, HttpResponse
 
 from crowd import logs, metrics
+from crowd.problems import Problem
 
 HEADER = "X-Request-ID"
 # What a proxy or a client may choose: nothing that could forge a line of the log.
@@ -42,6 +45,21 @@ class RequestMiddleware:
         finally:
             logs.request_id.reset(before)
         return response
+
+
+class NoNullMiddleware:
+    """Refuses an address that holds the character NUL with 400: PostgreSQL knows none in text."""
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
+        self.get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponse:
+        if "\0" not in request.path and "%00" not in request.META.get("QUERY_STRING", ""):
+            return self.get_response(request)
+        refusal = "the address holds the character NUL (%00): leave it out"
+        if request.path.startswith("/api/"):
+            return Problem(400, "null_character", refusal).response()
+        return HttpResponse(refusal, status=400, content_type="text/plain; charset=utf-8")
 
 
 def _note(request: HttpRequest, status: int, seconds: float) -> None:

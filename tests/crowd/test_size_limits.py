@@ -111,6 +111,22 @@ def test_a_nul_in_an_address(client: Client, db: None, path: str) -> None:
     assert (response.status_code, response.json()["code"]) == (400, "null_character")
 
 
+@pytest.mark.parametrize(
+    "address",
+    [
+        "/?gpu=%00", "/fronts/%00/", "/devices/?soc=a%00", "/transfer/?os=%00", "/card.png?gpu=%00",
+        "/tables/fronts/%00.csv", "/tables/speedups.json?gpu=%00", "/embed/speedups/?gpu=%00",
+        "/compare/?device=%00&configurations=a,b", "/static/%00", "/admin/?q=%00",
+    ],
+)  # fmt: skip
+def test_a_nul_in_the_address_of_a_page(client: Client, address: str) -> None:
+    """Without a database: nothing is asked of it."""
+    response = client.get(address)
+
+    assert (response.status_code, response["Content-Type"]) == (400, "text/plain; charset=utf-8")
+    assert "NUL" in response.content.decode()
+
+
 def test_an_address_that_is_none_is_told_without_cookies(db: None) -> None:
     response = Client(enforce_csrf_checks=True).post(f"{API}/nonsense", {})
 
