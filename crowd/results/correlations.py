@@ -48,6 +48,7 @@ def matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatr
     shown = sorted(popular, key=lambda row: _order(devices[found.slugs[row]]))
     pearson, spearman, common = pairwise(-found.log_speedups[shown])
     return CorrelationMatrix(
+        filters=filters,
         front=found.front,
         devices=tuple(devices[found.slugs[row]] for row in shown),
         sessions=tuple(found.sessions[row] for row in shown),

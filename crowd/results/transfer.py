@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.results.filters import SpeedupFilters
 from crowd.results.rows import Device
 from pareto.correlation import Estimate
 
@@ -33,13 +34,15 @@ class Winner:
 
 @dataclass(frozen=True)
 class Winners:
-    """The winners of one front (None: no front) on each device that measured enough configurations.
+    """The winners of one front (None: no front) on each device under `filters` that measured enough
+    configurations.
 
     `counts`: how many devices each winning configuration wins on, most first. median_regret, and the shares
     of devices on which the reference's best wins or is within a tenth of the winner, are over the `judged`
     devices that measured it; None where there is none.
     """
 
+    filters: SpeedupFilters
     front: str | None
     reference: str
     rows: tuple[Winner, ...]
@@ -52,13 +55,15 @@ class Winners:
 
 @dataclass(frozen=True)
 class CorrelationMatrix:
-    """How alike devices scale and rank one front's configurations; each array is (devices, devices).
+    """How alike devices under `filters` scale and rank one front's configurations; each array is
+    (devices, devices).
 
     `pearson` is that of logarithms of time, `spearman` that of ranks, over the `common` configurations that
     both measured, the default among them; NaN on the diagonal, where those are too few, and where one device
     runs them all equally fast. `left_out` devices with fewer sessions are not among `devices`.
     """
 
+    filters: SpeedupFilters
     front: str | None
     devices: tuple[Device, ...]
     sessions: tuple[int, ...]

@@ -12,6 +12,8 @@ from django.test import Client, RequestFactory
 from crowd.dashboard.drawings import DRAWINGS
 from crowd.dashboard.drawings.drawing import Table
 from crowd.dashboard.drawings.serving import csv_of, json_of
+from crowd.devices.models import DeviceModel
+from crowd.fronts.models import FrontVersion
 from crowd.results import selectors
 from crowd.results.filters import SpeedupFilters
 from tests.crowd.documents import session_document, submission_document
@@ -30,6 +32,7 @@ def told(rows: list[tuple[Any, ...]]) -> Any:
         table=lambda _: Table(("name", "time_s"), rows),
         title=lambda _: "",
         n=lambda _: "1\N{NO-BREAK SPACE}row",
+        simulated=lambda _: False,
     )
 
 
@@ -89,3 +92,36 @@ def test_numbers_are_those_that_the_page_shows_under_its_filters(
     assert (row["speedup"], row["sessions"], row["state"]) == (shown.speedup, shown.sessions, "valid")
     assert client.get("/tables/speedups.json?vendor=Adreno").json()["rows"] == []
     assert client.get("/tables/speedups.csv?since=never").status_code == 400
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("path", ["transfer/best", "transfer/winners", "transfer/correlation", "speedups"])
+def test_what_leaves_a_page_tells_its_filters_and_that_it_is_simulated(
+    client: Client, front: FrontVersion, path: str
+) -> None:
+    under = "?simulated=1&vendor=Adreno"
+    document = client.get(f"/tables/{path}.json{under}").json()
+    embed = client.get(f"/embed/{path}/{under}").content.decode()
+
+    assert document["simulated"] is True
+    assert document["title"].endswith("front kfusion-test, simulated devices, Qualcomm Adreno")
+    assert "Simulated.</strong>" in embed
+    assert document["title"].partition(", ")[2] in embed
+    assert client.get(f"/tables/{path}.json").json()["simulated"] is False
+    assert "Simulated.</strong>" not in client.get(f"/embed/{path}/").content.decode()
+
+
+@pytest.mark.django_db
+def test_figures_of_a_simulated_device_say_so(client: Client, participant: Participant) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
+    run = session["runs"][0]["id"]
+    paths = [
+        *(f"devices/google-pixel-8/{name}" for name in ("configurations", "crowd", "history")),
+        *(f"sessions/{session['id']}/{name}" for name in ("drift", "sensors", "frames", "stages")),
+        f"runs/{run}/stages",
+    ]
+
+    for path in paths:
+        assert client.get(f"/tables/{path}.json").json()["simulated"] is True, path

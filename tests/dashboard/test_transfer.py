@@ -11,6 +11,7 @@ from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN, correlation_map,
 from crowd.dashboard.palette import LIGHT
 from crowd.dashboard.transfer import alike, ordered, pairs, wins
 from crowd.fronts.models import FrontVersion
+from crowd.results.filters import SpeedupFilters
 from crowd.results.transfer import CorrelationMatrix, Winner, Winners
 from tests.crowd.documents import run_document
 from tests.crowd.participant import Participant
@@ -27,8 +28,9 @@ def winner(slug: str, name: str, regret: float | None, rank: int | None) -> Winn
 
 
 ROWS = (winner("far", "fast", 1.5, 3), winner("here", "best", 1.0, 1), winner("lost", "fast", None, None))
-FOUND = Winners("kfusion-test", "best", ROWS, (("fast", 2), ("best", 1)), 2, 1.25, 0.5, 0.5)
+FOUND = Winners(SpeedupFilters(), "kfusion-test", "best", ROWS, (("fast", 2), ("best", 1)), 2, 1.25, 0.5, 0.5)
 MATRIX = CorrelationMatrix(
+    filters=SpeedupFilters(),
     front="kfusion-test",
     devices=(device("a"), device("b"), device("c"), device("alone")),
     sessions=(3, 2, 1, 1),
@@ -71,7 +73,9 @@ def test_the_map_shows_the_coefficient_asked_for_and_blanks_what_is_unknown() ->
 
 
 def test_devices_without_a_common_configuration_get_words_instead_of_a_map() -> None:
-    empty = CorrelationMatrix(None, (), (), np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0), int), 0)
+    empty = CorrelationMatrix(
+        SpeedupFilters(), None, (), (), np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0), int), 0
+    )
 
     figure = correlation_map(empty, PEARSON, LIGHT)
 

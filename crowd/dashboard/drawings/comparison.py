@@ -51,5 +51,6 @@ DRAWINGS = (
         title=_title,
         n=_n,
         page=lambda: reverse("dashboard:compare"),
+        simulated=lambda shown: shown.simulated,
     ),
 )

@@ -159,6 +159,7 @@ DRAWINGS = (
         title=lambda shown: f"Every configuration on {shown.device.title}",
         n=lambda shown: formats.plural(len(shown.standing.rows), "configuration"),
         page=_device_page,
+        simulated=lambda shown: shown.device.simulated,
     ),
     Drawing(
         name="device-place",
@@ -171,6 +172,7 @@ DRAWINGS = (
         title=lambda place: f"{place.device.title} and the crowd",
         n=lambda place: formats.plural(len(place.models), "device model"),
         page=_device_page,
+        simulated=lambda place: place.device.simulated,
     ),
     Drawing(
         name="device-history",
@@ -183,6 +185,7 @@ DRAWINGS = (
         title=lambda past: f"{past.device.title} by driver and system",
         n=_past_n,
         page=_device_page,
+        simulated=lambda past: past.device.simulated,
     ),
     Drawing(
         name="session-drift",
@@ -194,6 +197,7 @@ DRAWINGS = (
         title=lambda session: f"Drift over a session on {session.session.device.title}",
         n=lambda session: f"{formats.plural(len(drift.steps(session)), 'run')} of one session",
         page=_session_page,
+        simulated=lambda session: session.session.device.simulated,
     ),
     Drawing(
         name="session-sensors",
@@ -205,5 +209,6 @@ DRAWINGS = (
         title=lambda session: f"Temperature and clock over a session on {session.session.device.title}",
         n=lambda session: formats.plural(len(session.samples), "sample"),
         page=_session_page,
+        simulated=lambda session: session.session.device.simulated,
     ),
 )

@@ -6,12 +6,13 @@ draws it (/figures/<path>.json), its numbers (/tables/<path>.csv and .json), and
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from plotly import graph_objects as go
 
 from crowd.dashboard.palette import Theme
+from crowd.results.filters import SpeedupFilters
 
 Rows = TypeVar("Rows")
 Cell = str | float | int | bool | None
@@ -27,6 +28,10 @@ class Table:
     rows: Sequence[Sequence[Cell]]
 
 
+def _never(_: object) -> bool:
+    return False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Drawing(Generic[Rows]):
     """Each of the functions answers one question about the same rows.
@@ -34,7 +39,7 @@ class Drawing(Generic[Rows]):
     read(request, **arguments of the path) may raise Http404, or one of serving.REFUSED for a query that
     cannot be understood. stamp(request, **arguments) is much cheaper to ask for and changes with the rows: a
     figure that is drawn is kept under it, for a minute. page(**arguments) is the page that shows the figure,
-    under the same query.
+    under the same query. simulated(rows) says that nobody measured them: every answer tells so.
     """
 
     name: str
@@ -47,8 +52,15 @@ class Drawing(Generic[Rows]):
     n: Callable[[Rows], str]
     page: Callable[..., str]
     stamp: Callable[..., object] | None = None
+    simulated: Callable[[Rows], bool] = _never
 
 
 def with_query(address: str, query: str) -> str:
     """ADDRESS under the filters that QUERY names."""
     return f"{address}?{query}" if query else address
+
+
+def titled(words: str, front: str | None, filters: SpeedupFilters) -> str:
+    """A title: WORDS, the FRONT that is shown, and what FILTERS leave of the crowd."""
+    told = [words, f"front {front}" if front else "", replace(filters, front="").describe()]
+    return ", ".join(filter(None, told))

@@ -67,6 +67,7 @@ def json_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: d
     about = {
         "title": drawing.title(rows),
         "n": unicodedata.normalize("NFKC", drawing.n(rows)),
+        "simulated": drawing.simulated(rows),
         "definition": drawing.definition,
         "page": request.build_absolute_uri(page_address(request, drawing, arguments)),
         "filters": _query(request).dict(),
@@ -85,6 +86,7 @@ def page_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: d
     return render_to_string(
         "dashboard/embed.html",
         {
+            "simulated": drawing.simulated(rows),
             "definition": drawing.definition,
             "title": drawing.title(rows),
             "n": drawing.n(rows),

@@ -87,6 +87,7 @@ DRAWINGS = (
         title=lambda session: f"Frame by frame on {session.session.device.title}",
         n=_session_n,
         page=_session_page,
+        simulated=lambda session: session.session.device.simulated,
     ),
     Drawing(
         name="session-stages",
@@ -99,6 +100,7 @@ DRAWINGS = (
         title=lambda session: f"Where the time goes on {session.session.device.title}",
         n=_session_n,
         page=_session_page,
+        simulated=lambda session: session.session.device.simulated,
     ),
     Drawing(
         name="run-stages",
@@ -110,5 +112,6 @@ DRAWINGS = (
         title=lambda detail: f"One run of {detail.run.run.configuration} on {detail.session.device.title}",
         n=lambda detail: formats.plural(len(detail.run.frame_seconds), "frame") + " of one run",
         page=lambda uuid: reverse("dashboard:run", args=[uuid]),
+        simulated=lambda detail: detail.session.device.simulated,
     ),
 )

@@ -6,16 +6,16 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
 from crowd.results.rows import Speedup, Speedups
 
 DEFINITION = (
-    "Speedup: time of the default configuration over time of the best one, on the same device, averaged over "
-    "sessions and installations by logarithms. low and high: 95 % interval over installations, from three "
-    "of them on."
+    "Speedup: time of the default configuration over time of the one shown (best, unless the title names "
+    "another), on the same device, averaged over sessions and installations by logarithms. low and high: "
+    "95 % interval over installations, from three of them on."
 )
 COLUMNS = (
     "device", "maker", "model", "soc", "gpu", "os", "backend", "processor", "front", "configuration",
@@ -63,9 +63,7 @@ def _cells(row: Speedup) -> tuple[str | float | int | None, ...]:
 
 
 def _title(bars: Bars) -> str:
-    crowd = bars.crowd
-    words = ["Speedup by device", f"front {crowd.front}" if crowd.front else "", crowd.filters.describe()]
-    return ", ".join(filter(None, words))
+    return titled("Speedup by device", bars.crowd.front, bars.crowd.filters)
 
 
 def _n(bars: Bars) -> str:
@@ -86,5 +84,6 @@ DRAWINGS = (
         n=_n,
         page=lambda: reverse("dashboard:devices"),
         stamp=stamp,
+        simulated=lambda bars: bars.crowd.filters.simulated,
     ),
 )

@@ -1,12 +1,12 @@
 """How alike devices are, and how the reference's best does on each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
-from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.transfer import (
     PEARSON,
     SPEARMAN,
@@ -15,6 +15,7 @@ from crowd.dashboard.figures.transfer import (
     winner_bars,
 )
 from crowd.dashboard.transfer import coefficients, ordered, pairs
+from crowd.fronts.selectors import BEST
 from crowd.results import correlations
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
@@ -94,6 +95,11 @@ def _winners_n(found: Winners) -> str:
     return formats.plural(len(found.rows), "device")
 
 
+def _title(words: str, found: Winners | CorrelationMatrix) -> str:
+    # Every configuration is looked at and no suspect figure, whatever is asked for.
+    return titled(words, found.front, replace(found.filters, configuration=BEST, suspect=True))
+
+
 def _page() -> str:
     return reverse("dashboard:transfer")
 
@@ -107,7 +113,8 @@ DRAWINGS = (
         read=read_map,
         draw=lambda shown, theme: correlation_map(shown.matrix, shown.kind, theme),
         table=map_table,
-        title=lambda shown: f"How alike devices are, front {shown.matrix.front}",
+        title=lambda shown: _title("How alike devices are", shown.matrix),
+        simulated=lambda shown: shown.matrix.filters.simulated,
         n=_map_n,
         page=_page,
     ),
@@ -119,7 +126,8 @@ DRAWINGS = (
         read=read_winners,
         draw=lambda found, theme: regret_bars(found.rows, theme),
         table=winners_table,
-        title=lambda found: f"The reference's best on each device, front {found.front}",
+        title=lambda found: _title("The reference's best on each device", found),
+        simulated=lambda found: found.filters.simulated,
         n=lambda found: formats.plural(found.judged, "device"),
         page=_page,
     ),
@@ -130,7 +138,8 @@ DRAWINGS = (
         read=read_winners,
         draw=lambda found, theme: winner_bars(found.counts, theme),
         table=winners_table,
-        title=lambda found: f"Which configuration wins, front {found.front}",
+        title=lambda found: _title("Which configuration wins", found),
+        simulated=lambda found: found.filters.simulated,
         n=_winners_n,
         page=_page,
     ),

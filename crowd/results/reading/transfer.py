@@ -26,6 +26,7 @@ def winners(filters: SpeedupFilters) -> Winners:
     regrets = [row.regret for row in rows if row.regret is not None]
     counts = Counter(row.winner for row in rows)
     return Winners(
+        filters=filters,
         front=found.front,
         reference=BEST,
         rows=rows,
