@@ -14,7 +14,7 @@ from django.db import connection, models
 
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
-PENDING, RUNNING, DONE, FAILED = Evaluation.State.values
+PENDING, RUNNING = Evaluation.State.PENDING.value, Evaluation.State.RUNNING.value
 # What a measurement reads: the rest, such as the space, is fetched by whoever asks for it.
 WANTED: dict[type[models.Model], set[str]] = {
     Evaluation: {"id", "exploration", "number", "configuration", "frames", "state", "attempt", "lease_until"},
