@@ -17,8 +17,8 @@ SENSORS = {
 
 @dataclass(frozen=True)
 class Step:
-    """One run in its place (from 1): its time over that of the first run of its configuration, frame by frame
-    (median); 1.0 of that first run itself.
+    """One run in its place (from 1): its time over that of the first run of its configuration that has frames
+    that count, frame by frame (median); 1.0 of that first run itself.
     """
 
     place: int
@@ -43,6 +43,9 @@ def steps(session: SessionDetail) -> tuple[Step, ...]:
     first: dict[str, RunSeries] = {}
     found = []
     for series in session.runs:
+        # A run that failed early is nothing that others could be compared with.
+        if not (series.frame_seconds[counted_from:] > 0).any():
+            continue
         reference = first.setdefault(series.run.configuration, series)
         ratio = statistics.drift(reference.frame_seconds, series.frame_seconds, counted_from)
         if ratio is not None:

@@ -97,6 +97,16 @@ def test_a_run_that_ended_before_the_frames_that_count_says_nothing_of_drift() -
     assert [step.configuration for step in steps(session(run("default"), broken))] == ["default"]
 
 
+def test_drift_is_that_over_the_first_run_with_frames_that_count() -> None:
+    runs = [
+        run("best", frames=0),
+        run("best", 0.01, order=1, repeat=1),
+        run("best", 0.012, order=2, repeat=2),
+    ]
+
+    assert [(step.place, step.ratio) for step in steps(session(*runs))] == [(2, 1.0), (3, pytest.approx(1.2))]
+
+
 def test_sensors_that_told_less_than_twice_are_left_out() -> None:
     samples: list[dict[str, object]] = [
         {"t": 0.0, "temperature_c": 31.0, "cpu_mhz": None, "battery": 80.0},
