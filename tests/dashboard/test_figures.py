@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from crowd.dashboard.figures.decimation import MOST_DRAWN
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, speedup_bars
@@ -84,6 +85,17 @@ def test_many_devices_stand_upright_without_names() -> None:
     assert {trace.orientation for trace in figure.data if trace.type == "bar"} == {"v"}
     assert not figure.layout.annotations
     assert figure.layout.height == 460
+
+
+def test_of_more_bars_than_a_browser_draws_every_second_stands_for_all() -> None:
+    rows = [speedup(1 + number / 1000, f"phone-{number}") for number in range(MOST_DRAWN + 2)]
+
+    figure = speedup_bars(rows, LIGHT)
+
+    values = [value for trace in figure.data if trace.type == "bar" for value in trace.y]
+    assert len(values) == MOST_DRAWN // 2 + 1
+    assert (max(values), min(values)) == (rows[-1].speedup, pytest.approx(rows[1].speedup))
+    assert "2,501 of 5,002 points drawn" in figure.layout.xaxis.title.text
 
 
 def test_a_device_with_two_processors_has_two_names() -> None:

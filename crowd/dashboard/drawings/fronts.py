@@ -18,6 +18,10 @@ def read(request: HttpRequest, slug: str) -> Front:  # noqa: ARG001
     return found(published.front(slug))
 
 
+def stamp(request: HttpRequest, slug: str) -> str:
+    return read(request, slug).digest
+
+
 def points_table(front: Front) -> Table:
     """A row for each point, with its parameters."""
     parameters = parameters_of(front)
@@ -48,6 +52,7 @@ DRAWINGS = (
         title=lambda front: f"Front {front.slug}: error against runtime",
         n=lambda front: formats.plural(len(front.points), "configuration"),
         page=lambda slug: reverse("dashboard:front", args=[slug]),
+        stamp=stamp,
     ),
     Drawing(
         name="front-parameters",
@@ -60,5 +65,6 @@ DRAWINGS = (
         title=lambda front: f"Front {front.slug}: its parameters",
         n=lambda front: formats.plural(len(front.points), "configuration"),
         page=lambda slug: reverse("dashboard:front", args=[slug]),
+        stamp=stamp,
     ),
 )

@@ -153,9 +153,9 @@ def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
         showlegend=False,
     )
     _add_intervals(figure, list(enumerate(releases)), theme)
-    for rank, row in enumerate(releases):
-        name = ", ".join(filter(None, (row.driver, row.os_version))) or "not told"
-        layout.name_above(figure, rank, name, formats.speedup(row.speedup), theme)
+    names = [", ".join(filter(None, (row.driver, row.os_version))) or "not told" for row in releases]
+    told = [formats.speedup(row.speedup) for row in releases]
+    layout.name_bars(figure, zip(told, names, strict=True), theme)
     reach = max((row.high or row.speedup for row in releases), default=1.0)
     return figure.update_layout(
         xaxis={

@@ -68,8 +68,8 @@ def stage_bars(rows: Sequence[StageTimes], theme: Theme) -> go.Figure:
             customdata=[row.configuration for row in rows],
             hovertemplate="%{customdata}, " + layout.text(stage) + ": <b>%{x:.3~r} ms</b><extra></extra>",
         )
-    for rank, row in enumerate(rows):
-        layout.name_above(figure, rank, row.configuration, formats.milliseconds(row.computation), theme)
+    names = [(formats.milliseconds(row.computation), row.configuration) for row in rows]
+    layout.name_bars(figure, names, theme)
     return figure.update_layout(
         barmode="stack",
         xaxis={"title": {"text": "mean ms a frame"}, "rangemode": "tozero"},

@@ -55,22 +55,29 @@ def blank(theme: Theme, height: int) -> go.Figure:
     )
 
 
-def name_above(figure: go.Figure, rank: int, name: str, value: str, theme: Theme) -> None:
-    """Write VALUE and NAME above the flat bar number RANK, where a phone has room for them."""
-    figure.add_annotation(
-        x=0,
-        # The axis points down: this is the bar's upper edge.
-        y=rank - BAR / 2,
-        text=f"<b>{value}</b>  {text(clipped(name))}",
-        font={"color": theme.ink, "size": 13},
-        xanchor="left",
-        yanchor="bottom",
-        xshift=-4,
-        yshift=1,
-        showarrow=False,
-        bgcolor=theme.surface,
-        borderpad=2,
-    )
+def name_bars(figure: go.Figure, bars: Iterable[tuple[str, str]], theme: Theme) -> None:
+    """Write value and name of BARS, which lie flat, above each, where a phone has room for them.
+
+    At once: plotly checks all that is there already with each one that is added.
+    """
+    names = [
+        {
+            "x": 0,
+            # The axis points down: this is the bar's upper edge.
+            "y": rank - BAR / 2,
+            "text": f"<b>{value}</b>  {text(clipped(name))}",
+            "font": {"color": theme.ink, "size": 13},
+            "xanchor": "left",
+            "yanchor": "bottom",
+            "xshift": -4,
+            "yshift": 1,
+            "showarrow": False,
+            "bgcolor": theme.surface,
+            "borderpad": 2,
+        }
+        for rank, (value, name) in enumerate(bars)
+    ]
+    figure.update_layout(annotations=[*figure.layout.annotations, *names])
 
 
 def flat_rows(rows: int) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 Plotly has a trace for parallel axes, which builds code in the browser; these are plain lines.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,8 +60,7 @@ def parameter_lines(points: Sequence[Point], theme: Theme) -> go.Figure:
             "%{customdata}<extra></extra>",
             showlegend=point.name in fixed,
         )
-    for rank, name in enumerate(names):
-        _add_axis(figure, rank, name, axes[name], theme)
+    _add_axes(figure, axes, theme)
     if runtimes and high > low:
         _add_scale(figure, low, high, theme)
     return figure.update_layout(
@@ -102,19 +101,27 @@ def _colour(point: Point, low: float, high: float, theme: Theme) -> str:
     return str(sample_colorscale(heat.COLOURS, [float(share)])[0])
 
 
-def _add_axis(figure: go.Figure, rank: int, name: str, values: Sequence[Any], theme: Theme) -> None:
-    figure.add_shape(type="line", x0=0, x1=1, y0=rank, y1=rank, layer="below", line={"color": theme.line})
-    figure.add_annotation(
-        x=0, y=rank, xshift=-8, yshift=13, text=layout.text(formats.words(name)), xanchor="left",
-        yanchor="bottom", font={"color": theme.ink, "size": 13}, bgcolor=theme.surface, borderpad=1,
-        showarrow=False,
-    )  # fmt: skip
-    for value in values:
-        figure.add_annotation(
-            x=_place(values, value), y=rank, yshift=-7, text=layout.text(_short(value)),
-            yanchor="top", font={"color": theme.muted, "size": 12}, bgcolor=theme.surface, borderpad=0,
-            showarrow=False,
+def _add_axes(figure: go.Figure, axes: Mapping[str, Sequence[Any]], theme: Theme) -> None:
+    """All of AXES at once: plotly checks all that is there already with each label that is added."""
+    lines: list[dict[str, Any]] = []
+    labels: list[dict[str, Any]] = []
+    for rank, (name, values) in enumerate(axes.items()):
+        lines.append(
+            {"type": "line", "x0": 0, "x1": 1, "y0": rank, "y1": rank, "layer": "below",
+             "line": {"color": theme.line}}
         )  # fmt: skip
+        labels.append(
+            {"x": 0, "y": rank, "xshift": -8, "yshift": 13, "text": layout.text(formats.words(name)),
+             "xanchor": "left", "yanchor": "bottom", "font": {"color": theme.ink, "size": 13},
+             "bgcolor": theme.surface, "borderpad": 1, "showarrow": False}
+        )  # fmt: skip
+        labels += [
+            {"x": _place(values, value), "y": rank, "yshift": -7, "text": layout.text(_short(value)),
+             "yanchor": "top", "font": {"color": theme.muted, "size": 12}, "bgcolor": theme.surface,
+             "borderpad": 0, "showarrow": False}
+            for value in values
+        ]  # fmt: skip
+    figure.update_layout(shapes=lines, annotations=labels)
 
 
 def _add_scale(figure: go.Figure, low: float, high: float, theme: Theme) -> None:
