@@ -4,7 +4,7 @@ The form works without a script; with htmx a change replaces `#results` and `#an
 shortest address that means the same.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from typing import Any
@@ -20,6 +20,7 @@ from crowd.fronts import selectors as published
 from crowd.results.filters import InvalidFilterError, SpeedupFilters
 
 SYSTEMS = ("Android", "Linux", "macOS", "Windows")
+NAMED = 20  # so many names are told at most
 SCRIPT = "HX-Request"  # htmx asks with this header
 
 
@@ -39,13 +40,14 @@ class Filtering:
     def of(cls, request: HttpRequest) -> "Filtering":
         """The filters and other choices of the query string, without the page of a table."""
         try:
-            filters, problem = SpeedupFilters.parse(request.GET), ""
+            filters, problem = _known(SpeedupFilters.parse(request.GET)), ""
         except InvalidFilterError as error:
             filters, problem = SpeedupFilters(), str(error)
         others = QueryDict(mutable=True)
         for name, values in request.GET.lists():
-            if name not in SpeedupFilters.__dataclass_fields__ and name != "page" and any(values):
-                others.setlist(name, values)
+            given = [value for value in values if value]
+            if name not in SpeedupFilters.__dataclass_fields__ and name != "page" and given:
+                others.setlist(name, given)
         return cls(request.path, filters, problem, others)
 
     @property
@@ -96,6 +98,29 @@ class Filtering:
         return self.filters.simulated or simulated.exists()
 
 
+def _known(filters: SpeedupFilters) -> SpeedupFilters:
+    """FILTERS whose front and application exist; the defaults are not looked for.
+
+    Raises InvalidFilterError.
+    """
+    default = SpeedupFilters()
+    if (filters.front, filters.application) == (default.front, default.application):
+        return filters
+    names = published.names()
+    if filters.front:
+        _check("front", filters.front, [slug for slug, _ in names])
+    if filters.application != default.application:
+        _check("application", filters.application, [application for _, application in names])
+    return filters
+
+
+def _check(name: str, given: str, known: Iterable[str]) -> None:
+    there = list(dict.fromkeys(known))
+    if given not in there:
+        right = f"give one of {', '.join(there[:NAMED])}" if there else "nothing has been published yet"
+        raise InvalidFilterError(name, f"{name}={given:.50}: {right}")
+
+
 def filtered(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponseBase]:
     """A page whose VIEW gets the Filtering after the request. 400 where filters were not understood."""
 
@@ -104,7 +129,8 @@ def filtered(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponseBas
     def answer(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         asked = Filtering.of(request)
         by_script = SCRIPT in request.headers
-        if not by_script and not all(request.GET.values()):
+        empty = any("" in values for _, values in request.GET.lists())
+        if empty and not by_script and not asked.problem:
             # A form without a script sends its empty fields as well.
             return HttpResponseRedirect(asked.address)
         response = view(request, asked, **arguments)

@@ -233,6 +233,26 @@ def test_an_address_under_filters_is_as_short_as_it_can_be(client: Client, front
     assert (by_script.status_code, by_script["HX-Push-Url"]) == (200, "/?os=Android")
 
 
+@pytest.mark.parametrize("query", ["colour=soc&colour=", "colour=&colour=soc", "colour=soc&os=&colour="])
+def test_a_form_is_sent_on_once(client: Client, query: str) -> None:
+    response = client.get(f"/?{query}")
+
+    assert (response.status_code, response["Location"]) == (302, "/?colour=soc")
+    assert client.get(response["Location"]).status_code == 200
+
+
+def test_an_unknown_front_or_application_is_no_answer(client: Client, front: FrontVersion) -> None:
+    for address, name in {
+        "/?front=nope": "front=nope: give one of kfusion-test.",
+        "/transfer/?front=nope": "front=nope: give one of kfusion-test.",
+        "/?application=zzz&os=": "application=zzz: give one of kfusion.",
+    }.items():
+        response = client.get(address)
+        assert response.status_code == 400, address
+        assert f"Not understood: {name}" in text(response), address
+    assert client.get("/transfer/?front=kfusion-test").status_code == 200
+
+
 def test_the_crowd_is_parted_by_chip_and_system(
     client: Client, join: Callable[[], Participant], front: FrontVersion
 ) -> None:
