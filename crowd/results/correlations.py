@@ -39,8 +39,8 @@ def between(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
 
 def matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatrix:
     """Every two of the MOST devices with the most sessions under FILTERS (whatever configuration they name)
-    that measured at least LEAST_COMMON configurations; by vendor, then by name. Three queries where all days
-    count.
+    that measured at least LEAST_COMMON configurations; by vendor, then by name. One query beside those of the
+    table.
     """
     found = table(filters, LEAST_COMMON)
     popular = sorted(range(len(found.slugs)), key=lambda row: (-found.sessions[row], found.slugs[row]))[:most]

@@ -81,6 +81,20 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
     }
 
 
+def valid_speedups(summaries: QuerySet[SessionSummary]) -> dict[Key, tuple[float, int]]:
+    """What the figure of every key says that SUMMARIES hold a valid session of: the logarithm of the speedup,
+    and from how many sessions. One query, and no interval.
+    """
+    groups: dict[Key, list[tuple[float, int]]] = defaultdict(list)
+    for row in _by_installation(summaries.filter(state=State.VALID)):
+        key = Key(row["cohort_id"], row["configuration_id"], row["baseline_id"])
+        groups[key].append((row["mean"], row["sessions"]))
+    return {
+        key: (sum(mean for mean, _ in rows) / len(rows), sum(sessions for _, sessions in rows))
+        for key, rows in groups.items()
+    }
+
+
 def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[str, Any]]:
     return (
         summaries.filter(counted=True, state__in=[State.VALID, State.SUSPECT])

@@ -1,6 +1,8 @@
 """How alike devices are, over the configurations that both measured."""
 
 import math
+from dataclasses import replace
+from datetime import date
 from typing import Any
 
 import pytest
@@ -8,7 +10,8 @@ from scipy import stats
 
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content
-from crowd.results import correlations
+from crowd.results import correlations, selectors
+from crowd.results.filters import SpeedupFilters
 from tests.crowd.documents import (
     device_document,
     front_document,
@@ -61,6 +64,20 @@ def test_too_few_common_configurations_say_nothing(wide: FrontVersion, participa
     measure(participant, wide, "Pixel 9", {"default": 90_000, "best": 12_000, "accurate": 95_000})
 
     assert correlations.between(["google-pixel-8", "google-pixel-9"]) == ()
+
+
+def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, participant: Participant) -> None:
+    every, none = SpeedupFilters(since=date(2000, 1, 1)), SpeedupFilters(until=date(2000, 1, 1))
+    times = {"default": 80_000, "best": 10_000, "accurate": 90_000, "third": 9_000}
+    for count, model in enumerate(("Pixel 8", "Pixel 9"), 1):
+        measure(participant, wide, model, {name: count * frame_us for name, frame_us in times.items()})
+
+        found = selectors.winners(every)
+
+        assert replace(found, filters=SpeedupFilters()) == selectors.winners(SpeedupFilters())
+        assert [row.winner for row in found.rows] == ["third"] * count
+    assert correlations.matrix(every).pearson[0, 1] == pytest.approx(1.0)
+    assert selectors.winners(none).rows == ()
 
 
 def test_compare_tells_the_correlations(wide: FrontVersion, participant: Participant) -> None:

@@ -78,14 +78,14 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
 
 def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[Share, ...]:
     """The headline of each group of ROWS, most devices first; BY is "vendor" (whose chip computed), "soc",
-    "gpu" or "os". A model measured on several vendors' chips counts with each.
+    "gpu" or "os". A model measured on several vendors' chips counts with each; a figure that the headline of
+    all ROWS leaves out counts with none.
     """
     groups: dict[str, list[Speedup]] = defaultdict(list)
-    for row in rows:
+    for row in _counted(rows, configuration):
         groups[row.vendor if by == "vendor" else getattr(row.device, by)].append(row)
     shares = (Share(group, headline(members, configuration)) for group, members in groups.items())
-    known = (share for share in shares if share.figure.devices)
-    return tuple(sorted(known, key=lambda share: (-share.figure.devices, share.group)))
+    return tuple(sorted(shares, key=lambda share: (-share.figure.devices, share.group)))
 
 
 def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Place | None:
@@ -148,7 +148,7 @@ def _of_period(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
     called = {c.pk: c.name for c in version.configurations.all()} if version else {}
     asked = [key for key, name in called.items() if filters.configuration in (ALL, name)]
     rows = SessionSummary.objects.filter(
-        configuration__in=asked, cohort__in=cohorts.values("pk"), **_between(filters.since, filters.until)
+        configuration__in=asked, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
     )
     return [
         Speedup(
@@ -167,7 +167,7 @@ def _of_period(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
     ]
 
 
-def _between(since: date | None, until: date | None) -> dict[str, datetime]:
+def between(since: date | None, until: date | None) -> dict[str, datetime]:
     """Sessions from the beginning of SINCE to the end of UNTIL (UTC)."""
     bounds = {}
     if since:

@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 
 from crowd.devices.models import DeviceModel
 from crowd.devices.vendors import vendor
+from crowd.fronts.models import Configuration
+from crowd.results import summaries
 from crowd.results.filters import ALL, SpeedupFilters
-from crowd.results.models import DeviceSpeedup, State
-from crowd.results.reading.figures import device_of
-from crowd.results.reading.speedups import measured_front, of_devices, speedups
+from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
+from crowd.results.reading.figures import device_of, version
+from crowd.results.reading.kept import Kept
+from crowd.results.reading.speedups import between, measured_front, of_devices
 from crowd.results.rows import Device
 
-# device's slug, backend, processor, configuration, baseline, speedup, sessions
+# device's slug, backend, processor, configuration, baseline, logarithm of the speedup, sessions
 Cell = tuple[str, str, str, str, str, float, int]
 
 
@@ -35,13 +38,24 @@ class Table:
     log_speedups: NDArray[np.float64]
 
 
+# Of 2,000 devices and twenty configurations one takes a megabyte.
+_kept: Kept[Table] = Kept(8)
+
+
 def table(filters: SpeedupFilters, least: int) -> Table:
     """The valid figures of every configuration under FILTERS (whatever configuration they name), of devices
-    with at least LEAST configurations, the default among them. Two queries where all days count.
+    with at least LEAST configurations, the default among them. Eight queries at most; three at most where
+    nothing changed since this process answered the same.
+
+    What a period's figures are made of changes together with stored figures, or waits to be worked into them.
     """
     front = filters.front or measured_front(filters.application, filters.simulated)
     filters = replace(filters, front=front or "", configuration=ALL, suspect=False)
-    cells = _of_period(filters) if filters.period else _stored(filters, front)
+    return _kept.get(version, (filters.query(), least), lambda: _table(filters, front, least))
+
+
+def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
+    cells = _of_period(filters, front) if filters.period else _stored(filters, front)
     chosen = _chosen(cells, least)
     names = sorted({name for row in chosen.values() for name in row.logs})
     columns = {name: column for column, name in enumerate(names)}
@@ -49,6 +63,8 @@ def table(filters: SpeedupFilters, least: int) -> Table:
     for place, row in enumerate(chosen.values()):
         for name, log in row.logs.items():
             values[place, columns[name]] = log
+    # Many requests share it.
+    values.flags.writeable = False
     rows = list(chosen.values())
     return Table(
         front=front,
@@ -86,33 +102,37 @@ def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
         "device__slug", "backend", "processor", "configuration__name", "baseline__name", "speedup",
         "sessions", "device__gpu",
     )  # fmt: skip
-    return (row[:7] for row in found if filters.vendor in ("", vendor(row[2], row[7])))
-
-
-def _of_period(filters: SpeedupFilters) -> Iterable[Cell]:
     return (
-        (
-            row.device.slug,
-            row.backend,
-            row.processor,
-            row.configuration,
-            row.baseline,
-            row.speedup,
-            row.sessions,
-        )
-        for row in speedups(filters).rows
+        (*row[:5], math.log(row[5]), row[6])
+        for row in found
+        if filters.vendor in ("", vendor(row[2], row[7]))
     )
+
+
+def _of_period(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
+    """The same from the sessions of a period. Three queries."""
+    cohorts = Cohort.objects.filter(of_devices(filters), front__slug=front)
+    found = cohorts.values_list("pk", "device__slug", "backend", "processor", "device__gpu")
+    places = {key: place for key, *place, gpu in found if filters.vendor in ("", vendor(place[2], gpu))}
+    names = dict(Configuration.objects.filter(front__slug=front).values_list("pk", "name"))
+    rows = SessionSummary.objects.filter(
+        configuration__in=names, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
+    )
+    for key, (log, sessions) in summaries.valid_speedups(rows).items():
+        if key.cohort in places and sessions >= filters.min_sessions:
+            slug, backend, processor = places[key.cohort]
+            yield slug, backend, processor, names[key.configuration], names[key.baseline], log, sessions
 
 
 def _chosen(cells: Iterable[Cell], least: int) -> dict[str, _Row]:
     """One row a device with enough configurations, by its slug and in the order of slugs."""
     rows: dict[tuple[str, str, str], _Row] = {}
-    for slug, backend, processor, configuration, baseline, speedup, sessions in cells:
+    for slug, backend, processor, configuration, baseline, log, sessions in cells:
         key = (slug, backend, processor)
         row = rows.get(key)
         if row is None:
             row = rows[key] = _Row(backend, processor, {baseline: 0.0})
-        row.logs[configuration] = math.log(speedup)
+        row.logs[configuration] = log
         row.sessions = max(row.sessions, sessions)
     chosen: dict[str, _Row] = {}
     for (slug, _, _), row in sorted(rows.items()):

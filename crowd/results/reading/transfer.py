@@ -18,7 +18,7 @@ NEAR = 1.1
 
 def winners(filters: SpeedupFilters) -> Winners:
     """The fastest valid configuration of each device that measured at least LEAST_CONFIGURATIONS of them, the
-    default among them; in the order of slugs. Three queries where all days count.
+    default among them; in the order of slugs. One query beside those of the table.
     """
     found = table(filters, LEAST_CONFIGURATIONS)
     devices = named(found.slugs)
