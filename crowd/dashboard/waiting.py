@@ -13,10 +13,13 @@ from crowd.devices.models import DeviceAlias, DeviceModel
 from crowd.explorations.models import Exploration
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import MeasurementSession, SessionSummary, State
+from crowd.results.reading.figures import simulated_only
 
 RECENT = timedelta(days=30)
 # More are not counted: a table of a million rows is not read for a front page.
 MOST = 1000
+# The list's filter that leaves out what is simulated: nobody has to look at it.
+MEASURED = {"simulated": "0"}
 
 
 @dataclass(frozen=True)
@@ -55,12 +58,13 @@ def waiting(may: Callable[[str], bool], now: datetime) -> tuple[Queue, ...]:
 
 
 def _kinds(since: datetime) -> tuple[_Kind, ...]:
-    recent = SessionSummary.objects.filter(started_at__gte=since)
+    measured = simulated_only(False, "session__device__")
+    recent = SessionSummary.objects.filter(measured, started_at__gte=since)
 
     def answers(state: State) -> dict[str, Any]:
         return {
             "rows": lambda: recent.filter(state=state),
-            "query": {"state__exact": state.value, "started_at__gte": since.isoformat()},
+            "query": {"state__exact": state.value, "started_at__gte": since.isoformat()} | MEASURED,
         }
 
     return (
@@ -107,7 +111,7 @@ def _kinds(since: datetime) -> tuple[_Kind, ...]:
         _Kind(
             "Sessions without a summary",
             "arrived and not worked through yet; many, or old ones, mean that no worker runs",
-            lambda: MeasurementSession.objects.filter(summary_algorithm=None),
-            {"summary_algorithm__isempty": "1"},
+            lambda: MeasurementSession.objects.filter(simulated_only(False), summary_algorithm=None),
+            {"summary_algorithm__isempty": "1"} | MEASURED,
         ),
     )

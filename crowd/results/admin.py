@@ -25,6 +25,7 @@ from crowd.results.models import (
     Submission,
     Tombstone,
 )
+from crowd.results.reading.figures import simulated_only
 
 DECIDE = "results.add_decision"
 
@@ -90,6 +91,28 @@ def _subject(row: Any) -> dict[str, Any]:
     return {"session": row.session, "run": row} if isinstance(row, Run) else {"session": row}
 
 
+class SimulatedFilter(admin.SimpleListFilter):
+    """What people measured, or the simulated crowd. DEVICE leads from a row to its model."""
+
+    title = "simulated"
+    parameter_name = "simulated"
+    device = "device__"
+
+    def lookups(self, request: HttpRequest, model_admin: Any) -> list[tuple[str, str]]:  # noqa: ARG002
+        return [("0", "no"), ("1", "yes")]
+
+    def queryset(self, request: HttpRequest, queryset: QuerySet[Any]) -> QuerySet[Any]:  # noqa: ARG002
+        if self.value() not in ("0", "1"):
+            return queryset
+        return queryset.filter(simulated_only(self.value() == "1", self.device))
+
+
+class SessionSimulatedFilter(SimulatedFilter):
+    """The same of rows that belong to a session."""
+
+    device = "session__device__"
+
+
 @admin.register(Submission)
 class SubmissionAdmin(ReadOnlyAdmin):
     """Requests that were accepted, with the answers given."""
@@ -106,7 +129,13 @@ class MeasurementSessionAdmin(ModeratedAdmin):
     """Sessions with their runs and summaries."""
 
     list_display = ("uuid", "device", "front", "backend", "processor", "started_at", "summary_algorithm")
-    list_filter = ("front", "backend", "device__os", ("summary_algorithm", admin.EmptyFieldListFilter))
+    list_filter = (
+        "front",
+        "backend",
+        "device__os",
+        ("summary_algorithm", admin.EmptyFieldListFilter),
+        SimulatedFilter,
+    )
     list_select_related = ("device", "front")
     search_fields = ("uuid", "installation__id", "device__name", "device__slug", "processor")
     date_hierarchy = "received_at"
@@ -168,7 +197,7 @@ class SessionSummaryAdmin(ReadOnlyAdmin):
     """Each session's answer, with the rule that set its state."""
 
     list_display = ("session", "configuration", "speedup", "pairs", "drift", "ate_max", "state", "reason")
-    list_filter = ("state", "reason", "configuration__front", "algorithm")
+    list_filter = ("state", "reason", "configuration__front", "algorithm", SessionSimulatedFilter)
     list_select_related = ("session", "configuration__front")
     search_fields = ("session__uuid", "session__device__name")
 
