@@ -38,7 +38,7 @@ class BrokenError(FailedError):
 
 
 class DeviceBrokenError(FailedError):
-    """No process can open the device: no configuration runs here any more."""
+    """The device cannot be opened again: no configuration runs here any more."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ class Bench:
             "device": device,
         }
         self._process: _Process | None = None
+        self._served = False  # whether the device was opened before
 
     def __enter__(self) -> "Bench":
         return self
@@ -70,7 +71,8 @@ class Bench:
         """Measure a configuration over the first FRAMES frames.
 
         The process waits while BETWEEN_FRAMES is called. Raises FailedError or one of its kinds, and
-        CannotMeasureError where the device or the sequence cannot be used, or no process can be started.
+        CannotMeasureError where the sequence cannot be used or, before the device was opened once, the
+        device cannot, or no process can be started.
         """
         process = self._process or self._open()
         try:
@@ -89,16 +91,22 @@ class Bench:
         return Outcome(answer["report"], answer["trajectory_sha256"])
 
     def _open(self) -> "_Process":
-        self._process = _Process()
         try:
+            self._process = _Process()
             self._process.order(self._place)
             self._process.answer()
         except _EndedError as error:
             self._close()
             raise DeviceBrokenError(str(error)) from error
+        except CannotMeasureError as error:
+            self._close()
+            if self._served:  # it went away, or the system has nothing left to start a process with
+                raise DeviceBrokenError(reasons.public(str(error))) from error
+            raise
         except BaseException:
             self._close()
             raise
+        self._served = True
         return self._process
 
     def _close(self) -> None:
@@ -174,7 +182,7 @@ class _Process:
         for _ in range(LONGEST_SILENCE_SECONDS):
             with contextlib.suppress(queue.Empty):
                 return self._lines.get(timeout=1.0)
-        raise _EndedError(f"no answer from the device within {LONGEST_SILENCE_SECONDS} s")
+        raise _EndedError(_silent())
 
     def _write(self, text: str) -> None:
         assert self._process.stdin is not None
@@ -185,6 +193,13 @@ class _Process:
             raise _EndedError(self._ending()) from error
 
     def _ending(self) -> str:
-        code = self._process.wait()
+        try:
+            code = self._process.wait(timeout=LONGEST_SILENCE_SECONDS)
+        except subprocess.TimeoutExpired:  # it has closed its output and goes on; `close` ends it
+            return _silent()
         self._errors.seek(0)
         return reasons.public(isolated.ending(code, self._errors.read().decode("utf-8", "replace")))
+
+
+def _silent() -> str:
+    return f"no answer from the device within {LONGEST_SILENCE_SECONDS} s"

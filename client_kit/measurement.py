@@ -6,7 +6,7 @@ import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from client_kit import repeats
+from client_kit import reasons, repeats
 from client_kit.bench import Bench, BrokenError, DeviceBrokenError, FailedError, Outcome
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
@@ -43,11 +43,12 @@ def measure(
     get compiled and clocks rise. After the plan, runs are repeated until the intervals are as tight as the
     protocol wants or its time is up. A configuration that fails on this device is recorded with its reason
     and the others go on, even where it ends or hangs the process that measures; those in `impossible`, with
-    their reasons, are not even tried. Ctrl-C ends the session, which keeps its finished runs. `on_run` hears
+    their reasons, are not even tried. Where nothing can be measured any more what is left fails with that
+    reason, and the finished runs stay. Ctrl-C ends the session, which keeps its finished runs. `on_run` hears
     of every finished run; neither it nor `on_frame` is called within the measured time of a frame.
 
-    Raises CannotMeasureError when no device can compute, or the sequence cannot serve, and
-    KeyboardInterrupt when no run was finished.
+    Raises CannotMeasureError when no device can compute, or the sequence cannot serve, from the beginning,
+    and KeyboardInterrupt when no run was finished.
     """
     protocol = manifest.protocol
     try:
@@ -127,6 +128,10 @@ class _Course:
             result: Outcome | str = self._over(name, frames, f"run {order + 1}, {name}")
         except FailedError as error:
             result = str(error)
+        except CannotMeasureError as error:
+            if not before:
+                raise
+            result = self._nothing_runs(reasons.public(str(error)))
         finally:
             self.schedule.end()
         return _recorded(str(uuid.uuid4()), name, repeat, order, result)
@@ -153,8 +158,13 @@ class _Course:
             self._warm.clear()
             raise
         except DeviceBrokenError as error:
-            self._hopeless = dict.fromkeys(self._manifest.configurations, str(error)) | self._hopeless
+            self._nothing_runs(str(error))
             raise
+
+    def _nothing_runs(self, reason: str) -> str:
+        """Note, and give back, the REASON why no configuration is tried any more."""
+        self._hopeless = dict.fromkeys(self._manifest.configurations, reason) | self._hopeless
+        return reason
 
 
 def _recorded(run_id: str, configuration: str, repeat: int, order: int, result: Outcome | str) -> Run:

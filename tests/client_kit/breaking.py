@@ -1,8 +1,9 @@
 """A workbench whose driver breaks down, without OpenCL: `python -m tests.client_kit.breaking`.
 
-Parameters say what becomes of a configuration: {"ends": "abort", "kill" or "hang"}, {"fails": TEXT};
-without any it runs. {"for_good": true} breaks the device, too: the file
-named by FRONTRUNNER_BROKEN stands for that, and no further process can open it. Times are made up.
+Parameters say what becomes of a configuration: {"ends": "abort", "kill", "hang" or "close"}, {"fails": TEXT};
+without any it runs. {"for_good": true} breaks the device, too, and {"takes_away": true} takes it away: the
+file named by FRONTRUNNER_BROKEN stands for that, and no further process can open it. {"unreadable": true}
+is measured over a sequence that cannot be read. Times are made up.
 """
 
 import os
@@ -15,25 +16,35 @@ from typing import Any
 
 from client_kit import workbench
 from slam.benchmark import Progress
+from slam.opencl import NoDeviceError
 from tests.client_kit.canned import STAGES
 
 BROKEN = "FRONTRUNNER_BROKEN"
 FRAMES_BEFORE_THE_END = 3
+GONE = "no OpenCL device here"
+UNREADABLE = "frame 3 is damaged"
 
 
 class BreakingWorkbench(workbench.Workbench):
     def __init__(self, *_: Any) -> None:
-        if Path(os.environ[BROKEN]).exists():
+        broken = Path(os.environ[BROKEN])
+        if broken.exists():
+            if broken.read_text() == GONE:
+                raise NoDeviceError(GONE)
             end("abort")
 
     def measure(self, parameters: Mapping[str, Any], frames: int, progress: Progress) -> workbench.Answer:
         if "fails" in parameters:
             return {"failure": parameters["fails"]}
+        if "unreadable" in parameters:
+            return {"cannot": UNREADABLE}
         for frame in range(frames):
             progress(frame + 1, frames)
             if "ends" in parameters and frame + 1 == FRAMES_BEFORE_THE_END:
                 if parameters.get("for_good"):
                     Path(os.environ[BROKEN]).touch()
+                if parameters.get("takes_away"):
+                    Path(os.environ[BROKEN]).write_text(GONE)
                 end(parameters["ends"])
         return {"report": report(frames, 0.04), "trajectory_sha256": "0" * 64}
 
@@ -50,6 +61,9 @@ def end(way: str) -> None:
     if way == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     if way == "hang":
+        signal.pause()
+    if way == "close":  # and goes on
+        os.closerange(3, 64)
         signal.pause()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     print("LLVM ERROR: Cannot select /home/anna/cache/kernel.cl", file=sys.stderr, flush=True)

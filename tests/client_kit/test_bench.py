@@ -15,7 +15,7 @@ from client_kit.manifest import Manifest
 from client_kit.measurement import measure
 from client_kit.session import Session
 from tests.client_kit import documents
-from tests.client_kit.breaking import BROKEN, FRAMES_BEFORE_THE_END, report
+from tests.client_kit.breaking import BROKEN, FRAMES_BEFORE_THE_END, GONE, UNREADABLE, report
 
 CONFIGURATIONS: dict[str, dict[str, Any]] = {
     "default": {},
@@ -24,7 +24,10 @@ CONFIGURATIONS: dict[str, dict[str, Any]] = {
     "killed": {"ends": "kill"},
     "hanging": {"ends": "hang"},
     "failing": {"fails": "RuntimeError: CL_OUT_OF_RESOURCES"},
+    "closing": {"ends": "close"},
     "fatal": {"ends": "abort", "for_good": True},
+    "last": {"ends": "abort", "takes_away": True},
+    "unreadable": {"unreadable": True},
 }
 DEVICE = SimpleNamespace(label="a GPU", backend="opencl")
 ABORTED = "killed by SIGABRT: LLVM ERROR: Cannot select kernel.cl"
@@ -130,6 +133,47 @@ def test_a_device_that_is_gone_for_good_fails_what_follows_and_keeps_what_was_me
     done = session("default", "fatal", "best", "default", protocol={"warmup_frames": 0})
 
     assert outcomes(done) == [("default", None), *[(name, ABORTED) for name in ("fatal", "best", "default")]]
+
+
+def test_a_device_that_goes_away_fails_what_follows_and_keeps_what_was_measured() -> None:
+    done = session("default", "last", "best", "default", protocol={"warmup_frames": 0})
+
+    assert outcomes(done) == [("default", None), ("last", ABORTED), ("best", GONE), ("default", GONE)]
+    assert done.runs[0].status == "ok"
+
+
+def test_a_sequence_that_cannot_be_read_any_more_fails_what_follows() -> None:
+    done = session("default", "unreadable", "best", protocol={"warmup_frames": 0})
+
+    assert outcomes(done) == [("default", None), ("unreadable", UNREADABLE), ("best", UNREADABLE)]
+
+    with pytest.raises(CannotMeasureError, match=UNREADABLE):
+        session("unreadable", "best", protocol={"warmup_frames": 0})
+
+
+def test_a_machine_that_starts_no_further_process_keeps_what_was_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    done = session(
+        "default", "aborting", "best",
+        protocol={"warmup_frames": 0},
+        on_run=lambda _: monkeypatch.setattr(bench, "PROGRAM", ("/nowhere/python",)),
+    )  # fmt: skip
+
+    assert [run.status for run in done.runs] == ["ok", "failed", "failed"]
+    assert "no process can be started to measure in" in str(done.runs[2].failure)
+
+
+def test_a_process_that_closes_its_output_and_goes_on_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def impatient(label: str, done: int, *_: Any) -> None:
+        if (label, done) == ("run 1, closing", FRAMES_BEFORE_THE_END):
+            monkeypatch.setattr(bench, "LONGEST_SILENCE_SECONDS", 1)
+
+    done = session("closing", protocol={"warmup_frames": 0, "max_seconds": 0}, on_frame=impatient)
+
+    assert outcomes(done) == [("closing", HUNG)]
 
 
 @pytest.mark.usefixtures("tireless")
