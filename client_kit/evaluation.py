@@ -7,7 +7,7 @@ disk until the server takes it or says that nobody waits for it any more, even b
 import platform
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -76,16 +76,17 @@ def serve(
     """Measure what waits for DEVICE, one evaluation after another, until Ctrl-C or, if wanted, until idle.
 
     While another client measures from the same folder nothing is asked for: the two would disturb each
-    other. Raises UsageError for a token that is not this device's, and, after giving the present evaluation
-    back, KeyboardInterrupt, CannotMeasureError where nothing can be measured here, and OutdatedError.
+    other. That one may measure whenever this one does not, however long the server is away.
+    Raises UsageError for a token that is not this device's, and, after giving the present evaluation back,
+    KeyboardInterrupt, CannotMeasureError where nothing can be measured here, and OutdatedError.
     """
     reference = _Reference(server, device, token, home, console, pause)
     console.say(f"Serving {server.url} as {device}. Ctrl-C ends it and gives the present evaluation back.")
     disturbed = False
     while True:
         with home.only_one("measurement") as alone:
-            found = alone and reference.serve_next()
-        if found:
+            pass  # held while something is measured, not while the server is asked
+        if alone and reference.serve_next():
             continue
         if not alone and not disturbed:
             console.say("Another client measures on this device: waiting until it is done.")
@@ -106,11 +107,13 @@ class _Reference:
     home: Home
     console: Console
     pause: Callable[[float], None]
+    # Leases whose results the server has, though they could not be dropped here.
+    settled: set[str] = field(default_factory=set)
 
     def serve_next(self) -> bool:
         """Tell a result that is kept, or measure what waits; False where there is neither."""
         kept = self.home.read(RESULTS).get(self._key)
-        if kept is not None:
+        if kept is not None and kept["lease"] not in self.settled:
             self.console.say(f"{kept['lease']}: its result is still to be told")
             self._tell(kept["lease"], kept["result"])
             return True
@@ -133,7 +136,7 @@ class _Reference:
         return True
 
     def _measure(self, lease: Lease) -> dict[str, Any] | None:
-        """What became of LEASE; None where nobody waits for it any more."""
+        """What became of LEASE; None where nobody waits for it any more, or it was given back."""
 
         def heartbeat() -> bool:
             try:
@@ -144,22 +147,27 @@ class _Reference:
                 pass  # the measurement goes on: the server may be back before the lease runs out
             return True
 
-        software = f"{APP} {__version__}"
+        # The configuration goes along: a server that was restored may have another evaluation by this id.
+        known = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
         try:
             pack = sequences.at_hand(lease, self.home) or self._download(lease, heartbeat)
-            measured = isolated.measure(
-                lease.application,
-                lease.configuration,
-                pack,
-                device=lease.opencl_device,
-                frames=lease.frames,
-                heartbeat=heartbeat,
-                heartbeat_seconds=lease.heartbeat_seconds,
-                timeout=lease.timeout_seconds,
-            )
+            with self.home.only_one("measurement") as alone:
+                if not alone:  # another client began meanwhile
+                    self._give_back(lease.id)
+                    return None
+                measured = isolated.measure(
+                    lease.application,
+                    lease.configuration,
+                    pack,
+                    device=lease.opencl_device,
+                    frames=lease.frames,
+                    heartbeat=heartbeat,
+                    heartbeat_seconds=lease.heartbeat_seconds,
+                    timeout=lease.timeout_seconds,
+                )
         except MeasurementError as error:
             self.console.say(f"{lease.id}: failed: {error}")
-            return {"status": "failed", "error": one_line(str(error)), "software": software}
+            return known | {"status": "failed", "error": one_line(str(error))}
         except LeaseLostError:
             self.console.say(f"{lease.id}: the lease is gone, the measurement was ended")
             return None
@@ -176,12 +184,11 @@ class _Reference:
         self.console.say(
             f"{lease.id}: {1e3 * values['runtime']:.2f} ms a frame, {1e3 * values['ate_max']:.1f} mm"
         )
-        return {
+        return known | {
             "status": "done",
             "objectives": values,
             "stages": measured.stages,
             "device": measured.device,
-            "software": software,
         }
 
     def _download(self, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
@@ -203,7 +210,7 @@ class _Reference:
         return found
 
     def _tell(self, lease: str, result: Mapping[str, Any]) -> None:
-        """Have the server take a result that is kept, and drop it then."""
+        """Have the server take a result, and drop it where it is kept."""
         try:
             self._insist(lambda: self.server.finish(self.token, lease, result))
         except ProblemError as problem:
@@ -211,14 +218,20 @@ class _Reference:
         except KeyboardInterrupt:
             self.console.say(f"{lease}: its result is kept here and told by the next `evaluate`")
             raise
-        results = self.home.read(RESULTS)
-        results.pop(self._key, None)
-        self.home.write(RESULTS, results)
+        self.settled.add(lease)
+        try:
+            with self.home.only_one("results", wait=True):
+                results = self.home.read(RESULTS)
+                if results.get(self._key, {}).get("lease") == lease:
+                    del results[self._key]
+                    self.home.write(RESULTS, results)
+        except HomeError as error:  # another process will tell it again, which changes nothing
+            self.console.say(str(error))
 
     def _keep(self, lease: str, result: Mapping[str, Any]) -> None:
         kept = {"lease": lease, "result": dict(result)}
         try:
-            with interrupts.ignored():
+            with interrupts.ignored(), self.home.only_one("results", wait=True):
                 self.home.write(RESULTS, {**self.home.read(RESULTS), self._key: kept})
         except HomeError as error:  # it can be told all the same, but not by another process
             self.console.say(str(error))

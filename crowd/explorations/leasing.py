@@ -52,7 +52,8 @@ class Result(msgspec.Struct):
 
     `done` has `objectives` (seconds a frame, metres), `stages` (mean seconds a frame) and the `device`;
     `failed` has an `error`; `returned` gives it back to be measured by another, and may say in `error` why
-    this machine cannot.
+    this machine cannot. With the `configuration` that was measured, as the lease gave it, a result is not
+    taken for another evaluation's.
     """
 
     status: Literal["done", "failed", "returned"]
@@ -61,6 +62,7 @@ class Result(msgspec.Struct):
     device: Description | None = None
     error: Reason = ""
     software: Annotated[str, msgspec.Meta(max_length=64)] = ""
+    configuration: dict[str, Any] | None = None
 
 
 class Held(msgspec.Struct):
@@ -108,13 +110,14 @@ def renew(device: ReferenceDevice, key: int, attempt: int) -> Held:
 def finish(device: ReferenceDevice, key: int, attempt: int, body: bytes) -> Stored:
     """Store what became of the evaluation. Told again, it is answered as before and changes nothing.
 
-    Raises Problem 400 for a body that does not fit, 410 where the lease is gone.
+    Raises Problem 400 for a body that does not fit, 410 where the lease is gone, or was on another
+    configuration: a database that was restored gives the same ids again.
     """
     result = decoded(_RESULT, body)
     evaluation = leases.held(device, key, attempt)
     if evaluation is None:
-        return _as_before(device, key, attempt)
-    if not _stored(evaluation, result):
+        return _as_before(device, key, attempt, result)
+    if not _fits(result, evaluation) or not _stored(evaluation, result):
         raise _gone()
     tasks.follow(evaluation)
     states = {"done": "done", "failed": "failed", "returned": "pending"}
@@ -134,12 +137,17 @@ def _stored(evaluation: Evaluation, result: Result) -> bool:
     return leases.record(evaluation, measurement, result.software)
 
 
-def _as_before(device: ReferenceDevice, key: int, attempt: int) -> Stored:
+def _fits(result: Result, evaluation: Evaluation) -> bool:
+    """Whether RESULT may be EVALUATION's: an older client does not say what it measured."""
+    return result.configuration is None or result.configuration == evaluation.configuration
+
+
+def _as_before(device: ReferenceDevice, key: int, attempt: int, result: Result) -> Stored:
     finished = (Evaluation.State.DONE, Evaluation.State.FAILED)
     row = Evaluation.objects.filter(
         pk=key, attempt=attempt, state__in=finished, exploration__reference_device=device
     ).first()
-    if row is None:
+    if row is None or not _fits(result, row):
         raise _gone()
     return Stored(row.state)
 

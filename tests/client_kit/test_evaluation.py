@@ -125,6 +125,7 @@ def test_a_lease_is_measured_and_its_result_told(pack: Pack, serve_lab: Any, mea
     assert json.loads((first["pack"] / "pack.json").read_text())["sha256"] == pack.sha256
     assert [result["status"] for result in results] == ["done", "done"]
     assert results[0]["objectives"] == MEASURED.objectives
+    assert results[0]["configuration"] == {"volume_resolution": 64}
     chunks = [path for path in lab.server.paths() if "/sequences/" in path]
     assert len(chunks) == len(set(chunks))  # downloaded once
     assert first["pack"] == second["pack"]
@@ -205,20 +206,34 @@ def test_a_result_that_was_not_told_is_told_by_the_next_process(
 def test_a_result_that_cannot_be_kept_is_told_all_the_same(
     pack: Pack, serve_lab: Any, measured: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = Home.write
-
-    def full(home: Home, name: str, document: Any) -> None:
-        if document:
-            raise HomeError(f"{name} cannot be written: No space left on device")
-        written(home, name, document)
+    def full(_home: Home, name: str, _document: Any) -> None:
+        raise HomeError(f"{name} cannot be written: No space left on device")
 
     monkeypatch.setattr(Home, "write", full)
-    lab = Lab(pack)
+    lab = Lab(pack, leases=2)
 
     said, _ = serve_lab(lab)
 
     assert "No space left on device" in said
-    assert [result["status"] for result in lab.results] == ["done"]
+    assert [result["status"] for result in lab.results] == ["done", "done"]
+
+
+def test_a_kept_result_that_cannot_be_dropped_is_told_once_by_a_process(
+    pack: Pack, tmp_path: Path, serve_lab: Any, measured: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home, lab = Home(tmp_path / "home"), Lab(pack)
+    home.prepare()
+    kept = {"lease": "4-1", "result": {"status": "failed", "error": "killed"}}
+    home.write(evaluation.RESULTS, {f"{lab.server.url} board": kept})
+
+    def full(_home: Home, name: str, _document: Any) -> None:
+        raise HomeError(f"{name} cannot be written: No space left on device")
+
+    monkeypatch.setattr(Home, "write", full)
+
+    serve_lab(lab)
+
+    assert [result["status"] for result in lab.results] == ["failed", "done"]
 
 
 def test_while_another_client_measures_nothing_is_asked_for(
@@ -244,6 +259,43 @@ def test_while_another_client_measures_nothing_is_asked_for(
     assert asked == [0, 0]
     assert said.getvalue().count("Another client measures on this device") == 1
     assert [result["status"] for result in lab.results] == ["done"]
+
+
+def test_while_its_server_is_away_another_client_may_measure(tmp_path: Path) -> None:
+    home = Home(tmp_path / "home")
+    home.prepare()
+    free: list[bool] = []
+
+    def pause(_: float) -> None:
+        with home.only_one("measurement") as alone:
+            free.append(alone)
+        raise KeyboardInterrupt
+
+    away = Server("http://127.0.0.1:9")
+    with pytest.raises(KeyboardInterrupt):
+        serve(away, "board", "secret", home, Console(io.StringIO()), pause=pause)
+
+    assert free == [True]
+
+
+def test_what_another_client_overtakes_is_given_back(
+    pack: Pack, tmp_path: Path, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab, other = Lab(pack, leases=2), ExitStack()
+
+    def answer(request: Request) -> Reply:
+        if request.path.endswith("/leases") and lab.left == 2:  # between the question and the measurement
+            assert other.enter_context(Home(tmp_path / "home").only_one("measurement"))
+        if request.path.endswith("/result"):
+            other.close()
+        return lab.answer(request)
+
+    lab.server.answer = answer
+
+    serve_lab(lab)
+
+    assert [result["status"] for result in lab.results] == ["returned", "done"]
+    assert len(measured) == 1
 
 
 def test_a_server_that_restarts_during_the_download_ends_nothing(

@@ -92,6 +92,17 @@ def test_a_result_is_stored_once_however_often_it_is_told(board: Board) -> None:
     assert (row.software, row.attempt) == ("client_kit 0.1.0", 1)
 
 
+def test_a_result_of_another_configuration_is_not_taken_and_that_of_this_one_is(board: Board) -> None:
+    lease = board.take()  # by this id, a database that was restored had another evaluation before
+    path, mine = f"/{lease['id']}/result", {**done(lease), "configuration": lease["configuration"]}
+    other = {**mine, "configuration": {**lease["configuration"], "mu": 0.3125}}
+
+    assert problem(board.post(path, other)) == (410, "lease_gone")
+    assert board.post(path, mine).json() == {"state": "done"}
+    assert problem(board.post(path, other)) == (410, "lease_gone")
+    assert board.post(path, mine).json() == {"state": "done"}
+
+
 def test_a_failure_keeps_its_reason_and_what_is_returned_waits_again(board: Board) -> None:
     lease = board.take()
     board.post(f"/{lease['id']}/result", {"status": "returned"})
