@@ -222,15 +222,13 @@ def _erase(options: argparse.Namespace, console: Console) -> None:
     client = Client(console=console)
     if options.run is not None:
         console.lines(f"Erased at {url}." for url in client.erase_run(options.run))
-        console.say(f"Nothing of run {options.run} is left here.")
+        console.say(f"Nothing of run {delivery.run_id(options.run)} is left here.")
     elif not client.erase():
         console.say("The request to erase is kept and goes with the next `run` or `send`.")
 
 
 def _renew_token(_options: argparse.Namespace, console: Console) -> None:
-    servers = Client(console=console).renew_tokens()
-    console.lines(f"Replaced at {url}; the old token is void." for url in servers)
-    if not servers:
+    if not Client(console=console).renew_tokens():
         console.say("No server knows this client: there is no token to replace.")
 
 

@@ -125,7 +125,7 @@ class Client:
         return len(delivered.erased) == len(servers)
 
     def erase_run(self, run: str) -> list[str]:
-        """Erase the run of that id, here and on the servers that have it, which are returned.
+        """Erase the run of that id, or page's address, here and on the servers that have it: those.
 
         Raises UsageError where nobody has it, ServerError, and nothing is erased here, where a server
         cannot be asked.
@@ -133,8 +133,15 @@ class Client:
         return delivery.erase_run(self.spool, self.home, run)
 
     def renew_tokens(self) -> list[str]:
-        """Have the servers replace the tokens by which they know this client; those servers."""
-        return delivery.renew_tokens(self.home)
+        """Have the servers replace the tokens by which they know this client; those servers.
+
+        Raises ServerError or OutdatedError after the last one where some could not be asked.
+        """
+
+        def renewed(server: str) -> None:
+            self.console.say(f"Replaced at {server}; the old token is void.")
+
+        return delivery.renew_tokens(self.home, renewed)
 
     def choose(
         self, max_ate: float = VALID_BELOW, max_ms: float | None = None, device: str | None = None

@@ -1,5 +1,6 @@
 """Sending what the spool holds: each session once, in its own request, whatever happened to the others."""
 
+import re
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from client_kit.spool import ACCEPTED, DUPLICATE, REJECTED, WAITING, Item, Spool
 FINAL = (400, 409, 413, 415, 422)
 # But for this one: the participant may agree to the new text, and `renew` then makes another request of it.
 CONSENT_OUTDATED = "consent_outdated"
+UUID = re.compile(r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b", re.IGNORECASE)
 
 
 @dataclass
@@ -103,9 +105,11 @@ def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
 def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
     """Erase one run on the servers that have it, then here; those servers.
 
-    Whoever is sending is waited for. Raises UsageError where nobody has it and ServerError where a server
-    cannot be asked: then it is still here, too.
+    RUN is its id or the address of its page. Whoever is sending is waited for. Raises UsageError where it is
+    neither, or nobody has the run, and ServerError where a server cannot be asked: then it is still here,
+    too.
     """
+    run = run_id(run)
     with home.only_one("delivery", wait=True):
         spool.recover()
         item = spool.holding(run)
@@ -127,14 +131,35 @@ def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
     return erased
 
 
-def renew_tokens(home: Home) -> list[str]:
+def run_id(text: str) -> str:
+    """The id of a run in TEXT, which is that or the address of its page. Raises UsageError."""
+    found = UUID.findall(text)
+    if not found:
+        raise UsageError(f"--run {text}: give the run's id, as in `export`, or its page's address")
+    return str(found[-1]).lower()
+
+
+def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) -> list[str]:
     """Have every server replace the token by which it knows this client; those servers.
 
-    Whoever is sending is waited for. Raises ServerError for the first server that cannot be asked.
+    `on_renewed` hears of each at once. Whoever is sending is waited for. Where servers cannot be asked the
+    others are; then the first one's ServerError or OutdatedError is raised.
     """
+    renewed, troubles = [], []
     with home.only_one("delivery", wait=True):
-        addresses = [known.server for known in enrolment.known(home)]
-        return [address for address in addresses if enrolment.renew(home, Server(address))]
+        for address in [known.server for known in enrolment.known(home)]:
+            try:
+                if not enrolment.renew(home, Server(address)):
+                    continue
+            except (ServerError, OutdatedError) as error:
+                troubles.append(error)
+                continue
+            renewed.append(address)
+            if on_renewed is not None:
+                on_renewed(address)
+    if troubles:
+        raise troubles[0]
+    return renewed
 
 
 def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:

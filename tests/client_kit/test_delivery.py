@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from client_kit import __version__, delivery, enrolment
+from client_kit.errors import UsageError
 from client_kit.home import Home
 from client_kit.server import ProblemError, Server
 from client_kit.spool import Spool
@@ -412,3 +413,36 @@ def test_a_new_token_is_kept_before_the_old_one_ends(serve: Serve, home: Home, s
 
     assert delivery.renew_tokens(home) == [scripted.url]
     assert scripted.paths()[-2:] == ["POST /api/v1/me/token", "GET /api/v1/me/data"]
+
+
+def test_a_server_that_is_away_keeps_no_other_from_renewing(serve: Serve, home: Home, spool: Spool) -> None:
+    first, away, last = (serve(accepting) for _ in range(3))
+    for scripted in (first, away, last):
+        spool.put(scripted.url, documents.payload())
+    delivery.deliver(spool, home)
+
+    def renewing(request: Request) -> Reply:
+        return Reply(201, {"token": "another"}) if request.path.endswith("/token") else Reply(200, {})
+
+    first.answer = last.answer = renewing
+    away.answer = lambda _: problem(503, "busy")
+    told: list[str] = []
+
+    with pytest.raises(ProblemError, match="busy"):
+        delivery.renew_tokens(home, told.append)
+
+    assert sorted(told) == sorted([first.url, last.url])
+    tokens = {url: enrolment.present(home, Server(url)) for url in (first.url, away.url, last.url)}
+    assert [url for url, token in tokens.items() if token == "another"] == [first.url, last.url]
+
+
+def test_a_run_is_named_by_its_id_or_the_address_of_its_page(home: Home, spool: Spool) -> None:
+    payload = documents.payload()
+    run = payload["sessions"][0]["runs"][0]["id"]
+    spool.put("http://nobody.example", payload)
+
+    with pytest.raises(UsageError, match="its page's address"):
+        delivery.erase_run(spool, home, "my fastest run")
+    delivery.erase_run(spool, home, f"http://nobody.example/runs/{run.upper()}/?front=kfusion-1")
+
+    assert spool.items() == []
