@@ -17,7 +17,8 @@ from crowd.dashboard.views.page import page
 from crowd.devices.models import DeviceModel
 from crowd.devices.vendors import VENDORS
 from crowd.fronts import selectors as published
-from crowd.results.filters import InvalidFilterError, SpeedupFilters
+from crowd.fronts.selectors import BEST
+from crowd.results.filters import ALL, InvalidFilterError, SpeedupFilters
 
 SYSTEMS = ("Android", "Linux", "macOS", "Windows")
 NAMED = 20  # so many names are told at most
@@ -70,6 +71,13 @@ class Filtering:
     def filtered(self) -> bool:
         """Whether anything is left out."""
         return self.filters != SpeedupFilters()
+
+    @property
+    def shown(self) -> str:
+        """Which configurations stand against the default, in words."""
+        if self.filters.configuration == ALL:
+            return "each configuration"
+        return "the best one" if self.filters.configuration == BEST else self.filters.configuration
 
     @property
     def vendors(self) -> dict[str, str]:

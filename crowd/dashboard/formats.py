@@ -32,6 +32,13 @@ def speedup(value: float | None) -> str:
     return ABSENT if value is None else significant(value) + TIMES
 
 
+def gain(value: float | None) -> str:
+    """A ratio of times in a sentence: a gain is called faster, a loss is not."""
+    if value is None or value >= 1:
+        return f"{speedup(value)} faster"
+    return f"{speedup(value)} as fast"
+
+
 def interval(low: float | None, high: float | None) -> str:
     """Both ends of a confidence interval of speedups, or ABSENT where none is due."""
     if low is None or high is None:

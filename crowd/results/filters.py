@@ -96,6 +96,11 @@ class SpeedupFilters:
         """Whether only sessions of some days count."""
         return self.since is not None or self.until is not None
 
+    @property
+    def leading(self) -> str:
+        """The configuration that a headline is about: `best` where all are shown."""
+        return BEST if self.configuration == ALL else self.configuration
+
     def query(self) -> str:
         """The shortest query string that means these filters, always in one order; "" for the defaults."""
         changed = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}

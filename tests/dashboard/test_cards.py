@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,8 +11,13 @@ from PIL import Image
 
 from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card, plain, png
 from crowd.dashboard.palette import LIGHT
+from crowd.dashboard.views import cards
+from crowd.results.filters import SpeedupFilters
+from crowd.results.rows import Speedup, Speedups
+from crowd.results.selectors import headline
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
+from tests.dashboard.rows import speedup
 
 
 def picture(card: Card) -> Image.Image:
@@ -66,3 +72,39 @@ def test_a_card_changes_with_its_figure(client: Client, participant: Participant
 
     assert client.get("/card.png")["ETag"] != empty
     assert client.get("/devices/nobody/card.png").status_code == 404
+
+
+@pytest.mark.django_db
+def test_a_card_is_kept_until_a_figure_changes_and_is_asked_about_each_time(
+    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measure(participant)
+    first = client.get("/card.png?vendor=Mali")
+    assert first["Cache-Control"] == "no-cache"
+
+    read = cards.results.speedups
+    asked = []
+    monkeypatch.setattr(cards.results, "speedups", lambda filters: asked.append(filters) or read(filters))
+    assert client.get("/card.png?vendor=Mali")["ETag"] == first["ETag"]
+    assert asked == []
+    assert client.get("/card.png")["ETag"] != first["ETag"]
+    assert len(asked) == 1
+
+
+def crowd(*rows: Speedup, **filters: Any) -> Speedups:
+    asked = SpeedupFilters(**filters)
+    return Speedups(asked, "kfusion-test", rows, headline(rows, asked.configuration))
+
+
+def test_a_card_says_what_it_is_about() -> None:
+    slow = cards.of_crowd(
+        crowd(speedup(0.5, configuration="accurate"), configuration="accurate", vendor="Mali")
+    )
+    suspect = cards.of_crowd(crowd(speedup(2.0, suspect=True)))
+
+    assert slow.title == "Configuration accurate over default, on one device"
+    assert slow.figure == "0.500\N{MULTIPLICATION SIGN} as fast"
+    assert slow.scope == "configuration accurate, Arm Mali"
+    assert (suspect.figure, suspect.scope) == ("2.00\N{MULTIPLICATION SIGN} faster", "")
+    assert suspect.note.startswith("Suspect: no session is valid. ")
+    assert png(slow) != png(replace(slow, scope=""))

@@ -13,6 +13,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content, retire
 from crowd.results import selectors
 from crowd.results.filters import SpeedupFilters
+from crowd.results.models import DeviceSpeedup, State
 from tests.crowd.documents import (
     device_document,
     front_document,
@@ -263,6 +264,41 @@ def test_the_crowd_is_parted_by_chip_and_system(
 
     assert "Mali 4.00x - 2 2" in text(page)
     assert 'href="/devices/?vendor=Mali"' in page.content.decode()
+    narrowed = client.get("/?os=android&min_sessions=1&soc=").url
+    assert 'href="/devices/?vendor=Mali&amp;os=android"' in client.get(narrowed).content.decode()
+
+
+def test_figures_of_another_configuration_bear_its_name(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    for model in ("Pixel 8", "Pixel 7"):
+        measure(join(), model, default_us=80_000, best_us=40_000)
+    accurate = front.configurations.get(name="accurate")
+    DeviceSpeedup.objects.update(configuration=accurate, speedup=0.5, state=State.SUSPECT)
+
+    page = read(client, "/?configuration=accurate")
+
+    assert "Configuration accurate: 0.500x as fast across 2 devices" in page
+    assert "Geometric mean speedup of accurate over default 0.500x" in page
+    assert "Time of the default configuration over time of accurate" in page
+    assert "accurate 2 frames" in page.replace("\N{NO-BREAK SPACE}", " ")
+    assert "Mali suspect 0.500x" in page
+    assert "0.500x faster" not in page
+    assert " of best over default" not in page
+
+
+def test_suspect_figures_are_marked_wherever_they_stand(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    for model in ("Pixel 8", "Pixel 7"):
+        measure(join(), model)
+    DeviceSpeedup.objects.update(state=State.SUSPECT)
+
+    devices = "devices=google-pixel-8,google-pixel-7"
+    assert read(client, f"/compare/?{devices}").count("x suspect") == 2
+    names = "configurations=default,best&device=google-pixel-8"
+    assert read(client, f"/compare/?{names}").count("x suspect") == 1
+    assert read(client, "/fronts/kfusion-test/").count("x suspect") == 1
 
 
 @pytest.mark.parametrize("query", ["since=yesterday", "min_sessions=0", "min_sessions=many"])

@@ -11,6 +11,7 @@ from crowd.dashboard.palette import LIGHT
 
 WIDTH, HEIGHT = 1200, 630
 MARGIN = 72
+SCOPE = 760  # pixels, beside the name
 PAPER = "#f4f6f5"
 # Bars between these heights; of more devices than fit, every n-th is drawn.
 TOP, BOTTOM = 440, 582
@@ -21,7 +22,7 @@ PITCHES = (3, 40)  # least and greatest width of a bar with its gap, pixels
 @dataclass(frozen=True)
 class Card:
     """What a card says. `bars` are the crowd's speedups, largest first; `lit` is the one it is about (None:
-    all of them).
+    all of them). `scope` is what is left of the crowd.
     """
 
     title: str
@@ -29,6 +30,7 @@ class Card:
     note: str
     bars: tuple[float, ...] = ()
     lit: int | None = None
+    scope: str = ""
 
 
 def png(card: Card) -> bytes:
@@ -37,6 +39,8 @@ def png(card: Card) -> bytes:
     draw = ImageDraw.Draw(image)
     draw.ellipse((MARGIN, 62, MARGIN + 28, 90), fill=LIGHT.best)
     draw.text((MARGIN + 44, 76), "Frontrunner", LIGHT.ink, _font(34), anchor="lm")
+    scope = _fitting(draw, card.scope, 26, SCOPE)
+    draw.text((WIDTH - MARGIN, 76), scope, LIGHT.muted, _font(26), anchor="rm")
     draw.text((MARGIN, 160), _fitting(draw, card.title, 46), LIGHT.ink, _font(46), anchor="lm")
     draw.text((MARGIN, 266), _fitting(draw, card.figure, 132), LIGHT.best, _font(132), anchor="lm")
     draw.text((MARGIN, 372), _fitting(draw, card.note, 30), LIGHT.muted, _font(30), anchor="lm")
@@ -81,9 +85,9 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return font
 
 
-def _fitting(draw: ImageDraw.ImageDraw, text: str, size: int) -> str:
-    """TEXT cut where the card ends."""
+def _fitting(draw: ImageDraw.ImageDraw, text: str, size: int, room: int = WIDTH - 2 * MARGIN) -> str:
+    """TEXT cut where ROOM (pixels) ends: by default where the card does."""
     shown = plain(text)
-    while draw.textlength(shown, _font(size)) > WIDTH - 2 * MARGIN:
+    while draw.textlength(shown, _font(size)) > room:
         shown = shown.removesuffix("...")[:-1].rstrip() + "..."
     return shown

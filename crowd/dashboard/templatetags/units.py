@@ -19,6 +19,7 @@ register = template.Library()
 
 FORMATS: dict[str, Callable[..., str]] = {
     "speedup": formats.speedup,
+    "gain": formats.gain,
     "milliseconds": formats.milliseconds,
     "fps": formats.frames_per_second,
     "frames": formats.frames,

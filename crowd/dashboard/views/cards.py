@@ -1,6 +1,7 @@
 """Pictures that links are shown with, drawn from the same rows as their pages."""
 
 import hashlib
+from collections.abc import Callable
 
 from django.core.cache import cache
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
@@ -13,38 +14,55 @@ from crowd.dashboard.figures.card import Card, png
 from crowd.dashboard.filtering import Filtering
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.views.page import found
+from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
 from crowd.results.rows import DeviceDetail, Headline, Speedups
 
-KEPT_SECONDS = 600
+KEPT_SECONDS = 60
 SIMULATED = "Simulated, not measured. "
+SUSPECT = "Suspect: no session is valid. "
 
 
 @require_safe
 def crowd_card(request: HttpRequest) -> HttpResponseBase:
     """The crowd's headline and bars, under the filters of the query string."""
-    return _picture(request, of_crowd(results.speedups(Filtering.of(request).filters)))
+    filters = Filtering.of(request).filters
+    # A front that is published or retired changes no figure.
+    front = results.measured_front(filters.application, filters.simulated)
+    return _picture(request, (filters.query(), front), lambda: of_crowd(results.speedups(filters)))
 
 
 @require_safe
 def device_card(request: HttpRequest, slug: str) -> HttpResponseBase:
     """A device's speedup, and its place among all."""
-    detail = found(results.device(slug))
-    return _picture(request, of_device(detail, results.speedups(_around(detail))))
+
+    def read() -> Card:
+        detail = found(results.device(slug))
+        return of_device(detail, results.speedups(_around(detail)))
+
+    return _picture(request, slug, read)
 
 
 def of_crowd(crowd: Speedups) -> Card:
     """What a link to the crowd under filters shows."""
     line = crowd.headline
-    label = SIMULATED if crowd.filters.simulated else ""
+    filters, scope = crowd.filters, crowd.filters.describe()
+    label = SIMULATED if filters.simulated else ""
     if line.geometric_mean is None:
-        return Card("Tuned on one machine.", "How fast on yours?", f"{label}No device has been measured yet.")
+        words = "No device matches these filters." if scope else "No device has been measured yet."
+        return Card("Tuned on one machine.", "How fast on yours?", f"{label}{words}", scope=scope)
     words = "on one device" if line.devices == 1 else f"across {line.devices:,} devices"
+    start = (
+        "Tuned on one machine,"
+        if filters.leading == BEST
+        else f"Configuration {filters.leading} over default,"
+    )
     return Card(
-        title=f"Tuned on one machine, faster {words}",
-        figure=formats.speedup(line.geometric_mean),
-        note=label + _certainty(line),
+        title=f"{start} {words}",
+        figure=formats.gain(line.geometric_mean),
+        note=label + (SUSPECT if line.suspect else "") + _certainty(line),
+        scope=scope,
         bars=tuple(row.speedup for row in crowd.rows),
     )
 
@@ -52,7 +70,7 @@ def of_crowd(crowd: Speedups) -> Card:
 def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
     """What a link to a device shows; its bar is lit among those of CROWD."""
     device, figure = detail.device, newest_figure(detail)
-    label = SIMULATED if device.simulated else ""
+    label = (SIMULATED if device.simulated else "") + (SUSPECT if figure and figure.suspect else "")
     if figure is None:
         return Card(device.title, "not measured yet", f"{label}No session of it counts so far.")
     keys = [row.key for row in crowd.rows]
@@ -62,7 +80,7 @@ def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
     )
     return Card(
         title=device.title,
-        figure=f"{formats.speedup(figure.speedup)} faster",
+        figure=formats.gain(figure.speedup),
         note=f"{label}Best over default configuration, {sessions}{interval}",
         bars=tuple(row.speedup for row in crowd.rows) if figure.key in keys else (),
         lit=keys.index(figure.key) if figure.key in keys else None,
@@ -80,13 +98,19 @@ def _certainty(line: Headline) -> str:
     return words if line.low is None else f"{words}, 95 % interval {formats.interval(line.low, line.high)}"
 
 
-def _picture(request: HttpRequest, card: Card) -> HttpResponseBase:
-    digest = hashlib.sha256(repr(card).encode()).hexdigest()[:32]
-    etag = quote_etag(digest)
-    if (unchanged := get_conditional_response(request, etag=etag)) is not None:
-        return unchanged
-    body = cache.get_or_set(f"card-{digest}", lambda: png(card), KEPT_SECONDS)
+def _picture(request: HttpRequest, key: object, read: Callable[[], Card]) -> HttpResponseBase:
+    """The picture of what READ answers, drawn once for all who ask for KEY while no figure changes."""
+    drawn = f"card-{_digest(repr((request.path, key, results.version())).encode())}"
+    body = cache.get(drawn)
+    if body is None:
+        body = png(read())
+        cache.set(drawn, body, KEPT_SECONDS)
     response = HttpResponse(body, content_type="image/png")
-    response["ETag"] = etag
-    response["Cache-Control"] = f"public, max-age={KEPT_SECONDS}"
-    return response
+    response["ETag"] = etag = quote_etag(_digest(body))
+    # Asked about each time: a new session shows at once.
+    response["Cache-Control"] = "no-cache"
+    return get_conditional_response(request, etag=etag, response=response) or response
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:32]

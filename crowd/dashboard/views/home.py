@@ -1,5 +1,9 @@
 """The home page."""
 
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
@@ -9,10 +13,14 @@ from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.race import race
 from crowd.fronts import selectors as published
 from crowd.results import selectors as results
+from crowd.results.filters import SpeedupFilters
+from crowd.results.rows import Share
 
 NEWEST = 6
 # What the crowd is broken down by, and what a page calls it.
 PARTS = {"vendor": "chip that computed", "soc": "system on a chip", "os": "operating system"}
+
+CONTAINED = ("soc", "os")  # filters that match anywhere in a text
 
 
 @filtered
@@ -29,9 +37,22 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "crowd": crowd,
             "front": front,
             "protocol": front.protocol if front else {},
-            "lanes": race(crowd.headline.geometric_mean),
-            "breakdowns": [(by, name, results.part(crowd, by)) for by, name in PARTS.items()],
+            "lanes": race(crowd.headline.geometric_mean, asked.filters.leading),
+            "breakdowns": [
+                (by, name, by in CONTAINED, _linked(results.part(crowd, by), by, asked.filters))
+                for by, name in PARTS.items()
+            ],
             "sessions": results.latest_sessions(NEWEST, asked.filters.simulated),
             "height": bars_height(len(crowd.rows)),
         },
     )
+
+
+def _linked(shares: Iterable[Share], by: str, filters: SpeedupFilters) -> list[tuple[Share, str]]:
+    """Each group BY something with the query that asks for it under the same FILTERS."""
+
+    def query(group: str) -> str:
+        change: dict[str, Any] = {by: group}
+        return replace(filters, **change).query()
+
+    return [(share, query(share.group)) for share in shares]
