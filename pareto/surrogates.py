@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from pareto.errors import StateError
-from pareto.forest import Forest
 from pareto.gaussian import SHARED, GaussianProcess, Posterior
 from pareto.history import History
 from pareto.improvement import expected_improvement
+from pareto.jury import Jury
 from pareto.screening import beside_front
 from pareto.space import Indices, Space
 from pareto.targets import TINY, Targets
@@ -41,13 +41,14 @@ SUCCESS = "success"
 CAUTIOUS, BOLD, BESIDE = 0, 1, 2  # opinions
 LEAST = 10  # points near the front from which it can be told which process foretells better
 TRUST = 2.0  # times its doubt about its own points, from all others: where a near process is to be believed
-TREES = 64  # that judge success
+FRESH = 20  # further points known, after which the trees that judge success are grown anew
 
 
 class Surrogates:
     """A process for each objective's target and, once there are failures, one for success (1, -1).
 
-    `recipes` tells how each was made, under the objective's number or SUCCESS, in plain JSON.
+    `recipes` tells how each was made, under the objective's number or SUCCESS, in plain JSON. The `jury` has
+    its own word on success.
     """
 
     def __init__(
@@ -58,11 +59,13 @@ class Surrogates:
         points: int,
         rng: np.random.Generator,
         recipes: Mapping[str, Recipe] | None = None,
+        jury: Jury | None = None,
     ) -> None:
         """Learn from at most `points` measurements near the front, and from as many successes and failures.
 
         The processes learn what `trend` leaves over. For those that `recipes` (of earlier surrogates) has,
-        neither the choice nor the hyperparameters are searched for again.
+        neither the choice nor the hyperparameters are searched for again; and their `jury` stays until FRESH
+        further points are known.
         """
         self.space = history.space
         self.targets = targets
@@ -81,9 +84,13 @@ class Surrogates:
             self._objectives.append(self._objective(str(number), rows, column))
         lost = ~self._near & any(learnt.near for learnt in self._objectives)
         self._success: GaussianProcess | None = None
+        self.jury: Jury | None = None
         good, bad = targets.indices[~lost], np.concatenate([history.failed(), targets.indices[lost]])
         if len(bad):
-            self._forest = self._trees(good, bad)
+            known = len(jury.good) + len(jury.bad) if jury else 0
+            if jury is None or len(good) + len(bad) >= known + FRESH:
+                jury = Jury(self.space, good, bad, seed=int(rng.integers(2**31)))
+            self.jury = jury
             good, bad = (rng.permutation(indices)[: points // 2] for indices in (good, bad))
             labels = np.concatenate([np.ones(len(good)), -np.ones(len(bad))])
             self._success = self._process(SUCCESS, np.concatenate([good, bad]), labels)
@@ -94,11 +101,9 @@ class Surrogates:
         features = self.space.features(indices)
         objectives = [learnt.process.at(features) for learnt in self._objectives]
         chance = np.ones(len(indices))
-        if self._success:
+        if self._success and self.jury:
             success = self._success.at(features)
-            # One tree more, undecided: nothing is impossible.
-            trees = (TREES * self._forest.predict(self.space.codes(indices)) + 0.5) / (TREES + 1)
-            chance = ndtr(success.mean / success.spread) * trees
+            chance = ndtr(success.mean / success.spread) * self.jury.chance(indices)
         cautious = chance.copy()
         for learnt, posterior, expected in zip(
             self._objectives, objectives, self._trend(indices).T, strict=True
@@ -124,12 +129,6 @@ class Surrogates:
         self.recipes[name] = _recipe(narrow, near=True)
         spread = max(float(column[some].std()), TINY)
         return Learnt(narrow, near=True, widest=spread, trusted=TRUST * narrow.doubt())
-
-    def _trees(self, good: Indices, bad: Indices) -> Forest:
-        codes = self.space.codes(np.concatenate([good, bad]))
-        labels = np.concatenate([np.ones(len(good)), np.zeros(len(bad))])
-        seed = int(self._rng.integers(2**31))
-        return Forest.grow(codes, labels, self.space.shape, seed=seed, trees=TREES)
 
     def _process(self, name: str, indices: Indices, column: Array) -> GaussianProcess:
         features, owner = self.space.features(indices), self.space.feature_owner

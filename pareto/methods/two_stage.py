@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pareto.history import History, read_index
+from pareto.jury import Jury
 from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample, spread_sample
 from pareto.screening import DRAWS, beside_front, candidates, free_points, screen
@@ -25,6 +26,7 @@ RENEWAL = 20  # proposals, at least, after which the space is screened and the m
 SELDOM = 10  # one in so many of the measurements: proposals after which they are, late
 GREEDY = 100  # of a batch that are chosen one after the other
 TURNS = (BOLD, BESIDE, CAUTIOUS)  # whose opinion decides, choice after choice
+NEIGHBOURS = 250  # of the front that are looked at for each proposal of a batch between two screenings
 CLIMBERS = 8  # best candidates whose neighbours are looked at, too
 CLIMBS = 8  # times at most
 
@@ -54,6 +56,7 @@ class TwoStage(Method):
     explore: int = 10
     _shortlist: list[int] = field(default_factory=list, init=False)
     _recipes: dict[str, Recipe] = field(default_factory=dict, init=False)
+    _jury: Jury | None = field(default=None, init=False)
     _since: int = field(default=0, init=False)  # proposals from both
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
@@ -80,19 +83,23 @@ class TwoStage(Method):
         return chosen + [(index, RANDOM) for index in rest.tolist()]
 
     def memory(self) -> dict[str, Any]:
-        """Return what small batches share: the present shortlist and the recipes of the models."""
+        """Return what small batches share: the present shortlist, the recipes of the models and the jury."""
         return {
             "shortlist": self._shortlist,
             "recipes": self._recipes,
+            "jury": self._jury and self._jury.to_dict(),
             "since": self._since,
         }
 
     def recall(self, memory: Mapping[str, Any], space: Space) -> None:
         """Take back what `memory` returned; without it, the next batch screens the space anew."""
         self._shortlist = [read_index(space, index) for index in memory.get("shortlist", [])]
-        self._recipes = {
-            str(name): read_recipe(recipe, space) for name, recipe in memory.get("recipes", {}).items()
-        }
+        recipes = memory.get("recipes", {}).items()
+        # Earlier recipes do not say which points they are for: the next batch screens the space anew.
+        whole = all("near" in recipe for _, recipe in recipes)
+        self._recipes = {str(name): read_recipe(recipe, space) for name, recipe in recipes if whole}
+        jury = memory.get("jury")
+        self._jury = None if jury is None else Jury.read(jury, space)
         self._since = int(memory.get("since", 0))
 
     def _first(
@@ -129,16 +136,17 @@ class TwoStage(Method):
                 found = candidates(screening, targets, history.space, self.candidates, rng)
             surrogates = Surrogates(history, targets, trend, self.points, rng)
         else:
-            around = rng.permutation(beside_front(targets, history.space))[: self.candidates]
+            around = rng.permutation(beside_front(targets, history.space))
+            around = around[: min(self.candidates, max(SHORTLIST, NEIGHBOURS * count))]
             found = np.union1d(self._shortlist, around).astype(np.int64)
-            surrogates = Surrogates(history, targets, trend, self.points, rng, self._recipes)
+            surrogates = Surrogates(history, targets, trend, self.points, rng, self._recipes, self._jury)
         found = found[~np.isin(found, np.fromiter(taken, dtype=np.int64))]
         if len(found) == 0:
             return []
         found = _shortlist(surrogates, found, taken, max(SHORTLIST, 5 * count), rng)
-        self._shortlist, self._recipes = found.tolist(), surrogates.recipes
+        self._shortlist, self._recipes, self._jury = found.tolist(), surrogates.recipes, surrogates.jury
         waiting = np.array([*history.pending, *also_taken], dtype=np.int64)
-        return _greedy(surrogates, found, waiting, count, self._since, rng)
+        return _greedy(surrogates, found, waiting, count, len(taken), rng)
 
 
 def _shortlist(
@@ -182,8 +190,8 @@ def _greedy(
 ) -> list[int]:
     """Return `count` of `found`, each the best once those before it turn out as expected.
 
-    Those `waiting` are under way already and are supposed first. The opinions take TURNS, as `turn` counts;
-    who sees nothing left to gain passes.
+    Those `waiting` are under way already and are supposed first. The opinions take TURNS, the first of them
+    the one of number `turn`; who sees nothing left to gain passes.
     """
     reference = surrogates.targets.reference
     front = surrogates.targets.values[surrogates.targets.front]

@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 
 from pareto import Explorer, Objective, Space
 from pareto.errors import ConfigurationError, MethodError, ObjectiveError, StateError
+from pareto.forest import Forest
 from pareto.front import nondominated
 from pareto.hypervolume import hypervolume
-from pareto.methods import METHODS
+from pareto.jury import TREES
+from pareto.methods import METHODS, two_stage
 
 SPACE = Space.from_dict(
     {
@@ -360,6 +362,44 @@ def test_batches_of_one_share_a_screening_and_find_the_front_as_well():
     true_front = {tuple(point) for point in points[nondominated(points)]}
     found = {(values["error"], values["seconds"]) for _, values in explorer.front()}
     assert len(true_front & found) >= 0.6 * len(true_front)
+
+
+@pytest.mark.parametrize("batch", [1, 2])
+def test_every_opinion_has_its_turn_in_small_batches_that_remember_nothing(batch, monkeypatch):
+    turns = []
+    greedy = two_stage._greedy
+
+    def noted(surrogates, found, waiting, count, turn, rng):
+        turns.extend((turn + number) % 3 for number in range(count))
+        return greedy(surrogates, found, waiting, count, turn, rng)
+
+    monkeypatch.setattr(two_stage, "_greedy", noted)
+    explorer = explorer_of("two-stage")
+    spend(explorer, 8)
+    for _ in range(9 // batch):
+        explorer = Explorer.restore(SPACE, explorer.state() | {"memory": {}})
+        spend(explorer, batch, batch)
+    assert len(turns) >= 6
+    assert min(map(turns.count, range(3))) >= len(turns) // 4
+
+
+def test_small_batches_share_the_trees_and_restore_with_them(monkeypatch):
+    grown = []
+    grow = Forest.grow.__func__
+
+    def noted(kind, codes, targets, shape, *, seed, trees, **more):
+        grown.append(trees)
+        return grow(kind, codes, targets, shape, seed=seed, trees=trees, **more)
+
+    monkeypatch.setattr(Forest, "grow", classmethod(noted))
+    explorer = explorer_of("two-stage")
+    spend(explorer, 20, measure=lambda item: measure(item) if item["fast"] else None)
+    grown.clear()
+    spend(explorer, 20, batch=1)
+    assert 0 < grown.count(TREES) <= 2
+    restored = Explorer.restore(SPACE, json.loads(json.dumps(explorer.state())))
+    assert spend(restored, 4, batch=1) == spend(explorer, 4, batch=1)
+    assert restored.state() == explorer.state()
 
 
 def test_a_batch_spreads_along_the_front_instead_of_crowding_at_its_best_point():
