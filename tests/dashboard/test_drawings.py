@@ -3,21 +3,27 @@
 import csv
 import io
 import json
+import re
 from dataclasses import replace
+from html import unescape
 from typing import Any
 
 import pytest
 from django.test import Client, RequestFactory
+from django.urls import reverse
 
 from crowd.dashboard.drawings import DRAWINGS
-from crowd.dashboard.drawings.drawing import Table
+from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.serving import csv_of, json_of
-from crowd.devices.models import DeviceModel
+from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
 from crowd.results import selectors
 from crowd.results.filters import SpeedupFilters
+from crowd.results.models import MeasurementSession
 from tests.crowd.documents import session_document, submission_document
 from tests.crowd.participant import Participant
+from tests.dashboard import searches
+from tests.dashboard.measuring import measure
 
 
 def test_every_drawing_has_addresses_of_its_own() -> None:
@@ -53,31 +59,73 @@ def test_what_is_no_number_is_absent() -> None:
     assert document["page"] == "http://testserver/devices/?gpu=mali"
 
 
-@pytest.mark.django_db
-def test_numbers_and_embedding_of_every_figure_of_a_session(client: Client, participant: Participant) -> None:
-    session = session_document()
-    participant.submit(submission_document(session))
-    paths = {
-        "speedups": "",
-        f"sessions/{session['id']}/frames": "",
-        f"sessions/{session['id']}/stages": "",
-        f"runs/{session['runs'][0]['id']}/stages": "",
-        "fronts/kfusion-test": "",
-    }
+# Drawings of what devices measured; the others are of fronts, searches and the shipped surface.
+MEASURED = ("device", "session", "run", "compare", "speedups", "transfer")
 
-    for path in paths:
-        lines = list(csv.DictReader(io.StringIO(client.get(f"/tables/{path}.csv").content.decode())))
-        document = client.get(f"/tables/{path}.json").json()
-        embed = client.get(f"/embed/{path}/")
-        assert list(lines[0]) == document["columns"], path
-        assert len(lines) == len(document["rows"]) > 0, path
+
+@pytest.mark.django_db
+def test_every_figure_gives_its_numbers_and_a_page_to_embed(
+    client: Client, participant: Participant, pack: dict[str, Any]
+) -> None:
+    session = measure(participant)
+    search = searches.exploration(pack)
+    searches.measure(search, searches.KNOWN)
+    known = {"key": search.pk, "objective": "runtime"} | arguments(session)
+
+    for drawing in DRAWINGS:
+        table, document, embed = asked(client, drawing, known)
+        lines = list(csv.DictReader(io.StringIO(table.content.decode())))
+        page = embed.content.decode().replace("\N{NO-BREAK SPACE}", " ")
+        assert len(lines) == len(document["rows"]), drawing.name
+        assert all(list(line) == document["columns"] for line in lines), drawing.name
+        assert (document["definition"], document["simulated"]) == (drawing.definition, False), drawing.name
         assert document["licence"]["name"] == "CC-BY-4.0"
-        assert f'data-figure="/figures/{path}.json"' in embed.content.decode()
-        assert document["n"] in embed.content.decode().replace("\N{NO-BREAK SPACE}", " ")
+        assert 'data-figure="/figures/' in page, drawing.name
+        assert document["n"], drawing.name
+        assert document["n"] in page, drawing.name
+        assert drawing.definition in unescape(page), drawing.name
+        assert "imulated" not in page, drawing.name
         assert "frame-ancestors *;" in embed["Content-Security-Policy"] + ";"
         assert "X-Frame-Options" not in embed
         assert not embed.cookies
     assert "frame-ancestors 'none'" in client.get("/")["Content-Security-Policy"]
+
+
+@pytest.mark.django_db
+def test_every_figure_of_simulated_devices_says_so(client: Client, participant: Participant) -> None:
+    Installation.objects.update(simulated=True)
+    known = arguments(measure(participant))
+
+    for drawing in DRAWINGS:
+        if drawing.name.startswith(MEASURED):
+            _, document, embed = asked(client, drawing, known, "simulated=1")
+            assert document["simulated"] is True, drawing.name
+            assert "imulated" in embed.content.decode(), drawing.name
+
+
+def arguments(session: dict[str, Any]) -> dict[str, Any]:
+    """What the addresses of SESSION's drawings take; a uuid is the session's."""
+    device = MeasurementSession.objects.get(uuid=session["id"]).device
+    return {"slug": device.slug, "uuid": session["id"], "run": session["runs"][0]["id"]}
+
+
+def asked(
+    client: Client, drawing: Drawing[Any], known: dict[str, Any], query: str = ""
+) -> tuple[Any, Any, Any]:
+    """DRAWING's numbers as CSV and as JSON, and its page to embed."""
+    if drawing.name.startswith("front"):
+        known = known | {"slug": "kfusion-test"}
+    if drawing.name.startswith("run"):
+        known = known | {"uuid": known["run"]}
+    if drawing.name == "compare":
+        query = f"device={known['slug']}&configurations=default,best"
+    needed = {name: known[name] for name in re.findall(r"<\w+:(\w+)>", drawing.path)}
+    table, document, embed = (
+        client.get(reverse(f"dashboard:{drawing.name}-{kind}", kwargs=needed) + f"?{query}")
+        for kind in ("csv", "json", "embed")
+    )
+    assert (table.status_code, document.status_code, embed.status_code) == (200, 200, 200), drawing.name
+    return table, document.json(), embed
 
 
 @pytest.mark.django_db
