@@ -30,6 +30,8 @@ run: $(VENV)/.installed
 serve: $(VENV)/.installed
 	@$(BIN)/python manage.py serve
 
+# Two processes of tests share the cores: BLAS's threads would only wait for each other.
+test: export OPENBLAS_NUM_THREADS := 1
 test: $(VENV)/.installed-development
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
