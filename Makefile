@@ -33,7 +33,7 @@ serve: $(VENV)/.installed
 # Two processes of tests share the cores: BLAS's threads would only wait for each other.
 test: export OPENBLAS_NUM_THREADS := 1
 test: $(VENV)/.installed-development
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 2
 
 check: $(VENV)/.installed-development
 	$(BIN)/ruff check .

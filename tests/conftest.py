@@ -5,6 +5,7 @@ from typing import Any
 
 import hypothesis
 import pytest
+from xdist.scheduler import LoadScopeScheduling
 
 from crowd.celery import app
 
@@ -17,25 +18,20 @@ hypothesis.settings.load_profile("patient")
 app.conf.update(task_always_eager=True, task_eager_propagates=True, broker_url="memory://")
 
 
-ROOT = Path(__file__).parent
 # Their tests start servers, workers and browsers, and wait for them: one after another, beside the rest.
-ONE_BY_ONE = ("services", "browser")
+ONE_BY_ONE = ("tests/services/", "tests/browser/")
 
 
-@pytest.hookimpl(tryfirst=True)  # pytest-xdist reads the groups in the same hook
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Where pytest-xdist spreads the tests: those that start programs in one process, the others by file.
+class ByRoom(LoadScopeScheduling):
+    """Where pytest-xdist spreads the tests: those that start programs in one process, the others by file."""
 
-    The former come first, because they take longest.
-    """
+    def _split_scope(self, nodeid: str) -> str:
+        return "programs" if nodeid.startswith(ONE_BY_ONE) else nodeid.split("::")[0]
 
-    def room(item: pytest.Item) -> str:
-        return item.path.relative_to(ROOT).parts[0]
 
-    for item in items:
-        group = "programs" if room(item) in ONE_BY_ONE else str(item.path)
-        item.add_marker(pytest.mark.xdist_group(group))
-    items.sort(key=lambda item: room(item) not in ONE_BY_ONE)
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ByRoom:
+    return ByRoom(config, log)
 
 
 @pytest.fixture(autouse=True)
