@@ -127,9 +127,9 @@ class Parameter:
             if "values" in description:
                 raise SpaceError(f"parameter {name!r}: give values or {given[0]}, not both")
         values = description.get("values")
-        if values is None and kind == "boolean":
+        if "values" not in description and kind == "boolean":
             values = (False, True)
-        elif values is None and kind in ("integer", "real"):
+        elif "values" not in description and kind in ("integer", "real"):
             values = spaced(description)
         elif not isinstance(values, (list, tuple)):
             raise SpaceError(f"parameter {name!r}: values must be a list, not {values!r}")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pareto.errors import SpaceError
@@ -126,6 +126,7 @@ FIELD = st.fixed_dictionaries(
 
 @settings(deadline=None, max_examples=300)
 @given(FIELD)
+@example({"name": "a", "type": "boolean", "values": None})
 def test_nothing_that_breaks_the_schema_is_accepted_and_nothing_crashes(parameter):
     description = {"parameters": [parameter]}
     try:
