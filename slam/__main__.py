@@ -9,10 +9,10 @@ from collections.abc import Sequence as Ordered
 
 from slam import commands
 from slam.arguments import UsageError
+from slam.configuration import ConfigurationError
 from slam.datasets import SequenceError
 from slam.datasets import commands as dataset_commands
 from slam.isolated import NO_DEVICE
-from slam.kfusion.configuration import ConfigurationError
 from slam.opencl import NoDeviceError, OpenCLError
 from slam.report import ReportError
 from slam.report_page import MissingPlotlyError

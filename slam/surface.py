@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.benchmark import Report
-from slam.kfusion.configuration import ConfigurationError
+from slam.configuration import ConfigurationError
 from slam.opencl import OpenCLError
 from slam.protocol import VALID_BELOW
 from slam.report_page import escape, plotly

@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import msgspec
 
 from crowd.fronts.selectors import BEST, DEFAULT
+from slam.configuration import ConfigurationError
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
-from slam.kfusion.configuration import ConfigurationError
 
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
 REMEDIES = {

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
+
+from slam.configuration import ConfigurationError, finite, whole
 
 # Constants of SLAMBench's KinectFusion; lengths in metres.
 BILATERAL_SPATIAL_SIGMA = 4.0  # pixels
@@ -20,10 +21,6 @@ NEAR_PLANE = 0.4
 FAR_PLANE = 4.0
 FRAMES_WITHOUT_TRACKING = 4  # frames 0 to 3 are integrated where the camera starts
 LEVELS = 3
-
-
-class ConfigurationError(ValueError):
-    """A parameter that KinectFusion does not have, or a value that it cannot run."""
 
 
 @dataclass(frozen=True)
@@ -49,17 +46,9 @@ class Configuration:
 
     def __post_init__(self) -> None:
         for name, least in _WHOLE.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or value % 1 != 0:
-                raise ConfigurationError(f"{name}={value!r}: must be a whole number")
-            if value < least:
-                raise ConfigurationError(f"{name}={value!r}: must be at least {least}")
-            object.__setattr__(self, name, int(value))
+            object.__setattr__(self, name, whole(name, getattr(self, name), least))
         for name in ("mu", "icp_threshold"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise ConfigurationError(f"{name}={value!r}: must be a finite number")
-            object.__setattr__(self, name, float(value))
+            object.__setattr__(self, name, finite(name, getattr(self, name)))
         if self.mu <= 0:
             raise ConfigurationError(f"mu={self.mu!r}: must be above 0 (metres)")
         if self.icp_threshold < 0:

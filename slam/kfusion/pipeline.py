@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.kfusion.configuration import FRAMES_WITHOUT_TRACKING, LEVELS, Configuration, ConfigurationError
+from slam.configuration import ConfigurationError
+from slam.kfusion.configuration import FRAMES_WITHOUT_TRACKING, LEVELS, Configuration
 from slam.kfusion.preprocessing import Preprocessing
 from slam.kfusion.raycasting import Model
 from slam.kfusion.tracking import Tracking

@@ -5,7 +5,8 @@ import pytest
 
 from slam.benchmark import run
 from slam.datasets import SequenceError, open_sequence
-from slam.kfusion.configuration import STANDARD, ConfigurationError
+from slam.configuration import ConfigurationError
+from slam.kfusion.configuration import STANDARD
 from slam.opencl import NoDeviceError
 from slam.system import STAGES
 from tests.slam.sequences import ArraySequence

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from slam.kfusion.configuration import ANDROID_APP, DEFAULT, Configuration, ConfigurationError
+from slam.configuration import ConfigurationError
+from slam.kfusion.configuration import ANDROID_APP, DEFAULT, Configuration
 
 
 def test_absent_parameters_take_slambench_defaults():

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from slam.camera import Camera
-from slam.kfusion.configuration import Configuration, ConfigurationError
+from slam.configuration import ConfigurationError
+from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
 from slam.kfusion.reference import exponential
 from slam.opencl import DeviceMemoryError, Session

@@ -1,0 +1,1 @@
+"""ElasticFusion: a surfel map that loops deform (Whelan et al. 2015)."""

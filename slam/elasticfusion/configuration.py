@@ -1,0 +1,109 @@
+"""The eight algorithmic parameters of ElasticFusion, its further thresholds, and its constants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from slam.configuration import ConfigurationError, finite, flag, whole
+
+# Constants of the published system; lengths in metres, angles in radians unless said otherwise.
+NEAREST = 0.3  # what a sensor says of nearer things is not believed
+FARTHEST = 20.0  # surfels are predicted and tracked against up to here
+REFERENCE_PIXELS = 640 * 480  # thresholds on numbers of pixels are for this size
+LEVELS = 3
+ITERATIONS = (10, 5, 4)  # of the registration, finest level first
+MIN_VELOCITY_WEIGHT = 0.5  # what a frame of a fast camera counts
+FULL_WEIGHT_BELOW = 0.01  # metres or radians a frame: linear from weight 1 at rest to the least weight here
+LARGEST_RGB_STEP = 0.3  # metres a frame; a larger step that colour had a part in is refused
+LOST_ICP_ERROR = 1e-4  # of the registration to the model, at REFERENCE_PIXELS
+LOST_COVARIANCE = 1e-4  # of each of the six degrees of freedom
+LOST_AFTER = 10  # failures in a row; one more and the camera is lost
+ICP_ONLY = 100.0  # icp_weight from which colour has no part
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One point of the design space, and settings that are no part of it; the defaults are the paper's.
+
+    icp_weight: weight of the point-to-plane error beside the photometric one; 0 is colour alone, 100 or more
+    depth alone. depth_cutoff: metres beyond which depth is not used. confidence_threshold: confidence from
+    which a surfel is stable. disable_so3: no alignment of colour images by rotation before the registration.
+    open_loop: no loops are closed, and the whole map is active. relocalisation: whether a lost camera is
+    noticed and found again. fast_odometry: colour is registered at the finest level only.
+    frame_to_frame_rgb: colour is registered to the previous frame instead of the model.
+
+    time_window: frames for which a surfel stays active. icp_count_threshold, icp_error_threshold: a local
+    loop must be registered with more inliers and a smaller error (both at 640x480); covariance_threshold:
+    and no larger variance. photometric_threshold: mean L1 distance of colours (three channels of 0 to 255)
+    below which a fern's view is recognised. fern_threshold: dissimilarity above which a view is a new
+    keyframe. surfel_capacity: surfels the map can hold. seed: of the random ferns.
+    """
+
+    icp_weight: float = 10.0
+    depth_cutoff: float = 3.0
+    confidence_threshold: int = 10
+    disable_so3: bool = False
+    open_loop: bool = False
+    relocalisation: bool = True
+    fast_odometry: bool = False
+    frame_to_frame_rgb: bool = False
+    time_window: int = 200
+    icp_count_threshold: int = 35_000
+    icp_error_threshold: float = 5e-5
+    covariance_threshold: float = 1e-5
+    photometric_threshold: float = 115.0
+    fern_threshold: float = 0.3095
+    surfel_capacity: int = 3_000_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, least in _WHOLE.items():
+            object.__setattr__(self, name, whole(name, getattr(self, name), least))
+        for name in _FLAGS:
+            object.__setattr__(self, name, flag(name, getattr(self, name)))
+        for name in _POSITIVE:
+            value = finite(name, getattr(self, name))
+            if value <= 0:
+                raise ConfigurationError(f"{name}={value!r}: must be above 0")
+            object.__setattr__(self, name, value)
+        weight, cutoff = finite("icp_weight", self.icp_weight), finite("depth_cutoff", self.depth_cutoff)
+        if weight < 0:
+            raise ConfigurationError(f"icp_weight={weight!r}: must be 0 (colour alone) or more")
+        if not NEAREST < cutoff <= FARTHEST:
+            raise ConfigurationError(
+                f"depth_cutoff={cutoff!r}: must be above {NEAREST} and at most {FARTHEST:g} (metres)"
+            )
+        object.__setattr__(self, "icp_weight", weight)
+        object.__setattr__(self, "depth_cutoff", cutoff)
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Configuration:
+        """A configuration from names and values; absent names take their default.
+
+        Raises ConfigurationError for an unknown name or an impossible value.
+        """
+        known = [field.name for field in fields(cls)]
+        unknown = sorted(set(values) - set(known))
+        if unknown:
+            raise ConfigurationError(
+                f"unknown parameter {', '.join(unknown)}: ElasticFusion has {', '.join(known)}"
+            )
+        return cls(**values)
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+_WHOLE = {
+    "confidence_threshold": 1,
+    "time_window": 1,
+    "icp_count_threshold": 0,
+    "surfel_capacity": 1,
+    "seed": 0,
+}
+_FLAGS = ("disable_so3", "open_loop", "relocalisation", "fast_odometry", "frame_to_frame_rgb")
+_POSITIVE = ("icp_error_threshold", "covariance_threshold", "photometric_threshold", "fern_threshold")
+
+DEFAULT = Configuration()
