@@ -211,7 +211,7 @@ class Session:
 
 
 class BoundKernel:
-    """A kernel whose arguments stay the same from frame to frame: launching it costs one call."""
+    """A kernel whose arguments stay the same from frame to frame, but for few: launching it costs one call."""
 
     def __init__(
         self,
@@ -221,13 +221,19 @@ class BoundKernel:
         group: tuple[int, ...],
         arguments: tuple[Any, ...],
     ) -> None:
-        self._arguments = arguments  # OpenCL itself does not keep a kernel's buffers alive
+        self._arguments = list(arguments)  # OpenCL itself does not keep a kernel's buffers alive
         self._queue = queue
         self._kernel = kernel
         self._size = size
         self._group = group
 
-    def __call__(self) -> None:
+    def __call__(self, size: tuple[int, ...] | None = None) -> None:
+        """Enqueue it, over `size` work-items where that differs from launch to launch."""
         import pyopencl as cl
 
-        cl.enqueue_nd_range_kernel(self._queue, self._kernel, self._size, self._group)
+        cl.enqueue_nd_range_kernel(self._queue, self._kernel, size or self._size, self._group)
+
+    def set(self, index: int, value: Any) -> None:
+        """Another value for one argument, from the next launch on."""
+        self._arguments[index] = value
+        self._kernel.set_arg(index, _argument(value))

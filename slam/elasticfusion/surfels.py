@@ -1,0 +1,121 @@
+"""The map: an array of surfels on the device, in the order in which they were born."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.opencl import BoundKernel, Session
+
+RUN = 1024  # surfels that one work-item walks in the layout by rows; `surfels.h` has the same
+GROUP = 64  # work-items of a group in the layout by pixels
+
+# A surfel on the host. position: metres in the world; confidence: above 0, of a removed one 0; normal: of unit
+# length, in the world, towards the cameras that saw it; radius: metres; colour: r | g << 8 | b << 16; born and
+# seen: the ticks of the first and of the last frame that measured it.
+SURFEL = np.dtype(
+    [
+        ("position", np.float32, 3),
+        ("confidence", np.float32),
+        ("normal", np.float32, 3),
+        ("radius", np.float32),
+        ("colour", np.uint32),
+        ("born", np.int32),
+        ("seen", np.int32),
+    ]
+)
+
+
+class MapFullError(RuntimeError):
+    """The map has no room for what a frame adds; the message says what would give it room."""
+
+
+class Surfels:
+    """At most `capacity` surfels, of which the first `count` places are in use (44 bytes each).
+
+    place: float4 (x, y, z, confidence); face: float4 (nx, ny, nz, radius); colour: uint32; born and seen:
+    int32. Places are sorted by `born`. A removed surfel keeps its place, with confidence 0, until the map is
+    compacted: every kernel skips it.
+    Raises DeviceMemoryError when the device cannot hold them.
+    """
+
+    def __init__(self, session: Session, capacity: int) -> None:
+        what = f"surfel_capacity={capacity}"
+        self.capacity = capacity
+        self.count = 0
+        self.session = session
+        self.place = session.buffer(16 * capacity, what)
+        self.face = session.buffer(16 * capacity, what)
+        self.colour = session.buffer(4 * capacity, what)
+        self.born = session.buffer(4 * capacity, what)
+        self.seen = session.buffer(4 * capacity, what)
+
+    @property
+    def runs(self) -> int:
+        """How many runs of RUN places those in use take."""
+        return -(-self.count // RUN)
+
+    def kernel(self, source: Path, name: str, *arguments: Any) -> SurfelKernel:
+        """The kernel `name` of a file over all surfels, whenever it is launched: EACH_SURFEL(i, count).
+
+        Its first argument, `int count`, is given by the launch; `arguments` are those that follow.
+        """
+        _, group = self._over()
+        return SurfelKernel(self, self.session.kernel(source, name, group, self.count, *arguments, group=group))
+
+    def read(self, removed: bool = False) -> NDArray[Any]:
+        """The living surfels as an array of SURFEL, in the map's order; with `removed`, every place in use."""
+        import pyopencl as cl
+
+        surfels = np.zeros(self.count, SURFEL)
+        if self.count == 0:
+            return surfels
+        place, face = np.empty((self.count, 4), np.float32), np.empty((self.count, 4), np.float32)
+        queue = self.session.queue
+        cl.enqueue_copy(queue, place, self.place)
+        cl.enqueue_copy(queue, face, self.face)
+        for name in ("colour", "born", "seen"):
+            column = np.empty(self.count, SURFEL[name])
+            cl.enqueue_copy(queue, column, getattr(self, name))
+            surfels[name] = column
+        surfels["position"], surfels["confidence"] = place[:, :3], place[:, 3]
+        surfels["normal"], surfels["radius"] = face[:, :3], face[:, 3]
+        return surfels if removed else surfels[surfels["confidence"] > 0]
+
+    def write(self, surfels: NDArray[Any]) -> None:
+        """Replace the map by an array of SURFEL, sorted by `born`. Raises MapFullError where it does not fit."""
+        import pyopencl as cl
+
+        if len(surfels) > self.capacity:
+            raise MapFullError(f"{len(surfels)} surfels in a map for {self.capacity}: raise surfel_capacity")
+        self.count = len(surfels)
+        if self.count == 0:
+            return
+        queue = self.session.queue
+        cl.enqueue_copy(queue, self.place, np.column_stack([surfels["position"], surfels["confidence"]]))
+        cl.enqueue_copy(queue, self.face, np.column_stack([surfels["normal"], surfels["radius"]]))
+        for name in ("colour", "born", "seen"):
+            cl.enqueue_copy(queue, getattr(self, name), np.ascontiguousarray(surfels[name]))
+
+    def _over(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Global and local size of a kernel over all surfels, as the session's layout says."""
+        if not self.session.layout.pixels:
+            return (self.runs,), (1,)
+        return (-(-self.count // GROUP) * GROUP,), (GROUP,)
+
+
+class SurfelKernel:
+    """A kernel over all surfels there are at the time of each launch."""
+
+    def __init__(self, surfels: Surfels, kernel: BoundKernel) -> None:
+        self._surfels = surfels
+        self._kernel = kernel
+
+    def __call__(self) -> None:
+        """Enqueue it; over an empty map there is nothing to do."""
+        if self._surfels.count:
+            self._kernel.set(0, self._surfels.count)
+            self._kernel(self._surfels._over()[0])
