@@ -17,8 +17,8 @@ from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.opencl import Session, choose_device
 from slam.power import EnergyMeter
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
-from slam.system import STAGES, Scene, System
-from slam.systems import create, open_session
+from slam.system import STAGES, Revising, Scene, System
+from slam.systems import create, needs_colour, open_session
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 
 # Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
@@ -63,8 +63,9 @@ class FrameTimes:
 class Report:
     """What a run measured.
 
-    `poses` (n, 4, 4) are those after each frame, in the system's own world. `ate` is None where no frame
-    has a true pose. `cpu_seconds` counts all threads during the computation of the frames only.
+    `poses` (n, 4, 4) are the trajectory as the system believes it in the end, in its own world: where it
+    closes loops not always what it said after each frame, whose error is `ate_online` (None for a system
+    that corrects nothing). Errors are None where no frame has a true pose. `cpu_seconds` counts all threads during the computation of the frames only.
     `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what
     `energy_source` (see `slam.power`) took during the computation; they are None where the platform does not
     tell.
@@ -78,6 +79,7 @@ class Report:
     timestamps: npt.NDArray[np.float64] = field(repr=False)
     poses: npt.NDArray[np.float64] = field(repr=False)
     ate: AbsoluteTrajectoryError | None
+    ate_online: AbsoluteTrajectoryError | None
     cpu_seconds: float
     peak_memory_bytes: int | None
     energy_joules: float | None
@@ -112,13 +114,18 @@ class Report:
             "device": dict(self.device),
             "frames": frames,
             "runtime": self.runtime,
-            "ate": ate and {name: getattr(ate, name) for name in ("mean", "max", "rmse", "rmse_aligned")},
+            "ate": _figures(ate),
+            **({} if self.ate_online is None else {"ate_online": _figures(self.ate_online)}),
             "valid": self.valid,
             "cpu_seconds": self.cpu_seconds,
             "peak_memory_bytes": self.peak_memory_bytes,
             "energy_joules": self.energy_joules,
             "energy_source": self.energy_source,
         }
+
+
+def _figures(ate: AbsoluteTrajectoryError | None) -> dict[str, float] | None:
+    return ate and {name: getattr(ate, name) for name in ("mean", "max", "rmse", "rmse_aligned")}
 
 
 def run(
@@ -140,7 +147,8 @@ def run(
     the sequence's own, then to DEFAULT_*. `observe` sees the system after every frame, to draw pictures: its
     time is a frame's `rendering`, which is no part of the computation. OpenCL does not survive a fork: call
     this in a process that never forks afterwards.
-    Raises SequenceError for a bad number of frames or a damaged frame, ValueError for an unknown system,
+    Raises SequenceError for a bad number of frames, a damaged frame, or a sequence without colour where the
+    system needs it, ValueError for an unknown system,
     ConfigurationError for a bad parameter, OpenCLError where the device is missing or too small.
     """
     count = len(sequence) if frames is None else frames
@@ -150,6 +158,12 @@ def run(
         volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE
     if initial_position is None:
         initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
+    coloured = needs_colour(system)
+    if coloured and sequence.colour(0) is None:
+        raise SequenceError(
+            f"{sequence.name!r} has no colour, which {system} needs: give a sequence with colour; that of a "
+            "pack lies beside it in the folder NAME-colour"
+        )
     scene = Scene(sequence.camera, volume_size, initial_position)
     session = device if isinstance(device, Session) else open_session(system, choose_device(device))
     running = create(system, configuration, scene, session)
@@ -163,10 +177,11 @@ def run(
     for index in range(count):
         began = time.perf_counter()
         depth = sequence.depth(index)
+        colour = sequence.colour(index) if coloured else None
         acquired = time.perf_counter()
         energy, cpu = meter.read(), time.process_time()
         computing = time.perf_counter()
-        result = running.process(depth)
+        result = running.process(depth, colour)
         done = time.perf_counter()
         cpu_seconds += time.process_time() - cpu
         used = meter.joules(energy, meter.read())
@@ -190,7 +205,8 @@ def run(
         )
         if progress:
             progress(index + 1, count)
-    estimate = np.array(poses)
+    online = np.array(poses)
+    estimate = running.poses() if isinstance(running, Revising) else online
     return Report(
         system=system,
         configuration=running.configuration(),
@@ -206,6 +222,7 @@ def run(
         timestamps=sequence.timestamps[:count],
         poses=estimate,
         ate=_error(estimate, sequence, count),
+        ate_online=_error(online, sequence, count) if isinstance(running, Revising) else None,
         cpu_seconds=cpu_seconds,
         peak_memory_bytes=_peak_memory(),
         energy_joules=joules,
@@ -230,7 +247,7 @@ def _warm_up(system: str, session: Session) -> None:
     scene = Scene(Camera(64, 64, 32, 32, 64, 64), DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
     running = create(system, {}, scene, session)
     for _ in range(6):
-        running.process(np.full((64, 64), 1500, np.uint16))
+        running.process(np.full((64, 64), 1500, np.uint16), np.full((64, 64, 3), 128, np.uint8))
 
 
 def _reset_peak_memory() -> None:

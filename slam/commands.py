@@ -25,8 +25,8 @@ from slam.datasets import Sequence, open_sequence
 from slam.evaluation import evaluate
 from slam.opencl import Session, choose_device, list_devices
 from slam.render import Renderer
-from slam.system import System
-from slam.systems import SYSTEMS, complete, open_session
+from slam.system import Exporting, System
+from slam.systems import SYSTEMS, complete, definition, open_session
 from slam.trajectory import MAXIMAL_STAMP_DIFFERENCE, Trajectory
 
 Commands = argparse._SubParsersAction  # of argparse.ArgumentParser
@@ -73,9 +73,8 @@ def _add_surface(subparsers: Commands[argparse.ArgumentParser]) -> None:
     parser = subparsers.add_parser(
         "surface", help="time and error over a grid of two parameters' values; goes on where it stopped"
     )
-    names = sorted(surface.VALUES)
     for axis in ("x", "y"):
-        parser.add_argument(f"--{axis}", choices=names, required=True, metavar="NAME", help=", ".join(names))
+        parser.add_argument(f"--{axis}", required=True, metavar="NAME", help="a parameter of the system")
         parser.add_argument(
             f"--{axis}-values", type=values, metavar="A,B,...", help="default: those of the design space"
         )
@@ -189,8 +188,10 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _write_mesh(system: System | None, path: Path) -> str:
+    if isinstance(system, Exporting):
+        return system.export(path)
     if not isinstance(system, mesh.Volumetric):
-        raise UsageError("--mesh: this system holds no volume of distances, from which a mesh is made")
+        raise UsageError("--mesh: this system holds neither surfels nor a volume of distances")
     surface_mesh = mesh.extract(system.volume)
     surface_mesh.write(path)
     return f"{len(surface_mesh.vertices)} vertices and {len(surface_mesh.triangles)} triangles in {path}"
@@ -233,11 +234,15 @@ def _item(text: str, options: argparse.Namespace) -> tuple[Mapping[str, Any] | N
 
 
 def _surface(options: argparse.Namespace) -> None:
+    known = definition(options.system).values
+    for name in (options.x, options.y):
+        if name not in known:
+            raise UsageError(f"{name!r}: {options.system} has the parameters {', '.join(sorted(known))}")
     grid = surface.Grid(
         options.x,
         options.y,
-        options.x_values or surface.VALUES[options.x],
-        options.y_values or surface.VALUES[options.y],
+        options.x_values or known[options.x],
+        options.y_values or known[options.y],
     )
     report_page.plotly()
     fixed = _settings(options.set)

@@ -17,7 +17,9 @@ AMBIENT = 0.15
 
 
 def shade(view: View) -> NDArray[np.uint8]:
-    """A picture (height, width, 3), red green blue: surfaces lit from the camera (Lambert)."""
+    """A picture (height, width, 3), red green blue: surfaces lit from the camera (Lambert), in their colour
+    where the view has one.
+    """
     towards_eye = view.eye - view.vertices
     distance = np.linalg.norm(towards_eye, axis=2)
     seen = view.normals.any(axis=2) & (distance > 0)
@@ -25,7 +27,8 @@ def shade(view: View) -> NDArray[np.uint8]:
     brightness = AMBIENT + (1 - AMBIENT) * np.clip(cosine, 0, 1)
     picture = np.empty((*seen.shape, 3), np.uint8)
     picture[:] = BACKGROUND
-    picture[seen] = (brightness[seen, None] * SURFACE).astype(np.uint8)
+    surface = SURFACE if view.colour is None else view.colour[seen]
+    picture[seen] = (brightness[seen, None] * surface).astype(np.uint8)
     return picture
 
 

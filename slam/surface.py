@@ -25,18 +25,6 @@ from slam.report_page import escape, plotly
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
-# The values of the design space `kfusion`, for a parameter of which none are given.
-VALUES: dict[str, tuple[float, ...]] = {
-    "volume_resolution": (64, 128, 256, 512),
-    "compute_size_ratio": (1, 2, 4, 8),
-    "mu": (0.025, 0.05, 0.1, 0.2, 0.3, 0.4),
-    "icp_threshold": (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1),
-    "integration_rate": (1, 2, 5, 10, 20),
-    "tracking_rate": (1, 2, 3, 5, 9),
-    "pyramid_iterations_fine": (2, 4, 6, 8, 10),
-    "pyramid_iterations_middle": (1, 3, 5, 7, 9),
-    "pyramid_iterations_coarse": (0, 2, 4, 6, 8),
-}
 MEASURED = ("runtime", "ate_mean", "ate_max", "lost", "failure")
 LOG_SPAN = 20  # values that span more than this, all above zero, are drawn on a logarithmic axis
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,25 +32,47 @@ class Frame:
 class View:
     """The model as the camera sees it: float32 maps (height, width, 3), zero where there is nothing.
 
-    vertices: metres in the system's world. normals: of unit length. eye: the camera's centre (3,).
+    vertices: metres in the system's world. normals: of unit length. eye: the camera's centre (3,). colour:
+    uint8 (height, width, 3), red green blue, of a system that keeps it.
     """
 
     vertices: NDArray[np.float32]
     normals: NDArray[np.float32]
     eye: NDArray[np.float32]
+    colour: NDArray[np.uint8] | None = None
 
 
 class System(Protocol):
-    """A SLAM system that is fed depth images one by one."""
+    """A SLAM system that is fed images one by one."""
 
-    def process(self, depth: NDArray[np.uint16]) -> Frame:
-        """Take the next depth image, (height, width) in millimetres, 0 where nothing was measured."""
+    def process(self, depth: NDArray[np.uint16], colour: NDArray[np.uint8] | None = None) -> Frame:
+        """Take the next depth image, (height, width) in millimetres, 0 where nothing was measured.
+
+        `colour` is the image that belongs to it, (height, width, 3), red green blue; systems that need it are
+        marked in `slam.systems`, the others take no notice of it.
+        """
 
     def configuration(self) -> dict[str, Any]:
         """The parameters that this system runs with, by their names in the design space."""
 
     def view(self) -> View | None:
         """What the camera sees of the model at present; None before there is one."""
+
+
+@runtime_checkable
+class Revising(Protocol):
+    """A system that corrects poses of earlier frames when it closes a loop."""
+
+    def poses(self) -> NDArray[np.float64]:
+        """The poses of all frames so far as the system believes them now: (n, 4, 4), camera to world."""
+
+
+@runtime_checkable
+class Exporting(Protocol):
+    """A system that writes what it has reconstructed itself."""
+
+    def export(self, path: Path) -> str:
+        """Write the reconstruction as a PLY file; returns a sentence on what that holds."""
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.kfusion import tuning
-from slam.kfusion.configuration import Configuration
+from slam.kfusion.configuration import Configuration as KFusionConfiguration
 from slam.kfusion.pipeline import KFusion
 from slam.layout import Layout
 from slam.opencl import Device, Session
@@ -16,19 +17,64 @@ from slam.system import Scene, System
 
 @dataclass(frozen=True)
 class Definition:
-    """How a system is made: its whole configuration, the layout of its kernels, the system itself."""
+    """How a system is made: its whole configuration, the layout of its kernels, the system itself.
+
+    `colour`: whether it needs colour images beside depth. `values`: those of its design space, by parameter,
+    ascending, with 0 and 1 for a flag.
+    """
 
     complete: Callable[[Mapping[str, Any]], dict[str, Any]]
     layout_for: Callable[[Device], Layout]
     create: Callable[[Mapping[str, Any], Scene, Session], System]
+    colour: bool
+    values: Mapping[str, tuple[float, ...]]
 
+
+def _elasticfusion(values: Mapping[str, Any], scene: Scene, session: Session) -> System:
+    # It needs SciPy, which those who only run KinectFusion need not have.
+    from slam.elasticfusion.pipeline import ElasticFusion
+
+    return ElasticFusion(ElasticConfiguration.from_mapping(values), scene, session)
+
+
+_FLAG = (0, 1)
 
 SYSTEMS = {
     "kfusion": Definition(
-        complete=lambda values: Configuration.from_mapping(values).to_dict(),
+        complete=lambda values: KFusionConfiguration.from_mapping(values).to_dict(),
         layout_for=tuning.layout_for,
-        create=lambda values, scene, session: KFusion(Configuration.from_mapping(values), scene, session),
-    )
+        create=lambda values, scene, session: KFusion(
+            KFusionConfiguration.from_mapping(values), scene, session
+        ),
+        colour=False,
+        values={
+            "volume_resolution": (64, 128, 256, 512),
+            "compute_size_ratio": (1, 2, 4, 8),
+            "mu": (0.025, 0.05, 0.1, 0.2, 0.3, 0.4),
+            "icp_threshold": (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1),
+            "integration_rate": (1, 2, 5, 10, 20),
+            "tracking_rate": (1, 2, 3, 5, 9),
+            "pyramid_iterations_fine": (2, 4, 6, 8, 10),
+            "pyramid_iterations_middle": (1, 3, 5, 7, 9),
+            "pyramid_iterations_coarse": (0, 2, 4, 6, 8),
+        },
+    ),
+    "elasticfusion": Definition(
+        complete=lambda values: ElasticConfiguration.from_mapping(values).to_dict(),
+        layout_for=lambda device: Layout.for_device(device.kind),
+        create=_elasticfusion,
+        colour=True,
+        values={
+            "icp_weight": (0, 0.5, *range(1, 21), 50, 100),
+            "depth_cutoff": tuple(0.5 * half for half in range(2, 26)),
+            "confidence_threshold": tuple(range(1, 25)),
+            "disable_so3": _FLAG,
+            "open_loop": _FLAG,
+            "relocalisation": _FLAG,
+            "fast_odometry": _FLAG,
+            "frame_to_frame_rgb": _FLAG,
+        },
+    ),
 }
 
 
@@ -37,7 +83,12 @@ def complete(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
 
     Needs no device. Raises ValueError for an unknown name, ConfigurationError for a bad parameter.
     """
-    return _definition(name).complete(configuration)
+    return definition(name).complete(configuration)
+
+
+def needs_colour(name: str) -> bool:
+    """Whether the system `name` needs colour images. Raises ValueError for an unknown name."""
+    return definition(name).colour
 
 
 def open_session(name: str, device: Device) -> Session:
@@ -45,15 +96,16 @@ def open_session(name: str, device: Device) -> Session:
 
     Raises ValueError for an unknown name.
     """
-    return Session(device, _definition(name).layout_for(device))
+    return Session(device, definition(name).layout_for(device))
 
 
 def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: Session) -> System:
     """The system `name`, ready for its first frame. Raises ValueError for an unknown name."""
-    return _definition(name).create(configuration, scene, session)
+    return definition(name).create(configuration, scene, session)
 
 
-def _definition(name: str) -> Definition:
+def definition(name: str) -> Definition:
+    """What is known of the system `name`. Raises ValueError, naming those there are."""
     if name not in SYSTEMS:
         raise ValueError(f"unknown system {name!r}: choose one of {', '.join(sorted(SYSTEMS))}")
     return SYSTEMS[name]

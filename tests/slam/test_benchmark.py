@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from slam.benchmark import run
-from slam.datasets import SequenceError, open_sequence
 from slam.configuration import ConfigurationError
+from slam.datasets import SequenceError, open_sequence
 from slam.kfusion.configuration import STANDARD
 from slam.opencl import NoDeviceError
 from slam.system import STAGES

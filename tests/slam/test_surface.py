@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from slam.__main__ import main
-from slam.surface import VALUES, Grid, SurfaceError, figures, table
+from slam.surface import Grid, SurfaceError, figures, table
+from slam.systems import SYSTEMS
 from tests.slam.shipped import LIVING_ROOM
 
-SPACE = Path(__file__).resolve().parents[2] / "pareto/spaces/kfusion.json"
+SPACES = Path(__file__).resolve().parents[2] / "pareto/spaces"
 QUICK = ["--set", "compute_size_ratio=8", "--set", "volume_resolution=64", "--frames", "6"]
 
 
@@ -62,6 +63,7 @@ def test_a_point_that_cannot_run_is_a_failure_with_its_reason_and_the_rest_goes_
     ("arguments", "message"),
     [
         (["--x", "mu", "--y", "mu"], "choose two parameters"),
+        (["--x", "mu", "--y", "icp_weight"], "'icp_weight': kfusion has the parameters compute_size_ratio"),
         (["--x", "mu", "--y", "icp_threshold", "--x-values", "0.1"], "mu has 1 value"),
         (["--x", "mu", "--y", "icp_threshold", "--x-values", "0,0.1"], "mu=0.0: must be above 0"),
         (["--x", "mu", "--y", "icp_threshold", "--set", "nu=1"], "unknown parameter nu"),
@@ -94,9 +96,11 @@ def test_a_file_of_something_else_is_not_overwritten(tmp_path, capsys):
     assert (tmp_path / "surface.csv").read_text() == "name,age\nAda,36\n"
 
 
-def test_values_that_are_not_given_are_those_of_the_published_space():
-    space = json.loads(SPACE.read_text())
-    assert {p["name"]: tuple(p["values"]) for p in space["parameters"]} == VALUES
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_values_that_are_not_given_are_those_of_the_published_space(system):
+    space = json.loads((SPACES / f"{system}.json").read_text())
+    values = {p["name"]: tuple(p.get("values", (0, 1))) for p in space["parameters"]}
+    assert values == SYSTEMS[system].values
 
 
 def test_surfaces_have_the_plane_of_validity_holes_and_fitting_scales():
