@@ -16,7 +16,7 @@ def test_the_page_says_what_the_surface_shows_and_where_it_was_measured(client: 
 
     assert "All 80 configurations are valid" in page
     assert "n = 80 configurations, each measured once on one device" in page
-    assert "python -m slam surface --x mu --y icp_threshold" in page
+    assert "python -m slam surface --x mu --x-values 0.025,0.05," in page
     assert "pthread-haswell-AMD EPYC" in page
 
 
