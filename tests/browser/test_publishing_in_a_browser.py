@@ -122,7 +122,7 @@ def test_a_version_is_compared_on_a_phone_without_scrolling_sideways(
 
     page = visitor.open("/fronts/kfusion-1/")
     page.get_by_role("button", name="Compare").click()
-    page.locator("figure[data-drawn]").wait_for()
+    page.locator("figure[data-drawn]").nth(1).wait_for()  # both charts
 
     assert page.get_by_role("heading", name="Against kfusion-2").is_visible()
     assert page.get_by_role("row", name=re.compile("^accurate gained")).is_visible()
