@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 # written `!(x >= 0 && x < width)` then let NaN through. Denormals, signed zeros and the order of
 # float sums may go: reductions over an image row become vector code.
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-unsafe-math-optimizations", "-cl-denorms-are-zero")
+SHARED = Path(__file__).parent / "dense" / "kernels"  # what the programs of every system may `#include`
 
 
 class OpenCLError(RuntimeError):
@@ -154,11 +155,14 @@ class Session:
         self._programs: dict[Path, cl.Program] = {}
 
     def program(self, source: Path) -> cl.Program:
-        """The program of one `.cl` file, built on first use; it may `#include` files of its folder."""
+        """The program of one `.cl` file, built on first use.
+
+        It may `#include` files of its folder and of SHARED.
+        """
         import pyopencl as cl
 
         if source not in self._programs:
-            options = [*BUILD_OPTIONS, f"-I{source.parent}"]
+            options = [*BUILD_OPTIONS, f"-I{source.parent}", f"-I{SHARED}"]
             if self.device.double_precision:
                 options.append("-DDOUBLE_PRECISION")
             if self.layout.pixels:

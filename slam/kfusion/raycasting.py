@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.dense.images import Planes, intrinsics
 from slam.kfusion import configuration as constants
-from slam.kfusion.preprocessing import Planes, intrinsics
 from slam.kfusion.volume import NEAR_SURFACE, Volume
 from slam.opencl import Session
 

@@ -10,13 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.dense.reference import exponential, nearest_pixel, point_to_plane, solve_symmetric, vertex_map
 
 Array = NDArray[np.float64]
-
-
-def millimetres_to_metres(millimetres: NDArray[np.uint16], ratio: int) -> Array:
-    """Every ratio-th pixel of a depth image, in metres."""
-    return millimetres[::ratio, ::ratio] / 1000.0
 
 
 def farthest_of_rows(metres: Array) -> Array:
@@ -27,64 +23,6 @@ def farthest_of_rows(metres: Array) -> Array:
 def farthest_depth(rows: Array) -> float:
     """The largest depth of the image, from that of each row."""
     return float(rows.max())
-
-
-def bilateral_filter(depth: Array, spatial_sigma: float, range_sigma: float) -> Array:
-    """Over 5x5 pixels (Tomasi and Manduchi 1998); pixels without depth stay so and count nowhere."""
-    height, width = depth.shape
-    filtered = np.zeros_like(depth)
-    for y in range(height):
-        for x in range(width):
-            if depth[y, x] == 0:
-                continue
-            total = weights = 0.0
-            for dy in range(-2, 3):
-                for dx in range(-2, 3):
-                    neighbour = depth[min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)]
-                    if neighbour == 0:
-                        continue
-                    difference = neighbour - depth[y, x]
-                    weight = np.exp(
-                        -(difference**2) / (2 * range_sigma**2) - (dx**2 + dy**2) / (2 * spatial_sigma**2)
-                    )
-                    total += weight * neighbour
-                    weights += weight
-            filtered[y, x] = total / weights
-    return filtered
-
-
-def half_sample(fine: Array, range_threshold: float) -> Array:
-    """The mean of those of each 2x2 block that lie within the threshold of its first pixel."""
-    height, width = fine.shape[0] // 2, fine.shape[1] // 2
-    coarse = np.zeros((height, width))
-    for y in range(height):
-        for x in range(width):
-            block = fine[2 * y : 2 * y + 2, 2 * x : 2 * x + 2]
-            coarse[y, x] = block[np.abs(block - block[0, 0]) < range_threshold].mean()
-    return coarse
-
-
-def vertex_map(depth: Array, camera: Camera) -> Array:
-    """The point in the camera's frame that each pixel sees."""
-    y, x = np.mgrid[: depth.shape[0], : depth.shape[1]]
-    return np.dstack([(x - camera.cx) / camera.fx * depth, (y - camera.cy) / camera.fy * depth, depth])
-
-
-def normal_map(depth: Array, camera: Camera) -> Array:
-    """Unit normals towards the camera; zero where one of the five pixels has no depth."""
-    height, width = depth.shape
-    vertices = vertex_map(depth, camera)
-    side = np.sign(camera.fx * camera.fy)
-    normals = np.zeros_like(vertices)
-    for y in range(height):
-        for x in range(width):
-            above, below = vertices[max(y - 1, 0), x], vertices[min(y + 1, height - 1), x]
-            left, right = vertices[y, max(x - 1, 0)], vertices[y, min(x + 1, width - 1)]
-            if min(depth[y, x], above[2], below[2], left[2], right[2]) == 0:
-                continue
-            normal = side * np.cross(below - above, right - left)
-            normals[y, x] = normal / np.linalg.norm(normal)
-    return normals
 
 
 def view_from(pose: Array, camera: Camera) -> Array:
@@ -104,7 +42,7 @@ def track(
     max_distance: float,
     min_dot: float,
 ) -> tuple[Array, Array, float, int]:
-    """The normal equations of point-to-plane ICP (Newcombe et al. 2011, eq. 16 to 19).
+    """The normal equations of point-to-plane ICP.
 
     Returns J^T J (6, 6), J^T e (6), the sum of e^2 and the number of inliers; the unknowns are a
     translation and a rotation vector about the volume's origin.
@@ -112,23 +50,18 @@ def track(
     normal_matrix, right_side, squared_error, inliers = np.zeros((6, 6)), np.zeros(6), 0.0, 0
     vertices = vertex_map(depth, camera)
     height, width = model_vertices.shape[:2]
-    for y, x in np.ndindex(depth.shape):
-        if not normals[y, x].any():
+    for place in np.ndindex(depth.shape):
+        point = pose[:3, :3] @ vertices[place] + pose[:3, 3]
+        pixel = nearest_pixel(view @ np.append(point, 1.0), width, height)
+        if pixel is None:
             continue
-        point = pose[:3, :3] @ vertices[y, x] + pose[:3, 3]
-        projected = view @ np.append(point, 1.0)
-        if projected[2] <= 0:
+        row = point_to_plane(
+            point, pose[:3, :3] @ normals[place], model_vertices[pixel], model_normals[pixel],
+            max_distance, min_dot,
+        )  # fmt: skip
+        if row is None:
             continue
-        u, v = projected[:2] / projected[2] + 0.5
-        if not (0 <= u <= width - 1 and 0 <= v <= height - 1):
-            continue
-        target, target_normal = model_vertices[int(v), int(u)], model_normals[int(v), int(u)]
-        if not target_normal.any() or np.linalg.norm(target - point) > max_distance:
-            continue
-        if pose[:3, :3] @ normals[y, x] @ target_normal < min_dot:
-            continue
-        error = target_normal @ (target - point)
-        jacobian = np.concatenate([target_normal, np.cross(point, target_normal)])
+        jacobian, error = row
         normal_matrix += np.outer(jacobian, jacobian)
         right_side += jacobian * error
         squared_error += error**2
@@ -136,27 +69,9 @@ def track(
     return normal_matrix, right_side, squared_error, inliers
 
 
-def exponential(twist: Array) -> Array:
-    """The motion (4, 4) of a twist (translation, rotation vector), as a power series of its matrix."""
-    x, y, z = twist[3:]
-    generator = np.zeros((4, 4))
-    generator[:3, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-    generator[:3, 3] = twist[:3]
-    motion, term = np.eye(4), np.eye(4)
-    for order in range(1, 30):
-        term = term @ generator / order
-        motion += term
-    return motion
-
-
 def solve(normal_matrix: Array, right_side: Array, pose: Array, threshold: float) -> tuple[Array, bool]:
-    """The moved pose, and whether the update was smaller than the threshold.
-
-    Singular values of a millionth of the largest or less are dropped.
-    """
-    left, singular, right = np.linalg.svd(normal_matrix)
-    kept = singular * 1e6 > singular[0]
-    update = right.T[:, kept] @ ((left.T @ right_side)[kept] / singular[kept])
+    """The moved pose, and whether the update was smaller than the threshold."""
+    update = solve_symmetric(normal_matrix, right_side)
     return exponential(update) @ pose, bool(np.linalg.norm(update) < threshold)
 
 

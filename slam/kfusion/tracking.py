@@ -5,28 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from slam.dense.images import Level, intrinsics
+from slam.dense.least_squares import SUMS, records_of
 from slam.kfusion import configuration as constants
 from slam.kfusion.configuration import Configuration
-from slam.kfusion.preprocessing import Level, intrinsics
 from slam.kfusion.raycasting import Model
-from slam.layout import Layout
 from slam.opencl import BoundKernel, Session
 
 if TYPE_CHECKING:
     import pyopencl as cl
 
 SOURCE = Path(__file__).parent / "kernels" / "tracking.cl"
-SUMS = 32  # floats of a record, what one work-group leaves behind; `tracking.cl` has the same
-GROUP = 64  # work-items of a group in the layout by pixels; `tracking.cl` has the same
-MOST_GROUPS = 128
-
-
-def records_of(layout: Layout, width: int, height: int) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
-    """How many records `track` leaves for an image, and its global and local size."""
-    if not layout.pixels:
-        return height, (height,), (1,)
-    groups = min(MOST_GROUPS, -(-width * height // GROUP))
-    return groups, (groups * GROUP,), (GROUP,)
 
 
 class Tracking:

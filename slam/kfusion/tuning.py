@@ -15,10 +15,10 @@ from slam.camera import Camera
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
 from slam.layout import Layout
-from slam.opencl import Device, OpenCLError, Session
+from slam.opencl import SHARED, Device, OpenCLError, Session
 from slam.system import Scene
 
-KERNELS = Path(__file__).parent / "kernels"
+KERNELS = (Path(__file__).parent / "kernels", SHARED)
 GROUPS = ((16, 8), (8, 8), (32, 4), (64, 2), (32, 8))
 SCENE = Scene(Camera(270.0, 270.0, 159.5, 119.5, 320, 240), 4.0, (0.5, 0.5, 0.1))
 TRIAL = Configuration(integration_rate=1, volume_resolution=128)
@@ -68,7 +68,7 @@ def trial(device: Device, layout: Layout) -> float:
 def _key(device: Device) -> str:
     """The device and the kernels: new kernels are tried anew."""
     digest = hashlib.sha256()
-    for source in sorted(KERNELS.iterdir()):
+    for source in sorted(path for folder in KERNELS for path in folder.iterdir()):
         digest.update(source.read_bytes())
     return f"{device.label} {digest.hexdigest()[:16]}"
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.dense.images import intrinsics
 from slam.kfusion import configuration as constants
-from slam.kfusion.preprocessing import intrinsics
 from slam.layout import Layout
 from slam.opencl import DeviceMemoryError, Session
 

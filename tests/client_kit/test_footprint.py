@@ -172,8 +172,9 @@ def test_the_wheel_beside_numpy_and_pyopencl_is_all_that_a_device_needs(installe
 
     place, *lines = done.stdout.splitlines()
     assert Path(place).is_relative_to(installed.parents[1]), done.stderr
-    kernels = {path.name for path in (PROJECT / "slam/kfusion/kernels").iterdir()}
-    assert {path.name for path in (Path(place) / "kfusion/kernels").iterdir()} == kernels
+    for part in ("dense", "kfusion"):
+        kernels = {path.name for path in (PROJECT / "slam" / part / "kernels").iterdir()}
+        assert {path.name for path in (Path(place) / part / "kernels").iterdir()} == kernels
     assert any(line.startswith("OpenCL device: ") for line in lines), done.stderr
     # Whether it may measure depends on the machine's state; either way it was looked at to the end.
     assert done.returncode == 0 or any(line.startswith("Stop: ") for line in lines), done.stderr

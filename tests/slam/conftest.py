@@ -1,6 +1,56 @@
-"""Property tests of this room: examples are never judged by how long a busy machine takes for them."""
+"""Every OpenCL device present, and a way to run one kernel on NumPy arrays there."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
 from hypothesis import settings
 
+from slam.layout import KINDS, Layout
+from slam.opencl import Session, list_devices
+
+# Examples of property tests are never judged by how long a busy machine takes for them.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+
+PLACES = [(device, Layout(kind)) for device in list_devices() for kind in KINDS]
+NAMES = [f"{device.kind}-{device.driver}-{layout.kind}".replace(" ", "-") for device, layout in PLACES]
+
+
+@pytest.fixture(scope="session", params=PLACES or [None], ids=NAMES or ["none"])
+def session(request: pytest.FixtureRequest) -> Session:
+    """Every device, with the kernels laid out for CPUs and for GPUs."""
+    if request.param is None:
+        pytest.fail("no OpenCL device: PoCL's wheel is among the locked requirements where it exists")
+    return Session(*request.param)
+
+
+@pytest.fixture
+def launch(session: Session) -> Callable[..., None]:
+    """launch(source, name, size, *arguments, group=None): arrays travel to the device and, changed, back.
+
+    A size of ("image", width, height) is laid out as the session's images are.
+    """
+    import pyopencl as cl
+
+    def run(
+        source: Path, name: str, size: Any, *arguments: Any, group: tuple[int, ...] | None = None
+    ) -> None:
+        if size[0] == "image":
+            size, group = session.layout.over(*size[1:])
+        places = {}
+        for index, value in enumerate(arguments):
+            if isinstance(value, np.ndarray) and not (value.dtype == np.float32 and value.shape == (4,)):
+                places[index] = session.buffer(value.nbytes)
+                cl.enqueue_copy(session.queue, places[index], value)
+        bound = [places.get(index, value) for index, value in enumerate(arguments)]
+        session.kernel(source, name, size, *bound, group=group)()
+        for index, place in places.items():
+            cl.enqueue_copy(session.queue, arguments[index], place)
+        session.finish()
+
+    return run

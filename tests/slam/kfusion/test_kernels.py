@@ -8,41 +8,22 @@ import numpy as np
 import pytest
 
 from slam.camera import Camera
+from slam.dense.images import halved, intrinsics
+from slam.dense.least_squares import SUMS, records_of
+from slam.dense.reference import exponential, half_sample, normal_map, vertex_map
 from slam.kfusion import preprocessing, raycasting, reference, tracking, volume
 from slam.kfusion.pipeline import STATE
-from slam.kfusion.preprocessing import halved, intrinsics
+from tests.slam.dense.scenes import CAMERA, MIRRORED, image, planes, room_depth
 
-CAMERA = Camera(30.0, 31.0, 19.3, 14.6, 40, 30)
-MIRRORED = Camera(30.0, -31.0, 19.3, 14.6, 40, 30)
 SIZE, RESOLUTION, MU = 2.4, 36, 0.25
 VOXEL = SIZE / RESOLUTION
 BLOCKS = 5
 
 
-def planes(image: np.ndarray) -> list[np.ndarray]:
-    return [np.ascontiguousarray(image[..., axis], np.float32) for axis in range(3)]
-
-
-def image(camera: Camera) -> tuple[str, int, int]:
-    """The size of a kernel over an image of this camera."""
-    return ("image", camera.width, camera.height)
-
-
-def room_depth(camera: Camera, seed: int = 0) -> np.ndarray:
-    """A wavy wall with a box in front of it and holes, in metres."""
-    random = np.random.default_rng(seed)
-    y, x = np.mgrid[: camera.height, : camera.width]
-    depth = 1.5 + 0.1 * np.sin(x / 4.0) + 0.05 * np.cos(y / 3.0)
-    depth[8:20, 10:24] = 1.05 + 0.01 * x[8:20, 10:24]
-    depth += random.normal(0, 0.002, depth.shape)
-    depth[random.random(depth.shape) < 0.05] = 0
-    return depth.astype(np.float32)
-
-
 def pose_at(
     position: tuple[float, float, float], twist: tuple[float, float, float] = (0, 0, 0)
 ) -> np.ndarray:
-    pose = reference.exponential(np.array([0, 0, 0, *twist], float))
+    pose = exponential(np.array([0, 0, 0, *twist], float))
     pose[:3, 3] = position
     return pose
 
@@ -74,56 +55,13 @@ def marks_of(distances: np.ndarray) -> np.ndarray:
     return marks
 
 
-@pytest.mark.parametrize("ratio", [1, 2, 5])
-def test_millimetres_to_metres(launch, ratio):
-    depth = np.random.default_rng(1).integers(0, 9000, (30, 40), dtype=np.uint16)
-    expected = reference.millimetres_to_metres(depth, ratio)
-    metres, rows = np.zeros(expected.shape, np.float32), np.zeros(len(expected), np.float32)
-    size = metres.shape[::-1]
-    launch(
-        preprocessing.SOURCE, "millimetres_to_metres", ("image", *size), depth, 40, ratio, metres,
-        *size,
-    )  # fmt: skip
-    np.testing.assert_allclose(metres, expected, rtol=1e-6)
-    state = state_of(np.eye(4))
-    launch(preprocessing.SOURCE, "farthest_of_rows", (len(rows),), metres, metres.shape[1], rows)
-    np.testing.assert_allclose(rows, reference.farthest_of_rows(expected), rtol=1e-6)
+def test_farthest_depth(launch):
+    depth = np.random.default_rng(1).uniform(0, 9, (30, 40)).astype(np.float32)
+    rows, state = np.zeros(len(depth), np.float32), state_of(np.eye(4))
+    launch(preprocessing.SOURCE, "farthest_of_rows", (len(rows),), depth, depth.shape[1], rows)
+    np.testing.assert_array_equal(rows, reference.farthest_of_rows(depth))
     launch(preprocessing.SOURCE, "farthest_depth", (1,), rows, len(rows), state)
-    assert state["farthest"][0] == pytest.approx(reference.farthest_depth(rows), rel=1e-6)
-
-
-@pytest.mark.parametrize("shape", [(30, 40), (7, 5), (3, 3), (2, 1)])
-def test_bilateral_filter(launch, shape):
-    depth = np.random.default_rng(2).uniform(0.4, 0.9, shape).astype(np.float32)
-    depth[np.random.default_rng(3).random(shape) < 0.2] = 0
-    filtered, size = np.zeros_like(depth), shape[::-1]
-    launch(
-        preprocessing.SOURCE, "bilateral_filter", ("image", *size), depth, filtered, *size,
-        0.5 / 4.0**2, 0.5 / 0.1**2,
-    )  # fmt: skip
-    np.testing.assert_allclose(filtered, reference.bilateral_filter(depth.astype(float), 4.0, 0.1), rtol=3e-5)
-
-
-def test_half_sample_of_an_odd_size(launch):
-    fine = np.random.default_rng(4).choice([0, 0.8, 1.0, 1.05, 1.4], (31, 41)).astype(np.float32)
-    coarse = np.zeros((15, 20), np.float32)
-    launch(preprocessing.SOURCE, "half_sample", ("image", 20, 15), fine, 41, coarse, 20, 15, 0.3)
-    np.testing.assert_allclose(coarse, reference.half_sample(fine.astype(float), 0.3), rtol=1e-6)
-
-
-@pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
-def test_normal_map(launch, camera):
-    depth = room_depth(camera)
-    maps = [np.full(depth.shape, 7, np.float32) for _ in range(3)]
-    launch(
-        preprocessing.SOURCE, "normal_map", image(camera), depth, *maps, camera.width, camera.height,
-        intrinsics(camera),
-    )  # fmt: skip
-    expected = reference.normal_map(depth.astype(float), camera)
-    np.testing.assert_allclose(np.dstack(maps), expected, atol=2e-4)
-    facing = np.sum(expected * reference.vertex_map(depth.astype(float), camera), axis=-1)
-    assert (facing <= 0).all()
-    assert (facing < 0).sum() > 500
+    assert state["farthest"][0] == reference.farthest_depth(rows)
 
 
 def tracking_problem() -> dict[str, np.ndarray]:
@@ -132,22 +70,22 @@ def tracking_problem() -> dict[str, np.ndarray]:
     model_pose = pose_at((1.2, 1.1, 0.1), (0.02, -0.01, 0.03))
     rotation, translation = model_pose[:3, :3], model_pose[:3, 3]
     camera = halved(CAMERA)
-    depth = reference.half_sample(fine, 0.3)
+    depth = half_sample(fine, 0.3)
     return {
         "depth": depth,
-        "normals": reference.normal_map(depth, camera),
-        "model_vertices": reference.vertex_map(fine, model_camera) @ rotation.T + translation,
-        "model_normals": reference.normal_map(fine, model_camera) @ rotation.T,
+        "normals": normal_map(depth, camera),
+        "model_vertices": vertex_map(fine, model_camera) @ rotation.T + translation,
+        "model_normals": normal_map(fine, model_camera) @ rotation.T,
         "view": reference.view_from(model_pose, model_camera),
-        "pose": reference.exponential(np.array([0.01, -0.006, 0.012, 0.004, 0.006, -0.005])) @ model_pose,
+        "pose": exponential(np.array([0.01, -0.006, 0.012, 0.004, 0.006, -0.005])) @ model_pose,
     }
 
 
 def track(launch, session, problem, state, iteration: int = 0) -> np.ndarray:
     """The records that the kernel leaves; those that it does not write hold 5."""
     camera = halved(CAMERA)
-    count, size, group = tracking.records_of(session.layout, camera.width, camera.height)
-    records = np.full((count, tracking.SUMS), 5, np.float32)
+    count, size, group = records_of(session.layout, camera.width, camera.height)
+    records = np.full((count, SUMS), 5, np.float32)
     launch(
         tracking.SOURCE, "track", size, problem["depth"].astype(np.float32), *planes(problem["normals"]),
         camera.width, camera.height, intrinsics(camera), *planes(problem["model_vertices"]),
@@ -193,7 +131,7 @@ def test_track_trusts_no_index_made_of_nan(launch, session):
 
 
 def row_sums(matrix: np.ndarray, right_side: np.ndarray, error: float = 0.5, inliers: int = 64) -> np.ndarray:
-    sums = np.zeros((3, tracking.SUMS), np.float32)
+    sums = np.zeros((3, SUMS), np.float32)
     record = np.concatenate([matrix[np.triu_indices(6)], right_side, [error, inliers]])
     sums[:, :29] = record * np.array([[0.25], [0.5], [0.25]])
     return sums
@@ -227,7 +165,7 @@ def test_solve_leaves_unobserved_directions_alone(launch):
 def test_solve_of_nothing_keeps_the_pose(launch):
     pose = pose_at((1.0, 2.0, 0.5), (0.3, -0.2, 0.1))
     state = state_of(pose)
-    launch(tracking.SOURCE, "solve", (1,), np.zeros((3, tracking.SUMS), np.float32), 3, 1e-5, 0, state)
+    launch(tracking.SOURCE, "solve", (1,), np.zeros((3, SUMS), np.float32), 3, 1e-5, 0, state)
     np.testing.assert_allclose(state["pose"][0].reshape(3, 4), pose[:3], atol=1e-6)
     assert state["converged"][0] == 1
 

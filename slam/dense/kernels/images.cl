@@ -1,0 +1,119 @@
+// From a sensor's depth image to the pyramid that tracking reads.
+#include "arithmetic.h"
+#include "shape.h"
+
+// Every `ratio`-th pixel, in metres.
+kernel void millimetres_to_metres(global const ushort *restrict millimetres, int sensor_width, int ratio,
+                                  global float *restrict metres, int width, int height)
+{
+    EACH_PIXEL(x, y, width, height)
+    {
+        metres[y * width + x] = millimetres[y * ratio * sensor_width + x * ratio] * 0.001f;
+    }
+}
+
+// exp(-t) for t >= 0, relative error below 1e-5: a power of two times a polynomial of the fraction.
+// Plain arithmetic turns into vector code where a call of exp() does not.
+INLINE float exp_minus(float t)
+{
+    const float exponent = smaller(t, 80.0f) * 1.44269504f;
+    const int whole = (int)exponent;
+    const float x = (exponent - whole) * -0.69314718f;
+    const float polynomial =
+        1.0f + x * (1.0f + x * (0.5f + x * (0.16666667f + x * (0.041666667f + x * (0.0083333333f + x * 0.0013888889f)))));
+    return polynomial * as_float((127 - whole) << 23);
+}
+
+// One pixel of the bilateral filter. `inside`: all 25 neighbours exist, so that no index needs a clamp.
+INLINE float bilateral(global const float *restrict depth, int width, int height, int x, int y, bool inside,
+                       float spatial_factor, float range_factor)
+{
+    const float centre = depth[y * width + x];
+    float sum = 0.0f, weights = 0.0f;
+    // Unrolled, so that it is the loop over the row that becomes vector code.
+#pragma unroll
+    for (int dy = -2; dy <= 2; ++dy) {
+        const int row = bounded(y + dy, 0, height - 1) * width;
+#pragma unroll
+        for (int dx = -2; dx <= 2; ++dx) {
+            const int column = inside ? x + dx : bounded(x + dx, 0, width - 1);
+            const float neighbour = depth[row + column];
+            const float difference = neighbour - centre;
+            const float weight =
+                exp_minus(difference * difference * range_factor + (dx * dx + dy * dy) * spatial_factor);
+            const float counted = neighbour > 0.0f ? weight : 0.0f;
+            sum += counted * neighbour;
+            weights += counted;
+        }
+    }
+    return centre > 0.0f ? sum / weights : 0.0f;
+}
+
+// Tomasi and Manduchi 1998; factors are 1 / (2 sigma^2). Pixels without depth stay so and count nowhere.
+kernel void bilateral_filter(global const float *restrict depth, global float *restrict filtered, int width, int height,
+                             float spatial_factor, float range_factor)
+{
+#ifdef PIXELS
+    EACH_PIXEL(x, y, width, height)
+    {
+        filtered[y * width + x] = bilateral(depth, width, height, x, y, false, spatial_factor, range_factor);
+    }
+#else
+    const int y = get_global_id(0);
+    const int first = bounded(2, 0, width), last = bounded(width - 2, first, width);
+    for (int x = 0; x < first; ++x)
+        filtered[y * width + x] = bilateral(depth, width, height, x, y, false, spatial_factor, range_factor);
+    for (int x = first; x < last; ++x)
+        filtered[y * width + x] = bilateral(depth, width, height, x, y, true, spatial_factor, range_factor);
+    for (int x = last; x < width; ++x)
+        filtered[y * width + x] = bilateral(depth, width, height, x, y, false, spatial_factor, range_factor);
+#endif
+}
+
+// Half the size: the mean of those of a 2x2 block that lie within `range` of its first pixel.
+kernel void half_sample(global const float *restrict fine, int fine_width, global float *restrict coarse, int width,
+                        int height, float range)
+{
+    EACH_PIXEL(x, y, width, height)
+    {
+        const int corner = 2 * y * fine_width + 2 * x;
+        const float centre = fine[corner];
+        const float a = fine[corner + 1], b = fine[corner + fine_width], c = fine[corner + fine_width + 1];
+        const float use_a = magnitude(a - centre) < range ? 1.0f : 0.0f;
+        const float use_b = magnitude(b - centre) < range ? 1.0f : 0.0f;
+        const float use_c = magnitude(c - centre) < range ? 1.0f : 0.0f;
+        coarse[y * width + x] = (centre + use_a * a + use_b * b + use_c * c) / (1.0f + use_a + use_b + use_c);
+    }
+}
+
+// Unit normals towards the camera from central differences of the vertex map; zero where one of the
+// five pixels has no depth. `camera` is (fx, fy, cx, cy); a mirrored camera has fy < 0.
+kernel void normal_map(global const float *restrict depth, global float *restrict normal_x,
+                       global float *restrict normal_y, global float *restrict normal_z, int width, int height,
+                       float4 camera)
+{
+    const float inverse_fx = 1.0f / camera.x, inverse_fy = 1.0f / camera.y;
+    const float side = camera.x * camera.y > 0.0f ? 1.0f : -1.0f;
+    EACH_PIXEL(x, y, width, height)
+    {
+        const int above = bounded(y - 1, 0, height - 1), below = bounded(y + 1, 0, height - 1);
+        const int left = bounded(x - 1, 0, width - 1), right = bounded(x + 1, 0, width - 1);
+        const float here = depth[y * width + x];
+        const float l = depth[y * width + left], r = depth[y * width + right];
+        const float u = depth[above * width + x], d = depth[below * width + x];
+        const float ray_x = (x - camera.z) * inverse_fx, ray_y = (y - camera.w) * inverse_fy;
+        const float ax = ((right - camera.z) * r - (left - camera.z) * l) * inverse_fx;
+        const float ay = ray_y * (r - l), az = r - l;
+        const float bx = ray_x * (d - u), bz = d - u;
+        const float by = ((below - camera.w) * d - (above - camera.w) * u) * inverse_fy;
+        const float nx = side * (by * az - bz * ay);
+        const float ny = side * (bz * ax - bx * az);
+        const float nz = side * (bx * ay - by * ax);
+        const float square = nx * nx + ny * ny + nz * nz;
+        const int valid = (here > 0.0f) & (l > 0.0f) & (r > 0.0f) & (u > 0.0f) & (d > 0.0f) & (square > 0.0f);
+        const float scale = valid ? inverse_root(valid ? square : 1.0f) : 0.0f;
+        normal_x[y * width + x] = nx * scale;
+        normal_y[y * width + x] = ny * scale;
+        normal_z[y * width + x] = nz * scale;
+    }
+}
