@@ -65,10 +65,10 @@ class Report:
 
     `poses` (n, 4, 4) are the trajectory as the system believes it in the end, in its own world: where it
     closes loops not always what it said after each frame, whose error is `ate_online` (None for a system
-    that corrects nothing). Errors are None where no frame has a true pose. `cpu_seconds` counts all threads during the computation of the frames only.
-    `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what
-    `energy_source` (see `slam.power`) took during the computation; they are None where the platform does not
-    tell.
+    that corrects nothing). Errors are None where no frame has a true pose. `cpu_seconds` counts all threads
+    during the computation of the frames only. `peak_memory_bytes` is the resident size of the whole process
+    at its largest, `energy_joules` what `energy_source` (see `slam.power`) took during the computation; they
+    are None where the platform does not tell.
     """
 
     system: str

@@ -11,7 +11,7 @@ class ConfigurationError(ValueError):
 
 
 def whole(name: str, value: Any, least: int) -> int:
-    """`value` as an int; 128.0 will do. Raises ConfigurationError for fractions and what lies below `least`."""
+    """`value` as an int; 128.0 will do. Raises ConfigurationError for fractions and below `least`."""
     if isinstance(value, bool) or not isinstance(value, int | float) or value % 1 != 0:
         raise ConfigurationError(f"{name}={value!r}: must be a whole number")
     if value < least:
@@ -27,7 +27,7 @@ def finite(name: str, value: Any) -> float:
 
 
 def flag(name: str, value: Any) -> bool:
-    """`value` as a bool; 0 and 1 will do, as command lines write them. Raises ConfigurationError otherwise."""
+    """`value` as a bool; 0 and 1 will do, as command lines write them, else ConfigurationError."""
     if not isinstance(value, int | float) or value not in (0, 1):
         raise ConfigurationError(f"{name}={value!r}: must be true or false (1 or 0)")
     return bool(value)

@@ -11,8 +11,10 @@ import numpy as np
 
 from slam.arguments import four_numbers, number, show_progress, three_numbers
 from slam.datasets import Sequence, SequenceError, open_sequence, pack, retrieval
+from slam.datasets.altered import Altered
+from slam.datasets.camera_paths import SEED
 from slam.datasets.conversion import FORMATS, check_target, form_of, write
-from slam.datasets.living_room import FRAMES, SEED, LivingRoom
+from slam.datasets.living_room import CAMERA, FRAMES, LivingRoom
 from slam.datasets.pack import Pack
 
 SHIPPED = Path(__file__).resolve().parents[2] / "fixtures" / "sequences"
@@ -29,6 +31,9 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
     parser.add_argument("--noise", choices=("kinect", "none"), default="kinect")
     parser.add_argument("--seed", type=int, default=SEED, metavar="S")
+    parser.add_argument("--path", choices=("hand", "loop"), default="hand", help="how the camera moves")
+    parser.add_argument("--size", type=_ratio, default=1, metavar="WxH", help="default: 640x480")
+    _add_alterations(parser)
     parser.add_argument("--format", choices=FORMATS, default="pack")
     parser.add_argument("--colour", action="store_true", help="also write the pack DIR-colour")
     parser.set_defaults(execute=_make)
@@ -42,6 +47,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--volume-size", type=number, metavar="M", help="travels in a pack")
     parser.add_argument("--initial-position", type=three_numbers, metavar="x,y,z", help="travels in a pack")
     parser.add_argument("--colour", action="store_true", help="also write the pack DST-colour")
+    _add_alterations(parser)
     parser.set_defaults(execute=_convert)
 
     parser = kinds.add_parser("list", help="the packs in a folder")
@@ -60,13 +66,42 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     retrieval.register(parser)
 
 
+def _add_alterations(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--dark", type=_frames, metavar="A:B", help="frames in which nothing is seen")
+    parser.add_argument(
+        "--focal-error", type=number, default=0.0, metavar="F",
+        help="claim focal lengths larger by this fraction: a camera that turns then drifts",
+    )  # fmt: skip
+
+
+def _frames(text: str) -> tuple[int, int]:
+    first, separator, last = text.partition(":")
+    if not separator:
+        raise argparse.ArgumentTypeError(f"{text!r}: write the first and the last frame, as in 300:330")
+    return int(first), int(last)
+
+
+def _ratio(text: str) -> int:
+    """How many times WxH goes into the camera's own size, which it must divide."""
+    for ratio in range(1, CAMERA.height + 1):
+        if text == f"{CAMERA.width // ratio}x{CAMERA.height // ratio}" and CAMERA.height % ratio == 0:
+            return ratio
+    raise argparse.ArgumentTypeError(f"{text!r}: write 640x480 or an n-th of it, such as 320x240 or 160x120")
+
+
+def _altered(sequence: Sequence, options: argparse.Namespace) -> Sequence:
+    if options.dark is None and options.focal_error == 0:
+        return sequence
+    return Altered(sequence, options.dark, options.focal_error)
+
+
 def _make(options: argparse.Namespace) -> None:
     if options.frames < 1:
         raise SequenceError(f"--frames {options.frames}: a sequence has at least one frame")
     if options.seed < 0:
         raise SequenceError(f"--seed {options.seed}: give a whole number from 0 on")
-    sequence = LivingRoom(options.frames, options.noise, options.seed)
-    _write(sequence, options.out, options.format, options.colour)
+    room = LivingRoom(options.frames, options.noise, options.seed, options.path, options.size)
+    _write(_altered(room, options), options.out, options.format, options.colour)
 
 
 def _convert(options: argparse.Namespace) -> None:
@@ -77,7 +112,7 @@ def _convert(options: argparse.Namespace) -> None:
         sequence.volume_size = options.volume_size
     if options.initial_position is not None:
         sequence.initial_position = options.initial_position
-    _write(sequence, options.target, form, options.colour)
+    _write(_altered(sequence, options), options.target, form, options.colour)
 
 
 def _write(sequence: Sequence, target: Path, form: str, colour: bool) -> None:

@@ -74,12 +74,16 @@ class Place:
         self._shapes.append(Shape(kind, centre, half, rotation, top, edge, colour, pattern, mirror))
 
 
-def living_room(seed: int = 0) -> list[Shape]:
-    """All shapes of the room. The furniture stays; the seed deals books, leaves and fruit."""
+def living_room(seed: int = 0, all_around: bool = False) -> list[Shape]:
+    """All shapes of the room. The furniture stays; the seed deals books, leaves and fruit.
+
+    `all_around` papers the walls and furnishes the end that lies behind a camera which looks at the sofa.
+    """
     rng = np.random.default_rng([seed, 1])
     shapes: list[Shape] = []
-    _walls(Place(shapes))
-    _window(Place(shapes, WINDOW, BACK))
+    walls: Pattern = "paper" if all_around else "plain"
+    _walls(Place(shapes), walls)
+    _window(Place(shapes, WINDOW, BACK), walls)
     _pictures(Place(shapes, -0.55, BACK))
     _sofa(Place(shapes, -0.55, 1.55))
     _coffee_table(Place(shapes, -0.25, 0.45, 8), rng)
@@ -90,17 +94,20 @@ def living_room(seed: int = 0) -> list[Shape]:
     _cabinet(Place(shapes, -2.0, -0.65, -90))
     _stool(Place(shapes, 0.95, 0.35, 25))
     _clutter(Place(shapes, 0.0, 0.0), rng)
+    if all_around:
+        _far_end(Place(shapes, 0.0, FRONT, 180), rng)
+        _chair(Place(shapes, 1.35, FRONT + 0.75, 215))
     return shapes
 
 
-def _walls(room: Place) -> None:
+def _walls(room: Place, pattern: Pattern) -> None:
     width, depth = RIGHT - LEFT, BACK - FRONT
     middle = (FRONT + BACK) / 2
     room.put("box", (0, -0.1, middle), (width + 1, 0.1, depth + 1), OAK, "wood")
     room.put("box", (0, HEIGHT, middle), (width + 1, 0.1, depth + 1), WHITE)
-    room.put("box", (LEFT - 0.05, 0, middle), (0.1, HEIGHT, depth), CREAM)
-    room.put("box", (RIGHT + 0.05, 0, middle), (0.1, HEIGHT, depth), CREAM)
-    room.put("box", (0, 0, FRONT - 0.05), (width, HEIGHT, 0.1), CREAM)
+    room.put("box", (LEFT - 0.05, 0, middle), (0.1, HEIGHT, depth), CREAM, pattern)
+    room.put("box", (RIGHT + 0.05, 0, middle), (0.1, HEIGHT, depth), CREAM, pattern)
+    room.put("box", (0, 0, FRONT - 0.05), (width, HEIGHT, 0.1), CREAM, pattern)
     for side in (LEFT + 0.01, RIGHT - 0.01):
         room.put("box", (side, 0, middle), (0.02, 0.09, depth), WHITE)
     # A door on the left wall, with its frame and two panels.
@@ -117,16 +124,16 @@ def _walls(room: Place) -> None:
     room.put("box", (-0.2, 0.0, 0.5), (2.1, 0.014, 1.5), (126, 60, 58), "print", turn(4))
 
 
-def _window(place: Place) -> None:
+def _window(place: Place, pattern: Pattern) -> None:
     """The back wall around an opening with a recess 22 cm deep, a radiator below and curtains."""
     thick, low, high, half = 0.22, 0.92, 2.1, 0.5
     z = thick / 2
     # The wall's ends, seen from the middle of the window.
     left, right = LEFT - WINDOW, RIGHT - WINDOW
-    place.put("box", ((left - half) / 2, 0, z), (-half - left, HEIGHT, thick), CREAM)
-    place.put("box", ((right + half) / 2, 0, z), (right - half, HEIGHT, thick), CREAM)
-    place.put("box", (0, 0, z), (2 * half, low, thick), CREAM)
-    place.put("box", (0, high, z), (2 * half, HEIGHT - high, thick), CREAM)
+    place.put("box", ((left - half) / 2, 0, z), (-half - left, HEIGHT, thick), CREAM, pattern)
+    place.put("box", ((right + half) / 2, 0, z), (right - half, HEIGHT, thick), CREAM, pattern)
+    place.put("box", (0, 0, z), (2 * half, low, thick), CREAM, pattern)
+    place.put("box", (0, high, z), (2 * half, HEIGHT - high, thick), CREAM, pattern)
     place.put("box", (0, 0, thick + 0.05), (2 * half + 0.4, HEIGHT, 0.02), (140, 170, 200), mirror=True)
     for x in (-half + 0.03, 0.0, half - 0.03):
         place.put("box", (x, low, thick - 0.03), (0.06, high - low, 0.05), WHITE)
@@ -299,3 +306,40 @@ def _clutter(place: Place, rng: np.random.Generator) -> None:
         place.put(
             "box", (1.45, 0.02 * number, -0.35), (0.22, 0.02, 0.3), SPINES[number], "print", turn(30 + yaw)
         )
+
+
+def _far_end(place: Place, rng: np.random.Generator) -> None:
+    """Along the wall opposite the sofa, x to the left of who looks at it from the sofa: a chest, coats."""
+    place.put("box", (-0.9, 0.1, -0.24), (1.2, 0.75, 0.42), OAK, "wood")
+    for x in (-1.2, -0.6):
+        for low in (0.14, 0.5):
+            place.put("box", (x, low, -0.46), (0.54, 0.32, 0.02), WALNUT, "wood")
+            place.put("ellipsoid", (x, low + 0.15, -0.48), (0.03, 0.03, 0.03), STEEL)
+    for x, size, colour in ((-1.35, 0.2, TERRACOTTA), (-0.55, 0.15, (60, 90, 130)), (-0.8, 0.11, GREEN)):
+        place.put("frustum", (x, 0.85, -0.22), (size, 2 * size, size), colour, "speckle", top=0.6)
+    height = 0.85
+    for width, yaw in ((0.3, 8), (0.26, -14), (0.22, 25)):
+        colour = SPINES[rng.integers(len(SPINES))]
+        place.put("box", (-1.08, height, -0.24), (width, 0.045, 0.75 * width), colour, "print", turn(yaw))
+        height += 0.045
+    for x, low, width, tall, colour in (
+        (-0.95, 1.45, 0.8, 0.55, (150, 80, 70)),
+        (0.1, 1.3, 0.45, 0.6, (70, 110, 150)),
+        (1.55, 1.15, 0.6, 0.8, (110, 120, 60)),
+    ):
+        place.put("box", (x, low, -0.02), (width, tall, 0.04), colour, "print")
+    for number in range(4):
+        colour = SPINES[rng.integers(len(SPINES))]
+        place.put(
+            "rounded", (0.65 + 0.16 * number, 0.75, -0.12), (0.14, 0.85, 0.2), colour, "weave", edge=0.06
+        )
+    place.put("box", (0.9, 1.6, -0.03), (0.8, 0.1, 0.06), WALNUT, "wood")
+    place.put("frustum", (0.2, 0, -0.3), (0.32, 0.55, 0.32), (190, 160, 110), "weave", top=1.1)
+
+
+def _chair(place: Place) -> None:
+    place.put("rounded", (0, 0.42, 0), (0.44, 0.06, 0.44), OAK, "wood", edge=0.02)
+    place.put("rounded", (0, 0.55, 0.2), (0.42, 0.42, 0.05), (80, 120, 130), "weave", turn(0, 8), edge=0.02)
+    for x in (-0.18, 0.18):
+        for z in (-0.18, 0.18):
+            place.put("frustum", (x, 0, z), (0.04, 0.43, 0.04), OAK)

@@ -17,11 +17,12 @@ from slam.camera import Camera
 
 Array = npt.NDArray[np.float64]
 Kind = Literal["box", "ellipsoid", "frustum", "rounded"]
-Pattern = Literal["plain", "wood", "weave", "speckle", "print"]
+Pattern = Literal["plain", "wood", "weave", "speckle", "print", "paper"]
 
 NEAREST = 0.05  # metres in front of the camera; nothing in a scene comes closer
 TRACING_STEPS = 48
 TRACING_PRECISION = 1e-5  # metres
+CORNERS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
 LIGHT = np.array([0.35, 0.8, 0.48])  # the direction in which light falls, from above and behind
 
 
@@ -99,8 +100,7 @@ def _directions(camera: Camera, rows: slice, columns: slice) -> Array:
 
 def _window(shape: Shape, camera: Camera, pose: Array) -> tuple[slice, slice]:
     """Rows and columns outside which the shape cannot be seen, from the corners of its bounding box."""
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-    corners = (signs * shape.half) @ shape.rotation.T + shape.centre
+    corners = (CORNERS * shape.half) @ shape.rotation.T + shape.centre
     x, y, z = ((corners - pose[:3, 3]) @ pose[:3, :3]).T
     if z.max() < NEAREST:
         return slice(0, 0), slice(0, 0)
@@ -199,6 +199,12 @@ def _texture(pattern: Pattern, local: Array, seed: int) -> Array:
         return np.asarray(0.85 + 0.09 * threads + 0.06 * _noise(local * 25, seed))
     if pattern == "speckle":
         return np.where(_noise(local * 55, seed) > 0.2, 1.0, 0.75)
+    if pattern == "paper":
+        # Detail of every size, so that it stays visible from near and far and at every level of a pyramid.
+        octaves = (
+            weight * _noise(local * cells, seed) for cells, weight in ((4, 0.12), (13, 0.14), (42, 0.14))
+        )
+        return np.asarray(0.8 + sum(octaves))
     blocks = _noise(np.floor(local * 14) + 0.5, seed)
     return 0.7 + 0.3 * blocks + 0.1 * _noise(local * 30, seed)
 

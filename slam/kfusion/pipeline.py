@@ -88,7 +88,11 @@ class KFusion:
             return None
         return View(*self._model.read(), eye=self._state["pose"].reshape(3, 4)[:, 3].copy())
 
-    def process(self, depth: NDArray[np.uint16], colour: NDArray[np.uint8] | None = None) -> Frame:
+    def process(
+        self,
+        depth: NDArray[np.uint16],
+        colour: NDArray[np.uint8] | None = None,  # noqa: ARG002  it has no use for it
+    ) -> Frame:
         """Take the next depth image: uint16 (height, width), millimetres, 0 where nothing was measured."""
         if depth.shape != self._shape or depth.dtype != np.uint16:
             raise ValueError(

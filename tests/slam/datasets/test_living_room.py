@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from slam.datasets import open_sequence
+from slam.datasets.camera_paths import hand_held, loop
 from slam.datasets.furniture import living_room
-from slam.datasets.living_room import LivingRoom, poses
+from slam.datasets.living_room import LivingRoom
 from slam.datasets.sequence import regular_timestamps
 from tests.slam.shipped import LIVING_ROOM
 
@@ -84,8 +85,8 @@ def test_colour_shows_the_same_things_as_depth():
 
 def test_the_seed_changes_noise_tremor_and_books_and_nothing_else_does():
     stamps = regular_timestamps(20)
-    np.testing.assert_array_equal(poses(stamps, 1), poses(stamps, 1))
-    assert np.abs(poses(stamps, 1) - poses(stamps, 2)).max() > 1e-4
+    np.testing.assert_array_equal(hand_held(stamps, 1), hand_held(stamps, 1))
+    assert np.abs(hand_held(stamps, 1) - hand_held(stamps, 2)).max() > 1e-4
     one, two = living_room(1), living_room(2)
     assert [a.kind for a in one[:60]] == [b.kind for b in two[:60]]
     assert any(not np.array_equal(a.half, b.half) for a, b in zip(one, two, strict=False))
@@ -94,3 +95,32 @@ def test_the_seed_changes_noise_tremor_and_books_and_nothing_else_does():
 def test_a_room_without_frames_is_refused():
     with pytest.raises(ValueError, match="frames=0"):
         LivingRoom(0)
+
+
+def test_the_loop_begins_and_ends_slowly_and_shows_the_start_again_after_one_turn():
+    truth = loop(regular_timestamps(400))
+    steps = np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1)
+    assert steps[[0, -1]].max() < 0.001
+    assert steps.max() < 0.012
+    facing = truth[:, :3, 2] @ truth[0, :3, 2]
+    assert facing[200] < -0.8
+    after = 250 + np.argmax(facing[250:])
+    assert facing[after] > 0.99
+    assert after < 380
+    assert np.linalg.norm(truth[after, :3, 3] - truth[0, :3, 3]) < 0.2
+
+
+def test_the_loop_has_texture_and_depth_to_hold_on_to_wherever_it_looks():
+    room = LivingRoom(400, noise="none", path="loop", ratio=4)
+    assert (room.camera.width, room.camera.height, room.camera.fx) == (160, 120, 481.2 / 4)
+    for index in range(0, 400, 50):
+        depth, grey = room.depth(index), room.colour(index).mean(axis=2)
+        assert (depth > 0).mean() > 0.85
+        assert depth.max() < 4500
+        assert np.abs(np.diff(grey, axis=1)).mean() > 4
+
+
+def test_what_is_added_for_the_loop_leaves_the_path_of_the_hand_as_it_was():
+    plain, whole = living_room(7), living_room(7, all_around=True)
+    assert [shape.kind for shape in whole[: len(plain)]] == [shape.kind for shape in plain]
+    assert {shape.pattern for shape in whole} - {shape.pattern for shape in plain} == {"paper"}

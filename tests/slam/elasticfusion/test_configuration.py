@@ -16,12 +16,15 @@ SPACE = json.loads((Path(__file__).parents[3] / "pareto" / "spaces" / "elasticfu
 
 def test_the_parameters_of_the_space_come_first_with_its_defaults_and_take_all_its_values():
     parameters = SPACE["parameters"]
-    assert [field.name for field in fields(Configuration)][: len(parameters)] == [p["name"] for p in parameters]
+    assert [field.name for field in fields(Configuration)][: len(parameters)] == [
+        p["name"] for p in parameters
+    ]
     for parameter in parameters:
         assert getattr(DEFAULT, parameter["name"]) == parameter["default"]
         for value in parameter.get("values", (False, True)):
             taken = Configuration.from_mapping({parameter["name"]: value}).to_dict()[parameter["name"]]
-            assert taken == value and isinstance(taken, bool) == isinstance(value, bool)
+            assert taken == value
+            assert isinstance(taken, bool) == isinstance(value, bool)
 
 
 def test_a_configuration_survives_its_dictionary():
