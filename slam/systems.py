@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.kfusion import tuning
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
 from slam.kfusion.pipeline import KFusion
@@ -30,15 +29,6 @@ class Definition:
     values: Mapping[str, tuple[float, ...]]
 
 
-def _elasticfusion(values: Mapping[str, Any], scene: Scene, session: Session) -> System:
-    # It needs SciPy, which those who only run KinectFusion need not have.
-    from slam.elasticfusion.pipeline import ElasticFusion
-
-    return ElasticFusion(ElasticConfiguration.from_mapping(values), scene, session)
-
-
-_FLAG = (0, 1)
-
 SYSTEMS = {
     "kfusion": Definition(
         complete=lambda values: KFusionConfiguration.from_mapping(values).to_dict(),
@@ -57,22 +47,6 @@ SYSTEMS = {
             "pyramid_iterations_fine": (2, 4, 6, 8, 10),
             "pyramid_iterations_middle": (1, 3, 5, 7, 9),
             "pyramid_iterations_coarse": (0, 2, 4, 6, 8),
-        },
-    ),
-    "elasticfusion": Definition(
-        complete=lambda values: ElasticConfiguration.from_mapping(values).to_dict(),
-        layout_for=lambda device: Layout.for_device(device.kind),
-        create=_elasticfusion,
-        colour=True,
-        values={
-            "icp_weight": (0, 0.5, *range(1, 21), 50, 100),
-            "depth_cutoff": tuple(0.5 * half for half in range(2, 26)),
-            "confidence_threshold": tuple(range(1, 25)),
-            "disable_so3": _FLAG,
-            "open_loop": _FLAG,
-            "relocalisation": _FLAG,
-            "fast_odometry": _FLAG,
-            "frame_to_frame_rgb": _FLAG,
         },
     ),
 }

@@ -47,10 +47,10 @@ def loop(timestamps: Array, seed: int = SEED) -> Array:
     It starts and ends slowly, so that the first frames and the last are nearly still.
     """
     seconds, started = _since_start(timestamps)
-    whole = max(float(seconds[-1]), 1e-9)
     travelled = np.cumsum(started * _since_start(timestamps[-1] + STILL - timestamps)[1])
-    turned = TURNED * travelled / max(float(travelled[-1]), 1e-9)
-    yaw, wave = np.radians(turned), 2 * math.pi * seconds / whole
+    progress = travelled / max(float(travelled[-1]), 1e-9)
+    turned, wave = TURNED * progress, 2 * math.pi * progress
+    yaw = np.radians(turned)
     tremor = started[:, None] * _tremor(seconds, seed)
     outwards = np.stack([np.sin(yaw), np.zeros(len(yaw)), np.cos(yaw)], axis=1)
     position = CENTRE + RADIUS * outwards + TREMOR_POSITION * tremor[:, :3]
