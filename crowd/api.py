@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 
 import msgspec
 from django.conf import settings
-from django.http import HttpRequest, HttpResponse, UnreadablePostError
+from django.http import HttpRequest, HttpResponse
 from rest_framework.negotiation import BaseContentNegotiation
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -72,8 +72,8 @@ def answer(content: Any, status: int = 200, headers: dict[str, str] | None = Non
 def body(request: Request) -> bytes:
     """The request's JSON, inflated where it is gzipped.
 
-    Raises Problem 415 for another type or encoding, 411 without a length, 413 for more bytes than the
-    server takes, before or after inflating, 400 for damaged gzip or a body that broke off.
+    Raises Problem 415 for another type or encoding, 411 for a length that is none, 413 for more bytes than
+    the server takes, before or after inflating, 400 for damaged gzip or a body that broke off.
     """
     kind = request.headers.get("Content-Type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
@@ -82,16 +82,18 @@ def body(request: Request) -> bytes:
     if encoding not in {"identity", "gzip"}:
         raise Problem(415, "unsupported_encoding", f"send gzip or no Content-Encoding, not {encoding}")
     http: HttpRequest = request._request
-    limit = settings.FRONTRUNNER_MAX_BODY_BYTES
-    if content_length(http) > limit:
-        raise Problem(413, "body_too_large", f"at most {limit} bytes a request: send fewer runs at once")
-    if "CONTENT_LENGTH" not in http.META and "Transfer-Encoding" in request.headers:
-        raise Problem(411, "length_required", "send Content-Length: chunked bodies are not read")
+    if content_length(http) > settings.FRONTRUNNER_MAX_BODY_BYTES:
+        raise _too_large()
     try:
-        content = http.body
-    except UnreadablePostError as error:
+        content = http.body if "CONTENT_LENGTH" in http.META else _without_length(http)
+    except OSError as error:
         raise Problem(400, "body_incomplete", "the connection ended before the body did") from error
     return _inflated(content) if encoding == "gzip" else content
+
+
+def has_body(http: HttpRequest) -> bool:
+    """Whether the request says that it has one. Raises Problem 411."""
+    return content_length(http) > 0 or "HTTP_TRANSFER_ENCODING" in http.META
 
 
 def content_length(http: HttpRequest) -> int:
@@ -100,6 +102,25 @@ def content_length(http: HttpRequest) -> int:
     if not WHOLE_NUMBER.fullmatch(text):
         raise Problem(411, "length_required", f"Content-Length: {text:.20}: send a number of bytes")
     return int(text)
+
+
+def _without_length(http: HttpRequest) -> bytes:
+    """A body sent in chunks, as some proxies pass it on. Raises OSError, and Problem 411 and 413."""
+    if "HTTP_TRANSFER_ENCODING" in http.META and not http.META.get("wsgi.input_terminated"):
+        # To read on would wait for more on a connection that stays open.
+        raise Problem(411, "length_required", "send Content-Length: this server reads no body in chunks")
+    stream = http.META["wsgi.input"]
+    limit, content = settings.FRONTRUNNER_MAX_BODY_BYTES, bytearray()
+    while more := stream.read(limit + 1 - len(content)):
+        content += more
+        if len(content) > limit:
+            raise _too_large()
+    return bytes(content)
+
+
+def _too_large() -> Problem:
+    limit = settings.FRONTRUNNER_MAX_BODY_BYTES
+    return Problem(413, "body_too_large", f"at most {limit} bytes a request: send fewer runs at once")
 
 
 def _inflated(content: bytes) -> bytes:

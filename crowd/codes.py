@@ -17,7 +17,7 @@ REQUEST = {
     "invalid_field": "A member has the wrong type or a value out of range: `field` names it.",
     "invalid_filter": "A filter cannot be understood: `detail` says what would be right.",
     "invalid_limit": "`limit` is none: give a whole number from 1 to 1000.",
-    "length_required": "Send Content-Length: bodies in chunks are not read.",
+    "length_required": "Content-Length is no number, or missing and the server cannot read chunks: send it.",
     "malformed_json": "The body is not JSON, or is nested too deeply.",
     "method_not_allowed": "The address exists, the method does not: `Allow` names those that do.",
     "not_finite": "NaN and infinite numbers are not JSON: write null, or leave the member out.",

@@ -1,19 +1,21 @@
 """Child processes of one supervisor: started together, started again when they die, ended together.
 
 A child gets a process group of its own, so that whatever it started ends with it, and on Linux a signal
-when the supervisor dies, even by kill -9.
+when the supervisor dies, even by kill -9. A data folder has one supervisor at a time.
 """
 
 import contextlib
+import fcntl
 import os
 import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from crowd.environment import DataFolderError, prepared
 from slam.isolated import dies_with_parent
 
 FIRST_PAUSE_SECONDS = 0.5
@@ -23,6 +25,27 @@ WELL_AFTER_SECONDS = 30.0
 PATIENCE_SECONDS = 10.0
 POLL_SECONDS = 0.1
 LARGEST_LOG_BYTES = 10 << 20
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Be the one supervisor of the data FOLDER. Raises DataFolderError where another one runs.
+
+    The lock ends with its process, however that ends; the file stays.
+    """
+    with (prepared(folder) / "serve.lock").open("a+") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            file.seek(0)
+            raise DataFolderError(
+                f"process {file.read()} serves from {folder} already: end it first, or choose another "
+                "folder, such as make run DATA=FOLDER PORT=8001"
+            ) from error
+        file.truncate(0)
+        file.write(str(os.getpid()))
+        file.flush()
+        yield
 
 
 @dataclass

@@ -6,7 +6,7 @@ from django.utils.http import quote_etag
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.api import Endpoint, answer, body, content_length, page
+from crowd.api import Endpoint, answer, body, has_body, page
 from crowd.descriptions import PAGING
 from crowd.explorations import answers, leasing, selectors, watching
 from crowd.explorations.authentication import DeviceEndpoint, device_asking
@@ -64,9 +64,7 @@ class LeasesView(DeviceEndpoint):
         responses={201: leasing.Lease, 204: None},
     )
     def post(self, request: Request) -> HttpResponse:
-        # Not by reading it: `body` refuses one that is too large before that.
-        sent = content_length(request._request) or "Transfer-Encoding" in request.headers
-        wish = body(request) if sent else b""
+        wish = body(request) if has_body(request._request) else b""
         lease = leasing.begin(device_asking(request), wish)
         if lease is None:
             return HttpResponse(status=204, headers={"Retry-After": str(ASK_AGAIN_SECONDS)})

@@ -1,6 +1,7 @@
 """What one request may cost: bytes as sent, bytes after gzip, how much it inflates, how deeply it nests."""
 
 import gzip
+import io
 import json
 import random
 from typing import Any
@@ -23,6 +24,19 @@ def refusal(rf: RequestFactory, body: bytes, **headers: str) -> Problem:
     return raised.value
 
 
+def in_chunks(rf: RequestFactory, body: bytes) -> Request:
+    """Without a length, three bytes at a time."""
+
+    class Chunks(io.BytesIO):
+        def read(self, size: int | None = -1, /) -> bytes:
+            return super().read(min(size or 0, 3))
+
+    request = rf.post("/", b"{}", content_type="application/json", headers={"Transfer-Encoding": "chunked"})
+    del request.META["CONTENT_LENGTH"]
+    request.META |= {"wsgi.input": Chunks(body), "wsgi.input_terminated": True}
+    return Request(request)
+
+
 def packed(size: int) -> bytes:
     return gzip.compress(b" " * size, 9)
 
@@ -33,6 +47,26 @@ def test_the_largest_body_is_read_and_one_byte_more_is_not(rf: RequestFactory, s
 
     assert api.body(Request(whole)) == b"x" * 1000
     assert refusal(rf, b"x" * 1001).code == "body_too_large"
+
+
+def test_a_body_in_chunks_is_read_to_the_limit(rf: RequestFactory, settings: Any) -> None:
+    settings.FRONTRUNNER_MAX_BODY_BYTES = 1000
+
+    assert api.body(in_chunks(rf, b"x" * 1000)) == b"x" * 1000
+    endless = in_chunks(rf, b"x" * 5000)
+    with pytest.raises(Problem) as raised:
+        api.body(endless)
+    assert (raised.value.status, raised.value.code) == (413, "body_too_large")
+    assert endless._request.META["wsgi.input"].tell() == 1001
+
+
+def test_a_server_that_cannot_tell_the_end_of_chunks_wants_a_length(rf: RequestFactory) -> None:
+    request = in_chunks(rf, b"{}")
+    del request._request.META["wsgi.input_terminated"]
+
+    with pytest.raises(Problem) as raised:
+        api.body(request)
+    assert (raised.value.status, raised.value.code) == (411, "length_required")
 
 
 def test_a_body_inflates_to_what_it_might_have_been_plain(rf: RequestFactory, settings: Any) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.services.program import until
+from tests.services.program import free_port, until
 from tests.services.serving import Serving, command
 
 
@@ -33,6 +33,16 @@ def test_a_taken_port_is_one_clear_line(tmp_path: Path) -> None:
     (line,) = done.stderr.strip().splitlines()
     assert f"port {port}" in line
     assert "PORT=" in line
+
+
+def test_a_folder_that_is_served_already_is_one_clear_line(server: Serving) -> None:
+    done = command(server.var, "serve", FRONTRUNNER_PORT=str(free_port()))
+
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert str(server.var) in line
+    assert f"process {server.process.pid}" in line
+    assert "DATA=" in line
 
 
 def test_ctrl_c_ends_everything_and_a_second_start_keeps_the_data(tmp_path: Path) -> None:
@@ -69,7 +79,18 @@ def test_bodies_beyond_the_limits_are_refused_over_the_wire(server: Serving) -> 
     assert refusal(b" " * (2 << 20)) == (413, "body_too_large")
     bomb = gzip.compress(b" " * (64 << 20))
     assert refusal(bomb, **{"Content-Encoding": "gzip"}) == (413, "inflated_too_large")
-    assert refusal(iter([b"{}"])) == (411, "length_required")
+    # Without a length: http.client sends what it iterates over in chunks.
+    assert refusal(iter([b" " * (1 << 20), b" "])) == (413, "body_too_large")
+
+
+def test_a_body_in_chunks_is_read(server: Serving) -> None:
+    wish = json.dumps({"app": "test", "app_version": "0.1.0", "consent_version": 1}).encode()
+    connection = http.client.HTTPConnection("127.0.0.1", server.port)
+    connection.request(
+        "POST", "/api/v1/enrol", iter([wish[:9], wish[9:]]), {"Content-Type": "application/json"}
+    )
+
+    assert connection.getresponse().status == 201
 
 
 def test_pages_and_compressed_static_files_are_served(server: Serving) -> None:

@@ -17,10 +17,11 @@ from django.db import connections
 
 from crowd import first_run
 from crowd.devices.models import DeviceModel, Installation
+from crowd.environment import DataFolderError
 from crowd.results import selectors
 from crowd.results.models import MeasurementSession
 from crowd.results.own_pages import path_of
-from crowd.supervision import Child, Supervisor
+from crowd.supervision import Child, Supervisor, alone
 
 START_PATIENCE_SECONDS = 60.0
 SUMMARY_PATIENCE_SECONDS = 60.0
@@ -43,6 +44,13 @@ class Command(BaseCommand):
     def handle(self, *args: Any, measure: bool, port: int, **options: Any) -> None:  # noqa: ARG002
         self.host, self.port = settings.FRONTRUNNER_BIND, port
         self._refuse_taken_port()
+        try:
+            with alone(Path(settings.FRONTRUNNER_VAR)):
+                self._serve(measure)
+        except DataFolderError as error:
+            raise CommandError(str(error)) from error
+
+    def _serve(self, measure: bool) -> None:
         signal.signal(signal.SIGINT, _stop)
         signal.signal(signal.SIGTERM, _stop)
         supervisor = Supervisor(self._children(), self._say)
