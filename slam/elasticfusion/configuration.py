@@ -38,7 +38,11 @@ class Configuration:
     loop must be registered with more inliers and a smaller error (both at 640x480); covariance_threshold:
     and no larger variance. photometric_threshold: mean L1 distance of colours (three channels of 0 to 255)
     below which a fern's view is recognised. fern_threshold: dissimilarity above which a view is a new
-    keyframe. surfel_capacity: surfels the map can hold. seed: of the random ferns.
+    keyframe. fern_agreement: share of equal ferns above which a keyframe is registered to the view;
+    fern_error_threshold: error of that registration (at 640x480; the published 3e-4 is for 80x60) and
+    fern_inliers, fern_inliers_lost: share of pixels with which it is believed, the latter by a lost camera.
+    closure_distance: metres that a global loop must gape before, closure_error: metres that it may after, and
+    closure_energy: of its deformation. surfel_capacity: surfels the map can hold. seed: of the random ferns.
     """
 
     icp_weight: float = 10.0
@@ -55,6 +59,13 @@ class Configuration:
     covariance_threshold: float = 1e-5
     photometric_threshold: float = 115.0
     fern_threshold: float = 0.3095
+    fern_agreement: float = 0.3
+    fern_error_threshold: float = 3.75e-5
+    fern_inliers: float = 0.5
+    fern_inliers_lost: float = 0.29
+    closure_distance: float = 0.06
+    closure_error: float = 3e-4
+    closure_energy: float = 0.12
     surfel_capacity: int = 3_000_000
     seed: int = 0
 
@@ -104,6 +115,18 @@ _WHOLE = {
     "seed": 0,
 }
 _FLAGS = ("disable_so3", "open_loop", "relocalisation", "fast_odometry", "frame_to_frame_rgb")
-_POSITIVE = ("icp_error_threshold", "covariance_threshold", "photometric_threshold", "fern_threshold")
+_POSITIVE = (
+    "icp_error_threshold",
+    "covariance_threshold",
+    "photometric_threshold",
+    "fern_threshold",
+    "fern_agreement",
+    "fern_error_threshold",
+    "fern_inliers",
+    "fern_inliers_lost",
+    "closure_distance",
+    "closure_error",
+    "closure_energy",
+)
 
 DEFAULT = Configuration()
