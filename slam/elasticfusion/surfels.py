@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.opencl import BoundKernel, Session
+from slam.opencl import BoundKernel, OpenCLError, Session
 
 RUN = 1024  # surfels that one work-item walks in the layout by rows; `surfels.h` has the same
 GROUP = 64  # work-items of a group in the layout by pixels
 
-# A surfel on the host. position: metres in the world; confidence: above 0, of a removed one 0; normal: of unit
-# length, in the world, towards the cameras that saw it; radius: metres; colour: r | g << 8 | b << 16; born and
-# seen: the ticks of the first and of the last frame that measured it.
+# A surfel on the host. position: metres in the world; confidence: above 0, of a removed one 0; normal: of
+# unit length, in the world, towards the cameras that saw it; radius: metres; colour: r | g << 8 | b << 16;
+# born and seen: the ticks of the first and of the last frame that measured it.
 SURFEL = np.dtype(
     [
         ("position", np.float32, 3),
@@ -29,7 +29,7 @@ SURFEL = np.dtype(
 )
 
 
-class MapFullError(RuntimeError):
+class MapFullError(OpenCLError):
     """The map has no room for what a frame adds; the message says what would give it room."""
 
 
@@ -64,10 +64,12 @@ class Surfels:
         Its first argument, `int count`, is given by the launch; `arguments` are those that follow.
         """
         _, group = self._over()
-        return SurfelKernel(self, self.session.kernel(source, name, group, self.count, *arguments, group=group))
+        return SurfelKernel(
+            self, self.session.kernel(source, name, group, self.count, *arguments, group=group)
+        )
 
     def read(self, removed: bool = False) -> NDArray[Any]:
-        """The living surfels as an array of SURFEL, in the map's order; with `removed`, every place in use."""
+        """The living surfels as an array of SURFEL, in the map's order; with `removed` every place in use."""
         import pyopencl as cl
 
         surfels = np.zeros(self.count, SURFEL)
@@ -86,7 +88,7 @@ class Surfels:
         return surfels if removed else surfels[surfels["confidence"] > 0]
 
     def write(self, surfels: NDArray[Any]) -> None:
-        """Replace the map by an array of SURFEL, sorted by `born`. Raises MapFullError where it does not fit."""
+        """Replace the map by an array of SURFEL, sorted by `born`. Raises MapFullError if it does not fit."""
         import pyopencl as cl
 
         if len(surfels) > self.capacity:
@@ -114,8 +116,16 @@ class SurfelKernel:
         self._surfels = surfels
         self._kernel = kernel
 
+    def set(self, index: int, value: Any) -> None:
+        """Another value for one argument (from 1 on: 0 is the count), from the next launch on."""
+        self._kernel.set(index, value)
+
     def __call__(self) -> None:
         """Enqueue it; over an empty map there is nothing to do."""
         if self._surfels.count:
             self._kernel.set(0, self._surfels.count)
             self._kernel(self._surfels._over()[0])
+
+    def set(self, index: int, value: Any) -> None:
+        """Another value for one of the kernel's `arguments`, from the next launch on."""
+        self._kernel.set(index + 1, value)

@@ -1,0 +1,53 @@
+"""A prediction with its holes filled from the live image: what is tracked against while the map is young."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from slam.elasticfusion.images import RgbdImage
+from slam.opencl import Session
+
+SOURCE = Path(__file__).parent / "kernels" / "fill_in.cl"
+STRIDE = 20  # every so many pixels the coverage is looked at
+COVERED = 0.75  # share of them from which on a prediction is enough by itself
+
+
+class FillIn:
+    """`image`: the predicted image where there is one, elsewhere the live one, of the same camera and pose."""
+
+    def __init__(self, session: Session, predicted: RgbdImage, live: RgbdImage) -> None:
+        camera = predicted.camera
+        self.image = RgbdImage.allocate(session, camera)
+        self._session = session
+        self._predicted = predicted
+        maps = [
+            buffer
+            for image in (predicted, live, self.image)
+            for buffer in (image.depth, *image.normals, image.colour)
+        ]
+        self._fill = session.image_kernel(
+            SOURCE, "fill_in", camera.width, camera.height, *maps, camera.width, camera.height, 1, 1
+        )
+        self._keep = len(maps) + 2  # where the two arguments are that say what is kept
+
+    def fill(self, keep_depth: bool = True, keep_colour: bool = True) -> None:
+        """Enqueue it. Without `keep_depth` depth and normals are the live image's, and without `keep_colour`
+        colour is.
+        """
+        self._fill.set(self._keep, int(keep_depth))
+        self._fill.set(self._keep + 1, int(keep_colour))
+        self._fill()
+
+    def needed(self) -> bool:
+        """Whether at most COVERED of the prediction, looked at in every STRIDE-th row and column, has a colour.
+
+        Waits for the device.
+        """
+        import pyopencl as cl
+
+        camera = self._predicted.camera
+        colour = np.empty((camera.height, camera.width), np.uint32)
+        cl.enqueue_copy(self._session.queue, colour, self._predicted.colour)
+        return bool(np.mean(colour[::STRIDE, ::STRIDE] != 0) <= COVERED)

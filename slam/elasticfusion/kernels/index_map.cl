@@ -1,0 +1,63 @@
+// Which surfel lies nearest behind each pixel: every surfel counts at the one pixel that its middle falls into.
+#include "arithmetic.h"
+#include "shape.h"
+#include "surfels.h"
+#include "view.h"
+
+// No surfel anywhere.
+kernel void clear_index(int width, int height, global float *restrict depths, global int *restrict ids)
+{
+    EACH_PIXEL(x, y, width, height)
+    {
+        depths[y * width + x] = OUT_OF_SIGHT;
+        ids[y * width + x] = NOBODY;
+    }
+}
+
+#ifdef PIXELS
+// First the nearest depth at each pixel, then, where `choosing`, the smallest id of those who are that near. The two
+// launches may round differently, so that a millionth of the depth counts as equal.
+kernel void index_surfels(int count, global const float *restrict place, global const float *restrict face,
+                          global const int *restrict seen, global const View *restrict view, int width, int height,
+                          float4 camera, int choosing, volatile global uint *depths, volatile global uint *ids)
+{
+    float matrix[12];
+    for (int k = 0; k < 12; ++k)
+        matrix[k] = view->matrix[k];
+    EACH_SURFEL(i, count)
+    {
+        const Disc d = disc_of(place, face, i, matrix);
+        const Box box = pixel_of(d, camera, width, height);
+        if (!wanted(place[4 * i + 3], seen[i], view->confidence, view->first, view->last) || d.z > view->farthest ||
+            box.right < 0)
+            return;
+        const int pixel = box.top * width + box.left;
+        if (!choosing)
+            atomic_min(depths + pixel, as_uint(d.z)); // positive floats have the order of their bits
+        else if (d.z <= as_float(depths[pixel]) * 1.000001f)
+            atomic_min(ids + pixel, (uint)i); // NOBODY is the largest
+    }
+}
+#else
+// One band of the image (a bin of `binning.cl`) per work-item.
+kernel void index_surfels(global const float *restrict place, global const float *restrict face,
+                          global const View *restrict view, int width, int height, float4 camera,
+                          global const int *restrict starts, global const int *restrict sorted,
+                          global float *restrict depths, global int *restrict ids)
+{
+    const int band = get_global_id(0);
+    float matrix[12];
+    for (int k = 0; k < 12; ++k)
+        matrix[k] = view->matrix[k];
+    for (int entry = starts[band]; entry < starts[band + 1]; ++entry) {
+        const int i = sorted[entry];
+        const Disc d = disc_of(place, face, i, matrix);
+        const Box box = pixel_of(d, camera, width, height);
+        const int pixel = box.top * width + box.left;
+        if (box.right >= 0 && d.z < depths[pixel]) { // ids ascend: of equals the first stays
+            depths[pixel] = d.z;
+            ids[pixel] = i;
+        }
+    }
+}
+#endif

@@ -1,0 +1,45 @@
+"""What a camera is to see of the map, as kernels read it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.elasticfusion.configuration import FARTHEST
+from slam.opencl import Session
+
+# The layout of `kernels/view.h`.
+VIEW = np.dtype(
+    [
+        ("matrix", np.float32, 12),
+        ("farthest", np.float32),
+        ("confidence", np.float32),
+        ("first", np.int32),
+        ("last", np.int32),
+    ]
+)
+
+
+def view_of(pose: NDArray[np.float64], seen: tuple[int, int], confidence: float) -> NDArray[np.void]:
+    """One VIEW: from `pose` (4, 4; camera to world) surfels of at least this confidence that were last seen
+    at a tick from seen[0] to seen[1], both included.
+    """
+    view = np.zeros(1, VIEW)
+    view["matrix"] = np.linalg.inv(pose)[:3].ravel()
+    view["farthest"], view["confidence"] = FARTHEST, confidence
+    view["first"], view["last"] = seen
+    return view
+
+
+class View:
+    """A VIEW on the device, which kernels are bound to once."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.buffer = session.buffer(VIEW.itemsize, "a view")
+
+    def show(self, pose: NDArray[np.float64], seen: tuple[int, int], confidence: float) -> None:
+        """From now on kernels see this (as `view_of`)."""
+        import pyopencl as cl
+
+        cl.enqueue_copy(self._session.queue, self.buffer, view_of(pose, seen, confidence))
