@@ -15,7 +15,7 @@ COVERED = 0.75  # share of them from which on a prediction is enough by itself
 
 
 class FillIn:
-    """`image`: the predicted image where there is one, elsewhere the live one, of the same camera and pose."""
+    """`image`: the predicted image where there is one, elsewhere the live one of the same camera and pose."""
 
     def __init__(self, session: Session, predicted: RgbdImage, live: RgbdImage) -> None:
         camera = predicted.camera
@@ -41,7 +41,7 @@ class FillIn:
         self._fill()
 
     def needed(self) -> bool:
-        """Whether at most COVERED of the prediction, looked at in every STRIDE-th row and column, has a colour.
+        """Whether at most COVERED of the prediction, seen at every STRIDE-th pixel of both axes, has colour.
 
         Waits for the device.
         """

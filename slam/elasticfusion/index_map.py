@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ class IndexMap:
         self._view = View(session)
         depths = session.buffer(4 * width * height, "an index map")
         view, size = self._view.buffer, (width, height, intrinsics(camera))
-        self._kernels = [
+        self._kernels: list[Callable[[], None]] = [
             session.image_kernel(SOURCE, "clear_index", width, height, width, height, depths, self.ids)
         ]
         if session.layout.pixels:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,7 @@ class Prediction:
         ids = session.buffer(4 * stride * height, "an image")
         view, size = self._view.buffer, (width, height, intrinsics(camera), stride)
 
-        self._kernels = [
+        self._kernels: list[Callable[[], None]] = [
             session.image_kernel(SOURCE, "clear_view", stride, height, stride, height, depths, ids)
         ]
         if session.layout.pixels:
@@ -80,8 +81,8 @@ class Prediction:
         )
 
     def render(self, pose: NDArray[np.float64], seen: tuple[int, int], confidence: float) -> None:
-        """Enqueue the view from `pose` (4, 4; camera to world) of surfels of at least this confidence that were
-        last seen at a tick from seen[0] to seen[1], both included.
+        """Enqueue the view from `pose` (4, 4; camera to world) of surfels of at least this confidence that
+        were last seen at a tick from seen[0] to seen[1], both included.
         """
         self._view.show(pose, seen, confidence)
         for kernel in self._kernels:

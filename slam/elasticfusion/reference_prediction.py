@@ -120,7 +120,7 @@ def splat(
 def resolve(
     depths: Array, ids: Integers, surfels: NDArray[Any], pose: Array
 ) -> tuple[Array, Array, NDArray[np.uint32], NDArray[np.int32], Array]:
-    """Of what each pixel sees: depth, normal in the camera's frame, colour, tick of birth and confidence, or 0."""
+    """Of what each pixel sees: depth, normal in the camera's frame, colour, birth and confidence; else 0."""
     covered = ids != NOBODY
     who = surfels[np.where(covered, ids, 0)]
     normals = np.where(covered[..., None], who["normal"].astype(float) @ pose[:3, :3], 0)
@@ -156,7 +156,7 @@ def fill_in(
     keep_depth: bool,
     keep_colour: bool,
 ) -> tuple[Array, Array, Array]:
-    """Depth, normals and colour: the predicted ones where they exist and are kept, the live ones elsewhere."""
+    """Depth, normals and colour: the predicted ones where they exist and are kept, else the live ones."""
     geometry = (predicted[0] > 0) & keep_depth
     painted = (predicted[2] > 0) & keep_colour
     return (

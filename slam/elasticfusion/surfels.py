@@ -116,10 +116,6 @@ class SurfelKernel:
         self._surfels = surfels
         self._kernel = kernel
 
-    def set(self, index: int, value: Any) -> None:
-        """Another value for one argument (from 1 on: 0 is the count), from the next launch on."""
-        self._kernel.set(index, value)
-
     def __call__(self) -> None:
         """Enqueue it; over an empty map there is nothing to do."""
         if self._surfels.count:

@@ -36,7 +36,7 @@ class Thumbnail:
 
 
 def sampled(camera: Camera, ratio: int) -> Camera:
-    """The camera of the pixels in the middle of each block of ratio x ratio; incomplete blocks are left out."""
+    """The camera of the pixels in the middle of each block of ratio x ratio; incomplete ones are left out."""
     middle = ratio // 2
     return Camera(
         camera.fx / ratio,
