@@ -4,12 +4,12 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
+from crowd.dashboard.answering import found
 from crowd.dashboard.comparison import Comparison, of_configurations, of_devices, parse_names
 from crowd.dashboard.drawings.drawing import Drawing
 from crowd.dashboard.drawings.sessions import stages_table
 from crowd.dashboard.figures.frames import stage_bars
 from crowd.dashboard.points import newest_figure
-from crowd.dashboard.views.page import found
 from crowd.fronts import selectors as published
 from crowd.results import selectors as results
 

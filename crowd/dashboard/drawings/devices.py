@@ -7,6 +7,7 @@ from django.http import Http404, HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import drift, formats
+from crowd.dashboard.answering import found
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.sessions import read_session
 from crowd.dashboard.figures.devices import (
@@ -18,7 +19,6 @@ from crowd.dashboard.figures.devices import (
 )
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.standing import Standing, standing
-from crowd.dashboard.views.page import found
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
 from crowd.results.rows import Device, DeviceDetail, History, Place, SessionDetail, Speedup

@@ -36,10 +36,11 @@ def _never(_: object) -> bool:
 class Drawing(Generic[Rows]):
     """Each of the functions answers one question about the same rows.
 
-    read(request, **arguments of the path) may raise Http404, or one of serving.REFUSED for a query that
-    cannot be understood. stamp(request, **arguments) is much cheaper to ask for and changes with the rows: a
-    figure that is drawn is kept under it, for a minute. page(**arguments) is the page that shows the figure,
-    under the same query. simulated(rows) says that nobody measured them: every answer tells so.
+    read(request, **arguments of the path) may raise Http404, and InvalidFilterError or InvalidComparisonError
+    for a query that cannot be understood. stamp(request, **arguments) is much cheaper to ask for and changes
+    with the rows: a figure that is drawn is kept under it, for a minute. page(**arguments) is the page that
+    shows the figure, under the same query. simulated(rows) says that nobody measured them: every answer tells
+    so.
     """
 
     name: str

@@ -12,6 +12,7 @@ from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
+from crowd.dashboard.answering import found
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.explorations import (
     exploration_plane,
@@ -21,7 +22,6 @@ from crowd.dashboard.figures.explorations import (
 )
 from crowd.dashboard.palette import Theme
 from crowd.dashboard.searches import ate_limit, growth_of
-from crowd.dashboard.views.page import found
 from crowd.explorations import watching
 from crowd.explorations.insights import insight
 from crowd.explorations.points import Point

@@ -4,12 +4,12 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
+from crowd.dashboard.answering import found
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.parameters import parameter_lines
 from crowd.dashboard.points import parameters_of
 from crowd.dashboard.protocols import max_ate
-from crowd.dashboard.views.page import found
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import Front
 

@@ -4,7 +4,6 @@ Each has an ETag: what the caller holds already is not sent again.
 """
 
 import csv
-import hashlib
 import io
 import json
 import math
@@ -14,25 +13,22 @@ from functools import wraps
 from typing import Any
 
 from csp.decorators import csp_replace
-from django.core.cache import cache
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, QueryDict
 from django.template.loader import render_to_string
 from django.urls import URLPattern, path, reverse
-from django.utils.cache import get_conditional_response
-from django.utils.http import quote_etag
 from django.views.decorators.clickjacking import xframe_options_exempt
-from django.views.decorators.gzip import gzip_page
-from django.views.decorators.http import require_safe
 
+from crowd.dashboard.answering import conditional, kept, page
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
-from crowd.dashboard.palette import LIGHT, THEMES, Theme
+from crowd.dashboard.palette import LIGHT, THEMES
 from crowd.explorations.exports import FORMULA
 from crowd.results.filters import InvalidFilterError
 from crowd.results.opendata.tables import LICENCE
+from crowd.results.selectors import UnknownFrontError
 
-REFUSED = (InvalidFilterError, InvalidComparisonError)
-KEPT_SECONDS = 60
+CSV = "text/csv; charset=utf-8"
+HTML = "text/html; charset=utf-8"
 JSON = "application/json"
 
 View = Callable[..., HttpResponseBase]
@@ -43,9 +39,9 @@ def addresses(drawing: Drawing[Any]) -> Iterator[URLPattern]:
     """The four addresses of DRAWING; their names are its own and -figure, -csv, -json, -embed."""
     name, below = drawing.name, drawing.path
     yield path(f"figures/{below}.json", _reading(_figure(drawing)), name=f"{name}-figure")
-    yield path(f"tables/{below}.csv", _reading(_shown(drawing, csv_of, "text/csv")), name=f"{name}-csv")
+    yield path(f"tables/{below}.csv", _reading(_shown(drawing, csv_of, CSV)), name=f"{name}-csv")
     yield path(f"tables/{below}.json", _reading(_shown(drawing, json_of, JSON)), name=f"{name}-json")
-    embed = _shown(drawing, page_of, "text/html")
+    embed = _shown(drawing, page_of, HTML)
     # The only pages that other sites may frame: they set no cookie and change nothing.
     framed = xframe_options_exempt(csp_replace({"frame-ancestors": ["*"]})(_reading(embed)))
     yield path(f"embed/{below}/", framed, name=f"{name}-embed")
@@ -104,24 +100,31 @@ def page_address(request: HttpRequest, drawing: Drawing[Any], arguments: dict[st
 
 
 def _reading(view: View) -> View:
-    """VIEW for reading alone, compressed, with a word on a query that it cannot understand."""
+    """VIEW as a page, with a word on a query that it cannot understand."""
 
+    @page
     @wraps(view)
     def answer(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         try:
             return view(request, **arguments)
-        except REFUSED as error:
-            return HttpResponse(str(error), status=400, content_type="text/plain")
+        except UnknownFrontError as error:
+            return _refused(error, 404)
+        except (InvalidFilterError, InvalidComparisonError) as error:
+            return _refused(error, 400)
 
-    return gzip_page(require_safe(answer))
+    return answer
+
+
+def _refused(error: Exception, status: int) -> HttpResponse:
+    return HttpResponse(str(error), status=status, content_type="text/plain; charset=utf-8")
 
 
 def _shown(drawing: Drawing[Any], show: Show, kind: str) -> View:
     def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         body = show(request, drawing, drawing.read(request, **arguments), arguments).encode()
-        response = _conditional(request, body, _digest(body), kind)
-        if kind != "text/html":
-            name = f"frontrunner-{drawing.name}.{'csv' if kind == 'text/csv' else 'json'}"
+        response = conditional(request, body, kind)
+        if kind != HTML:
+            name = f"frontrunner-{drawing.name}.{'csv' if kind == CSV else 'json'}"
             response["Content-Disposition"] = f'attachment; filename="{name}"'
         return response
 
@@ -133,35 +136,17 @@ def _figure(drawing: Drawing[Any]) -> View:
 
     def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         theme = THEMES.get(request.GET.get("theme", ""), LIGHT)
+
+        def draw() -> bytes:
+            figure = drawing.draw(drawing.read(request, **arguments), theme)
+            return bytes(figure.to_json(validate=False).encode())
+
         if drawing.stamp is None:
-            body = _drawn(drawing, drawing.read(request, **arguments), theme)
-            return _conditional(request, body, _digest(body), JSON)
+            return conditional(request, draw(), JSON)
         facts = (request.path, theme.name, drawing.stamp(request, **arguments))
-        key = f"figure-{_digest(repr(facts).encode())}"
-        body = cache.get(key)
-        if body is None:
-            body = _drawn(drawing, drawing.read(request, **arguments), theme)
-            cache.set(key, body, KEPT_SECONDS)
-        return _conditional(request, body, _digest(body), JSON)
+        return conditional(request, kept(facts, draw), JSON)
 
     return view
-
-
-def _drawn(drawing: Drawing[Any], rows: Any, theme: Theme) -> bytes:
-    return bytes(drawing.draw(rows, theme).to_json(validate=False).encode())
-
-
-def _conditional(request: HttpRequest, body: bytes, digest: str, kind: str) -> HttpResponseBase:
-    etag = quote_etag(digest)
-    response = HttpResponse(body, content_type=kind if kind == JSON else f"{kind}; charset=utf-8")
-    response["ETag"] = etag
-    # Kept by browsers, asked about each time: a new session shows at once.
-    response["Cache-Control"] = "no-cache"
-    return get_conditional_response(request, etag=etag, response=response) or response
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:32]
 
 
 def _query(request: HttpRequest) -> QueryDict:

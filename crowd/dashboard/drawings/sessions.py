@@ -7,11 +7,11 @@ from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
+from crowd.dashboard.answering import found
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.protocols import first_counted_frame
 from crowd.dashboard.stages import StageTimes, frames, inside_computation, ordered, times_of
-from crowd.dashboard.views.page import found
 from crowd.results import selectors as results
 from crowd.results.rows import RunDetail, SessionDetail
 

@@ -9,7 +9,6 @@ from crowd.dashboard import formats
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
 from crowd.results import selectors as results
-from crowd.results.filters import SpeedupFilters
 from crowd.results.rows import Speedup, Speedups
 
 DEFINITION = (
@@ -34,12 +33,12 @@ class Bars:
 
 def read(request: HttpRequest) -> Bars:
     """The bars that the query string asks for."""
-    return Bars(results.speedups(SpeedupFilters.parse(request.GET)), colour_of(request))
+    return Bars(results.speedups(results.asked(request.GET)), colour_of(request))
 
 
 def stamp(request: HttpRequest) -> tuple[str, str, str]:
     """What is asked for, and how the crowd is: two thousand bars take a while to draw."""
-    return SpeedupFilters.parse(request.GET).query(), colour_of(request), results.version()
+    return results.asked(request.GET).query(), colour_of(request), results.version()
 
 
 def colour_of(request: HttpRequest) -> str:

@@ -18,7 +18,6 @@ from crowd.dashboard.transfer import coefficients, ordered, pairs
 from crowd.fronts.selectors import BEST
 from crowd.results import correlations
 from crowd.results import selectors as results
-from crowd.results.filters import SpeedupFilters
 from crowd.results.transfer import CorrelationMatrix, Winners
 
 COUNTED = "Devices count that measured at least three configurations of the front, the default among them."
@@ -39,12 +38,12 @@ def kind_of(request: HttpRequest) -> str:
 
 def read_map(request: HttpRequest) -> Map:
     """The matrix under the filters of the query string."""
-    return Map(correlations.matrix(SpeedupFilters.parse(request.GET)), kind_of(request))
+    return Map(correlations.matrix(results.asked(request.GET)), kind_of(request))
 
 
 def read_winners(request: HttpRequest) -> Winners:
     """The winners under the filters of the query string."""
-    return results.winners(SpeedupFilters.parse(request.GET))
+    return results.winners(results.asked(request.GET))
 
 
 def map_table(shown: Map) -> Table:

@@ -1,25 +1,20 @@
 """Pictures that links are shown with, drawn from the same rows as their pages."""
 
-import hashlib
 from collections.abc import Callable
 
-from django.core.cache import cache
-from django.http import HttpRequest, HttpResponse, HttpResponseBase
-from django.utils.cache import get_conditional_response
-from django.utils.http import quote_etag
+from django.http import HttpRequest, HttpResponseBase
 from django.views.decorators.http import require_safe
 
 from crowd.dashboard import formats
+from crowd.dashboard.answering import conditional, found, kept
 from crowd.dashboard.figures.card import Card, png
 from crowd.dashboard.filtering import Filtering
 from crowd.dashboard.points import newest_figure
-from crowd.dashboard.views.page import found
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
 from crowd.results.rows import DeviceDetail, Headline, Speedups
 
-KEPT_SECONDS = 60
 SIMULATED = "Simulated, not measured. "
 SUSPECT = "Suspect: no session is valid. "
 
@@ -100,17 +95,5 @@ def _certainty(line: Headline) -> str:
 
 def _picture(request: HttpRequest, key: object, read: Callable[[], Card]) -> HttpResponseBase:
     """The picture of what READ answers, drawn once for all who ask for KEY while no figure changes."""
-    drawn = f"card-{_digest(repr((request.path, key, results.version())).encode())}"
-    body = cache.get(drawn)
-    if body is None:
-        body = png(read())
-        cache.set(drawn, body, KEPT_SECONDS)
-    response = HttpResponse(body, content_type="image/png")
-    response["ETag"] = etag = quote_etag(_digest(body))
-    # Asked about each time: a new session shows at once.
-    response["Cache-Control"] = "no-cache"
-    return get_conditional_response(request, etag=etag, response=response) or response
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:32]
+    facts = (request.path, key, results.version())
+    return conditional(request, kept(facts, lambda: png(read())), "image/png")

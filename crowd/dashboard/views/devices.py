@@ -4,6 +4,7 @@ from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.answering import found, page
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.drawings.devices import place_of
@@ -15,7 +16,6 @@ from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.race import race
 from crowd.dashboard.standing import standing
-from crowd.dashboard.views.page import found, page
 from crowd.dashboard.views.sessions import of_session
 from crowd.results import selectors as results
 

@@ -6,11 +6,9 @@ from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
 from django.utils import timezone
-from django.utils.cache import get_conditional_response
-from django.utils.http import quote_etag
 
+from crowd.dashboard.answering import found, page, tagged
 from crowd.dashboard.searches import ate_limit, yield_of
-from crowd.dashboard.views.page import found, page
 from crowd.explorations import selectors as searches
 from crowd.explorations import watching
 from crowd.explorations.insights import milestone
@@ -36,13 +34,11 @@ def exploration(request: HttpRequest, key: int) -> HttpResponse:
 def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
     """The part of an exploration's page that changes while it runs; 304 where the caller has it."""
     seen = found(watch(key))
-    etag = quote_etag(_version(request, seen))
-    if (unchanged := get_conditional_response(request, etag=etag)) is not None:
-        return unchanged
-    response = render(request, "dashboard/exploration_live.html", _shown(request, seen))
-    response["ETag"] = etag
-    response["Cache-Control"] = "no-cache"
-    return response
+    return tagged(
+        request,
+        _version(request, seen),
+        lambda: render(request, "dashboard/exploration_live.html", _shown(request, seen)),
+    )
 
 
 def _shown(request: HttpRequest, seen: Watch) -> dict[str, Any]:

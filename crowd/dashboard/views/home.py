@@ -1,6 +1,5 @@
 """The home page."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -13,14 +12,12 @@ from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.race import race
 from crowd.fronts import selectors as published
 from crowd.results import selectors as results
-from crowd.results.filters import SpeedupFilters
-from crowd.results.rows import Share
+from crowd.results.filters import quoted
+from crowd.results.rows import Share, Speedups
 
 NEWEST = 6
 # What the crowd is broken down by, and what a page calls it.
 PARTS = {"vendor": "chip that computed", "soc": "system on a chip", "os": "operating system"}
-
-CONTAINED = ("soc", "os")  # filters that match anywhere in a text
 
 
 @filtered
@@ -38,21 +35,19 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "front": front,
             "protocol": front.protocol if front else {},
             "lanes": race(crowd.headline.geometric_mean, asked.filters.leading),
-            "breakdowns": [
-                (by, name, by in CONTAINED, _linked(results.part(crowd, by), by, asked.filters))
-                for by, name in PARTS.items()
-            ],
+            "breakdowns": [(by, name, _linked(crowd, by)) for by, name in PARTS.items()],
             "sessions": results.latest_sessions(NEWEST, asked.filters.simulated),
             "height": bars_height(len(crowd.rows)),
         },
     )
 
 
-def _linked(shares: Iterable[Share], by: str, filters: SpeedupFilters) -> list[tuple[Share, str]]:
-    """Each group BY something with the query that asks for it under the same FILTERS."""
+def _linked(crowd: Speedups, by: str) -> list[tuple[Share, str]]:
+    """Each group of CROWD by something, with the query that asks for it under the same filters."""
 
     def query(group: str) -> str:
-        change: dict[str, Any] = {by: group}
-        return replace(filters, **change).query()
+        change: dict[str, Any] = {by: group if by == "vendor" else quoted(group)}
+        return replace(crowd.filters, **change).query()
 
+    shares = results.breakdown(crowd.rows, by, crowd.filters.configuration)
     return [(share, query(share.group)) for share in shares]

@@ -3,8 +3,8 @@
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.answering import page
 from crowd.dashboard.exported import newest, tables_of
-from crowd.dashboard.views.page import page
 from crowd.fronts import selectors as published
 from crowd.results.opendata.tables import LICENCE, TABLES
 from crowd.results.rules import RULES

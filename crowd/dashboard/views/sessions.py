@@ -6,13 +6,13 @@ from uuid import UUID
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.answering import found, page
 from crowd.dashboard.drift import readings, steps
 from crowd.dashboard.figures.devices import sensors_height
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.protocols import first_counted_frame
 from crowd.dashboard.race import race
 from crowd.dashboard.stages import frames, spread, stage_table, times_of
-from crowd.dashboard.views.page import found, page
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
 from crowd.results.rows import SessionDetail

@@ -3,9 +3,9 @@
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.answering import page
 from crowd.dashboard.figures.surfaces import surface_height
 from crowd.dashboard.surface import reading, rows, shipped
-from crowd.dashboard.views.page import page
 
 
 @page

@@ -8,7 +8,7 @@ from django.shortcuts import render
 from crowd.dashboard.drawings.transfer import kind_of
 from crowd.dashboard.figures.transfer import correlation_height, winners_height
 from crowd.dashboard.filtering import Filtering, filtered
-from crowd.dashboard.transfer import KINDS, alike, ordered, pairs, wins
+from crowd.dashboard.transfer import KINDS, alike, ordered, pairs
 from crowd.results import correlations
 from crowd.results import selectors as results
 
@@ -29,7 +29,6 @@ def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "asked": asked,
             "query": asked.query,
             "found": found,
-            "wins": wins(found),
             "part": Paginator(ordered(found.rows), PAGE).get_page(request.GET.get("page")),
             "matrix": matrix,
             "kind": kind,
