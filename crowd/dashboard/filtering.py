@@ -4,24 +4,25 @@ The form works without a script; with htmx a change replaces `#results` and `#an
 shortest address that means the same.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from typing import Any
+from urllib.parse import parse_qsl
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect, QueryDict
 from django.utils.cache import patch_vary_headers
 
+from crowd.dashboard.answering import page
 from crowd.dashboard.drawings.drawing import with_query
-from crowd.dashboard.views.page import page
 from crowd.devices.models import DeviceModel
 from crowd.devices.vendors import VENDORS
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
+from crowd.results import selectors as results
 from crowd.results.filters import ALL, InvalidFilterError, SpeedupFilters
 
 SYSTEMS = ("Android", "Linux", "macOS", "Windows")
-NAMED = 20  # so many names are told at most
 SCRIPT = "HX-Request"  # htmx asks with this header
 
 
@@ -29,27 +30,30 @@ SCRIPT = "HX-Request"  # htmx asks with this header
 class Filtering:
     """What a visitor asked for. `problem` says what was not understood; everything is shown then.
 
-    `others` are the page's own choices (a colour, a version to compare with) of the same address.
+    `others` are the page's own choices (a colour, a version to compare with) of the same address; `published`
+    are the fronts to choose from, newest first, each with its application.
     """
 
     path: str
     filters: SpeedupFilters
     problem: str
     others: QueryDict
+    published: tuple[tuple[str, str], ...]
 
     @classmethod
     def of(cls, request: HttpRequest) -> "Filtering":
         """The filters and other choices of the query string, without the page of a table."""
+        names = published.names()
         try:
-            filters, problem = _known(SpeedupFilters.parse(request.GET)), ""
+            filters, problem = results.asked(request.GET, names), ""
         except InvalidFilterError as error:
-            filters, problem = SpeedupFilters(), str(error)
+            filters, problem = results.asked({}, names), str(error)
         others = QueryDict(mutable=True)
         for name, values in request.GET.lists():
             given = [value for value in values if value]
             if name not in SpeedupFilters.__dataclass_fields__ and name != "page" and given:
                 others.setlist(name, given)
-        return cls(request.path, filters, problem, others)
+        return cls(request.path, filters, problem, others, names)
 
     @property
     def query(self) -> str:
@@ -61,6 +65,23 @@ class Filtering:
         """The address of the page under these filters."""
         return with_query(self.path, self.query)
 
+    @property
+    def fields(self) -> list[tuple[str, str]]:
+        """The filters by the names of a form's fields, for a form that changes something else."""
+        return parse_qsl(self.filters.query())
+
+    @property
+    def within(self) -> "Filtering":
+        """The same for the page of a front, which is of one application."""
+        own = SpeedupFilters().application
+        return replace(self, filters=replace(self.filters, front="", application=own))
+
+    @property
+    def start(self) -> str:
+        """The page with nothing of the application's crowd left out."""
+        everything = SpeedupFilters(application=self.filters.application)
+        return with_query(self.path, everything.query())
+
     def with_other(self, name: str, value: str) -> str:
         """The same address with the page's own choice NAME set to VALUE."""
         others = self.others.copy()
@@ -69,8 +90,8 @@ class Filtering:
 
     @property
     def filtered(self) -> bool:
-        """Whether anything is left out."""
-        return self.filters != SpeedupFilters()
+        """Whether anything of the application's crowd is left out."""
+        return self.filters != SpeedupFilters(application=self.filters.application)
 
     @property
     def shown(self) -> str:
@@ -89,44 +110,26 @@ class Filtering:
         """Operating systems to suggest."""
         return SYSTEMS
 
-    @cached_property
-    def versions(self) -> tuple[tuple[str, str], ...]:
-        """Fronts to choose from, newest first: slug and application."""
-        return published.names()
+    @property
+    def versions(self) -> Sequence[str]:
+        """The application's fronts to choose from, newest first."""
+        return [slug for slug, application in self.published if application == self.filters.application]
 
     @property
-    def applications(self) -> tuple[str, ...]:
-        """Applications that have a front."""
-        return tuple(dict.fromkeys(application for _, application in self.versions))
+    def applications(self) -> list[tuple[str, str]]:
+        """Applications that have a front, each with the address of the page for it."""
+        names = dict.fromkeys(application for _, application in self.published)
+
+        def address(name: str) -> str:
+            return replace(self, filters=replace(self.filters, application=name, front="")).address
+
+        return [(name, address(name)) for name in names]
 
     @cached_property
     def simulations(self) -> bool:
         """Whether there are simulated devices to ask for."""
         simulated = DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED)
         return self.filters.simulated or simulated.exists()
-
-
-def _known(filters: SpeedupFilters) -> SpeedupFilters:
-    """FILTERS whose front and application exist; the defaults are not looked for.
-
-    Raises InvalidFilterError.
-    """
-    default = SpeedupFilters()
-    if (filters.front, filters.application) == (default.front, default.application):
-        return filters
-    names = published.names()
-    if filters.front:
-        _check("front", filters.front, [slug for slug, _ in names])
-    if filters.application != default.application:
-        _check("application", filters.application, [application for _, application in names])
-    return filters
-
-
-def _check(name: str, given: str, known: Iterable[str]) -> None:
-    there = list(dict.fromkeys(known))
-    if given not in there:
-        right = f"give one of {', '.join(there[:NAMED])}" if there else "nothing has been published yet"
-        raise InvalidFilterError(name, f"{name}={given:.50}: {right}")
 
 
 def filtered(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponseBase]:

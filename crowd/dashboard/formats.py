@@ -131,6 +131,15 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+# As their authors write them.
+APPLICATIONS = {"kfusion": "KinectFusion", "elasticfusion": "ElasticFusion"}
+
+
+def application(name: str) -> str:
+    """An application as people call it."""
+    return APPLICATIONS.get(name, name)
+
+
 # What the objectives of explorations are called, and how many of the unit shown one SI unit is.
 OBJECTIVES = {
     "runtime": ("runtime, ms a frame", 1e3),

@@ -7,7 +7,7 @@ import numpy as np
 
 from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN
 from crowd.results.rows import Device
-from crowd.results.transfer import CorrelationMatrix, Winner, Winners
+from crowd.results.transfer import CorrelationMatrix, Winner
 
 KINDS = (PEARSON, SPEARMAN)
 
@@ -33,11 +33,6 @@ def ordered(rows: Sequence[Winner]) -> list[Winner]:
         rows,
         key=lambda row: (row.regret is None, row.regret or 0.0, row.best_rank or 0, row.device.slug),
     )
-
-
-def wins(found: Winners) -> int:
-    """On how many devices the reference's best is the fastest."""
-    return sum(row.best_rank == 1 for row in found.rows)
 
 
 def coefficients(matrix: CorrelationMatrix, kind: str) -> np.ndarray:

@@ -13,6 +13,7 @@ from crowd.fronts.selectors import BEST
 ALL = "all"
 WHOLE_NUMBER = re.compile(r"[0-9]{1,7}")
 MOST = 1_000_000
+QUOTE = '"'
 
 
 class InvalidFilterError(ValueError):
@@ -61,7 +62,9 @@ READERS: dict[str, Callable[[str, str], Any]] = {
 
 @dataclass(frozen=True)
 class SpeedupFilters:
-    """What to show. Empty text means no restriction; texts match anywhere, whatever the case."""
+    """What to show. Empty text means no restriction. The texts soc, gpu and os match anywhere, whatever the
+    case, or as a whole where they stand in quotation marks.
+    """
 
     front: str = ""  # slug; empty: the newest front that somebody has measured
     application: str = "kfusion"
@@ -117,14 +120,32 @@ class SpeedupFilters:
             self.front,
             "" if self.configuration == BEST else _configurations(self.configuration),
             vendors.VENDORS[self.vendor] if self.vendor else "",
-            f"system on a chip “{self.soc}”" if self.soc else "",
-            f"graphics chip “{self.gpu}”" if self.gpu else "",
-            self.os,
+            _text("system on a chip", self.soc),
+            _text("graphics chip", self.gpu),
+            _text("system", self.os),
             self.backend,
             _period(self.since, self.until),
             f"at least {self.min_sessions} sessions" if self.min_sessions > 1 else "",
             "" if self.suspect else "without suspect figures",
         ]
+
+
+def whole(text: str) -> str | None:
+    """What TEXT matches as a whole: what stands between its quotation marks; None where it has none."""
+    marked = len(text) > 1 and text.startswith(QUOTE) and text.endswith(QUOTE)
+    return text[1:-1] if marked else None
+
+
+def quoted(text: str) -> str:
+    """The filter that matches TEXT as a whole."""
+    return f"{QUOTE}{text}{QUOTE}"
+
+
+def _text(noun: str, given: str) -> str:
+    if not given:
+        return ""
+    exact = whole(given)
+    return f"{noun} not told" if exact == "" else f"{noun} “{exact or given}”"
 
 
 def _configurations(name: str) -> str:

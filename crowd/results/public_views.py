@@ -15,6 +15,7 @@ from crowd.results.rows import DeviceDetail
 
 MOST_COMPARED = 6
 SWITCH = {"type": "string", "enum": ["0", "1"]}
+MATCHED = "matches anywhere, whatever the case; in quotation marks, as a whole"
 SIMULATED = OpenApiParameter(
     "simulated", SWITCH, description="1 shows simulated devices, and none that anybody has; 0 where absent"
 )
@@ -33,14 +34,14 @@ class SpeedupsView(Endpoint):
         ),
         parameters=[
             OpenApiParameter("front", str, description="version; the newest measured one where absent"),
-            OpenApiParameter("application", str, description="kfusion where absent"),
+            OpenApiParameter("application", str, description="that of `front`, else kfusion where absent"),
             OpenApiParameter("configuration", str, description="best where absent; all for every one"),
             OpenApiParameter(
                 "vendor", str, enum=list(VENDORS), description="whose chip computed; CPU: the processor did"
             ),
-            OpenApiParameter("soc", str),
-            OpenApiParameter("gpu", str),
-            OpenApiParameter("os", str),
+            OpenApiParameter("soc", str, description=MATCHED),
+            OpenApiParameter("gpu", str, description=MATCHED),
+            OpenApiParameter("os", str, description=MATCHED),
             OpenApiParameter("backend", str),
             OpenApiParameter(
                 "since", OpenApiTypes.DATE, description="a day, as 2026-11-30: only sessions from then on"
@@ -112,9 +113,13 @@ class CompareView(Endpoint):
 
 
 def _filters(request: Request) -> SpeedupFilters:
-    """The filters of REQUEST. Raises Problem 400 for one that cannot be understood."""
+    """The filters of REQUEST. Raises Problem 400 for one that cannot be understood, 404 for a front that was
+    never published.
+    """
     try:
-        return SpeedupFilters.parse(request.query_params)
+        return selectors.asked(request.query_params)
+    except selectors.UnknownFrontError as error:
+        raise Problem(404, "not_found", str(error), field=error.name) from error
     except InvalidFilterError as error:
         raise Problem(400, "invalid_filter", str(error), field=error.name) from error
 

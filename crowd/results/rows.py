@@ -112,16 +112,12 @@ class Share:
 
 @dataclass(frozen=True)
 class Speedups:
-    """What the filters leave, fastest first, and the front they mean (None: no front is published).
-
-    `parts`: the breakdowns that somebody has asked for already, by what.
-    """
+    """What the filters leave, fastest first, and the front they mean (None: no front is published)."""
 
     filters: SpeedupFilters
     front: str | None
     rows: tuple[Speedup, ...]
     headline: Headline
-    parts: dict[str, tuple[Share, ...]] = field(default_factory=dict, compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
 
+from crowd.results.reading.asked import UnknownFrontError, asked
 from crowd.results.reading.devices import device, devices, pending
 from crowd.results.reading.figures import version
 from crowd.results.reading.history import history
@@ -11,11 +12,13 @@ from crowd.results.reading.sessions import (
     session,
     submission,
 )
-from crowd.results.reading.speedups import breakdown, headline, measured_front, part, place, speedups
+from crowd.results.reading.speedups import breakdown, headline, measured_front, place, speedups
 from crowd.results.reading.transfer import winners
 
 __all__ = [
     "LISTED_SESSIONS",
+    "UnknownFrontError",
+    "asked",
     "breakdown",
     "device",
     "devices",
@@ -24,7 +27,6 @@ __all__ = [
     "latest_sessions",
     "measured_front",
     "own_sessions",
-    "part",
     "pending",
     "place",
     "run",

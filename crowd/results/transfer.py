@@ -37,9 +37,9 @@ class Winners:
     """The winners of one front (None: no front) on each device under `filters` that measured enough
     configurations.
 
-    `counts`: how many devices each winning configuration wins on, most first. median_regret, and the shares
-    of devices on which the reference's best wins or is within a tenth of the winner, are over the `judged`
-    devices that measured it; None where there is none.
+    `counts`: how many devices each winning configuration wins on, most first. Of the `judged` devices that
+    measured the reference's best, it is the fastest on `wins`, and within a tenth of the fastest on the share
+    nearly_wins; nearly_wins and median_regret are None where none measured it.
     """
 
     filters: SpeedupFilters
@@ -48,8 +48,8 @@ class Winners:
     rows: tuple[Winner, ...]
     counts: tuple[tuple[str, int], ...]
     judged: int
+    wins: int
     median_regret: float | None
-    wins: float | None
     nearly_wins: float | None
 
 

@@ -66,12 +66,13 @@ def test_an_interval_is_given_from_three_installations_on(client: Client, crowd:
         ({"soc": "tensor"}, ["google-phone-x", "google-pixel-8"]),
         ({"os": "android"}, ["google-phone-x", "samsung-galaxy-s24", "google-pixel-8"]),
         ({"os": "Windows"}, []),
+        ({"gpu": '"mali-g715"'}, []),
+        ({"gpu": '"Mali-G715"'}, ["google-phone-x", "google-pixel-8"]),
         ({"min_sessions": "3"}, ["google-phone-x"]),
         (
             {"front": "kfusion-test", "backend": "opencl"},
             ["google-phone-x", "samsung-galaxy-s24", "google-pixel-8"],
         ),
-        ({"front": "kfusion-none"}, []),
         ({"since": "2026-11-20"}, ["google-phone-x", "samsung-galaxy-s24", "google-pixel-8"]),
         ({"since": "2026-11-21"}, []),
         ({"since": "2026-11-20", "gpu": "adreno"}, ["samsung-galaxy-s24"]),
@@ -100,6 +101,22 @@ def test_a_filter_that_is_none(client: Client, crowd: None, query: dict[str, str
     response = client.get(f"{API}/speedups", query)
 
     assert (response.status_code, response.json()["field"]) == (400, field)
+
+
+@pytest.mark.parametrize(
+    ("query", "field", "told"),
+    [
+        ({"front": "kfusion-none"}, "front", "give one of kfusion-test"),
+        ({"application": "none"}, "application", "give one of kfusion"),
+    ],
+)
+def test_an_unknown_front_is_no_empty_answer(
+    client: Client, crowd: None, query: dict[str, str], field: str, told: str
+) -> None:
+    response = client.get(f"{API}/speedups", query)
+
+    assert (response.status_code, response.json()["field"]) == (404, field)
+    assert told in response.json()["detail"]
 
 
 def test_lists_go_on_by_cursor(client: Client, crowd: None) -> None:

@@ -83,5 +83,15 @@ def test_a_wrong_filter_is_named(client: Client, session: dict[str, Any]) -> Non
     assert (response.status_code, b"since=never" in response.content) == (400, True)
 
 
+@pytest.mark.parametrize(
+    "address", ["/figures/speedups.json", "/tables/transfer/best.csv", "/embed/transfer/correlation/"]
+)
+def test_an_unknown_front_has_no_figure(client: Client, session: dict[str, Any], address: str) -> None:
+    response = client.get(f"{address}?front=none")
+
+    assert response.status_code == 404
+    assert response.content == b"front=none: give one of kfusion-test"
+
+
 def test_figures_can_only_be_read(client: Client, session: dict[str, Any]) -> None:
     assert client.post("/figures/speedups.json").status_code == 405

@@ -203,6 +203,23 @@ def test_the_front_page_sets_prediction_beside_the_crowd(client: Client, partici
     assert "first counted frame 10" in page
 
 
+def test_the_front_page_shows_the_crowd_under_filters(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    measure(join(), "Pixel 8", default_us=80_000, best_us=20_000)
+    device = device_document("P30", opencl_device="NVIDIA T4")
+    join().submit(submission_document(session_document(best_us=10_000), device=device))
+
+    shown = client.get("/fronts/kfusion-test/?vendor=NVIDIA")
+
+    assert "4.00 cm 8.00x 5.66x 2 128" in read(client, "/fronts/kfusion-test/")
+    assert "crowd (NVIDIA) measured" in text(shown)
+    assert "4.00 cm 8.00x 8.00x 1 128" in text(shown)
+    assert 'href="/transfer/?front=kfusion-test&amp;vendor=NVIDIA"' in shown.content.decode()
+    assert client.get("/fronts/kfusion-test/?vendor=nobody").status_code == 400
+    assert client.get("/fronts/nothing/?vendor=NVIDIA").status_code == 404
+
+
 def test_fronts_are_listed_with_their_state(
     client: Client, front: FrontVersion, pack: dict[str, Any]
 ) -> None:
@@ -264,6 +281,10 @@ def test_the_crowd_is_parted_by_chip_and_system(
 
     assert "Mali 4.00x - 2 2" in text(page)
     assert 'href="/devices/?vendor=Mali"' in page.content.decode()
+    assert 'href="/devices/?os=%22Android%22"' in page.content.decode()
+    assert "2 device models (system “Android”)" in read(client, "/devices/?os=%22Android%22").replace(
+        "\xa0", " "
+    )
     narrowed = client.get("/?os=android&min_sessions=1&soc=").url
     assert 'href="/devices/?vendor=Mali&amp;os=android"' in client.get(narrowed).content.decode()
 

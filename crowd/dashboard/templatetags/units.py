@@ -34,6 +34,7 @@ FORMATS: dict[str, Callable[..., str]] = {
     "parameter": formats.parameter,
     "words": formats.words,
     "objective": formats.objective,
+    "application": formats.application,
     "duration": formats.duration,
     "public": public,
     "hour": formats.hour,

@@ -21,7 +21,7 @@ _named: Kept[dict[int, Device]] = Kept(2)
 
 def devices(simulated: bool = False) -> tuple[DeviceRow, ...]:
     """Every device with a summarised session, fastest first, those without a figure last; of the SIMULATED
-    ones, or of those that people measured. Nine queries at most, whatever the number of devices.
+    ones, or of those that people measured. Thirteen queries at most, whatever the number of devices.
     """
     crowd = speedups(SpeedupFilters(simulated=simulated))
     best = {row.device.slug: row for row in reversed(crowd.rows)}
@@ -43,7 +43,7 @@ def _devices() -> dict[int, Device]:
 
 def pending(simulated: bool = False) -> tuple[DeviceRow, ...]:
     """Devices with a summarised session and no figure of `best` on the newest measured front, by slug; of the
-    SIMULATED ones, or of those that people measured. Four queries at most, whatever the number of devices.
+    SIMULATED ones, or of those that people measured. Three queries at most, whatever the number of devices.
     """
     front = measured_front(SpeedupFilters().application, simulated)
     figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)

@@ -44,7 +44,7 @@ _kept: Kept[Table] = Kept(8)
 
 def table(filters: SpeedupFilters, least: int) -> Table:
     """The valid figures of every configuration under FILTERS (whatever configuration they name), of devices
-    with at least LEAST configurations, the default among them. Eight queries at most; three at most where
+    with at least LEAST configurations, the default among them. Nine queries at most; four at most where
     nothing changed since this process answered the same.
 
     What a period's figures are made of changes together with stored figures, or waits to be worked into them.

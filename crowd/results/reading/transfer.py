@@ -32,8 +32,8 @@ def winners(filters: SpeedupFilters) -> Winners:
         rows=rows,
         counts=tuple(sorted(counts.items(), key=lambda item: (-item[1], item[0]))),
         judged=len(regrets),
+        wins=sum(row.best_rank == 1 for row in rows),
         median_regret=median(regrets) if regrets else None,
-        wins=sum(row.best_rank == 1 for row in rows) / len(regrets) if regrets else None,
         nearly_wins=sum(regret <= NEAR for regret in regrets) / len(regrets) if regrets else None,
     )
 

@@ -1,0 +1,47 @@
+"""What a query string asks for, of the fronts and applications that there are."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from crowd.fronts import selectors as published
+from crowd.results.filters import InvalidFilterError, SpeedupFilters
+
+NAMED = 20  # so many names are told at most
+
+
+class UnknownFrontError(InvalidFilterError):
+    """A front, or an application's, that was never published here; the message lists those that were."""
+
+
+def asked(query: Mapping[str, str], names: Sequence[tuple[str, str]] | None = None) -> SpeedupFilters:
+    """The filters of QUERY, of one application: that of the front it names; where it names neither, the
+    default one, or that of the newest front where the default one has none. NAMES are all fronts with their
+    applications, newest first, where the caller has them: one query of the database else.
+
+    Raises InvalidFilterError, UnknownFrontError.
+    """
+    filters = SpeedupFilters.parse(query)
+    applications = dict(published.names() if names is None else names)
+    named = query.get("application", "").strip()
+    if filters.front:
+        return replace(filters, application=_application_of(filters.front, named, applications))
+    if filters.application in applications.values() or not (named or applications):
+        return filters
+    if named:
+        raise _unknown("application", named, applications.values())
+    return replace(filters, application=next(iter(applications.values())))
+
+
+def _application_of(front: str, named: str, applications: Mapping[str, str]) -> str:
+    if front not in applications:
+        raise _unknown("front", front, applications)
+    own = applications[front]
+    if named not in ("", own):
+        raise InvalidFilterError("front", f"front={front} is one of {own}, not of {named}: name either alone")
+    return own
+
+
+def _unknown(name: str, given: str, known: Iterable[str]) -> UnknownFrontError:
+    there = list(dict.fromkeys(known))
+    right = f"give one of {', '.join(there[:NAMED])}" if there else "nothing has been published yet"
+    return UnknownFrontError(name, f"{name}={given:.50}: {right}")
