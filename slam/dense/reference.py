@@ -14,13 +14,16 @@ from slam.camera import Camera
 Array = NDArray[np.float64]
 
 
-def millimetres_to_metres(millimetres: NDArray[np.uint16], ratio: int) -> Array:
-    """Every ratio-th pixel of a depth image, in metres."""
-    return millimetres[::ratio, ::ratio] / 1000.0
+def millimetres_to_metres(
+    millimetres: NDArray[np.uint16], ratio: int, nearest: int = 0, farthest: int = 65535
+) -> Array:
+    """Every ratio-th pixel of a depth image, in metres; 0 where it is not within nearest and farthest."""
+    sampled = millimetres[::ratio, ::ratio]
+    return np.where((sampled >= nearest) & (sampled <= farthest), sampled / 1000.0, 0.0)
 
 
-def bilateral_filter(depth: Array, spatial_sigma: float, range_sigma: float) -> Array:
-    """Over 5x5 pixels (Tomasi and Manduchi 1998); pixels without depth stay so and count nowhere."""
+def bilateral_filter(depth: Array, radius: int, spatial_sigma: float, range_sigma: float) -> Array:
+    """Tomasi and Manduchi 1998; pixels without depth stay so and count nowhere."""
     height, width = depth.shape
     filtered = np.zeros_like(depth)
     for y in range(height):
@@ -28,8 +31,8 @@ def bilateral_filter(depth: Array, spatial_sigma: float, range_sigma: float) -> 
             if depth[y, x] == 0:
                 continue
             total = weights = 0.0
-            for dy in range(-2, 3):
-                for dx in range(-2, 3):
+            for dy in range(-radius, radius + 1):
+                for dx in range(-radius, radius + 1):
                     neighbour = depth[min(max(y + dy, 0), height - 1), min(max(x + dx, 0), width - 1)]
                     if neighbour == 0:
                         continue

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 SOURCE = Path(__file__).parent / "kernels" / "preprocessing.cl"
+FARTHEST_MEASURED = 65535  # millimetres that 16 bits can say
 
 
 class Preprocessing:
@@ -38,7 +39,7 @@ class Preprocessing:
         self._sample: list[BoundKernel] = [
             session.image_kernel(
                 images.SOURCE, "millimetres_to_metres", width, height, self._millimetres, sensor.width,
-                ratio, self.depth, width, height,
+                ratio, 0, FARTHEST_MEASURED, self.depth, width, height,
             ),
             session.kernel(SOURCE, "farthest_of_rows", (height,), self.depth, width, farthest),
             session.kernel(SOURCE, "farthest_depth", (1,), farthest, height, state),

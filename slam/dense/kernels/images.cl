@@ -2,13 +2,14 @@
 #include "arithmetic.h"
 #include "shape.h"
 
-// Every `ratio`-th pixel, in metres.
-kernel void millimetres_to_metres(global const ushort *restrict millimetres, int sensor_width, int ratio,
-                                  global float *restrict metres, int width, int height)
+// Every `ratio`-th pixel, in metres; what does not lie between `nearest` and `farthest` millimetres becomes 0.
+kernel void millimetres_to_metres(global const ushort *restrict millimetres, int sensor_width, int ratio, int nearest,
+                                  int farthest, global float *restrict metres, int width, int height)
 {
     EACH_PIXEL(x, y, width, height)
     {
-        metres[y * width + x] = millimetres[y * ratio * sensor_width + x * ratio] * 0.001f;
+        const int depth = millimetres[y * ratio * sensor_width + x * ratio];
+        metres[y * width + x] = ((depth >= nearest) & (depth <= farthest)) ? depth * 0.001f : 0.0f;
     }
 }
 
@@ -24,7 +25,15 @@ INLINE float exp_minus(float t)
     return polynomial * as_float((127 - whole) << 23);
 }
 
-// One pixel of the bilateral filter. `inside`: all 25 neighbours exist, so that no index needs a clamp.
+// What a neighbour counts for a pixel; nothing where it has no depth.
+INLINE float bilateral_weight(float neighbour, float centre, float away, float range_factor)
+{
+    const float difference = neighbour - centre;
+    const float weight = exp_minus(difference * difference * range_factor + away);
+    return neighbour > 0.0f ? weight : 0.0f;
+}
+
+// One pixel of the filter over 5x5. `inside`: all 25 neighbours exist, so that no index needs a clamp.
 INLINE float bilateral(global const float *restrict depth, int width, int height, int x, int y, bool inside,
                        float spatial_factor, float range_factor)
 {
@@ -38,18 +47,17 @@ INLINE float bilateral(global const float *restrict depth, int width, int height
         for (int dx = -2; dx <= 2; ++dx) {
             const int column = inside ? x + dx : bounded(x + dx, 0, width - 1);
             const float neighbour = depth[row + column];
-            const float difference = neighbour - centre;
-            const float weight =
-                exp_minus(difference * difference * range_factor + (dx * dx + dy * dy) * spatial_factor);
-            const float counted = neighbour > 0.0f ? weight : 0.0f;
-            sum += counted * neighbour;
-            weights += counted;
+            const float away = (dx * dx + dy * dy) * spatial_factor;
+            const float weight = bilateral_weight(neighbour, centre, away, range_factor);
+            sum += weight * neighbour;
+            weights += weight;
         }
     }
     return centre > 0.0f ? sum / weights : 0.0f;
 }
 
-// Tomasi and Manduchi 1998; factors are 1 / (2 sigma^2). Pixels without depth stay so and count nowhere.
+// Tomasi and Manduchi 1998, over 5x5 pixels; factors are 1 / (2 sigma^2). Pixels without depth stay so and count
+// nowhere; beyond a side lies what is nearest inside.
 kernel void bilateral_filter(global const float *restrict depth, global float *restrict filtered, int width, int height,
                              float spatial_factor, float range_factor)
 {
@@ -67,6 +75,73 @@ kernel void bilateral_filter(global const float *restrict depth, global float *r
         filtered[y * width + x] = bilateral(depth, width, height, x, y, true, spatial_factor, range_factor);
     for (int x = last; x < width; ++x)
         filtered[y * width + x] = bilateral(depth, width, height, x, y, false, spatial_factor, range_factor);
+#endif
+}
+
+#ifndef PIXELS
+// LANES pixels of a row from `first` on: their sums stay in registers whatever the radius is.
+#define LANES 16
+
+INLINE void filter_lanes(global const float *restrict depth, global float *restrict filtered, int width, int height,
+                         int y, int first, int radius, float spatial_factor, float range_factor)
+{
+    float centre[LANES], sum[LANES], weights[LANES];
+    const int inside = (first >= radius) & (first + LANES + radius <= width);
+    for (int l = 0; l < LANES; ++l) {
+        centre[l] = depth[y * width + bounded(first + l, 0, width - 1)];
+        sum[l] = weights[l] = 0.0f;
+    }
+    for (int dy = -radius; dy <= radius; ++dy) {
+        const int row = bounded(y + dy, 0, height - 1) * width;
+        for (int dx = -radius; dx <= radius; ++dx) {
+            const float away = (dx * dx + dy * dy) * spatial_factor;
+            if (inside) // written twice, since compilers do not make two loops of one themselves
+                for (int l = 0; l < LANES; ++l) {
+                    const float neighbour = depth[row + first + dx + l];
+                    const float weight = bilateral_weight(neighbour, centre[l], away, range_factor);
+                    sum[l] += weight * neighbour;
+                    weights[l] += weight;
+                }
+            else
+                for (int l = 0; l < LANES; ++l) {
+                    const float neighbour = depth[row + bounded(first + dx + l, 0, width - 1)];
+                    const float weight = bilateral_weight(neighbour, centre[l], away, range_factor);
+                    sum[l] += weight * neighbour;
+                    weights[l] += weight;
+                }
+        }
+    }
+    for (int l = 0; l < LANES; ++l)
+        if (first + l < width)
+            filtered[y * width + first + l] = centre[l] > 0.0f ? sum[l] / weights[l] : 0.0f;
+}
+#endif
+
+// The same over (2 radius + 1)^2 pixels, too many to be written out.
+kernel void wide_bilateral_filter(global const float *restrict depth, global float *restrict filtered, int width,
+                                  int height, int radius, float spatial_factor, float range_factor)
+{
+#ifdef PIXELS
+    EACH_PIXEL(x, y, width, height)
+    {
+        const float centre = depth[y * width + x];
+        float sum = 0.0f, weights = 0.0f;
+        for (int dy = -radius; dy <= radius; ++dy) {
+            const int row = bounded(y + dy, 0, height - 1) * width;
+            for (int dx = -radius; dx <= radius; ++dx) {
+                const float neighbour = depth[row + bounded(x + dx, 0, width - 1)];
+                const float away = (dx * dx + dy * dy) * spatial_factor;
+                const float weight = bilateral_weight(neighbour, centre, away, range_factor);
+                sum += weight * neighbour;
+                weights += weight;
+            }
+        }
+        filtered[y * width + x] = centre > 0.0f ? sum / weights : 0.0f;
+    }
+#else
+    const int y = get_global_id(0);
+    for (int first = 0; first < width; first += LANES)
+        filter_lanes(depth, filtered, width, height, y, first, radius, spatial_factor, range_factor);
 #endif
 }
 

@@ -10,15 +10,15 @@ from slam.dense.images import SOURCE, intrinsics
 from tests.slam.dense.scenes import CAMERA, MIRRORED, image, room_depth
 
 
-@pytest.mark.parametrize("ratio", [1, 2, 5])
-def test_millimetres_to_metres(launch, ratio):
+@pytest.mark.parametrize(("ratio", "nearest", "farthest"), [(1, 0, 65535), (2, 1000, 7000), (5, 0, 65535)])
+def test_millimetres_to_metres(launch, ratio, nearest, farthest):
     depth = np.random.default_rng(1).integers(0, 9000, (30, 40), dtype=np.uint16)
-    expected = reference.millimetres_to_metres(depth, ratio)
+    expected = reference.millimetres_to_metres(depth, ratio, nearest, farthest)
     metres = np.zeros(expected.shape, np.float32)
     size = metres.shape[::-1]
     launch(
-        SOURCE, "millimetres_to_metres", ("image", *size), depth, 40, ratio, metres,
-        *size,
+        SOURCE, "millimetres_to_metres", ("image", *size), depth, 40, ratio, nearest, farthest,
+        metres, *size,
     )  # fmt: skip
     np.testing.assert_allclose(metres, expected, rtol=1e-6)
 
@@ -32,7 +32,14 @@ def test_bilateral_filter(launch, shape):
         SOURCE, "bilateral_filter", ("image", *size), depth, filtered, *size,
         0.5 / 4.0**2, 0.5 / 0.1**2,
     )  # fmt: skip
-    np.testing.assert_allclose(filtered, reference.bilateral_filter(depth.astype(float), 4.0, 0.1), rtol=3e-5)
+    expected = reference.bilateral_filter(depth.astype(float), 2, 4.0, 0.1)
+    np.testing.assert_allclose(filtered, expected, rtol=3e-5)
+    launch(
+        SOURCE, "wide_bilateral_filter", ("image", *size), depth, filtered, *size, 3,
+        0.5 / 4.0**2, 0.5 / 0.1**2,
+    )  # fmt: skip
+    expected = reference.bilateral_filter(depth.astype(float), 3, 4.0, 0.1)
+    np.testing.assert_allclose(filtered, expected, rtol=3e-5)
 
 
 def test_half_sample_of_an_odd_size(launch):
