@@ -1,9 +1,11 @@
 """What an evaluation costs besides the measurement itself, per broker and database.
 
 Thousands of evaluations that take no time (looked up in a table), found at random, on four workers of one
-device, with everything else as its owner runs it. The CPU of every process of ours counts from the first
-message to the last, the idle polling of brokers included. Part of `python -m tests.benchmarks.crowd`; alone:
-python -m tests.benchmarks.crowd_explorations.
+device, with everything else as its owner runs it. The CPU of every process counts from the first message to
+the last, idle polling included: the device's workers and the server's own, the web server, the broker
+(RabbitMQ's Erlang machine with all it starts) and the database with its connections' processes; not the
+supervisor, which looks at its children ten times a second. Part of `python -m tests.benchmarks.crowd`;
+alone: python -m tests.benchmarks.crowd_explorations.
 """
 
 import os
@@ -101,6 +103,7 @@ def _run(installation: Installation) -> dict[str, float]:
     each = {name: 1e3 * (after - before[name]) / EVALUATIONS for name, after in spent().items()}
     loops.append(loop_seconds())
     return {f"{name.replace(' ', '_')}_ms": round(value, 2) for name, value in each.items()} | {
+        "all_ms": round(sum(each.values()), 2),
         "evaluations_per_second": round(EVALUATIONS / taken, 1),
         "loop_s": round(sum(loops) / 2, 3),
     }
@@ -109,7 +112,7 @@ def _run(installation: Installation) -> dict[str, float]:
 def compare(say: Callable[[str], Any]) -> dict[str, dict[str, float] | str]:
     """The figures of every combination; each is said as soon as it is known."""
     say(f"CPU ms an evaluation ({EVALUATIONS}, {WORKERS} workers)")
-    columns = ("workers", "web server", "broker", "database", "evaluations/s", "loop s")
+    columns = ("workers", "web server", "broker", "database", "all", "evaluations/s", "loop s")
     say(" " * 22 + "".join(f"{column:>14}" for column in columns))
     found = {}
     for name in COMBINATIONS:
