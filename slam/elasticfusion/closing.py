@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 Verify = Callable[[Thumbnail, Thumbnail], "Registration"]  # the first view registered to the second's camera
 
 FERN_STEP = 10  # every how many ferns give a pair of points to a global closure
+GRID_COLUMNS = 32  # of the points that a local closure draws together
 KEPT_PAIRS = 3  # pairs of each local closure that later global ones keep together
 AGE = 1.5  # a keyframe closes a loop when it is older than so many time windows
 GIVE_UP_ENERGY = 10.0  # of a global closure after its first step
@@ -57,23 +58,33 @@ class Closure:
 
 @dataclass(frozen=True)
 class Grid:
-    """Points of the active view (m, 3), float64 in the camera's frame, and when the inactive view's were born.
+    """Points of the active view (m, 3), float64 in the camera's frame, and two ticks of each, int64 (m,).
 
-    born: int64 (m,), the ticks of the inactive model's surfels at the same pixels.
+    `times`: when the active surface there was born; `old_times`: when the inactive surface behind the same
+    pixel was.
     """
 
     points: Array
-    born: NDArray[np.int64]
+    times: NDArray[np.int64]
+    old_times: NDArray[np.int64]
 
     @classmethod
-    def sampled(cls, depth: NDArray[np.float32], born: NDArray[np.int32], camera: Camera) -> Grid:
-        """About 32 columns of the active view's `depth` and the inactive view's `born`, both (height, width)."""
-        step = max(1, camera.width // 32)
+    def sampled(
+        cls, depth: NDArray[np.float32], born: NDArray[np.int32], old_born: NDArray[np.int32], camera: Camera
+    ) -> Grid:
+        """About GRID_COLUMNS columns of pixels that both views cover; images (height, width), 0 where none.
+
+        `depth` and `born` are those of the active view, `old_born` that of the inactive one.
+        """
+        step = max(1, camera.width // GRID_COLUMNS)
         rows, columns = np.mgrid[step // 2 : camera.height : step, step // 2 : camera.width : step]
-        z, ticks = depth[rows, columns].astype(np.float64), born[rows, columns].astype(np.int64)
-        points = np.stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=-1)
-        both = (z > 0) & (ticks > 0)
-        return cls(points[both], ticks[both])
+        z = depth[rows, columns].astype(np.float64)
+        times, old_times = (image[rows, columns].astype(np.int64) for image in (born, old_born))
+        points = np.stack(
+            [(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=-1
+        )
+        both = (z > 0) & (times > 0) & (old_times > 0)
+        return cls(points[both], times[both], old_times[both])
 
 
 class LoopClosing:
@@ -164,12 +175,14 @@ class LoopClosing:
 
         Both were seen from `pose`; `registration.pose` takes points of the active view's camera to the inactive
         one's. None where that is too uncertain. Nodes that an earlier local closure has put in place stay.
+        A point of the active view moves with what was born with it: the paper takes it for as young as the
+        frame, and a surface that was first seen a while ago would come half the way.
         """
-        if not self.accepts(registration) or len(grid.born) == 0:
+        if not self.accepts(registration) or len(grid.times) == 0:
             return None
         corrected = pose @ registration.pose
         pairs = Constraints(
-            _moved(pose, grid.points), np.full(len(grid.born), tick), _moved(corrected, grid.points), grid.born
+            _moved(pose, grid.points), grid.times, _moved(corrected, grid.points), grid.old_times
         )
         best = optimise(nodes, pairs, free=nodes.times > self._closed_at)
         if best is None:

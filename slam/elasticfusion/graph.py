@@ -21,7 +21,8 @@ Indices = NDArray[np.intp]
 NEIGHBOURS = 4  # of a node, and nodes that move a point
 CANDIDATES = 20  # nodes next in time, among which those that move a point are the nearest
 LOCAL_SAMPLING = 5000  # surfels a node at REFERENCE_PIXELS
-GLOBAL_SAMPLING = 5  # nodes of the local graph a node of the global one
+GLOBAL_SAMPLING = 5  # nodes of the local graph a node of the global one,
+GLOBAL_NODES = 200  # as long as that leaves so many: among few nodes, those next in time are all there are
 MOST_NODES = 1024
 
 
@@ -46,8 +47,9 @@ class Graph:
         """Whether there are enough nodes: the nearest but NEIGHBOURS gives the weights their scale."""
         return len(self) > NEIGHBOURS
 
-    def thinned(self, step: int = GLOBAL_SAMPLING) -> Graph:
-        """Every `step`-th node, beginning with the first."""
+    def thinned(self) -> Graph:
+        """The graph of global closures: every GLOBAL_SAMPLING-th node, or more where the map is small."""
+        step = int(np.clip(len(self) // GLOBAL_NODES, 1, GLOBAL_SAMPLING))
         return Graph(self.positions[::step], self.times[::step])
 
     def edges(self) -> Indices:

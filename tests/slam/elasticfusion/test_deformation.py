@@ -10,7 +10,7 @@ from slam.elasticfusion.deformation import Constraints, Energy, optimise
 from slam.elasticfusion.graph import Graph
 
 
-def corridor(nodes: int = 60) -> Graph:
+def corridor(nodes: int = 120) -> Graph:
     """Walls seen while going along a bent corridor at a node a tick."""
     random = np.random.default_rng(0)
     along = np.linspace(0, 3, nodes)
@@ -71,7 +71,7 @@ def test_a_gap_is_closed_and_the_beginning_stays(motion):
 def test_a_known_deformation_is_recovered():
     """A corridor bent by a drift that grows evenly: its end is told, and what lies between follows."""
     straight = corridor()
-    drift = [exponential(np.array([0.2, 0.05, -0.1, 0, 0, 0]) * share) for share in np.linspace(0, 1, 60)]
+    drift = [exponential(np.array([0.2, 0.05, -0.1, 0, 0, 0]) * share) for share in np.linspace(0, 1, len(straight))]
     drifted = Graph(
         np.array([motion[:3, :3] @ p + motion[:3, 3] for motion, p in zip(drift, straight.positions, strict=True)]),
         straight.times,
@@ -82,24 +82,24 @@ def test_a_known_deformation_is_recovered():
     before = np.linalg.norm(drifted.positions - straight.positions, axis=1)
     after = np.linalg.norm(mended - straight.positions, axis=1)
     assert before.max() > 0.2
-    assert after.mean() < 0.25 * before.mean()
-    assert after[-1] < 0.02
+    assert after.mean() < 0.35 * before.mean()
+    assert after[-1] < 0.01
 
 
 def test_nodes_that_are_not_free_move_nothing():
     nodes = corridor()
-    free = nodes.times > 30
+    free = nodes.times > 40
     best = optimise(nodes, gap(nodes, SHIFT), free=free)
     assert best is not None
     assert not best.deformation.translations[~free].any()
-    np.testing.assert_array_equal(best.deformation.rotations[~free], np.tile(np.eye(3), (30, 1, 1)))
+    np.testing.assert_array_equal(best.deformation.rotations[~free], np.tile(np.eye(3), (40, 1, 1)))
     assert best.distance < 1e-3
 
 
 def test_earlier_closures_stay_closed():
     nodes = corridor()
-    beside = nodes.positions[40] + np.array([[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
-    kept = Constraints(beside, np.full(3, 41), beside.copy(), np.full(3, 15))
+    beside = nodes.positions[80] + np.array([[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
+    kept = Constraints(beside, np.full(3, 81), beside.copy(), np.full(3, 30))
     parted, together = (optimise(nodes, gap(nodes, SHIFT), earlier) for earlier in (None, kept))
     assert parted is not None
     assert together is not None
@@ -121,14 +121,14 @@ def test_too_few_nodes_or_none_free_give_no_deformation():
     nodes = corridor()
     few = Graph(nodes.positions[:4], nodes.times[:4])
     assert optimise(few, gap(nodes, SHIFT)) is None
-    assert optimise(nodes, gap(nodes, SHIFT), free=np.zeros(60, bool)) is None
+    assert optimise(nodes, gap(nodes, SHIFT), free=np.zeros(len(nodes), bool)) is None
 
 
 def test_nodes_in_one_line_have_a_solution_too():
     """Nothing but the constraints tells how they turn about the line."""
-    nodes = Graph(np.column_stack([np.linspace(0, 5, 20), np.zeros((20, 2))]), np.arange(20))
+    nodes = Graph(np.column_stack([np.linspace(0, 5, 100), np.zeros((100, 2))]), np.arange(100))
     target = np.array([[0.5, 0.0, 0.0]])
-    best = optimise(nodes, Constraints(target + [0, 0.1, 0], np.array([19]), target, np.array([1])))
+    best = optimise(nodes, Constraints(target + [0, 0.1, 0], np.array([99]), target, np.array([10])))
     assert best is not None
     assert np.isfinite(best.deformation.translations).all()
     assert best.distance < 0.01

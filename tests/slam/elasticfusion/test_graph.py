@@ -104,4 +104,9 @@ def test_smaller_images_and_larger_maps_are_sampled_to_a_like_number_of_nodes():
 def test_five_nodes_are_needed():
     assert not graph(4).usable
     assert graph(5).usable
-    assert len(graph(21).thinned()) == 5
+
+
+def test_the_graph_of_global_closures_is_thinner_but_not_thin():
+    assert len(graph(1000).thinned()) == 200
+    assert len(graph(450).thinned()) == 225
+    assert len(graph(150).thinned()) == 150
