@@ -169,8 +169,8 @@ class Fusion:
             kernel()
         last = tick - UNSTABLE_FRAMES - 1
         if last > self._settled:
-            self._remove_unstable.set(2, self._settled + 1)
-            self._remove_unstable.set(3, last)
+            self._remove_unstable.set(1, self._settled + 1)
+            self._remove_unstable.set(2, last)
             self._remove_unstable()
             self._settled = last
         columns, rows = self._cells

@@ -155,7 +155,7 @@ def append(
     phase: int,
 ) -> tuple[Map, NDArray[np.intp]]:
     """The map with what is new in it, in the order of pixels, and the index map that shows it."""
-    ids, fresh = ids.copy(), []
+    ids, fresh = ids.copy(), list[Any]()
     for row, column in zip(*np.nonzero(matches == NEW), strict=True):
         x, y = step * column + phase, step * row + phase
         point, radius = measured(raw, filtered, normals, camera, x, y)
