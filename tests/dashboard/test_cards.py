@@ -43,6 +43,15 @@ def test_the_device_that_a_card_is_about_is_lit_among_any_number(rank: int) -> N
     assert BEST in colours(picture(Card("title", "", "note", bars, rank)), BOTTOM - 8)
 
 
+def test_a_long_note_goes_on_in_a_second_line_and_ends_with_dots_in_that() -> None:
+    long = (
+        "Simulated, not measured. Suspect: no session is valid. Geometric mean, 1,234 sessions, 95 % interval"
+    )
+
+    assert png(Card("title", "6.19x", f"{long} 1x")) != png(Card("title", "6.19x", f"{long} 2x"))
+    assert png(Card("title", "6.19x", f"{long} " * 3)) == png(Card("title", "6.19x", f"{long} " * 4))
+
+
 def test_signs_that_the_font_lacks_are_written_with_letters() -> None:
     assert (
         plain("5.84\u20136.55\u00d7, 95\u202f% of Xiaomi Poco \u00e5 \u5c0f")

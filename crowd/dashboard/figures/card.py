@@ -12,6 +12,7 @@ from crowd.dashboard.palette import LIGHT
 WIDTH, HEIGHT = 1200, 630
 MARGIN = 72
 SCOPE = 760  # pixels, beside the name
+NOTE_LINES = 2
 PAPER = "#f4f6f5"
 # Bars between these heights; of more devices than fit, every n-th is drawn.
 TOP, BOTTOM = 440, 582
@@ -43,7 +44,7 @@ def png(card: Card) -> bytes:
     draw.text((WIDTH - MARGIN, 76), scope, LIGHT.muted, _font(26), anchor="rm")
     draw.text((MARGIN, 160), _fitting(draw, card.title, 46), LIGHT.ink, _font(46), anchor="lm")
     draw.text((MARGIN, 266), _fitting(draw, card.figure, 132), LIGHT.best, _font(132), anchor="lm")
-    draw.text((MARGIN, 372), _fitting(draw, card.note, 30), LIGHT.muted, _font(30), anchor="lm")
+    draw.multiline_text((MARGIN, 352), _wrapped(draw, card.note, 30, NOTE_LINES), LIGHT.muted, _font(30))
     _draw_bars(draw, card)
     packed = io.BytesIO()
     image.quantize(64).save(packed, "PNG", optimize=True)
@@ -83,6 +84,21 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     font = ImageFont.load_default(size)
     assert isinstance(font, ImageFont.FreeTypeFont)  # Pillow's wheels bring FreeType
     return font
+
+
+def _wrapped(draw: ImageDraw.ImageDraw, text: str, size: int, most: int) -> str:
+    """TEXT in at most MOST lines, the last of them cut where the card ends."""
+    lines, words = [""], plain(text).split()
+    for number, word in enumerate(words):
+        longer = f"{lines[-1]} {word}".strip()
+        if draw.textlength(longer, _font(size)) <= WIDTH - 2 * MARGIN:
+            lines[-1] = longer
+        elif len(lines) < most:
+            lines.append(word)
+        else:
+            lines[-1] = _fitting(draw, " ".join([lines[-1], *words[number:]]), size)
+            break
+    return "\n".join(lines)
 
 
 def _fitting(draw: ImageDraw.ImageDraw, text: str, size: int, room: int = WIDTH - 2 * MARGIN) -> str:

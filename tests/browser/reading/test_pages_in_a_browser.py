@@ -153,6 +153,24 @@ def test_filters_change_address_figure_and_headline_and_the_way_back_brings_them
     assert visitor.complaints == []
 
 
+def test_on_a_phone_figures_come_first_and_filters_are_one_tap_away_without_scripts(visit: Visit) -> None:
+    visitor = visit(width=390, java_script_enabled=False)
+    page = visitor.page
+    page.goto(f"{visitor.server}/")
+    choice = page.get_by_label("Computed by")
+    assert not choice.is_visible()
+    form, figures = page.locator(".folded").bounding_box(), page.locator(".readings").bounding_box()
+    assert form["y"] + form["height"] < figures["y"]
+    assert form["height"] < 60
+
+    page.locator(".folded > summary").click()
+    choice.select_option("NVIDIA")
+    page.get_by_role("button", name="Show", exact=True).click()
+
+    assert page.url == f"{visitor.server}/?vendor=NVIDIA"
+    assert visitor.complaints == []
+
+
 @pytest.fixture
 def taken(visit: Visit, tmp_path: Path) -> Callable[[str, str], bytes]:
     """What a chart's offer of that name downloads to, on the page at that address."""
