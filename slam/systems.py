@@ -4,38 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from slam.kfusion import tuning
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
 from slam.kfusion.pipeline import KFusion
-from slam.layout import Layout
-from slam.opencl import Device, Session
+from slam.opencl import SHARED, Device, Session
 from slam.system import Scene, System
+from slam.tuning import SCENE, Trial, layout_for
 
 
 @dataclass(frozen=True)
 class Definition:
-    """How a system is made: its whole configuration, the layout of its kernels, the system itself.
+    """How a system is made: its whole configuration, the system itself, and what tells its fastest layout.
 
     `colour`: whether it needs colour images beside depth. `values`: those of its design space, by parameter,
     ascending, with 0 and 1 for a flag.
     """
 
     complete: Callable[[Mapping[str, Any]], dict[str, Any]]
-    layout_for: Callable[[Device], Layout]
     create: Callable[[Mapping[str, Any], Scene, Session], System]
+    trial: Trial
     colour: bool
     values: Mapping[str, tuple[float, ...]]
+
+
+FOLDER = Path(__file__).parent
+TRIED = KFusionConfiguration(integration_rate=1, volume_resolution=128)
+
+
+def _kfusion(values: Mapping[str, Any], scene: Scene, session: Session) -> System:
+    return KFusion(KFusionConfiguration.from_mapping(values), scene, session)
 
 
 SYSTEMS = {
     "kfusion": Definition(
         complete=lambda values: KFusionConfiguration.from_mapping(values).to_dict(),
-        layout_for=tuning.layout_for,
-        create=lambda values, scene, session: KFusion(
-            KFusionConfiguration.from_mapping(values), scene, session
-        ),
+        create=_kfusion,
+        trial=Trial(lambda session: KFusion(TRIED, SCENE, session), (FOLDER / "kfusion" / "kernels", SHARED)),
         colour=False,
         values={
             "volume_resolution": (64, 128, 256, 512),
@@ -70,7 +76,7 @@ def open_session(name: str, device: Device) -> Session:
 
     Raises ValueError for an unknown name.
     """
-    return Session(device, definition(name).layout_for(device))
+    return Session(device, layout_for(device, definition(name).trial))
 
 
 def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: Session) -> System:

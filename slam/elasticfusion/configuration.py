@@ -20,6 +20,7 @@ LARGEST_RGB_STEP = 0.3  # metres a frame; a larger step that colour had a part i
 LOST_ICP_ERROR = 1e-4  # of the registration to the model, at REFERENCE_PIXELS
 LOST_COVARIANCE = 1e-4  # of each of the six degrees of freedom
 LOST_AFTER = 10  # failures in a row; one more and the camera is lost
+LOOP_ICP_WEIGHT = 10.0  # of the registration of active to inactive model, whatever tracking has
 ICP_ONLY = 100.0  # icp_weight from which colour has no part
 
 

@@ -1,4 +1,4 @@
-"""Which layout of the kernels is fastest on a device: tried once and remembered."""
+"""Which layout of a system's kernels is fastest on a device: tried once and remembered."""
 
 from __future__ import annotations
 
@@ -6,38 +6,67 @@ import hashlib
 import json
 import os
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
 from slam.camera import Camera
-from slam.kfusion.configuration import Configuration
-from slam.kfusion.pipeline import KFusion
 from slam.layout import Layout
-from slam.opencl import SHARED, Device, OpenCLError, Session
-from slam.system import Scene
+from slam.opencl import Device, OpenCLError, Session
+from slam.system import Scene, System
 
-KERNELS = (Path(__file__).parent / "kernels", SHARED)
 GROUPS = ((16, 8), (8, 8), (32, 4), (64, 2), (32, 8))
 SCENE = Scene(Camera(270.0, 270.0, 159.5, 119.5, 320, 240), 4.0, (0.5, 0.5, 0.1))
-TRIAL = Configuration(integration_rate=1, volume_resolution=128)
-FRAMES = 10  # the first 4 are not tracked and the next compile what is left
+FRAMES = 10  # KinectFusion does not track the first 4, and the next compile what is left
 
 
-def layout_for(device: Device) -> Layout:
+@dataclass(frozen=True)
+class Trial:
+    """What is tried on a device: a system, made for SCENE, whose kernels lie in the folders `kernels`."""
+
+    make: Callable[[Session], System]
+    kernels: tuple[Path, ...]
+
+    def seconds(self, device: Device, layout: Layout) -> float:
+        """Wall seconds of the fastest frame of a wavy wall; infinite where the device refuses the layout."""
+        y, x = np.mgrid[: SCENE.camera.height, : SCENE.camera.width]
+        wall = (1600 + 200 * np.sin(x / 37.0) + 100 * np.cos(y / 23.0)).astype(np.uint16)
+        painted = np.repeat((128 + 90 * np.sin(x / 7.0) * np.cos(y / 5.0)).astype(np.uint8)[..., None], 3, 2)
+        try:
+            system = self.make(Session(device, layout))
+            seconds = []
+            for _ in range(FRAMES):
+                began = perf_counter()
+                system.process(wall, painted)
+                seconds.append(perf_counter() - began)
+        except OpenCLError:
+            return float("inf")
+        return min(seconds)
+
+    def key(self, device: Device) -> str:
+        """The device and the kernels: new kernels are tried anew."""
+        digest = hashlib.sha256()
+        for source in sorted(path for folder in self.kernels for path in folder.iterdir()):
+            digest.update(source.read_bytes())
+        return f"{device.label} {digest.hexdigest()[:16]}"
+
+
+def layout_for(device: Device, trial: Trial) -> Layout:
     """The fastest layout on `device`: the user's (FRONTRUNNER_KERNELS), the remembered one, or a new trial's.
 
     A trial takes a second or two on a device that was never seen with these kernels.
     """
     if os.environ.get("FRONTRUNNER_KERNELS"):
         return Layout.for_device(device.kind)
-    place, key = _cache_file(), _key(device)
+    place, key = _cache_file(), trial.key(device)
     remembered = _read(place)
     if key in remembered:
         kind, width, height = remembered[key]
         return Layout(kind, (width, height))
-    best = min(candidates(device), key=lambda layout: trial(device, layout))
+    best = min(candidates(device), key=lambda layout: trial.seconds(device, layout))
     _remember(place, key, best)
     return best
 
@@ -47,30 +76,6 @@ def candidates(device: Device) -> list[Layout]:
     if device.kind == "cpu":
         return [Layout("rows"), Layout("pixels", GROUPS[0])]
     return [Layout("pixels", group) for group in GROUPS]
-
-
-def trial(device: Device, layout: Layout) -> float:
-    """Wall seconds of the fastest frame of a wavy wall; infinite where the device refuses the layout."""
-    y, x = np.mgrid[: SCENE.camera.height, : SCENE.camera.width]
-    wall = (1600 + 200 * np.sin(x / 37.0) + 100 * np.cos(y / 23.0)).astype(np.uint16)
-    try:
-        system = KFusion(TRIAL, SCENE, Session(device, layout))
-        seconds = []
-        for _ in range(FRAMES):
-            began = perf_counter()
-            system.process(wall)
-            seconds.append(perf_counter() - began)
-    except OpenCLError:
-        return float("inf")
-    return min(seconds)
-
-
-def _key(device: Device) -> str:
-    """The device and the kernels: new kernels are tried anew."""
-    digest = hashlib.sha256()
-    for source in sorted(path for folder in KERNELS for path in folder.iterdir()):
-        digest.update(source.read_bytes())
-    return f"{device.label} {digest.hexdigest()[:16]}"
 
 
 def _cache_file() -> Path:

@@ -7,9 +7,12 @@ import json
 
 import pytest
 
-from slam.kfusion import tuning
 from slam.layout import Layout
 from slam.opencl import choose_device, list_devices
+from slam.systems import SYSTEMS
+from slam.tuning import candidates, layout_for
+
+TRIAL = SYSTEMS["kfusion"].trial
 
 
 @pytest.fixture
@@ -23,41 +26,41 @@ def cache(tmp_path, monkeypatch):
 
 def test_every_device_gets_one_of_its_candidates_and_keeps_it(cache):
     for device in list_devices():
-        layout = tuning.layout_for(device)
-        assert layout in tuning.candidates(device)
-        assert tuning.layout_for(device) == layout
+        layout = layout_for(device, TRIAL)
+        assert layout in candidates(device)
+        assert layout_for(device, TRIAL) == layout
     (file,) = cache.rglob("layouts.json")
     assert len(json.loads(file.read_text())) == len(list_devices())
 
 
 def test_what_is_remembered_is_not_tried_again(cache, monkeypatch):
     device = choose_device()
-    tuning.layout_for(device)
+    layout_for(device, TRIAL)
     (file,) = cache.rglob("layouts.json")
     (key,) = json.loads(file.read_text())
     file.write_text(json.dumps({key: ["pixels", 8, 4]}))
-    assert tuning.layout_for(device) == Layout("pixels", (8, 4))
+    assert layout_for(device, TRIAL) == Layout("pixels", (8, 4))
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"x": 1}', "{"])
 def test_a_damaged_memory_is_made_anew(cache, content):
-    tuning.layout_for(choose_device())
+    layout_for(choose_device(), TRIAL)
     (file,) = cache.rglob("layouts.json")
     file.write_text(content)
-    assert tuning.layout_for(choose_device()).kind in {"rows", "pixels"}
+    assert layout_for(choose_device(), TRIAL).kind in {"rows", "pixels"}
     assert json.loads(file.read_text())
 
 
 def test_the_users_choice_comes_first(cache, monkeypatch):
     monkeypatch.setenv("FRONTRUNNER_KERNELS", "pixels")
-    assert tuning.layout_for(choose_device()).kind == "pixels"
+    assert layout_for(choose_device(), TRIAL).kind == "pixels"
     monkeypatch.setenv("FRONTRUNNER_KERNELS", "voxels")
     with pytest.raises(ValueError, match="kernel layout 'voxels': choose one of rows, pixels"):
-        tuning.layout_for(choose_device())
+        layout_for(choose_device(), TRIAL)
 
 
 def test_a_device_that_refuses_a_layout_is_not_given_it():
     device = choose_device()
     small = dataclasses.replace(device, max_allocation=2**20)
-    assert tuning.trial(small, Layout("rows")) == float("inf")
-    assert tuning.trial(device, Layout("rows")) < 60
+    assert TRIAL.seconds(small, Layout("rows")) == float("inf")
+    assert TRIAL.seconds(device, Layout("rows")) < 60

@@ -1,0 +1,210 @@
+"""ElasticFusion, frame by frame: tracking against the map, closing loops, fusion, prediction.
+
+Whelan et al. 2015, "ElasticFusion: Dense SLAM Without A Pose Graph", and its journal version of 2016.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.configuration import ConfigurationError
+from slam.elasticfusion import cloud
+from slam.elasticfusion import configuration as constants
+from slam.elasticfusion.configuration import Configuration
+from slam.elasticfusion.deforming import Deforming
+from slam.elasticfusion.fill_in import FillIn
+from slam.elasticfusion.fusion import Fusion
+from slam.elasticfusion.health import Health
+from slam.elasticfusion.index_map import IndexMap
+from slam.elasticfusion.loops import Loops
+from slam.elasticfusion.prediction import Prediction
+from slam.elasticfusion.preprocessing import Live
+from slam.elasticfusion.surfels import Surfels
+from slam.elasticfusion.thumbnail import read
+from slam.elasticfusion.tracking import Tracking
+from slam.elasticfusion.visible import Visible
+from slam.opencl import Session
+from slam.system import STAGES, Frame, Scene, View
+
+Pose = NDArray[np.float64]
+
+SMALLEST = 32  # pixels of width and height: the coarsest level of the pyramid then has 8
+FOREVER = 2**30  # a time window in ticks that nothing leaves
+
+
+class ElasticFusion:
+    """A `slam.system.System`. The world is the frame of the first camera.
+
+    The first frame that measures anything makes the map and is not tracked. A frame that is not tracked well
+    enough is not fused; with `relocalisation` the camera is lost after several, and found again by the views
+    that it remembers. Time stands still while it is lost.
+    Raises ConfigurationError for images too small, or too large for the map's capacity; DeviceMemoryError
+    where the map does not fit the device.
+    """
+
+    def __init__(self, configuration: Configuration, scene: Scene, session: Session) -> None:
+        camera = scene.camera
+        if min(camera.width, camera.height) < SMALLEST:
+            raise ConfigurationError(
+                f"images of {camera.width}x{camera.height}: ElasticFusion needs {SMALLEST} pixels each way"
+            )
+        if configuration.surfel_capacity < camera.width * camera.height:
+            raise ConfigurationError(
+                f"surfel_capacity={configuration.surfel_capacity}: a frame alone makes up to "
+                f"{camera.width * camera.height}: give a few times that"
+            )
+        self._configuration = configuration
+        self._session = session
+        self._shape = (camera.height, camera.width)
+        self._pose: Pose = np.eye(4)
+        self._tick = 1
+        self._health = Health(configuration.relocalisation)
+        self._window = FOREVER if configuration.open_loop else configuration.time_window
+
+        self._live = Live(session, camera, configuration.depth_cutoff)
+        self._surfels = Surfels(session, configuration.surfel_capacity)
+        visible = Visible(session, self._surfels, camera)
+        self._prediction = Prediction(session, self._surfels, camera, visible)
+        self._fill_in = FillIn(session, self._prediction.image, self._live.image)
+        self._tracking = Tracking(session, configuration, self._live.image, self._fill_in.image)
+        self._index_map = IndexMap(session, self._surfels, camera, visible)
+        self._fusion = Fusion(
+            session, self._surfels, self._index_map, self._live, configuration.confidence_threshold
+        )
+        self._deforming = Deforming(session, self._surfels)
+        self._loops = Loops(session, configuration, self._surfels, self._prediction, self._fill_in, visible)
+        session.finish()
+
+    def configuration(self) -> dict[str, Any]:
+        return self._configuration.to_dict()
+
+    def poses(self) -> Pose:
+        """The poses of all frames so far (n, 4, 4), as the loops closed since have left them."""
+        return self._loops.poses()
+
+    def view(self) -> View | None:
+        """The stable surfels, and the live frame where there are none, from the pose after the last frame."""
+        if self._surfels.count == 0:
+            return None
+        seen = read(self._session, self._fill_in.image)
+        rotation, eye = self._pose[:3, :3].astype(np.float32), self._pose[:3, 3].astype(np.float32)
+        colour = np.stack([seen.colour >> shift & 255 for shift in (0, 8, 16)], axis=-1).astype(np.uint8)
+        vertices = np.where(seen.depth[..., None] > 0, seen.vertices @ rotation.T + eye, 0)
+        return View(vertices.astype(np.float32), seen.normals @ rotation.T, eye, colour)
+
+    def export(self, path: Path) -> str:
+        """Write the stable surfels as a PLY file."""
+        count = cloud.write(path, self._surfels.read(), float(self._configuration.confidence_threshold))
+        return f"{count} stable surfels in {path}"
+
+    def process(self, depth: NDArray[np.uint16], colour: NDArray[np.uint8] | None = None) -> Frame:
+        """Take the next frame: depth uint16 (height, width), millimetres, 0 where nothing was measured, and
+        colour uint8 (height, width, 3), red green blue.
+        """
+        if depth.shape != self._shape or depth.dtype != np.uint16:
+            raise ValueError(
+                f"a depth image is uint16 {self._shape} (height, width), got {depth.dtype} {depth.shape}"
+            )
+        if colour is None or colour.shape != (*self._shape, 3) or colour.dtype != np.uint8:
+            got = "none" if colour is None else f"{colour.dtype} {colour.shape}"
+            raise ValueError(f"a colour image is uint8 {(*self._shape, 3)} (height, width, 3), got {got}")
+        clock = [perf_counter()]
+
+        self._live.take(np.ascontiguousarray(depth), np.ascontiguousarray(colour))
+        self._session.finish()
+        clock.append(perf_counter())
+
+        tracked, weight = self._track()
+        clock.append(perf_counter())
+
+        integrated = self._integrate(tracked, weight)
+        self._session.finish()
+        clock.append(perf_counter())
+
+        self._predict()
+        if not self._health.lost:
+            self._tick += 1
+        self._session.finish()
+        clock.append(perf_counter())
+
+        seconds = {
+            stage: after - before for stage, before, after in zip(STAGES, clock, clock[1:], strict=False)
+        }
+        return Frame(self._pose.copy(), tracked, integrated, seconds)
+
+    def _track(self) -> tuple[bool | None, float]:
+        """Move the pose; returns whether that is certain (None without a map), and the frame's weight."""
+        if self._surfels.count == 0:
+            self._tracking.begin()
+            return None, 1.0
+        step = self._tracking.track()
+        self._pose = self._pose @ step.motion
+        self._health.judge(step.good)
+        return step.good and not self._health.lost, velocity_weight(step.motion)
+
+    def _integrate(self, tracked: bool | None, weight: float) -> bool:
+        """Close loops, fuse the frame and clean up behind it; returns whether it was fused."""
+        if tracked is None:
+            fused = self._fusion.initialise(self._pose, self._tick) > 0
+        else:
+            self._close_loops()
+            fused = self._health.fuses(tracked)
+            if fused:
+                self._index_map.build(self._pose, self._active)
+                self._fusion.fuse(self._pose, self._tick, weight)
+                self._fusion.clean(self._pose, self._tick)
+        self._loops.log(self._pose, self._tick)
+        return fused
+
+    def _close_loops(self) -> None:
+        """Correct the pose, and the map with it, where the camera sees what it has seen before."""
+        if self._health.lost:
+            found = self._loops.relocalise(self._tick)
+            if found is not None:
+                self._pose = found
+                self._health.recognised()
+            return
+        closure = self._loops.close(self._pose, self._tick, self._active)
+        if closure is None:
+            return
+        self._deforming.deform(closure.deformation, self._tick)
+        self._pose = closure.pose
+        if closure.local:
+            surface = self._loops.inactive(self._pose, self._active)
+            stable = self._configuration.confidence_threshold
+            self._deforming.reactivate(surface, self._pose, self._tick, stable)
+
+    def _predict(self) -> None:
+        """What the next frame is tracked against: the map from the present pose, filled in where it is young.
+
+        A camera that is lost has only its last frame to go by. One that may have found itself again is shown
+        the whole map, for what is active was left long ago.
+        """
+        adrift = self._health.lost and not self._health.on_probation
+        seen = (0, self._tick) if self._health.on_probation else self._active
+        self._prediction.render(self._pose, seen, self._configuration.confidence_threshold)
+        if not self._health.lost:
+            self._fill_in.fill()
+            self._loops.remember(self._pose, self._tick)
+        self._fill_in.fill(
+            keep_depth=not adrift,
+            keep_colour=not adrift and not self._configuration.frame_to_frame_rgb,
+            holes=self._fill_in.needed(),
+        )
+
+    @property
+    def _active(self) -> tuple[int, int]:
+        """The first and the last tick at which what is active was seen."""
+        return max(0, self._tick - self._window), self._tick
+
+
+def velocity_weight(motion: Pose) -> float:
+    """What a frame's measurements count after a motion (4, 4): 1 at rest, less the faster, at least half."""
+    cosine = np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1)
+    speed = max(float(np.linalg.norm(motion[:3, 3])), float(np.arccos(cosine)))
+    return max(1 - speed / constants.FULL_WEIGHT_BELOW, constants.MIN_VELOCITY_WEIGHT)
