@@ -24,7 +24,7 @@ class Prediction:
     """`image`: what was rendered last; `born` (int32) and `confidence` (float32) of the surfel at each pixel.
 
     A pixel shows the nearest disc that its ray meets within the disc's radius, at the depth where it does
-    (of equally near ones the surfel with the smaller id); all maps are 0 where there is none. Discs that face
+    (of equally near ones always the same); all maps are 0 where there is none. Discs that face
     away, or that do not wholly lie in front of the camera, are not seen. In the layout by rows several
     predictions can share one `visible`, which saves memory.
     """
@@ -41,17 +41,17 @@ class Prediction:
         self.confidence = session.buffer(4 * pixels, "an image")
         self._rows = session.buffer(4 * height, "a column")
         self._view = View(session)
-        depths = session.buffer(4 * stride * height, "an image")
+        nearness = session.buffer(4 * stride * height, "an image")
         ids = session.buffer(4 * stride * height, "an image")
         view, size = self._view.buffer, (width, height, intrinsics(camera), stride)
 
         self._kernels: list[Callable[[], None]] = [
-            session.image_kernel(SOURCE, "clear_view", stride, height, stride, height, depths, ids)
+            session.image_kernel(SOURCE, "clear_view", stride, height, stride, height, nearness, ids)
         ]
         if session.layout.pixels:
             self._kernels += [
                 surfels.kernel(
-                    SOURCE, "splat", surfels.place, surfels.face, surfels.seen, view, *size, choosing, depths,
+                    SOURCE, "splat", surfels.place, surfels.face, surfels.seen, view, *size, choosing, nearness,
                     ids,
                 )
                 for choosing in (0, 1)
@@ -66,12 +66,12 @@ class Prediction:
                     self._kernels.append(
                         session.kernel(
                             SOURCE, "splat", (bins,), surfels.place, surfels.face, view, *size,
-                            visible.starts, visible.sorted, first, step, depths, ids,
+                            visible.starts, visible.sorted, first, step, nearness, ids,
                         )
                     )  # fmt: skip
         self._kernels += [
             session.image_kernel(
-                SOURCE, "resolve", width, height, depths, ids, stride, width, height, surfels.place,
+                SOURCE, "resolve", width, height, nearness, ids, stride, width, height, surfels.place,
                 surfels.face, surfels.colour, surfels.born, view, self.image.depth, *self.image.normals,
                 self.image.colour, self.born, self.confidence,
             )

@@ -4,6 +4,10 @@
 #include "surfels.h"
 #include "view.h"
 
+#define BATCH 16 // surfels that are projected side by side in the layout by rows
+
+#define OUT_OF_SIGHT 1e30f // depth of a pixel without a surfel
+
 // No surfel anywhere.
 kernel void clear_index(int width, int height, global float *restrict depths, global int *restrict ids)
 {
@@ -46,17 +50,26 @@ kernel void index_surfels(global const float *restrict place, global const float
                           global float *restrict depths, global int *restrict ids)
 {
     const int band = get_global_id(0);
+    const int begin = starts[band], end = starts[band + 1];
     float matrix[12];
     for (int k = 0; k < 12; ++k)
         matrix[k] = view->matrix[k];
-    for (int entry = starts[band]; entry < starts[band + 1]; ++entry) {
-        const int i = sorted[entry];
-        const Disc d = disc_of(place, face, i, matrix);
-        const Box box = pixel_of(d, camera, width, height);
-        const int pixel = box.top * width + box.left;
-        if (box.right >= 0 && d.z < depths[pixel]) { // ids ascend: of equals the first stays
-            depths[pixel] = d.z;
-            ids[pixel] = i;
+    for (int start = begin; start < end; start += BATCH) {
+        const int size = end - start < BATCH ? end - start : BATCH;
+        int pixels[BATCH];
+        float found[BATCH];
+        for (int b = 0; b < BATCH; ++b) {
+            const Disc d = disc_of(place, face, sorted[start + (b < size ? b : 0)], matrix);
+            const Box box = pixel_of(d, camera, width, height);
+            pixels[b] = box.right < 0 ? -1 : box.top * width + box.left;
+            found[b] = d.z;
+        }
+        for (int b = 0; b < size; ++b) {
+            const int pixel = pixels[b];
+            if (pixel >= 0 && found[b] < depths[pixel]) { // ids ascend: of equals the first stays
+                depths[pixel] = found[b];
+                ids[pixel] = sorted[start + b];
+            }
         }
     }
 }

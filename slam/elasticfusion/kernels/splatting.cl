@@ -1,38 +1,55 @@
 // The map as a camera sees it: each surfel drawn as a disc (Whelan et al. 2016, section 3.2).
-// `depths` and `ids` are working images with `stride` places a row: the depth along the optical axis of the nearest
-// disc at each pixel, and whose it is.
+// `nearness` and `ids` are working images with `stride` places a row: the inverse of the depth along the optical axis
+// of the nearest disc at each pixel, and whose it is.
 #include "arithmetic.h"
 #include "shape.h"
 #include "surfels.h"
 #include "view.h"
 
-#define LANES 8 // pixels that are tried side by side in the layout by rows; `prediction.py` pads rows with as many
+#define LANES 8  // pixels that are tried side by side in the layout by rows; `prediction.py` pads rows with as many
+#define BATCH 16 // discs that are made ready side by side there
+
+// A disc as rays see it that are off the one through its middle by (x, y): the inverse of the depth at which a ray
+// meets its plane is linear, inverse + inverse_x x + inverse_y y, and it meets the disc itself where
+// xx x^2 + xy x y + yy y^2 <= square (inverse depth)^2. Both follow from the ray's depth n.p / n.ray, and nothing has
+// to be divided at a pixel.
+typedef struct {
+    float ray_x, ray_y, inverse, inverse_x, inverse_y, xx, xy, yy, square;
+} Sheet;
+
+INLINE Sheet sheet_of(Disc d)
+{
+    const float plane = d.nx * d.x + d.ny * d.y + d.nz * d.z, distance = d.x * d.x + d.y * d.y + d.z * d.z;
+    const float over_plane = 1.0f / plane;
+    Sheet sheet;
+    sheet.inverse = 1.0f / d.z;
+    sheet.ray_x = d.x * sheet.inverse;
+    sheet.ray_y = d.y * sheet.inverse;
+    sheet.inverse_x = d.nx * over_plane;
+    sheet.inverse_y = d.ny * over_plane;
+    sheet.xx = 1.0f + sheet.inverse_x * (distance * sheet.inverse_x - 2.0f * d.x);
+    sheet.yy = 1.0f + sheet.inverse_y * (distance * sheet.inverse_y - 2.0f * d.y);
+    sheet.xy = 2.0f * (distance * sheet.inverse_x * sheet.inverse_y - d.x * sheet.inverse_y - d.y * sheet.inverse_x);
+    sheet.square = d.radius * d.radius;
+    return sheet;
+}
 
 // No surfel anywhere.
-kernel void clear_view(int stride, int height, global float *restrict depths, global int *restrict ids)
+kernel void clear_view(int stride, int height, global float *restrict nearness, global int *restrict ids)
 {
     EACH_PIXEL(x, y, stride, height)
     {
-        depths[y * stride + x] = OUT_OF_SIGHT;
+        nearness[y * stride + x] = 0.0f;
         ids[y * stride + x] = NOBODY;
     }
 }
 
 #ifdef PIXELS
-// Where a pixel's ray meets a disc, as depth; OUT_OF_SIGHT where it misses.
-INLINE float meet(Disc d, float plane, float ray_x, float ray_y)
-{
-    const float slope = d.nx * ray_x + d.ny * ray_y + d.nz;
-    const float t = slope < 0.0f ? plane / slope : OUT_OF_SIGHT;
-    const float dx = t * ray_x - d.x, dy = t * ray_y - d.y, dz = t - d.z;
-    return dx * dx + dy * dy + dz * dz <= d.radius * d.radius ? t : OUT_OF_SIGHT;
-}
-
-// First the nearest depth at each pixel, then, where `choosing`, the smallest id of those who are that near. The two
-// launches may round differently, so that a millionth of the depth counts as equal.
+// First the largest inverse depth at each pixel, then, where `choosing`, the smallest id of those who are that near.
+// The two launches may round differently, so that a millionth of the depth counts as equal.
 kernel void splat(int count, global const float *restrict place, global const float *restrict face,
                   global const int *restrict seen, global const View *restrict view, int width, int height,
-                  float4 camera, int stride, int choosing, volatile global uint *depths, volatile global uint *ids)
+                  float4 camera, int stride, int choosing, volatile global uint *nearness, volatile global uint *ids)
 {
     float matrix[12];
     for (int k = 0; k < 12; ++k)
@@ -43,53 +60,66 @@ kernel void splat(int count, global const float *restrict place, global const fl
         if (!wanted(place[4 * i + 3], seen[i], view->confidence, view->first, view->last) || d.z > view->farthest)
             return;
         const Box box = box_of(d, camera, width, height);
-        const float plane = d.nx * d.x + d.ny * d.y + d.nz * d.z;
-        for (int y = box.top; y <= box.bottom; ++y)
-            for (int x = box.left; x <= box.right; ++x) {
-                const float t = meet(d, plane, (x - camera.z) / camera.x, (y - camera.w) / camera.y);
-                const int pixel = y * stride + x;
-                if (t >= OUT_OF_SIGHT)
+        const Sheet sheet = sheet_of(d);
+        for (int row = box.top; row <= box.bottom; ++row)
+            for (int column = box.left; column <= box.right; ++column) {
+                const float x = (column - camera.z) / camera.x - sheet.ray_x;
+                const float y = (row - camera.w) / camera.y - sheet.ray_y;
+                const float inverse = sheet.inverse + sheet.inverse_x * x + sheet.inverse_y * y;
+                const float rim = sheet.xx * x * x + sheet.xy * x * y + sheet.yy * y * y;
+                const int pixel = row * stride + column;
+                if (!(inverse > 0.0f && rim <= sheet.square * inverse * inverse))
                     continue;
                 if (!choosing)
-                    atomic_min(depths + pixel, as_uint(t)); // positive floats have the order of their bits
-                else if (t <= as_float(depths[pixel]) * 1.000001f)
+                    atomic_max(nearness + pixel, as_uint(inverse)); // positive floats have the order of their bits
+                else if (inverse >= as_float(nearness[pixel]) * 0.999999f)
                     atomic_min(ids + pixel, (uint)i); // NOBODY is the largest
             }
     }
 }
 #else
 // Draws one bin (of `binning.cl`): band `first` + `step` times the work-item. A disc may reach into the next band,
-// so that neighbouring bands must not be drawn at once. Pixels of the box that the disc misses are left alone.
+// so that neighbouring bands must not be drawn at once.
 kernel void splat(global const float *restrict place, global const float *restrict face,
                   global const View *restrict view, int width, int height, float4 camera, int stride,
                   global const int *restrict starts, global const int *restrict sorted, int first, int step,
-                  global float *restrict depths, global int *restrict ids)
+                  global float *restrict nearness, global int *restrict ids)
 {
     const int bin = first + step * get_global_id(0);
     const int begin = starts[bin], end = starts[bin + 1];
-    const float inverse_fx = 1.0f / camera.x, inverse_fy = 1.0f / camera.y;
+    const float step_x = 1.0f / camera.x, step_y = 1.0f / camera.y;
     float matrix[12];
     for (int k = 0; k < 12; ++k)
         matrix[k] = view->matrix[k];
-    for (int entry = begin; entry < end; ++entry) {
-        const int i = sorted[entry];
-        const Disc d = disc_of(place, face, i, matrix);
-        const Box box = box_of(d, camera, width, height);
-        const float plane = d.nx * d.x + d.ny * d.y + d.nz * d.z, square = d.radius * d.radius;
-        for (int y = box.top; y <= box.bottom; ++y) {
-            const float ray_y = (y - camera.w) * inverse_fy, row_slope = d.ny * ray_y + d.nz;
-            for (int left = box.left; left <= box.right; left += LANES) {
-                global float *restrict depth = depths + y * stride + left;
-                global int *restrict id = ids + y * stride + left;
-                for (int l = 0; l < LANES; ++l) {
-                    const float ray_x = (left + l - camera.z) * inverse_fx;
-                    const float slope = d.nx * ray_x + row_slope;
-                    const float t = plane / slope;
-                    const float dx = t * ray_x - d.x, dy = t * ray_y - d.y, dz = t - d.z;
-                    const int nearer = (slope < 0.0f) & (dx * dx + dy * dy + dz * dz <= square) &
-                                       ((t < depth[l]) | ((t == depth[l]) & (i < id[l])));
-                    depth[l] = nearer ? t : depth[l];
-                    id[l] = nearer ? i : id[l];
+    for (int start = begin; start < end; start += BATCH) {
+        const int size = end - start < BATCH ? end - start : BATCH;
+        Sheet sheets[BATCH];
+        Box boxes[BATCH];
+        for (int b = 0; b < BATCH; ++b) {
+            const Disc disc = disc_of(place, face, sorted[start + (b < size ? b : 0)], matrix);
+            boxes[b] = box_of(disc, camera, width, height);
+            sheets[b] = sheet_of(disc);
+        }
+        for (int b = 0; b < size; ++b) {
+            const Box box = boxes[b];
+            const Sheet sheet = sheets[b];
+            const int i = sorted[start + b];
+            for (int row = box.top; row <= box.bottom; ++row) {
+                const float y = (row - camera.w) * step_y - sheet.ray_y;
+                const float row_inverse = sheet.inverse + sheet.inverse_y * y;
+                const float row_slope = sheet.xy * y, row_rim = sheet.yy * y * y;
+                for (int left = box.left; left <= box.right; left += LANES) {
+                    global float *restrict near = nearness + row * stride + left;
+                    global int *restrict id = ids + row * stride + left;
+                    const float left_x = (left - camera.z) * step_x - sheet.ray_x;
+                    for (int l = 0; l < LANES; ++l) {
+                        const float x = left_x + l * step_x;
+                        const float inverse = row_inverse + sheet.inverse_x * x;
+                        const float rim = (sheet.xx * x + row_slope) * x + row_rim;
+                        const int nearer = (rim <= sheet.square * inverse * inverse) & (inverse > near[l]);
+                        near[l] = nearer ? inverse : near[l];
+                        id[l] = nearer ? i : id[l];
+                    }
                 }
             }
         }
@@ -98,7 +128,7 @@ kernel void splat(global const float *restrict place, global const float *restri
 #endif
 
 // The attributes of the surfel that each pixel sees: an RGB-D image with its surfels' ages and confidences.
-kernel void resolve(global const float *restrict depths, global const int *restrict ids, int stride, int width,
+kernel void resolve(global const float *restrict nearness, global const int *restrict ids, int stride, int width,
                     int height, global const float *restrict place, global const float *restrict face,
                     global const uint *restrict colours, global const int *restrict births,
                     global const View *restrict view, global float *restrict depth, global float *restrict normal_x,
@@ -113,7 +143,7 @@ kernel void resolve(global const float *restrict depths, global const int *restr
         const int pixel = y * width + x, working = y * stride + x;
         const int covered = ids[working] != NOBODY, i = covered ? ids[working] : 0;
         const float nx = face[4 * i], ny = face[4 * i + 1], nz = face[4 * i + 2];
-        depth[pixel] = covered ? depths[working] : 0.0f;
+        depth[pixel] = covered ? 1.0f / nearness[working] : 0.0f;
         normal_x[pixel] = covered ? row_of(matrix, 0, nx, ny, nz) : 0.0f;
         normal_y[pixel] = covered ? row_of(matrix, 1, nx, ny, nz) : 0.0f;
         normal_z[pixel] = covered ? row_of(matrix, 2, nx, ny, nz) : 0.0f;

@@ -1,7 +1,6 @@
 // Where a camera stands and which surfels it is to see; and what a surfel's disc covers of its image.
 
-#define OUT_OF_SIGHT 1e30f // depth of a pixel that no surfel covers, while surfels are drawn
-#define NOBODY (-1)        // the surfel there
+#define NOBODY (-1) // the id of the surfel where there is none
 
 // `view.py` holds the same layout. `matrix` is 3x4, row by row.
 typedef struct {
