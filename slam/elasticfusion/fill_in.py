@@ -28,16 +28,16 @@ class FillIn:
             for buffer in (image.depth, *image.normals, image.colour)
         ]
         self._fill = session.image_kernel(
-            SOURCE, "fill_in", camera.width, camera.height, *maps, camera.width, camera.height, 1, 1
+            SOURCE, "fill_in", camera.width, camera.height, *maps, camera.width, camera.height, 1, 1, 1
         )
-        self._keep = len(maps) + 2  # where the two arguments are that say what is kept
+        self._keep = len(maps) + 2  # where the three arguments are that say what is kept and filled
 
-    def fill(self, keep_depth: bool = True, keep_colour: bool = True) -> None:
-        """Enqueue it. Without `keep_depth` depth and normals are the live image's, and without `keep_colour`
-        colour is.
+    def fill(self, keep_depth: bool = True, keep_colour: bool = True, holes: bool = True) -> None:
+        """Enqueue it. Without `keep_depth` depth and normals are wholly the live image's, without `keep_colour`
+        colour is. Without `holes` what is kept stays empty where nothing is predicted.
         """
-        self._fill.set(self._keep, int(keep_depth))
-        self._fill.set(self._keep + 1, int(keep_colour))
+        for index, choice in enumerate((keep_depth, keep_colour, holes), start=self._keep):
+            self._fill.set(index, int(choice))
         self._fill()
 
     def needed(self) -> bool:

@@ -155,10 +155,13 @@ def fill_in(
     live: tuple[Array, Array, Array],
     keep_depth: bool,
     keep_colour: bool,
+    holes: bool,
 ) -> tuple[Array, Array, Array]:
-    """Depth, normals and colour: the predicted ones where they exist and are kept, else the live ones."""
-    geometry = (predicted[0] > 0) & keep_depth
-    painted = (predicted[2] > 0) & keep_colour
+    """Depth, normals and colour: the predicted ones where they are kept, else the live ones; with `holes` the live
+    ones also where nothing is predicted.
+    """
+    geometry = ((predicted[0] > 0) | (not holes)) & keep_depth
+    painted = ((predicted[2] > 0) | (not holes)) & keep_colour
     return (
         np.where(geometry, predicted[0], live[0]),
         np.where(geometry[..., None], predicted[1], live[1]),

@@ -199,13 +199,17 @@ def device_image(session, image: Thumbnail):
 
 @pytest.mark.parametrize("keep_depth", [True, False])
 @pytest.mark.parametrize("keep_colour", [True, False])
-def test_fill_in(session, keep_depth, keep_colour):
+@pytest.mark.parametrize("holes", [True, False])
+def test_fill_in(session, keep_depth, keep_colour, holes):
     predicted, live = small_image(2, CAMERA, 0.5), small_image(3, CAMERA, 0.2)
     filled = FillIn(session, device_image(session, predicted), device_image(session, live))
-    filled.fill(keep_depth, keep_colour)
+    filled.fill(keep_depth, keep_colour, holes)
     got = thumbnail.read(session, filled.image)
     expected = reference.fill_in(
-        *((image.depth, image.normals, image.colour) for image in (predicted, live)), keep_depth, keep_colour
+        *((image.depth, image.normals, image.colour) for image in (predicted, live)),
+        keep_depth,
+        keep_colour,
+        holes,
     )
     for one, other in zip((got.depth, got.normals, got.colour), expected, strict=True):
         np.testing.assert_array_equal(one, other)
