@@ -33,8 +33,8 @@ class FillIn:
         self._keep = len(maps) + 2  # where the three arguments are that say what is kept and filled
 
     def fill(self, keep_depth: bool = True, keep_colour: bool = True, holes: bool = True) -> None:
-        """Enqueue it. Without `keep_depth` depth and normals are wholly the live image's, without `keep_colour`
-        colour is. Without `holes` what is kept stays empty where nothing is predicted.
+        """Enqueue it. Without `keep_depth` depth and normals are wholly the live image's, and without
+        `keep_colour` colour is. Without `holes` what is kept stays empty where nothing is predicted.
         """
         for index, choice in enumerate((keep_depth, keep_colour, holes), start=self._keep):
             self._fill.set(index, int(choice))

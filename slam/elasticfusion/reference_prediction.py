@@ -157,8 +157,9 @@ def fill_in(
     keep_colour: bool,
     holes: bool,
 ) -> tuple[Array, Array, Array]:
-    """Depth, normals and colour: the predicted ones where they are kept, else the live ones; with `holes` the live
-    ones also where nothing is predicted.
+    """Depth, normals and colour: the predicted ones where they are kept, else the live ones.
+
+    With `holes` the live ones also where nothing is predicted.
     """
     geometry = ((predicted[0] > 0) | (not holes)) & keep_depth
     painted = ((predicted[2] > 0) | (not holes)) & keep_colour
