@@ -12,7 +12,8 @@ from crowd.results.simulation.families import FAMILIES, Family
 
 # What a parameter does to the time differs by so much between families, between devices of one, and between
 # installations of one model: standard deviations of the logarithm, for a step of one deviation of it.
-FAMILY_TASTE, DEVICE_TASTE, INSTALLATION = 0.12, 0.06, 0.03
+FAMILY_TASTE, DEVICE_TASTE, INSTALLATION = 0.05, 0.03, 0.03
+FIXED = 0.35  # standard deviation of the logarithm of what no configuration saves, within a family
 MOST_INSTALLATIONS = 4
 FAILING = 0.08  # of the devices, at one configuration each
 RELEASE_GAIN = 0.05  # standard deviation of what a new driver does to a configuration
@@ -104,9 +105,10 @@ def _device(
     releases = int(random.integers(1, 1 + len(family.drivers)))
     installations = int(random.integers(1, 1 + MOST_INSTALLATIONS))
     own = taste + random.normal(0.0, DEVICE_TASTE, taste.shape)
-    reference = np.log([configuration.seconds for configuration in front])
+    reference = np.array([configuration.seconds for configuration in front])
+    fixed = family.fixed * random.lognormal(0.0, FIXED) * reference.max()
     logs = (
-        (reference + level + steps @ own)[None, None, :]
+        (np.log(reference * np.exp(steps @ own) + fixed) + level)[None, None, :]
         + random.normal(0.0, RELEASE_GAIN, (releases, 1, len(front)))
         + random.normal(0.0, INSTALLATION, (1, installations, 1))
     )

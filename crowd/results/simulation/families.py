@@ -6,7 +6,8 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class Family:
     """Devices with one maker's chips. `level` is the time of a frame over that on the reference device, in
-    the middle of the family; `spread` the standard deviation of its logarithm; `share` of the crowd.
+    the middle of the family; `spread` the standard deviation of its logarithm; `fixed` what no
+    configuration saves of a frame (transfers, launches), over the slowest one's time; `share` of the crowd.
     """
 
     name: str
@@ -14,6 +15,7 @@ class Family:
     share: float
     level: float
     spread: float
+    fixed: float
     os: str
     os_versions: tuple[str, ...]
     platform: str
@@ -28,8 +30,8 @@ class Family:
 ANDROID = ("13", "14", "15", "16")
 FAMILIES = (
     Family(
-        name="Adreno", form="phone", share=0.30, level=3.0, spread=0.45, os="Android", os_versions=ANDROID,
-        platform="QUALCOMM Snapdragon(TM)",
+        name="Adreno", form="phone", share=0.30, level=3.0, spread=0.45, fixed=0.10,
+        os="Android", os_versions=ANDROID, platform="QUALCOMM Snapdragon(TM)",
         drivers=(
             "OpenCL 2.0 QUALCOMM build: commit #1 Compiler E031.37.12.07",
             "OpenCL 3.0 QUALCOMM build: commit #2 Compiler E031.41.03.36",
@@ -39,37 +41,38 @@ FAMILIES = (
         socs=("QTI SM8150", "QTI SM8350", "QTI SM8550"), throttles=0.2,
     ),
     Family(
-        name="Mali", form="phone", share=0.28, level=4.0, spread=0.5, os="Android", os_versions=ANDROID,
-        platform="ARM Platform", drivers=("2.1 v1.r26p0", "3.0 v1.r38p1", "3.0 v1.r44p1"),
+        name="Mali", form="phone", share=0.28, level=4.0, spread=0.5, fixed=0.14,
+        os="Android", os_versions=ANDROID, platform="ARM Platform",
+        drivers=("2.1 v1.r26p0", "3.0 v1.r38p1", "3.0 v1.r44p1"),
         chips=("Mali-G57", "Mali-G78", "Mali-G715"),
         socs=("Mediatek MT6833", "Google Tensor", "Google Tensor G3"), throttles=0.25,
     ),
     Family(
-        name="PowerVR", form="phone", share=0.06, level=6.0, spread=0.4, os="Android", os_versions=ANDROID,
-        platform="PowerVR", drivers=("1.15@6133109", "1.17@6210866"),
+        name="PowerVR", form="phone", share=0.06, level=6.0, spread=0.4, fixed=0.18,
+        os="Android", os_versions=ANDROID, platform="PowerVR", drivers=("1.15@6133109", "1.17@6210866"),
         chips=("PowerVR Rogue GE8320", "PowerVR B-Series BXM-8-256"),
         socs=("Mediatek MT6765", "Mediatek MT6855"), throttles=0.15,
     ),
     Family(
-        name="NVIDIA", form="laptop", share=0.12, level=0.25, spread=0.5, os="Windows 11",
+        name="NVIDIA", form="laptop", share=0.12, level=0.25, spread=0.5, fixed=0.06, os="Windows 11",
         os_versions=("22631", "26100"), platform="NVIDIA CUDA", drivers=("551.86", "560.94", "572.16"),
         chips=("NVIDIA GeForce GTX 1650", "NVIDIA GeForce RTX 3060", "NVIDIA GeForce RTX 4070"),
         cpus=("Intel(R) Core(TM) i5-10300H", "AMD Ryzen 7 5800H", "Intel(R) Core(TM) i7-13700H"),
     ),
     Family(
-        name="Radeon", form="PC", share=0.07, level=0.35, spread=0.5, os="Ubuntu 24.04",
+        name="Radeon", form="PC", share=0.07, level=0.35, spread=0.5, fixed=0.07, os="Ubuntu 24.04",
         os_versions=("22.04", "24.04"), platform="AMD Accelerated Parallel Processing",
         drivers=("3581.0", "3625.0"), chips=("AMD Radeon RX 580", "AMD Radeon RX 6600"),
         cpus=("AMD Ryzen 5 3600", "AMD Ryzen 5 5600X"),
     ),
     Family(
-        name="Intel", form="laptop", share=0.10, level=1.2, spread=0.35, os="Fedora Linux 41",
+        name="Intel", form="laptop", share=0.10, level=1.2, spread=0.35, fixed=0.08, os="Fedora Linux 41",
         os_versions=("40", "41"), platform="Intel(R) OpenCL Graphics", drivers=("24.35.30872", "25.05.32567"),
         chips=("Intel(R) UHD Graphics 620", "Intel(R) Iris(R) Xe Graphics"),
         cpus=("Intel(R) Core(TM) i5-8250U", "Intel(R) Core(TM) i7-1260P"), throttles=0.1,
     ),
     Family(
-        name="CPU", form="PC", share=0.07, level=1.5, spread=0.4, os="Debian GNU/Linux 13",
+        name="CPU", form="PC", share=0.07, level=1.5, spread=0.4, fixed=0.04, os="Debian GNU/Linux 13",
         os_versions=("12", "13"), platform="Portable Computing Language", drivers=("5.0", "6.0"),
         chips=("cpu-haswell-Intel(R) Core(TM) i7-4790", "cpu-znver3-AMD Ryzen 7 5700G"),
         cpus=("Intel(R) Core(TM) i7-4790", "AMD Ryzen 7 5700G"),
