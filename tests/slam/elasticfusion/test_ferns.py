@@ -94,7 +94,9 @@ def test_points_are_those_of_every_tenth_fern_that_saw_something():
     points = known.points(view(pose(0.3), noise=1), 10)
     rows, columns = known.rows[::10], known.columns[::10]
     depth = view(pose(0.3), noise=1).depth[rows, columns]
-    expected = np.column_stack([(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones(50)])
+    expected = np.column_stack(
+        [(columns - CAMERA.cx) / CAMERA.fx, (rows - CAMERA.cy) / CAMERA.fy, np.ones(50)]
+    )
     np.testing.assert_allclose(points, (expected * depth[:, None])[depth > 0], rtol=1e-6)
 
 

@@ -63,7 +63,9 @@ def test_nodes_that_are_equally_far_weigh_the_same():
 
 def test_what_was_born_long_ago_is_not_moved_with_what_lies_on_top_of_it():
     nodes = graph(100)
-    moved = Deformation(nodes, np.tile(np.eye(3), (100, 1, 1)), np.where(nodes.times > 150, 1.0, 0.0)[:, None] * np.ones(3))
+    moved = Deformation(
+        nodes, np.tile(np.eye(3), (100, 1, 1)), np.where(nodes.times > 150, 1.0, 0.0)[:, None] * np.ones(3)
+    )
     place = np.zeros((2, 3))
     after, _ = moved.of_points(place, np.array([20, 280]))
     np.testing.assert_allclose(after, [[0, 0, 0], [1, 1, 1]])
@@ -86,7 +88,9 @@ def test_poses_stay_rigid_where_nodes_are_not():
     nodes = graph(30)
     bent = Deformation(nodes, np.eye(3) + random.normal(0, 0.2, (30, 3, 3)), random.normal(0, 0.1, (30, 3)))
     rotations = bent.of_poses(np.tile(np.eye(4), (5, 1, 1)), np.arange(5) * 10)[:, :3, :3]
-    np.testing.assert_allclose(rotations @ np.swapaxes(rotations, 1, 2), np.tile(np.eye(3), (5, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        rotations @ np.swapaxes(rotations, 1, 2), np.tile(np.eye(3), (5, 1, 1)), atol=1e-12
+    )
     np.testing.assert_allclose(np.linalg.det(rotations), 1)
 
 
