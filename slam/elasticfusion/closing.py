@@ -148,8 +148,8 @@ class LoopClosing:
     def close_globally(self, found: Recognition, pose: Array, nodes: Graph, tick: int) -> Closure | None:
         """Bring what is seen from `pose` to where the recognised keyframe saw it; None where that fails.
 
-        `nodes` are those of the local graph. A loop is closed when it gaped before, hardly does after, and the
-        deformation is no wild one. Keyframes, trajectory and earlier loops move along.
+        `nodes` are those of the local graph. A loop is closed when it gaped before, hardly does after, and
+        the deformation is no wild one. Keyframes, trajectory and earlier loops move along.
         """
         limits = self._thresholds
         points = self._ferns.points(found.view, FERN_STEP)
@@ -173,10 +173,10 @@ class LoopClosing:
     ) -> Closure | None:
         """Bring the active model to where the inactive one is, given the registration of the two.
 
-        Both were seen from `pose`; `registration.pose` takes points of the active view's camera to the inactive
-        one's. None where that is too uncertain. Nodes that an earlier local closure has put in place stay.
-        A point of the active view moves with what was born with it: the paper takes it for as young as the
-        frame, and a surface that was first seen a while ago would come half the way.
+        Both were seen from `pose`; `registration.pose` takes points of the active view's camera to the
+        inactive one's. None where that is too uncertain. Nodes that an earlier local closure has put in place
+        stay. A point of the active view moves with what was born with it: the paper takes it for as young as
+        the frame, and a surface that was first seen a while ago would come half the way.
         """
         if not self.accepts(registration) or len(grid.times) == 0:
             return None

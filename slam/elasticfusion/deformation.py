@@ -4,8 +4,9 @@ Whelan et al. 2015, section 5.2, after Sumner et al. 2007. The unknowns of a nod
 translation t. Where a point comes to lie is linear in them, one coordinate like the other, so all terms but
 that of the rotations share one small sparse matrix, made once for all three coordinates and all iterations.
 
-One term is not the paper's: neighbours turn alike. Without it a long chain of nodes bends almost for nothing, and
-closing its ends moved what lies between them farther from the truth than the drift had.
+One term is not the paper's: neighbours turn alike. Without it a long chain of nodes bends almost for nothing,
+and closing its ends moved what lies between them farther from the truth than the drift had.
+
 scipy is imported where it is first needed: whoever closes no loops can do without it.
 """
 
@@ -155,7 +156,7 @@ class Energy:
 
         matrix, gradient = self.normal_equations(x)
         damped = matrix + DAMPING * sparse.identity(len(gradient), format="csc")
-        # Symmetric and positive definite: pivots stay on the diagonal, whose order alone is chosen for few fill-ins.
+        # Symmetric and positive definite: pivots stay on the diagonal, in the order of least fill-in.
         factors = splu(
             damped, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
         )

@@ -1,4 +1,4 @@
-"""Random ferns: which earlier view looks like this one (Glocker et al. 2015, "Real-time RGB-D camera relocalization").
+"""Random ferns: which earlier view looks like this one (Glocker et al. 2015).
 
 A fern looks at one random pixel and compares its three colours and its depth with thresholds: four bits. The
 bits of all ferns are a view's code; views of one place from about the same pose have many equal ones.
@@ -93,7 +93,7 @@ class Ferns:
         self.keyframes = [replace(key, pose=pose) for key, pose in zip(self.keyframes, moved, strict=True)]
 
     def points(self, view: Thumbnail, step: int = 1) -> Array:
-        """What every `step`-th fern's pixel sees, (p, 3) in the camera's frame; pixels without depth are left out."""
+        """What every `step`-th fern's pixel sees, (p, 3) in the camera's frame, where it has depth."""
         rows, columns = self.rows[::step], self.columns[::step]
         depth = view.depth[rows, columns].astype(np.float64)
         camera = view.camera

@@ -34,7 +34,7 @@ def sampling(surfels: int, camera: Camera) -> int:
 
 @dataclass(frozen=True)
 class Graph:
-    """Nodes: `positions` float64 (n, 3) in the world, `times` int64 (n,), the ticks of their birth, ascending."""
+    """Nodes: `positions` float64 (n, 3) in the world; `times` int64 (n,), the ticks of their birth, ascending."""
 
     positions: Array
     times: NDArray[np.int64]
@@ -129,7 +129,7 @@ class Deformation:
         return moved, np.einsum("pk,pkij->pij", weights, self.rotations[nodes])
 
     def of_poses(self, poses: Array, times: NDArray[np.integer]) -> Array:
-        """Poses (p, 4, 4) of cameras at `times` (p,): their centres as points, turned by the nearest rotation."""
+        """Poses (p, 4, 4) of cameras at `times` (p,): centres go as points, rotations by the nearest one."""
         result = np.array(poses, dtype=np.float64)
         if len(result) == 0:
             return result

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -35,7 +37,7 @@ def registration(motion: np.ndarray, **values: object) -> Registration:
 def drifted() -> np.ndarray:
     """The trajectory as it is believed to be when every frame adds a little error."""
     poses = [TRUTH[0]]
-    for before, after in zip(TRUTH, TRUTH[1:], strict=False):
+    for before, after in itertools.pairwise(TRUTH):
         poses.append(poses[-1] @ np.linalg.inv(before) @ after @ exponential(DRIFT))
     return np.array(poses)
 
@@ -92,7 +94,7 @@ def test_a_loop_of_drifted_poses_closes():
 
 
 def test_the_map_fits_where_the_loop_closed():
-    closing, _, closure = closed()
+    _, _, closure = closed()
     assert closure is not None
     seen = VIEWS[-1].vertices[::6, ::6].reshape(-1, 3)
     believed, true = (seen @ p[:3, :3].T + p[:3, 3] for p in (drifted()[-1], TRUTH[-1]))
@@ -102,7 +104,7 @@ def test_the_map_fits_where_the_loop_closed():
 
 
 def test_a_second_global_closure_has_nothing_left_to_close():
-    closing, found, closure = closed()
+    closing, _, closure = closed()
     assert closure is not None
     again = closing.recognise(view(TRUTH[-1], noise=2), TICK + 1, lost=False)
     assert again is not None
@@ -245,7 +247,7 @@ def test_a_grid_holds_what_both_views_cover():
 
 
 def test_open_loop_recognises_without_scipy(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "scipy.sparse.linalg", None)
+    monkeypatch.setitem(sys.modules, "scipy.sparse.linalg", None)
     with pytest.raises(ValueError, match="open_loop=true"):
         walked()
     closing, _ = walked(replace(CONFIGURATION, open_loop=True))

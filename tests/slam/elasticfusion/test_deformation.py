@@ -132,8 +132,8 @@ def test_too_few_nodes_or_none_free_give_no_deformation():
 def test_nodes_in_one_line_have_a_solution_too():
     """Nothing but the constraints tells how they turn about the line."""
     nodes = Graph(np.column_stack([np.linspace(0, 5, 100), np.zeros((100, 2))]), np.arange(100))
-    target = np.array([[0.5, 0.0, 0.0]])
-    best = optimise(nodes, Constraints(target + [0, 0.1, 0], np.array([99]), target, np.array([10])))
+    source, target = np.array([[0.5, 0.1, 0.0]]), np.array([[0.5, 0.0, 0.0]])
+    best = optimise(nodes, Constraints(source, np.array([99]), target, np.array([10])))
     assert best is not None
     assert np.isfinite(best.deformation.translations).all()
     assert best.distance < 0.01
