@@ -34,7 +34,7 @@ def sampling(surfels: int, camera: Camera) -> int:
 
 @dataclass(frozen=True)
 class Graph:
-    """Nodes: `positions` float64 (n, 3) in the world; `times` int64 (n,), the ticks of their birth, ascending."""
+    """Nodes by age: `positions` float64 (n, 3) in the world, `times` int64 (n,), the ticks of their birth."""
 
     positions: Array
     times: NDArray[np.int64]
