@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +13,7 @@ import pareto
 from crowd.explorations import reference_devices, services
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.fronts import sequences
+from crowd.fronts.contents import APPLICATIONS
 from pareto import Space
 from slam.protocol import VALID_BELOW
 
@@ -175,18 +175,14 @@ def initial_of(exploration: Exploration) -> dict[str, Any]:
 
 def shipped_spaces() -> list[Path]:
     """The files of the spaces whose system is there to be run."""
-    return [
-        path
-        for path in sorted(SPACES.glob("*.json"))
-        if path.stem.isidentifier() and find_spec(f"slam.{path.stem}") is not None
-    ]
+    return [path for path in sorted(SPACES.glob("*.json")) if path.stem in APPLICATIONS]
 
 
 def packs() -> list[dict[str, Any]]:
     """What the packs on this machine say of themselves; the same one is listed once."""
     found: dict[tuple[str, str], dict[str, Any]] = {}
     for pack in sequences.packs():
-        description = json.loads((pack / "pack.json").read_text())
+        description = sequences.described(pack)
         found.setdefault((description["name"], description["sha256"]), description)
     return list(found.values())
 

@@ -1,6 +1,5 @@
 """Leases over HTTP: what a machine without Celery is told, and what it tells. Types are checked strictly."""
 
-import json
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -157,7 +156,7 @@ def _packs(explorations: list[Exploration]) -> tuple[dict[int, Any], list[Cannot
     packs, lacking = {}, []
     for exploration in explorations:
         try:
-            packs[exploration.pk] = json.loads((pack_of(exploration) / "pack.json").read_text())
+            packs[exploration.pk] = pack_of(exploration)[1]
         except CannotMeasureHereError as error:
             lacking.append(error)
     return packs, lacking

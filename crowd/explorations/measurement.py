@@ -1,15 +1,16 @@
 """Measuring one evaluation on this machine, by slam or by whatever the settings name instead."""
 
-import json
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from django.conf import settings
 from django.utils.module_loading import import_string
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts import sequences
+from crowd.fronts.contents import needs_colour
 from slam import isolated
 from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
 
@@ -47,7 +48,7 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
     return isolated.measure(
         exploration.application,
         evaluation.configuration,
-        pack_of(exploration),
+        pack_of(exploration)[0],
         device=exploration.reference_device.opencl_device,
         frames=evaluation.frames,
         heartbeat=heartbeat,
@@ -56,18 +57,22 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
     )
 
 
-def pack_of(exploration: Exploration) -> Path:
-    """The folder of the exploration's sequence.
+def pack_of(exploration: Exploration) -> tuple[Path, dict[str, Any]]:
+    """The folder of the exploration's sequence and its description, with its colour's where that is needed.
 
-    Raises CannotMeasureHereError where this machine has no such pack: another name, or other content.
+    Raises CannotMeasureHereError where this machine has no such pack, another name or other content, or
+    lacks its colour.
     """
     for pack in sequences.packs():
-        description = json.loads((pack / "pack.json").read_text())
+        description = sequences.described(pack)
         if (description["name"], description["sha256"]) == (
             exploration.sequence,
             exploration.sequence_sha256,
         ):
-            return pack
+            try:
+                return pack, sequences.described(pack, needs_colour(exploration.application))
+            except sequences.SequenceError as error:
+                raise CannotMeasureHereError(str(error)) from error
     raise CannotMeasureHereError(
         f"no pack {exploration.sequence} with digest {exploration.sequence_sha256[:12]}... on this machine: "
         "put it into one of the sequence folders"

@@ -14,6 +14,7 @@ from crowd.explorations.points import Point
 from crowd.fronts import selectors as published
 from crowd.fronts import sequences
 from crowd.fronts import services as fronts
+from crowd.fronts.contents import needs_colour
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT
 from pareto.front import knee, nondominated
@@ -186,12 +187,13 @@ def _document(
     evaluations: Sequence[Evaluation],
     chosen: Sequence[tuple[str, Point]],
 ) -> dict[str, Any]:
-    sequence = sequences.describe(exploration.sequence, exploration.sequence_sha256)
+    colour = needs_colour(exploration.application)
+    sequence = sequences.describe(exploration.sequence, exploration.sequence_sha256, colour)
     return {
         "application": exploration.application,
         "version": version,
         "protocol": PROTOCOL | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
-        "sequence": {name: sequence[name] for name in ("name", "sha256")},
+        "sequence": published.reference(sequence),
         "configurations": [
             {"name": name, "parameters": point.configuration, "predicted": _predicted(point)}
             for name, point in chosen

@@ -1,6 +1,5 @@
 """Writes of explorations: create, steer, go on. The row is the truth, messages are hints."""
 
-import json
 import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -52,7 +51,7 @@ def check(exploration: Exploration) -> None:
             search.fresh(exploration).propose(1)
         else:
             warm_start.check(exploration, earlier)
-        pack = json.loads((pack_of(exploration) / "pack.json").read_text())
+        _, pack = pack_of(exploration)
     except (ParetoError, CannotMeasureHereError) as error:
         raise ValidationError(str(error)) from error
     if exploration.frames is not None and exploration.frames > pack["frames"]:

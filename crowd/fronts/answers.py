@@ -26,8 +26,16 @@ class Chunk(msgspec.Struct):
     url: str
 
 
+class Colour(msgspec.Struct):
+    """The pack of colour frames that belongs to a sequence."""
+
+    name: str
+    sha256: str
+    chunks: list[Chunk]
+
+
 class Sequence(msgspec.Struct):
-    """The pack to download: depth frames, camera, truth."""
+    """The pack to download: depth frames, camera, truth; `colour` is null where no colour is needed."""
 
     name: str
     sha256: str
@@ -37,6 +45,7 @@ class Sequence(msgspec.Struct):
     volume_size: float | None
     initial_position: list[float] | None
     chunks: list[Chunk]
+    colour: Colour | None
 
 
 class Manifest(msgspec.Struct):
@@ -104,7 +113,8 @@ def manifest(front: Front, policy: Policy) -> Manifest:
 
 
 def sequence(pack: Mapping[str, Any]) -> Sequence:
-    """What a client needs to download the sequence that PACK, a pack.json, describes."""
+    """What a client needs to download the sequence that PACK, a pack.json with any colour, describes."""
+    colour = pack.get("colour")
     return Sequence(
         name=pack["name"],
         sha256=pack["sha256"],
@@ -113,11 +123,15 @@ def sequence(pack: Mapping[str, Any]) -> Sequence:
         frames=pack["frames"],
         volume_size=pack.get("volume_size"),
         initial_position=pack.get("initial_position"),
-        chunks=[
-            Chunk(chunk["sha256"], chunk["bytes"], f"/sequences/{chunk['sha256']}")
-            for chunk in pack["chunks"]
-        ],
+        chunks=_chunks(pack),
+        colour=None if colour is None else Colour(colour["name"], colour["sha256"], _chunks(colour)),
     )
+
+
+def _chunks(pack: Mapping[str, Any]) -> list[Chunk]:
+    return [
+        Chunk(chunk["sha256"], chunk["bytes"], f"/sequences/{chunk['sha256']}") for chunk in pack["chunks"]
+    ]
 
 
 def configurations(front: Front) -> list[Configuration]:

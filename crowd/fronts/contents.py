@@ -6,12 +6,13 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 
 from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
+from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
 
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
@@ -24,9 +25,22 @@ MISSING = re.compile(r"Object missing required field `(.+)`")
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
 Digest = Annotated[str, msgspec.Meta(pattern=A_DIGEST)]
-# What each application can run; parameters of an application that is not here are taken as they are.
-PARAMETERS: dict[str, Callable[[Mapping[str, Any]], object]] = {"kfusion": KFusionConfiguration.from_mapping}
+SEQUENCE = ("name", "sha256", "colour_sha256")
 LARGEST_FILE_BYTES = 4 << 20
+
+
+class Application(NamedTuple):
+    """What checks its parameters, by a ConfigurationError, and whether it runs over colour beside depth."""
+
+    check: Callable[[Mapping[str, Any]], object]
+    colour: bool
+
+
+# As slam.systems has them, without the OpenCL behind those: every start of a server checks what ships.
+APPLICATIONS = {
+    "elasticfusion": Application(ElasticConfiguration.from_mapping, colour=True),
+    "kfusion": Application(KFusionConfiguration.from_mapping, colour=False),
+}
 
 
 class InvalidFrontError(ValueError):
@@ -50,10 +64,11 @@ class Point(msgspec.Struct):
 
 
 class Sequence(msgspec.Struct):
-    """Which pack the front was measured on, and clients measure on."""
+    """Which pack the front was measured on, and clients measure on; of its colour where that is needed."""
 
     name: str
     sha256: Digest
+    colour_sha256: Digest | None = None
 
 
 class Protocol(msgspec.Struct):
@@ -119,17 +134,23 @@ def check(document: dict[str, Any]) -> Content:
 
 def canonical(document: dict[str, Any]) -> dict[str, Any]:
     """What is kept of DOCUMENT, a front's file: members that a front does not have are left out."""
+    sequence = document["sequence"]
     return {
         "application": document["application"],
         "version": str(document["version"]),
         "protocol": document["protocol"],
-        "sequence": {name: document["sequence"][name] for name in ("name", "sha256")},
+        "sequence": {name: sequence[name] for name in SEQUENCE if sequence.get(name) is not None},
         "configurations": [
             {name: point[name] for name in ("name", "parameters", "predicted")}
             for point in document["configurations"]
         ],
         "provenance": document["provenance"],
     }
+
+
+def needs_colour(application: str) -> bool:
+    """Whether APPLICATION runs over colour beside depth; False of one that is not known here."""
+    return application in APPLICATIONS and APPLICATIONS[application].colour
 
 
 def text(document: dict[str, Any]) -> str:
@@ -168,11 +189,15 @@ def _mistakes(content: Content, document: dict[str, Any]) -> Iterator[str]:
         yield f"protocol.order: {protocol.order} names no configuration: choose among {names}"
     if DEFAULT not in protocol.order:
         yield f"protocol.order: {DEFAULT} is missing"
+    if content.sequence.colour_sha256 is None and needs_colour(content.application):
+        yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
     if protocol.first_counted_frame >= protocol.frames:
         yield f"protocol.first_counted_frame: {protocol.first_counted_frame} is not below {protocol.frames}"
     for place, point in enumerate(content.configurations):
         try:
-            PARAMETERS.get(content.application, dict)(point.parameters)
+            # Those of an application that is not known here are taken as they are.
+            if content.application in APPLICATIONS:
+                APPLICATIONS[content.application].check(point.parameters)
         except ConfigurationError as error:
             yield f"configurations[{place}].parameters of {point.name}: {error}"
     if (member := _not_finite(document)) is not None:

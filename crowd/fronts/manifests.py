@@ -19,8 +19,8 @@ class Manifest:
     etag: str
 
 
-def current(application: str, policy: Policy) -> Manifest | None:
-    """What clients of APPLICATION are told now; None where no front of it is published.
+def current(application: str | None, policy: Policy) -> Manifest | None:
+    """What clients of APPLICATION, or of none in particular, are told now; None where no front is published.
 
     One query, two more after a front or POLICY that this process has not seen: the content of a published
     front is fixed under its digest.

@@ -1,5 +1,6 @@
 """Reads of fronts: which is current, what a client is told, what a page shows."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -10,6 +11,7 @@ from crowd.fronts.models import FrontVersion
 
 DEFAULT = "default"
 BEST = "best"
+DEFAULT_APPLICATION = "kfusion"
 
 
 @dataclass(frozen=True)
@@ -102,13 +104,19 @@ def document(front: Front) -> dict[str, Any]:
         "application": front.application,
         "version": front.version,
         "protocol": front.protocol,
-        "sequence": {name: front.sequence[name] for name in ("name", "sha256")},
+        "sequence": reference(front.sequence),
         "configurations": [
             {"name": point.name, "parameters": point.parameters, "predicted": point.predicted}
             for point in front.points
         ],
         "provenance": front.provenance,
     }
+
+
+def reference(sequence: Mapping[str, Any]) -> dict[str, str]:
+    """SEQUENCE, as clients are told of it, as a front's file names it."""
+    colour = {"colour_sha256": sequence["colour"]["sha256"]} if "colour" in sequence else {}
+    return {name: sequence[name] for name in ("name", "sha256")} | colour
 
 
 def next_version(application: str) -> str:
@@ -123,9 +131,22 @@ def current(application: str) -> Front | None:
     return None if row is None else _front(row)
 
 
-def current_name(application: str) -> tuple[str, str] | None:
-    """Slug and digest of the same front. One query."""
-    return _published(application).values_list("slug", "digest").first()
+def current_name(application: str | None) -> tuple[str, str] | None:
+    """Slug and digest of the same front. One query.
+
+    Without APPLICATION it is DEFAULT_APPLICATION or, where no front of that is published, the one whose front
+    was published first.
+    """
+    if application is not None:
+        return _published(application).values_list("slug", "digest").first()
+    published = FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED)
+    newest: dict[str, tuple[str, str]] = {}
+    for name, slug, digest in published.values_list("application", "slug", "digest"):
+        newest.setdefault(name, (slug, digest))
+        oldest = name
+    if not newest:
+        return None
+    return newest[DEFAULT_APPLICATION if DEFAULT_APPLICATION in newest else oldest]
 
 
 def _published(application: str) -> QuerySet[FrontVersion]:

@@ -1,4 +1,7 @@
-"""The packs that clients download: folders of content-addressed chunks, shipped or added by the owner."""
+"""The packs that clients download: folders of content-addressed chunks, shipped or added by the owner.
+
+The colour of a sequence is a second pack beside the one of its depth. What needs none never reads it.
+"""
 
 import hashlib
 import json
@@ -9,6 +12,9 @@ from typing import Any
 
 from django.conf import settings
 
+from slam.datasets.pack import MANIFEST, Pack, colour_folder
+from slam.datasets.sequence import SequenceError as DamagedError
+
 DIGEST = re.compile(r"[0-9a-f]{64}")
 
 
@@ -17,22 +23,46 @@ class SequenceError(ValueError):
 
 
 def packs() -> Iterator[Path]:
-    """Every folder with a pack.json below the configured folders."""
-    for folder in settings.FRONTRUNNER_SEQUENCES:
-        for description in sorted(Path(folder).glob("*/pack.json")):
-            yield description.parent
+    """Every folder with a sequence's depth below the configured folders."""
+    folders = list(_folders())
+    colours = {colour_folder(folder) for folder in folders}
+    return (folder for folder in folders if folder.resolve() not in colours)
 
 
-def describe(name: str, sha256: str) -> dict[str, Any]:
-    """What pack.json says of the sequence NAME with digest SHA256, every chunk present and whole.
+def described(pack: Path, colour: bool = False) -> dict[str, Any]:
+    """What the pack.json of the folder PACK says; with COLOUR, `colour` is what that of its colour says.
 
-    Raises SequenceError where there is no such pack, or a chunk is missing or damaged.
+    Raises SequenceError where there is no colour.
+    """
+    description: dict[str, Any] = json.loads((pack / MANIFEST).read_text())
+    if not colour:
+        return description
+    try:
+        beside = Pack(pack).colour_manifest
+    except DamagedError as error:
+        raise SequenceError(str(error)) from error
+    if beside is None:
+        raise SequenceError(
+            f"{description['name']} in {pack} has no colour, which is needed: put the pack of its colour "
+            f"into {colour_folder(pack)}"
+        )
+    return description | {"colour": beside}
+
+
+def describe(name: str, sha256: str, colour: bool = False) -> dict[str, Any]:
+    """What `described` says of the sequence NAME with digest SHA256, every chunk present and whole.
+
+    Raises SequenceError where there is no such pack or, with COLOUR, no colour of it, or a chunk is missing
+    or damaged.
     """
     found = []
     for pack in packs():
-        description: dict[str, Any] = json.loads((pack / "pack.json").read_text())
+        description = described(pack)
         if description["name"] == name and description["sha256"] == sha256:
             _verify(pack, description)
+            if colour:
+                description = described(pack, colour)
+                _verify(colour_folder(pack), description["colour"])
             return description
         found.append(f"{description['name']} {description['sha256'][:12]}")
     looked = ", ".join(str(folder) for folder in settings.FRONTRUNNER_SEQUENCES)
@@ -57,8 +87,14 @@ def chunk(sha256: str) -> Path | None:
     """Where the chunk with this digest lies; None where no pack has it or SHA256 is no digest."""
     if not DIGEST.fullmatch(sha256):
         return None
-    for pack in packs():
+    for pack in _folders():
         path = pack / "chunks" / sha256
         if path.is_file():
             return path
     return None
+
+
+def _folders() -> Iterator[Path]:
+    for folder in settings.FRONTRUNNER_SEQUENCES:
+        for description in sorted(Path(folder).glob(f"*/{MANIFEST}")):
+            yield description.parent

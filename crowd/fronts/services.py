@@ -1,5 +1,6 @@
 """Writes of fronts: a draft, its review, publication and retirement. Each is one logged transaction."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
     digest = contents.digest(document)
     if front is not None and front.digest != digest:
         _refuse_anothers(front, by)
-    sequence = sequences.describe(content.sequence.name, content.sequence.sha256)
+    sequence = _sequence(document["sequence"])
     if content.protocol.frames > sequence["frames"]:
         raise contents.InvalidFrontError(
             f"not a front: protocol.frames: {content.protocol.frames}, but {sequence['name']} has only "
@@ -171,7 +172,7 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
         raise TransitionError(front.slug, before, state)
     if state == State.PUBLISHED and state in PERMITTED[before]:
         # Of what is stored, whatever FRONT holds: it may have been read long ago.
-        sequences.describe(stored.sequence["name"], stored.sequence["sha256"])
+        _sequence(selectors.reference(stored.sequence))
         refuse_altered(selectors.any_front(stored.pk))
     if state == State.PUBLISHED:
         stored.published_at = timezone.now()
@@ -181,6 +182,18 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
     _log(stored, action, before, by, note)
     front.refresh_from_db()
     return front
+
+
+def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:
+    """What clients are told of the sequence that a front's file WANTED. Raises SequenceError."""
+    colour = wanted.get("colour_sha256")
+    found = sequences.describe(wanted["name"], wanted["sha256"], colour is not None)
+    if colour is not None and colour != (here := found["colour"]["sha256"]):
+        raise sequences.SequenceError(
+            f"the colour of {wanted['name']} that is here has the digest {here[:12]}..., the front was "
+            f"measured on {colour[:12]}...: put the pack of that colour there"
+        )
+    return found
 
 
 def _refuse_anothers(draft: FrontVersion, by: str) -> None:

@@ -18,7 +18,6 @@ from crowd.descriptions import PAGING
 from crowd.fronts import answers, manifests, policy, selectors, sequences
 from crowd.problems import Problem, not_found
 
-DEFAULT_APPLICATION = "kfusion"
 A_YEAR = 365 * 24 * 3600
 
 
@@ -29,16 +28,21 @@ class ManifestView(Endpoint):
         operation_id="manifest",
         summary="What to measure now: front, protocol, sequence",
         description="Ask again with If-None-Match: an unchanged manifest answers 304 with no body.",
-        parameters=[OpenApiParameter("application", str, description="kfusion where absent")],
+        parameters=[
+            OpenApiParameter(
+                "application",
+                str,
+                description="where absent kfusion, or what was published first where that is not published",
+            )
+        ],
         responses={200: answers.Manifest, 304: None},
     )
     def get(self, request: Request) -> HttpResponseBase:
-        application = request.query_params.get("application", DEFAULT_APPLICATION)
+        application = request.query_params.get("application") or None
         manifest = manifests.current(application, policy.current())
         if manifest is None:
-            raise Problem(
-                404, "no_front", f"no front of {application!r:.60} is published here", field="application"
-            )
+            what = "no front" if application is None else f"no front of {application!r:.60}"
+            raise Problem(404, "no_front", f"{what} is published here", field="application")
         full = HttpResponse(manifest.content, content_type="application/json")
         response = get_conditional_response(request._request, etag=manifest.etag, response=full) or full
         response["ETag"] = manifest.etag

@@ -113,8 +113,7 @@ class Pack(Sequence):
         self._colour = self._beside()
 
     def _beside(self) -> _Chunks | None:
-        folder = self._chunks.folder.resolve()
-        folder = folder.with_name(folder.name + "-colour")
+        folder = colour_folder(self._chunks.folder)
         if not (folder / MANIFEST).exists():
             return None
         chunks = _Chunks(folder)
@@ -124,6 +123,11 @@ class Pack(Sequence):
     def manifest(self) -> dict[str, Any]:
         """What `pack.json` holds: the HTTP manifest's `sequence` without addresses."""
         return dict(self._chunks.manifest)
+
+    @property
+    def colour_manifest(self) -> dict[str, Any] | None:
+        """What the `pack.json` of its colour holds; None where no colour of it lies beside it."""
+        return None if self._colour is None else dict(self._colour.manifest)
 
     @property
     def sha256(self) -> str:
@@ -173,6 +177,12 @@ def write_colour(sequence: Sequence, beside: Pack, folder: Path, progress: Progr
     header = _header(sequence, "colour") | {"depth_sha256": beside.sha256}
     parts = (codec.join(frames) for frames in _batches(sequence, jpeg, progress))
     _write(folder, header, parts)
+
+
+def colour_folder(folder: Path) -> Path:
+    """Where the colour of the depth pack in `folder` lies, if it has any."""
+    folder = folder.resolve()
+    return folder.with_name(folder.name + "-colour")
 
 
 def digest(chunks: Iterable[dict[str, Any]]) -> str:

@@ -8,19 +8,27 @@ from slam.datasets import open_sequence, pack
 from tests.slam.sequences import ArraySequence
 from tests.slam.shipped import LIVING_ROOM
 
+FRAMES = 12
 
-def write_tiny_pack(folder: Path) -> Path:
-    """The first 12 frames of the shipped sequence, a quarter as wide and as high, as the pack FOLDER/tiny."""
+
+def write_tiny_pack(folder: Path, colour: bool = False) -> Path:
+    """The first FRAMES frames of the shipped sequence, a quarter as wide and high, as the pack FOLDER/tiny.
+
+    With COLOUR that lies beside it, in FOLDER/tiny-colour.
+    """
     whole = open_sequence(LIVING_ROOM)
-    depth = np.stack([whole.depth(frame)[::4, ::4] for frame in range(12)])
+    depth = np.stack([whole.depth(frame)[::4, ::4] for frame in range(FRAMES)])
     assert whole.truth is not None
     tiny = ArraySequence(
         depth,
-        truth=whole.truth[:12],
+        colour=[np.asarray(whole.colour(frame))[::4, ::4] for frame in range(FRAMES)] if colour else None,
+        truth=whole.truth[:FRAMES],
         name="tiny",
         volume_size=whole.volume_size,
         initial_position=whole.initial_position,
     )
     tiny.camera = whole.camera.scaled(4)
-    pack.write(tiny, folder / "tiny")
+    written = pack.write(tiny, folder / "tiny")
+    if colour:
+        pack.write_colour(tiny, written, pack.colour_folder(folder / "tiny"))
     return folder / "tiny"

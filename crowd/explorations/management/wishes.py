@@ -1,6 +1,5 @@
 """What a command line wishes of an exploration: shared by the commands that create one."""
 
-import json
 import shlex
 import sys
 from argparse import ArgumentTypeError
@@ -105,7 +104,7 @@ def _limits(options: dict[str, Any]) -> dict[str, float]:
 
 def _pack(wanted: str) -> dict[str, Any]:
     for pack in sequences.packs():
-        description: dict[str, Any] = json.loads((pack / "pack.json").read_text())
+        description = sequences.described(pack)
         if description["name"] == wanted or pack == Path(wanted).absolute():
             return description
     names = ", ".join(pack.name for pack in sequences.packs()) or "none"

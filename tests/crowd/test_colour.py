@@ -1,0 +1,121 @@
+"""An application that needs colour: its fronts name the pack of it, and its clients are told where it is."""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.fronts import contents, selectors, services
+from crowd.fronts.contents import InvalidFrontError
+from crowd.fronts.sequences import SequenceError
+from slam.datasets.pack import Pack, colour_folder
+from slam.systems import SYSTEMS
+from tests.crowd.documents import front_document, write_pack
+from tests.crowd.participant import API
+from tests.slam.tiny import FRAMES, write_tiny_pack
+
+SLOW, FAST = {"icp_weight": 10, "fast_odometry": False}, {"icp_weight": 100, "fast_odometry": True}
+
+
+@pytest.fixture(scope="module")
+def coloured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tiny_pack(tmp_path_factory.mktemp("coloured"), colour=True)
+
+
+@pytest.fixture
+def sequence(coloured: Path, own_data_folder: Path) -> Path:
+    """The coloured sequence among those of the server."""
+    folder = own_data_folder / "sequences"
+    shutil.copytree(coloured.parent, folder, dirs_exist_ok=True)
+    return folder / coloured.name
+
+
+def document(sequence: Path) -> dict[str, Any]:
+    """A front of elasticfusion over that sequence."""
+    whole = Pack(sequence)
+    colour = whole.colour_manifest
+    named = {"name": whole.name, "sha256": whole.sha256, "colour_sha256": colour and colour["sha256"]}
+    made = front_document(named, application="elasticfusion", sequence=named)
+    made["protocol"] |= {"frames": FRAMES}
+    predicted = {"runtime": 0.08, "ate_max": 0.01, "ate_mean": 0.005}
+    made["configurations"] = [
+        {"name": name, "parameters": parameters, "predicted": predicted}
+        for name, parameters in (("default", SLOW), ("best", FAST))
+    ]
+    return made
+
+
+def test_what_needs_colour_is_what_the_systems_say() -> None:
+    assert {name: known.colour for name, known in contents.APPLICATIONS.items()} == {
+        name: system.colour for name, system in SYSTEMS.items()
+    }
+
+
+def test_clients_are_told_of_the_colour(client: Client, db: None, sequence: Path) -> None:
+    front, _ = services.publish_content(document(sequence))
+
+    told = client.get(f"{API}/manifest", {"application": "elasticfusion"}).json()["sequence"]
+
+    assert told["sha256"] == Pack(sequence).sha256
+    beside = json.loads((colour_folder(sequence) / "pack.json").read_text())
+    assert (told["colour"]["name"], told["colour"]["sha256"]) == (beside["name"], beside["sha256"])
+    for chunk in told["colour"]["chunks"]:
+        content = b"".join(client.get(chunk["url"]))  # type: ignore[arg-type]
+        assert hashlib.sha256(content).hexdigest() == chunk["sha256"]
+    assert len(told["colour"]["chunks"]) == len(beside["chunks"])
+    # Its file names the same colour: published again it is the same front.
+    again = services.publish_again(front)
+    stored = selectors.document(selectors.any_front(again.pk))
+    assert stored["sequence"] == document(sequence)["sequence"]
+    assert contents.digest(stored) == again.digest
+
+
+def test_a_front_that_names_no_colour_though_its_application_needs_it(db: None, sequence: Path) -> None:
+    wanted = document(sequence)
+    del wanted["sequence"]["colour_sha256"]
+
+    with pytest.raises(InvalidFrontError, match=r"sequence\.colour_sha256: is missing"):
+        services.create_draft(wanted)
+
+
+@pytest.mark.parametrize("harm", ["absent", "damaged", "another"])
+def test_a_front_whose_colour_cannot_be_had_is_refused(db: None, sequence: Path, harm: str) -> None:
+    wanted = document(sequence)
+    beside = colour_folder(sequence)
+    if harm == "absent":
+        shutil.rmtree(beside)
+    elif harm == "damaged":
+        chunk = json.loads((beside / "pack.json").read_text())["chunks"][1]["sha256"]
+        (beside / "chunks" / chunk).write_bytes(b"nothing")
+    else:
+        wanted["sequence"]["colour_sha256"] = "0" * 64
+
+    with pytest.raises(SequenceError, match="colour"):
+        services.create_draft(wanted)
+
+
+def test_parameters_are_checked(db: None, sequence: Path) -> None:
+    wrong = document(sequence)
+    wrong["configurations"][1]["parameters"] = FAST | {"depth_cutoff": -1}
+
+    with pytest.raises(InvalidFrontError, match="depth_cutoff"):
+        services.create_draft(wrong)
+
+
+def test_who_names_no_application_measures_kfusion_or_what_is_there(
+    client: Client, db: None, sequence: Path
+) -> None:
+    assert client.get(f"{API}/manifest").status_code == 404
+    services.publish_content(document(sequence))
+    alone = client.get(f"{API}/manifest").json()
+    services.publish_content(front_document(write_pack(sequence.parent)))
+
+    both = client.get(f"{API}/manifest").json()
+
+    assert alone["application"] == "elasticfusion"
+    assert both["application"] == "kfusion"
+    assert both["sequence"]["colour"] is None
