@@ -14,22 +14,27 @@ class UnknownFrontError(InvalidFilterError):
 
 
 def asked(query: Mapping[str, str], names: Sequence[tuple[str, str]] | None = None) -> SpeedupFilters:
-    """The filters of QUERY, of one application: that of the front it names; where it names neither, the
-    default one, or that of the newest front where the default one has none. NAMES are all fronts with their
-    applications, newest first, where the caller has them: one query of the database else.
+    """The filters of QUERY, of one application: that of the front it names, else the one it names.
+
+    NAMES are all fronts with their applications, newest first, where the caller has them: then, where QUERY
+    names neither, it is the default one, or the one published first where that has no front. One query at most.
 
     Raises InvalidFilterError, UnknownFrontError.
     """
     filters = SpeedupFilters.parse(query)
-    applications = dict(published.names() if names is None else names)
     named = query.get("application", "").strip()
+    if names is None:
+        if not (filters.front or named):
+            return filters
+        names = published.names()
+    applications = dict(names)
     if filters.front:
         return replace(filters, application=_application_of(filters.front, named, applications))
     if filters.application in applications.values() or not (named or applications):
         return filters
     if named:
         raise _unknown("application", named, applications.values())
-    return replace(filters, application=next(iter(applications.values())))
+    return replace(filters, application=names[-1][1])
 
 
 def _application_of(front: str, named: str, applications: Mapping[str, str]) -> str:
