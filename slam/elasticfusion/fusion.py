@@ -32,10 +32,10 @@ ASSOCIATION_DISTANCE = 0.05  # along the ray
 ASSOCIATION_NORMAL = float(np.cos(0.5))
 SLANTED = 0.75  # a surfel whose normal has a smaller z in the camera's frame is seen at a slant
 MOST_COARSENING = 1.5  # a disc this many times a surfel's radius only confirms it
-DOUBLE_DISTANCE = 0.01  # closer behind a surfel another is its double, farther it was seen through
+DOUBLE_DISTANCE = 0.01  # a surfel and what it doubles lie closer than this behind each other
 DOUBLE_REACH = 1.4  # radii to the side
-FACING = 0.85  # a surfel whose normal has a larger z in the camera's frame faces the camera
-DOUBLES, SEEN_THROUGH = 8, 4  # samples of 16
+DOUBLES = 8  # samples of 16 that may lie so
+SEEN_THROUGH = 5  # pixels of 9 that must measure what lies farther behind than ASSOCIATION_DISTANCE
 UNSTABLE_FRAMES = 20  # that an unstable surfel lives without being measured
 REMOVED_SHARE = 4  # compact the map when one in so many places is empty
 
@@ -124,9 +124,9 @@ class Fusion:
         condemned = session.buffer(width * height, "an image")
         self._clean = [
             session.image_kernel(
-                CLEANING, "judge", width, height, width, height, index_map.ids, surfels.place, surfels.face,
-                surfels.born, surfels.seen, self._frame, float(confidence_threshold), DOUBLE_DISTANCE,
-                DOUBLE_REACH, FACING, DOUBLES, SEEN_THROUGH, condemned,
+                CLEANING, "judge", width, height, live.raw, width, height, index_map.ids, surfels.place,
+                surfels.face, surfels.born, surfels.seen, self._frame, float(confidence_threshold),
+                DOUBLE_DISTANCE, DOUBLE_REACH, DOUBLES, ASSOCIATION_DISTANCE, SEEN_THROUGH, condemned,
             ),
             session.image_kernel(
                 CLEANING, "remove_condemned", width, height, width, height, index_map.ids, condemned,

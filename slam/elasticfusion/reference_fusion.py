@@ -173,8 +173,10 @@ def append(
     return np.concatenate([surfels, np.array(fresh, surfels.dtype)]), ids
 
 
-def judge(ids: NDArray[np.intp], surfels: Map, pose: Array, tick: int, threshold: float) -> NDArray[np.bool_]:
-    """Of each pixel whether its surfel is a double or was seen through, by 4x4 samples around it."""
+def judge(
+    raw: Array, ids: NDArray[np.intp], surfels: Map, pose: Array, tick: int, threshold: float
+) -> NDArray[np.bool_]:
+    """Of each pixel whether its surfel is a double, by 4x4 samples around it, or was seen through."""
     height, width = ids.shape
     condemned = np.zeros(ids.shape, np.bool_)
     for y in range(1, height - 1):
@@ -183,8 +185,7 @@ def judge(ids: NDArray[np.intp], surfels: Map, pose: Array, tick: int, threshold
                 continue
             surfel = surfels[ids[y, x]]
             point = pose[:3, :3].T @ (surfel["position"] - pose[:3, 3])
-            facing = abs((pose[:3, :3].T @ surfel["normal"])[2]) > constants.FACING
-            doubles = seen_through = 0
+            doubles = 0
             for other in _samples(ids, x, y):
                 if other < 0 or other == ids[y, x] or surfels["confidence"][other] < threshold:
                     continue
@@ -192,9 +193,10 @@ def judge(ids: NDArray[np.intp], surfels: Map, pose: Array, tick: int, threshold
                 older = surfels["born"][other] < surfel["born"]
                 beside = np.hypot(*offset[:2]) < constants.DOUBLE_REACH * surfel["radius"]
                 doubles += bool(0 < offset[2] < constants.DOUBLE_DISTANCE and older and beside)
-                measured_now = surfels["seen"][other] == tick and surfel["seen"] < tick
-                seen_through += bool(offset[2] > constants.DOUBLE_DISTANCE and facing and measured_now)
-            condemned[y, x] = doubles > constants.DOUBLES or seen_through > constants.SEEN_THROUGH
+            around = raw[y - 1 : y + 2, x - 1 : x + 2]
+            behind = around[around > 0] > point[2] + constants.ASSOCIATION_DISTANCE
+            seen_through = len(behind) >= constants.SEEN_THROUGH and behind.all() and surfel["seen"] != tick
+            condemned[y, x] = doubles > constants.DOUBLES or seen_through
     return condemned
 
 

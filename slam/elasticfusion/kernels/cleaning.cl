@@ -5,43 +5,42 @@
 #include "surfels.h"
 #include "frame.h"
 
-// Judges the surfel that the index map holds at each pixel by those around it, sampled at half-pixel steps: 16 samples,
-// of which the middle pixel has four, those beside it two and the corners one. A double has more than `doubles` samples
-// of older stable surfels close behind it; one is seen through when it faces the camera and more than `seen_through`
-// samples are stable surfels farther behind that this frame measured, while it was not. 1 where the surfel has to go.
-kernel void judge(int width, int height, global const int *restrict ids, global const float4 *restrict place,
-                  global const float4 *restrict face, global const int *restrict born, global const int *restrict seen,
-                  global const Frame *restrict frame, float threshold, float close, float reach, float facing,
-                  int doubles, int seen_through, global uchar *restrict condemned)
+// Judges the surfel that the index map holds at each pixel by what is around it; 1 where it has to go.
+// A double: of 16 samples at half-pixel steps, of which the middle pixel has four, those beside it two and the corners
+// one, more than `doubles` are older stable surfels close behind it.
+// Seen through: at least `fewest` of the nine pixels are measured, and all of these lie far behind it. The map behind a
+// surfel cannot tell, since the index map does not hold what it hides.
+kernel void judge(global const float *restrict raw, int width, int height, global const int *restrict ids,
+                  global const float4 *restrict place, global const float4 *restrict face,
+                  global const int *restrict born, global const int *restrict seen,
+                  global const Frame *restrict frame, float threshold, float close, float reach, int doubles, float far,
+                  int fewest, global uchar *restrict condemned)
 {
     const int tick = frame->tick;
     EACH_PIXEL(x, y, width, height)
     {
         const int i = y * width + x, id = ids[i];
-        int older = 0, farther = 0;
+        int older = 0, behind = 0, not_behind = 0;
         if (id >= 0 && x > 0 && y > 0 && x < width - 1 && y < height - 1) {
             const float3 p = to_camera(frame->pose, place[id].xyz);
-            const float4 n = face[id];
-            const float normal_z = turned_to_camera(frame->pose, n.xyz).z;
-            const int faces = magnitude(normal_z) > facing && seen[id] < tick;
             const int birth = born[id];
-            const float across = reach * n.w;
+            const float across = reach * face[id].w;
             for (int dy = -1; dy <= 1; ++dy)
                 for (int dx = -1; dx <= 1; ++dx) {
-                    const int other = ids[i + dy * width + dx];
-                    if (other < 0 || other == id || !(place[other].w >= threshold))
+                    const int m = i + dy * width + dx, other = ids[m];
+                    behind += raw[m] > p.z + far;
+                    not_behind += (raw[m] > 0.0f) & (raw[m] <= p.z + far);
+                    if (other < 0 || other == id || !(place[other].w >= threshold) || born[other] >= birth)
                         continue;
                     const float3 q = to_camera(frame->pose, place[other].xyz);
-                    const float behind = q.z - p.z, side_x = q.x - p.x, side_y = q.y - p.y;
-                    const int samples = (2 - dx * dx) * (2 - dy * dy);
-                    if (behind > 0.0f && behind < close && born[other] < birth &&
-                        side_x * side_x + side_y * side_y < across * across)
-                        older += samples;
-                    if (behind > close && faces && seen[other] == tick)
-                        farther += samples;
+                    const float depth = q.z - p.z, side_x = q.x - p.x, side_y = q.y - p.y;
+                    if (depth > 0.0f && depth < close && side_x * side_x + side_y * side_y < across * across)
+                        older += (2 - dx * dx) * (2 - dy * dy);
                 }
+            if (seen[id] == tick)
+                behind = 0;
         }
-        condemned[i] = (older > doubles) | (farther > seen_through);
+        condemned[i] = (older > doubles) | ((behind >= fewest) & (not_behind == 0));
     }
 }
 

@@ -25,12 +25,13 @@ THRESHOLD = 2.0
 
 
 @functools.cache
-def scene(seed: int) -> SimpleNamespace:
+def scene(seed: int, box: bool = True) -> SimpleNamespace:
     """A wavy wall with a box before it, noise and holes: raw and filtered depth, normals and colours."""
     random = np.random.default_rng(seed)
     y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
     filtered = 1.2 + 0.05 * np.sin(x / 4.0) + 0.4 * (y / CAMERA.height)
-    filtered[8:20, 10:22] = 0.9
+    if box:
+        filtered[8:20, 10:22] = 0.9
     raw = filtered + random.normal(0, 0.002, filtered.shape)
     raw[random.random(raw.shape) < 0.04] = 0
     colour = random.integers(1, 1 << 24, raw.shape).astype(np.uint32)
@@ -219,7 +220,7 @@ def test_append(launch, step, tick):
 
 @functools.cache
 def layered_map() -> tuple[np.ndarray, np.ndarray]:
-    """An old stable wall that this frame measured, with younger surfels just before it and far before it."""
+    """An old stable wall with younger surfels just before it and far before it."""
     random = np.random.default_rng(8)
     wall = first_map()
     wall["confidence"] = random.choice([0.5, 5.0, 5.0, 5.0], len(wall))
@@ -234,15 +235,22 @@ def layered_map() -> tuple[np.ndarray, np.ndarray]:
     return surfels, index_of(surfels, START)
 
 
+@functools.cache
+def expected_verdict() -> np.ndarray:
+    surfels, ids = layered_map()
+    return reference.judge(scene(0).raw, ids, surfels, START, 40, THRESHOLD)
+
+
 def test_judge_and_remove_condemned(launch):
     surfels, ids = layered_map()
-    expected = reference.judge(ids, surfels, START, 40, THRESHOLD)
+    raw, expected = scene(0).raw, expected_verdict()
     columns, size = columns_of(surfels), (CAMERA.width, CAMERA.height)
     condemned, removed = np.full(ids.shape, 7, np.uint8), np.zeros(1, np.int32)
     launch(
-        CLEANING, "judge", ("image", *size), *size, ids.astype(np.int32), columns["place"], columns["face"],
-        columns["born"], columns["seen"], frame_of(START, 40), THRESHOLD, fusion.DOUBLE_DISTANCE,
-        fusion.DOUBLE_REACH, fusion.FACING, fusion.DOUBLES, fusion.SEEN_THROUGH, condemned,
+        CLEANING, "judge", ("image", *size), raw.astype(np.float32), *size, ids.astype(np.int32),
+        columns["place"], columns["face"], columns["born"], columns["seen"], frame_of(START, 40), THRESHOLD,
+        fusion.DOUBLE_DISTANCE, fusion.DOUBLE_REACH, fusion.DOUBLES, fusion.ASSOCIATION_DISTANCE,
+        fusion.SEEN_THROUGH, condemned,
     )  # fmt: skip
     gone = surfels[ids[expected]]
     assert (gone["born"] == 20).sum() > 10
@@ -432,6 +440,28 @@ def test_what_the_camera_sees_anew_is_appended_and_shown(session):
     assert len(shown) > new / 2
     assert len(np.unique(shown)) == len(shown)
     assert (surfels["born"][shown] == 2).all()
+
+
+def test_what_was_taken_away_leaves_the_map(session):
+    """And the wall behind it comes into it."""
+    bench = Bench(session)
+    for tick in range(1, 40):
+        live = scene(tick % 2, box=tick < 20)
+        bench.see(live, START)
+        if tick == 1:
+            bench.fusion.initialise(START, 1)
+            continue
+        bench.fusion.fuse(START, tick, 1.0)
+        bench.fusion.clean(START, tick)
+        if tick in (19, 39):
+            surfels = bench.surfels.read()
+            surfels = surfels[surfels["confidence"] >= THRESHOLD]
+            depth = ((surfels["position"] - START[:3, 3]) @ START[:3, :3])[:, 2]
+            if tick == 19:
+                before = depth
+    assert (before < 1.0).sum() > 50
+    assert (depth < 1.0).sum() < 0.1 * (before < 1.0).sum()
+    assert (depth > 1.0).sum() > (before > 1.0).sum()
 
 
 def test_a_map_that_is_full_says_so_and_loses_nothing(session):
