@@ -17,7 +17,7 @@ def asked(query: Mapping[str, str], names: Sequence[tuple[str, str]] | None = No
     """The filters of QUERY, of one application: that of the front it names, else the one it names.
 
     NAMES are all fronts with their applications, newest first, where the caller has them: then, where QUERY
-    names neither, it is the default one, or the one published first where that has no front. One query at most.
+    names neither, it is the default one, or the one published first where that has none. One query at most.
 
     Raises InvalidFilterError, UnknownFrontError.
     """
