@@ -18,8 +18,8 @@ typedef struct {
           s13 = 0, s14 = 0, s15 = 0, s16 = 0, s17 = 0, s18 = 0, s19 = 0, s20 = 0, s21 = 0, s22 = 0, s23 = 0, s24 = 0, \
           s25 = 0, s26 = 0, s27 = 0, s28 = 0, s29 = 0, s30 = 0;
 
-// Adds an equation to the first 29 sums.
-#define ACCUMULATE(q)                                                                                                  \
+// Adds an equation's row to the first 27 sums, and the whole of it to the first 29.
+#define ACCUMULATE_ROW(q)                                                                                                  \
     s0 += q.j0 * q.j0, s1 += q.j0 * q.j1, s2 += q.j0 * q.j2, s3 += q.j0 * q.j3, s4 += q.j0 * q.j4, s5 += q.j0 * q.j5; \
     s6 += q.j1 * q.j1, s7 += q.j1 * q.j2, s8 += q.j1 * q.j3, s9 += q.j1 * q.j4, s10 += q.j1 * q.j5;                   \
     s11 += q.j2 * q.j2, s12 += q.j2 * q.j3, s13 += q.j2 * q.j4, s14 += q.j2 * q.j5;                                   \
@@ -27,8 +27,18 @@ typedef struct {
     s18 += q.j4 * q.j4, s19 += q.j4 * q.j5;                                                                           \
     s20 += q.j5 * q.j5;                                                                                                \
     s21 += q.j0 * q.error, s22 += q.j1 * q.error, s23 += q.j2 * q.error;                                              \
-    s24 += q.j3 * q.error, s25 += q.j4 * q.error, s26 += q.j5 * q.error;                                              \
+    s24 += q.j3 * q.error, s25 += q.j4 * q.error, s26 += q.j5 * q.error;
+
+#define ACCUMULATE(q)                                                                                                  \
+    ACCUMULATE_ROW(q)                                                                                                  \
     s27 += q.error * q.error, s28 += q.weight;
+
+// Multiplies the first 27 sums: all rows so far count by that factor.
+#define SCALE_ROWS(factor)                                                                                             \
+    s0 *= factor, s1 *= factor, s2 *= factor, s3 *= factor, s4 *= factor, s5 *= factor, s6 *= factor, s7 *= factor;   \
+    s8 *= factor, s9 *= factor, s10 *= factor, s11 *= factor, s12 *= factor, s13 *= factor, s14 *= factor;            \
+    s15 *= factor, s16 *= factor, s17 *= factor, s18 *= factor, s19 *= factor, s20 *= factor, s21 *= factor;          \
+    s22 *= factor, s23 *= factor, s24 *= factor, s25 *= factor, s26 *= factor;
 
 #define COLLECT(sums)                                                                                                  \
     sums[0] = s0, sums[1] = s1, sums[2] = s2, sums[3] = s3, sums[4] = s4, sums[5] = s5, sums[6] = s6, sums[7] = s7;   \

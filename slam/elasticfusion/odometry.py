@@ -1,0 +1,189 @@
+"""Registers one RGB-D image to another: ICP and brightness together, without leaving the device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.dense.images import intrinsics
+from slam.dense.least_squares import SUMS, records_of
+from slam.elasticfusion.configuration import ICP_ONLY, ITERATIONS, REFERENCE_PIXELS
+from slam.elasticfusion.pyramid import Pyramid, PyramidLevel
+from slam.opencl import BoundKernel, Session
+
+SOURCE = Path(__file__).parent / "kernels" / "odometry.cl"
+ASSOCIATION_DISTANCE = 0.10  # metres between partners of ICP
+ASSOCIATION_NORMAL = float(np.cos(np.deg2rad(20)))  # product of their normals
+DEPTH_DIFFERENCE = 0.07  # metres between pixels whose brightness is compared
+PHOTOMETRIC_FARTHEST = 6.0  # metres
+# Grey levels per pixel, finest level first: 5, 3 and 1 of the original's derivative, whose slope is 0.46.
+LEAST_GRADIENTS = (10.9, 6.5, 2.2)
+# Of a difference of brightness beside a distance of 1 m: at w = 10 one as large as its noise counts like
+# 2.5 mm, about the noise of a depth camera.
+RGB_WEIGHT = 0.05
+CONVERGED = 1e-6  # norm of the update, metres and radians
+
+# The layout of the struct Estimate in `odometry.cl`.
+ESTIMATE = np.dtype(
+    [
+        ("pose", np.float32, 12),
+        ("normal_matrix", np.float32, 21),
+        ("icp_squared_error", np.float32),
+        ("icp_inliers", np.float32),
+        ("rgb_squared_error", np.float32),
+        ("rgb_inliers", np.float32),
+        ("noise", np.float32),
+        ("converged", np.int32),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Where the source lies in the target's frame, and how well it fits there.
+
+    pose: float64 (4, 4), source camera to target camera. icp_error: sqrt(sum r^2) / inliers of the
+    point-to-plane distances r (metres); infinite without inliers. icp_inliers, rgb_inliers: pixels.
+    covariance: (6,) the diagonal of the normal matrix's inverse, translation first; infinite where nothing
+    holds the camera. All are of the finest level's last iteration, and what 640x480 pixels would have given.
+    """
+
+    pose: NDArray[np.float64]
+    icp_error: float
+    icp_inliers: float
+    rgb_inliers: float
+    covariance: NDArray[np.float64]
+
+
+class Odometry:
+    """Gauss-Newton from coarse to fine on E = w^2 E_icp + E_rgb, w = `icp_weight`.
+
+    w = 0 leaves the geometry out, and ICP_ONLY or more the brightness (the geometry's weight is then 1).
+    `iterations` are those of each level, finest first. With `fast`, brightness counts on the finest level
+    alone, which is the single level of the published flag; the coarser ones then find the way by geometry.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        source: Pyramid,
+        target: Pyramid,
+        icp_weight: float,
+        iterations: tuple[int, ...] = ITERATIONS,
+        fast: bool = False,
+    ) -> None:
+        self._session = session
+        rgb_weight = RGB_WEIGHT if icp_weight < ICP_ONLY else 0.0
+        icp_weight = icp_weight if rgb_weight else 1.0
+        finest = source.levels[0].camera
+        self._pixels = finest.width * finest.height
+        most, _, _ = records_of(session.layout, finest.width, finest.height)
+        self._records = session.buffer(4 * SUMS * most, "the normal equations")
+        self._columns = session.buffer(4 * self._pixels, "a list of pixels")
+        self._counts = session.buffer(4 * finest.height, "a list of pixels")
+        self._estimate = session.buffer(ESTIMATE.itemsize, "the pose")
+        self._kernels: list[BoundKernel] = []
+        levels = list(zip(source.levels, target.levels, iterations, strict=False))
+        noise_known = False
+        for size, (fine, onto, rounds) in reversed(list(enumerate(levels))):
+            weights = (icp_weight, rgb_weight if size == 0 or not fast else 0.0)
+            if rounds == 0 or not any(weights):
+                continue
+            if weights[1]:
+                self._kernels.append(
+                    self._listing(fine, LEAST_GRADIENTS[min(size, len(LEAST_GRADIENTS) - 1)])
+                )
+            if weights[1] and not noise_known:
+                self._kernels += self._measuring(fine, onto)
+                noise_known = True
+            for iteration in range(rounds):
+                self._kernels += self._iteration(fine, onto, weights, iteration)
+
+    def register(self, start: NDArray[np.float64]) -> Registration:
+        """Run all of it from `start` (4, 4), source camera to target camera, on what the pyramids hold now.
+
+        What nothing holds stays where it started.
+        """
+        import pyopencl as cl
+
+        estimate = np.zeros((), ESTIMATE)
+        estimate["pose"] = start[:3].ravel()
+        cl.enqueue_copy(self._session.queue, self._estimate, estimate)
+        for kernel in self._kernels:
+            kernel()
+        cl.enqueue_copy(self._session.queue, estimate, self._estimate)
+        return self._registration(estimate)
+
+    def _listing(self, level: PyramidLevel, least_gradient: float) -> BoundKernel:
+        camera = level.camera
+        return self._session.kernel(
+            SOURCE, "list_steep_pixels", (camera.height,), level.depth, level.gradient_x, level.gradient_y,
+            camera.width, least_gradient, PHOTOMETRIC_FARTHEST, self._columns, self._counts,
+        )  # fmt: skip
+
+    def _measuring(self, source: PyramidLevel, target: PyramidLevel) -> list[BoundKernel]:
+        count, equations = self._equations(source, target, (0.0, 1.0), 0)
+        noise = self._session.kernel(SOURCE, "measure_noise", (1,), self._records, count, self._estimate)
+        return [equations, noise]
+
+    def _iteration(
+        self, source: PyramidLevel, target: PyramidLevel, weights: tuple[float, float], iteration: int
+    ) -> list[BoundKernel]:
+        count, equations = self._equations(source, target, weights, iteration)
+        solve = self._session.kernel(
+            SOURCE, "solve", (1,), self._records, count, CONVERGED, iteration, self._estimate
+        )
+        return [equations, solve]
+
+    def _equations(
+        self, source: PyramidLevel, target: PyramidLevel, weights: tuple[float, float], iteration: int
+    ) -> tuple[int, BoundKernel]:
+        """The number of records that it leaves, and the kernel; weights of geometry and of brightness."""
+        count, size, group = records_of(self._session.layout, source.camera.width, source.camera.height)
+        return count, self._session.kernel(
+            SOURCE, "equations", size, *_arguments(source), *_arguments(target), self._columns, self._counts,
+            *weights, ASSOCIATION_DISTANCE, ASSOCIATION_NORMAL, DEPTH_DIFFERENCE, iteration, self._estimate,
+            self._records, group=group,
+        )  # fmt: skip
+
+    def _registration(self, estimate: NDArray[np.void]) -> Registration:
+        scale = REFERENCE_PIXELS / self._pixels
+        pose = np.eye(4)
+        pose[:3] = estimate["pose"].reshape(3, 4)
+        left, _, right = np.linalg.svd(pose[:3, :3])  # orthonormal to double precision
+        pose[:3, :3] = left @ right
+        inliers = float(estimate["icp_inliers"])
+        root = float(np.sqrt(estimate["icp_squared_error"]))
+        return Registration(
+            pose,
+            icp_error=root / inliers / np.sqrt(scale) if inliers else float("inf"),
+            icp_inliers=inliers * scale,
+            rgb_inliers=float(estimate["rgb_inliers"]) * scale,
+            covariance=covariance(estimate["normal_matrix"].astype(np.float64) * scale),
+        )
+
+
+def covariance(upper: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The diagonal (6,) of the inverse of a symmetric matrix, given its upper triangle (21,).
+
+    Infinite in all that a direction of (nearly) no information has a part in.
+    """
+    matrix = np.zeros((6, 6))
+    matrix[np.triu_indices(6)] = upper
+    values, vectors = np.linalg.eigh(matrix, UPLO="U")
+    least = max(1e-7 * values[-1], np.finfo(np.float64).tiny)
+    known = values > least
+    if known.all():
+        return np.asarray((vectors**2 / values).sum(axis=1))
+    blind = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-6
+    seen = (vectors[:, known] ** 2 / values[known]).sum(axis=1)
+    return np.where(blind, np.inf, seen)
+
+
+def _arguments(level: PyramidLevel) -> tuple[object, ...]:
+    camera = level.camera
+    images = (level.depth, *level.normals, level.intensity, level.gradient_x, level.gradient_y)
+    return (*images, camera.width, camera.height, intrinsics(camera))

@@ -1,0 +1,71 @@
+"""A sensor's depth and colour, as the image that everything else reads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.camera import Camera
+from slam.dense import images
+from slam.dense.images import intrinsics
+from slam.elasticfusion.configuration import NEAREST
+from slam.elasticfusion.images import RgbdImage
+from slam.opencl import Session
+
+if TYPE_CHECKING:
+    import pyopencl as cl
+
+SOURCE = Path(__file__).parent / "kernels" / "preprocessing.cl"
+RADIUS = 6  # pixels of the bilateral filter: 13x13 in all
+SPATIAL_SIGMA = 4.5  # pixels
+RANGE_SIGMA = 0.03  # metres
+
+
+class Live:
+    """The frame that the camera sees now.
+
+    raw: float32 metres (height, width) as measured, 0 beyond `depth_cutoff` and nearer than 0.3 m. image: the
+    same with its depth filtered (13x13, bilateral), normals made of that, and the colours.
+    """
+
+    def __init__(self, session: Session, camera: Camera, depth_cutoff: float) -> None:
+        self._session = session
+        width, height = camera.width, camera.height
+        pixels = width * height
+        self._millimetres = session.buffer(2 * pixels, "a depth image")
+        self._bytes = session.buffer(3 * pixels, "a colour image")
+        self.raw: cl.Buffer = session.buffer(4 * pixels, "an image")
+        self.image = RgbdImage.allocate(session, camera)
+        image = self.image
+        self._kernels = [
+            session.image_kernel(
+                images.SOURCE, "millimetres_to_metres", width, height, self._millimetres, width, 1,
+                round(1000 * NEAREST), round(1000 * depth_cutoff), self.raw, width, height,
+            ),
+            session.image_kernel(
+                images.SOURCE, "wide_bilateral_filter", width, height, self.raw, image.depth, width, height,
+                RADIUS, 0.5 / SPATIAL_SIGMA**2, 0.5 / RANGE_SIGMA**2,
+            ),
+            session.image_kernel(
+                images.SOURCE, "normal_map", width, height, image.depth, *image.normals, width, height,
+                intrinsics(camera),
+            ),
+            session.image_kernel(
+                SOURCE, "pack_colour", width, height, self._bytes, image.colour, width, height,
+            ),
+        ]  # fmt: skip
+
+    def take(self, depth: NDArray[np.uint16], colour: NDArray[np.uint8]) -> None:
+        """Enqueue the next frame: depth (height, width) in millimetres, colour (height, width, 3), red first.
+
+        Both must stay unchanged until the session has finished with them.
+        """
+        import pyopencl as cl
+
+        cl.enqueue_copy(self._session.queue, self._millimetres, depth, is_blocking=False)
+        cl.enqueue_copy(self._session.queue, self._bytes, colour, is_blocking=False)
+        for kernel in self._kernels:
+            kernel()
