@@ -83,6 +83,11 @@ class ElasticFusion:
     def configuration(self) -> dict[str, Any]:
         return self._configuration.to_dict()
 
+    @property
+    def surfels(self) -> Surfels:
+        """The map, which can be read back from the device."""
+        return self._surfels
+
     def poses(self) -> Pose:
         """The poses of all frames so far (n, 4, 4), as the loops closed since have left them."""
         return self._loops.poses()

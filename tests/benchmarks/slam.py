@@ -1,4 +1,5 @@
-"""KinectFusion on every OpenCL device here, beside Open3D's dense SLAM, over the shipped sequence.
+"""KinectFusion on every OpenCL device here, beside Open3D's dense SLAM, over the shipped sequence; then
+ElasticFusion over the same frames, with where its time goes.
 
     python -m tests.benchmarks.slam [--frames N] [--sequence PATH]
 
@@ -25,6 +26,7 @@ import numpy as np
 from slam.datasets import Sequence, open_sequence
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
 from slam.trajectory import absolute_trajectory_error
+from tests.benchmarks import elasticfusion
 
 ROOT = Path(__file__).parent.parent.parent
 DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
@@ -169,9 +171,11 @@ def main() -> None:
         print(f"Open3D t.slam  not measured: {peer}")
     if "gpu" not in {kind for _, kind in present}:
         print("GPU            not measured: no OpenCL GPU here")
+    elastic = [elasticfusion.measure(arguments.sequence, driver, frames) for driver, _ in present]
     target = DATA / "benchmarks" / "slam.json"
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(json.dumps({"frames": frames, "kfusion": measured, "open3d": peer}, indent=1))
+    content = {"frames": frames, "kfusion": measured, "open3d": peer, "elasticfusion": elastic}
+    target.write_text(json.dumps(content, indent=1))
     print(f"written to {target}")
 
 

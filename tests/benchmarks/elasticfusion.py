@@ -1,0 +1,122 @@
+"""Where ElasticFusion's time goes, and how it grows with the map: a part of `make bench-slam`.
+
+    python -m tests.benchmarks.elasticfusion [--frames N] [--sequence PATH]
+
+The sequence needs colour. Growth is measured on maps made by laying copies of the sequence's own surfels over
+each other, a few millimetres apart, so that all are active; CPU time sums all threads.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from slam.datasets import Sequence, open_sequence
+from slam.elasticfusion.configuration import Configuration
+from slam.elasticfusion.pipeline import ElasticFusion
+from slam.opencl import choose_device
+from slam.system import STAGES, Scene
+from slam.systems import open_session
+
+ROOT = Path(__file__).parent.parent.parent
+SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"
+AIM = 400  # CPU milliseconds a frame of 640x480 with a million surfels
+SIZES = (250_000, 500_000, 1_000_000)
+GROWN_FRAMES = 20  # after which the map is replaced
+COUNTED = 5
+ROWS: list[tuple[str, dict[str, Any]]] = [
+    ("default", {}),
+    ("fast odometry", {"fast_odometry": 1}),
+    ("no SO(3)", {"disable_so3": 1}),
+    ("open loop", {"open_loop": 1}),
+    ("depth only", {"icp_weight": 100}),
+]
+
+
+def run(sequence: Path, settings: dict[str, Any], driver: str, frames: int) -> dict[str, Any]:
+    """One run in a process of its own, as `python -m slam run` reports it."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.json"
+        command = [
+            sys.executable, "-m", "slam", "run", "--system", "elasticfusion", "--sequence", str(sequence),
+            "--frames", str(frames), "--device", driver, "--json", str(report),
+            *(f"--set={name}={value}" for name, value in settings.items()),
+        ]  # fmt: skip
+        subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return dict(json.loads(report.read_text()))
+
+
+def growth(sequence: Sequence, driver: str) -> list[dict[str, Any]]:
+    """CPU and stage milliseconds a frame on maps of SIZES surfels, all of them active."""
+    session = open_session("elasticfusion", choose_device(driver))
+    scene = Scene(sequence.camera, 5.0, (0.5, 0.5, 0.1))
+    random, measured = np.random.default_rng(0), []
+    for size in SIZES:
+        system = ElasticFusion(Configuration(), scene, session)
+        for index in range(GROWN_FRAMES):
+            system.process(sequence.depth(index), sequence.colour(index))
+        own = system.surfels.read()
+        copies = own[np.sort(np.arange(size) % len(own))]
+        copies["position"] += random.normal(0, 0.002, (size, 3))
+        system.surfels.write(copies)
+        cpu, stages = 0.0, dict.fromkeys(STAGES, 0.0)
+        for index in range(GROWN_FRAMES, GROWN_FRAMES + COUNTED):
+            depth, colour = sequence.depth(index), sequence.colour(index)
+            began = process_time()
+            frame = system.process(depth, colour)
+            cpu += process_time() - began
+            for stage in STAGES:
+                stages[stage] += frame.seconds[stage]
+        row = {"surfels": size, "cpu_ms": 1e3 * cpu / COUNTED}
+        measured.append(row | {stage: 1e3 * seconds / COUNTED for stage, seconds in stages.items()})
+    return measured
+
+
+def measure(path: Path, driver: str, frames: int) -> dict[str, Any]:
+    """Print both tables for one device and return what they hold."""
+    sequence = open_sequence(path)
+    frames = min(frames, len(sequence))
+    print(f"\nElasticFusion, {sequence.name}, {frames} frames on {driver}; milliseconds a frame, errors in mm")
+    heads = "".join(f"{stage:>15}" for stage in STAGES)
+    print(f"{'configuration':<15}{'CPU':>8}{'wall':>8}{heads}{'aligned':>10}")
+    rows = []
+    for name, settings in ROWS:
+        report = run(path, settings, driver, frames)
+        row: dict[str, Any] = {
+            "name": name,
+            "cpu_ms": 1e3 * report["cpu_seconds"] / frames,
+            "wall_ms": 1e3 * report["runtime"],
+            "ate": report["ate"],
+            **{stage: 1e3 * np.mean([frame[stage] for frame in report["frames"]]) for stage in STAGES},
+        }
+        rows.append(row)
+        aligned = 1e3 * row["ate"]["rmse_aligned"] if row["ate"] else float("nan")
+        cells = "".join(f"{row[stage]:>15.1f}" for stage in STAGES)
+        print(f"{name:<15}{row['cpu_ms']:>8.1f}{row['wall_ms']:>8.1f}{cells}{aligned:>10.2f}")
+    print(f"{'active surfels':<15}{'CPU':>8}{'aim':>8}{heads}")
+    grown = growth(sequence, driver)
+    for row in grown:
+        aim = AIM if row["surfels"] == SIZES[-1] else ""
+        cells = "".join(f"{row[stage]:>15.1f}" for stage in STAGES)
+        print(f"{row['surfels']:<15}{row['cpu_ms']:>8.1f}{aim:>8}{cells}")
+    return {"driver": driver, "frames": frames, "configurations": rows, "growth": grown}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Where ElasticFusion's time goes.")
+    parser.add_argument("--frames", type=int, default=100)
+    parser.add_argument("--sequence", type=Path, default=SEQUENCE)
+    arguments = parser.parse_args()
+    measure(arguments.sequence, choose_device().driver, arguments.frames)
+
+
+if __name__ == "__main__":
+    main()
