@@ -62,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", help="measure a session and send it")
     run.add_argument("--server", required=True, **address)
+    run.add_argument("--application", help="what to measure (as the server asks)", metavar="NAME")
     run.add_argument("--yes", action="store_true", help="agree to the consent text without being asked")
     run.add_argument("--sessions", type=_positive, default=1, metavar="N", help="sessions to measure (1)")
     run.add_argument(
@@ -128,6 +129,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     choose.add_argument("--max-ms", type=_positive_number, metavar="T", help="milliseconds a frame")
     choose.add_argument("--server", metavar="URL", help="whose front, when several were visited")
+    choose.add_argument("--application", help="of which, when several were measured", metavar="NAME")
     choose.add_argument("--device", **opencl)
     choose.add_argument("--json", action="store_true", help="print JSON")
     choose.add_argument("--run", type=Path, metavar="SEQUENCE", help="run it over this sequence")
@@ -166,6 +168,7 @@ def _run(options: argparse.Namespace, console: Console) -> None:
         ignore=ignored,
         minutes=options.minutes,
         show_model=options.show_model,
+        application=options.application,
     )
 
 
@@ -234,7 +237,8 @@ def _renew_token(_options: argparse.Namespace, console: Console) -> None:
 
 def _choose(options: argparse.Namespace, console: Console) -> None:
     client = Client(options.server)
-    point, front = client.choose(options.max_ate, options.max_ms, options.device), client.front()
+    front = client.front(options.application)
+    point = client.choose(options.max_ate, options.max_ms, options.device, front.application)
     report = None
     if options.run is not None:
         from client_kit import adaptation

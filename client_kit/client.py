@@ -44,11 +44,11 @@ class Client:
         """The sessions on this device."""
         return Spool(self.home.spool)
 
-    def consent_text(self, device: str | None = None) -> str | None:
+    def consent_text(self, device: str | None = None, application: str | None = None) -> str | None:
         """What the participant has to agree to before `run`; None where that was done before."""
         from client_kit import participation
 
-        return participation.consent_text(self._server(), self.home, device)
+        return participation.consent_text(self._server(), self.home, device, application)
 
     def run(
         self,
@@ -60,13 +60,16 @@ class Client:
         ignore: Sequence[str] = (),
         minutes: float | None = None,
         show_model: bool | None = None,
+        application: str | None = None,
     ) -> "list[Measured]":
         """Measure and send. `agree` says that the participant has read the consent text and agrees; the
         other arguments are those of `participation.Wishes`."""
         from client_kit.participation import Wishes, run
 
         names, ignored = tuple(configurations), tuple(ignore)
-        wishes = Wishes(self._server(), agree, sessions, names, device, ignored, minutes, show_model)
+        wishes = Wishes(
+            self._server(), agree, sessions, names, device, ignored, minutes, show_model, application
+        )
         return run(wishes, self.home, self.console)
 
     def status(self) -> list[Item]:
@@ -144,13 +147,17 @@ class Client:
         return delivery.renew_tokens(self.home, renewed)
 
     def choose(
-        self, max_ate: float = VALID_BELOW, max_ms: float | None = None, device: str | None = None
+        self,
+        max_ate: float = VALID_BELOW,
+        max_ms: float | None = None,
+        device: str | None = None,
+        application: str | None = None,
     ) -> "Point":
         """The configuration to use on this device: the fastest whose largest trajectory error stays within
         `max_ate` metres or, with a time `max_ms` a frame that is enough, the most accurate within both."""
         from client_kit import choice
 
-        known = choice.points(self.front(), self._measured_on(device))
+        known = choice.points(self.front(application), self._measured_on(device))
         return choice.choose(known, max_ate, None if max_ms is None else max_ms / 1000)
 
     def chosen_device(self, device: str | None = None) -> tuple[str, str] | None:
@@ -160,15 +167,22 @@ class Client:
         measured = self._measured_on(device)
         return choice.device_of(measured[-1]) if measured else None
 
-    def front(self) -> Manifest:
+    def front(self, application: str | None = None) -> Manifest:
         """The published front as of the last visit. Raises UsageError where there is none, or several."""
-        manifests = kept_manifests(self.home)
-        if self.server is not None:
-            manifests = {url: kept for url, kept in manifests.items() if url == self.server}
+        manifests = {
+            (url, name): kept
+            for (url, name), kept in kept_manifests(self.home).items()
+            if self.server in (None, url) and application in (None, name)
+        }
         if not manifests:
-            raise UsageError("no published front is kept here: run the client against a server first")
-        if len(manifests) > 1:
-            raise UsageError(f"several servers were visited, name one (--server): {', '.join(manifests)}")
+            what = "no published front" if application is None else f"no published front of {application}"
+            raise UsageError(f"{what} is kept here: run the client against a server first")
+        servers, applications = (sorted(set(named)) for named in zip(*manifests, strict=True))
+        if len(servers) > 1:
+            raise UsageError(f"several servers were visited, name one (--server): {', '.join(servers)}")
+        if len(applications) > 1:
+            names = ", ".join(applications)
+            raise UsageError(f"several applications were measured, name one (--application): {names}")
         return next(iter(manifests.values()))
 
     def _measured_on(self, device: str | None) -> list[Mapping[str, Any]]:

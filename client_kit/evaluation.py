@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from client_kit import APP, __version__, interrupts, sequences
+from client_kit import APP, __version__, interrupts, requirements, sequences
 from client_kit.console import Console
 from client_kit.errors import CannotMeasureError, ClientError, HomeError, UsageError
 from client_kit.home import Home
-from client_kit.manifest import DIGEST, Chunk, read_chunk
+from client_kit.manifest import Chunk, read_sequence
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from slam import isolated
 from slam.isolated import CannotMeasureHereError, LeaseLostError, MeasurementError, one_line
@@ -39,6 +39,7 @@ class Lease:
     opencl_device: str
     sequence: Mapping[str, Any]
     chunks: tuple[Chunk, ...]
+    colour: tuple[Chunk, ...]
     heartbeat_seconds: float
     timeout_seconds: float
 
@@ -47,8 +48,7 @@ class Lease:
         """DOCUMENT, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
         try:
             sequence = document["sequence"]
-            if not DIGEST.fullmatch(sequence["sha256"]):
-                raise ValueError(f"sequence.sha256 is {sequence['sha256']!r}")
+            chunks, colour = read_sequence(sequence)
             return cls(
                 id=str(document["id"]),
                 application=str(document["application"]),
@@ -56,7 +56,8 @@ class Lease:
                 frames=None if document["frames"] is None else int(document["frames"]),
                 opencl_device=str(document["opencl_device"]),
                 sequence=sequence,
-                chunks=tuple(read_chunk(chunk) for chunk in sequence["chunks"]),
+                chunks=chunks,
+                colour=colour,
                 heartbeat_seconds=float(document["heartbeat_seconds"]),
                 timeout_seconds=float(document["timeout_seconds"]),
             )
@@ -150,6 +151,7 @@ class _Reference:
         # The configuration goes along: a server that was restored may have another evaluation by this id.
         known = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
         try:
+            requirements.require(lease.application)
             pack = sequences.at_hand(lease, self.home) or self._download(lease, heartbeat)
             with self.home.only_one("measurement") as alone:
                 if not alone:  # another client began meanwhile

@@ -14,7 +14,6 @@ from client_kit.server import NotFrontrunnerError, ProblemError, Server, Unreach
 from client_kit.sources import line
 from slam.protocol import VALID_BELOW
 
-APPLICATION = "kfusion"
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
 # What a server takes in one submission.
@@ -65,13 +64,17 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Manifest:
-    """One answer of GET /manifest, checked. `document` is the answer itself."""
+    """One answer of GET /manifest, checked. `document` is the answer itself.
+
+    `chunks` are those of the sequence's depth, `colour` those of its colour: none where it is not needed.
+    """
 
     application: str
     front_version: str | int
     configurations: Mapping[str, Configuration]
     protocol: Protocol
     chunks: tuple[Chunk, ...]
+    colour: tuple[Chunk, ...]
     sequence: Mapping[str, Any]
     consent_version: str | int
     minimum_app_version: str
@@ -147,8 +150,8 @@ class Manifest:
         return plan
 
 
-def fetch(server: Server, home: Home, application: str = APPLICATION) -> tuple[Manifest, bool]:
-    """The manifest, and whether the server gave it just now.
+def fetch(server: Server, home: Home, application: str | None = None) -> tuple[Manifest, bool]:
+    """The manifest of APPLICATION, or of what the server has clients measure, and whether it came just now.
 
     Without an answer the copy of the last visit serves: a device may measure offline and send later.
     Raises the server's errors when there is no such copy, or when waiting would not help.
@@ -165,15 +168,16 @@ def fetch(server: Server, home: Home, application: str = APPLICATION) -> tuple[M
         return Manifest.parse(kept["manifest"]), True
     document = answer.json()
     manifest = Manifest.parse(document)
-    home.write(name, {"server": server.url, "manifest": document, "etag": answer.headers.get("ETag")})
+    for each in {name, _document_name(server.url, manifest.application)}:
+        home.write(each, {"server": server.url, "manifest": document, "etag": answer.headers.get("ETag")})
     return manifest, True
 
 
-def kept_manifests(home: Home, application: str = APPLICATION) -> dict[str, Manifest]:
-    """The last manifest of every server visited, by the server's address."""
-    documents = (home.read(path.name) for path in sorted(home.path.glob("manifest-*.json")))
-    manifests = {kept["server"]: Manifest.parse(kept["manifest"]) for kept in documents}
-    return {server: manifest for server, manifest in manifests.items() if manifest.application == application}
+def kept_manifests(home: Home) -> dict[tuple[str, str], Manifest]:
+    """The last manifest of every server visited, by the server's address and the application."""
+    documents = [home.read(path.name) for path in sorted(home.path.glob("manifest-*.json"))]
+    manifests = [(kept["server"], Manifest.parse(kept["manifest"])) for kept in documents]
+    return {(server, manifest.application): manifest for server, manifest in manifests}
 
 
 def version_numbers(version: str) -> tuple[int, ...]:
@@ -182,7 +186,9 @@ def version_numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in leading.group().split(".")) if leading else ()
 
 
-def _document_name(server: str, application: str) -> str:
+def _document_name(server: str, application: str | None) -> str:
+    if application is None:
+        return f"default-{hashlib.sha256(server.encode()).hexdigest()[:16]}.json"
     return f"manifest-{hashlib.sha256(f'{server} {application}'.encode()).hexdigest()[:16]}.json"
 
 
@@ -195,14 +201,14 @@ def _parse(document: Mapping[str, Any]) -> Manifest:
     if "default" not in by_name:
         raise KeyError("configurations: default")
     sequence = document["sequence"]
-    if not DIGEST.fullmatch(sequence["sha256"]):
-        raise ValueError(f"sequence.sha256 is {sequence['sha256']!r}, not 64 hexadecimal digits")
+    chunks, colour = read_sequence(sequence)
     return Manifest(
         application=str(document["application"]),
         front_version=document["front_version"],
         configurations=by_name,
         protocol=_protocol(document["protocol"], by_name),
-        chunks=tuple(read_chunk(chunk) for chunk in sequence["chunks"]),
+        chunks=chunks,
+        colour=colour,
         sequence=sequence,
         consent_version=document["consent_version"],
         minimum_app_version=str(document["minimum_app_version"]),
@@ -248,10 +254,25 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     )
 
 
-def read_chunk(chunk: Mapping[str, Any]) -> Chunk:
-    """CHUNK of a sequence, checked. Raises KeyError, TypeError or ValueError for one that cannot be."""
+def read_sequence(sequence: Mapping[str, Any]) -> tuple[tuple[Chunk, ...], tuple[Chunk, ...]]:
+    """The chunks of SEQUENCE and of its colour, checked; the latter are none where it is not told of.
+
+    Raises KeyError, TypeError or ValueError for one that cannot be.
+    """
+    return _chunks(sequence, "sequence"), _chunks(sequence.get("colour"), "sequence.colour")
+
+
+def _chunks(pack: Mapping[str, Any] | None, member: str) -> tuple[Chunk, ...]:
+    if pack is None:
+        return ()
+    if not DIGEST.fullmatch(pack["sha256"]):
+        raise ValueError(f"{member}.sha256 is {pack['sha256']!r}, not 64 hexadecimal digits")
+    return tuple(_chunk(chunk, member) for chunk in pack["chunks"])
+
+
+def _chunk(chunk: Mapping[str, Any], member: str) -> Chunk:
     digest, size = str(chunk["sha256"]), int(chunk["bytes"])
     # The digest becomes a file's name.
     if not DIGEST.fullmatch(digest) or size <= 0:
-        raise ValueError(f"sequence chunk {digest!r} of {size} bytes")
+        raise ValueError(f"{member} chunk {digest!r} of {size} bytes")
     return Chunk(digest, size, str(chunk["url"]))

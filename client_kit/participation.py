@@ -17,6 +17,7 @@ from client_kit import (
     manifest,
     measurement,
     preflight,
+    requirements,
     sensors,
     sequences,
     session,
@@ -42,7 +43,8 @@ WITHDRAWN = "your agreement was withdrawn meanwhile: what was measured is not ke
 class Wishes:
     """What the participant asked for. `ignored` names concerns of `preflight` to measure in spite of;
     `minutes` is how long a session may repeat its runs, as the server asks where it is None;
-    `show_model` whether a rare device's model may be shown in public, None to leave that as it is."""
+    `show_model` whether a rare device's model may be shown in public, None to leave that as it is;
+    `application` what to measure, None for what the server has clients measure."""
 
     server: str
     yes: bool = False
@@ -52,6 +54,7 @@ class Wishes:
     ignored: tuple[str, ...] = ()
     minutes: float | None = None
     show_model: bool | None = None
+    application: str | None = None
 
 
 @dataclass(frozen=True)
@@ -78,20 +81,23 @@ def run(
     """
     server, spool = Server(wishes.server), Spool(home.spool)
     console.lines(delivery.deliver(spool, home).lines())
-    asked, fresh = manifest.fetch(server, home)
+    asked, fresh = manifest.fetch(server, home, wishes.application)
     if not fresh:
         console.say(f"{server.url} does not answer: measuring what it asked for at the last visit.")
     asked.require_this_version()
     asked.require_accepting()
+    requirements.require(asked.application, root)
     if wishes.minutes is not None:
         asked = replace(asked, protocol=replace(asked.protocol, max_seconds=60 * wishes.minutes))
     plans = asked.plans(wishes.configurations)
     chosen, identity = _device(wishes.device, root)
     _consent(wishes, home, console, server, asked, identity)
     delivery.renew(spool, home, server.url, asked.consent_version)
-    _ready(wishes, home, console, root)
-    path = _sequence(server, asked, home, console, fresh)
+    present = sequences.at_hand(asked, home)
+    _ready(wishes, home, console, root, download=0 if present else sequences.size(asked))
+    path = present or _download(server, asked, home, console, fresh)
 
+    console.say(f"Application: {asked.application}, front {asked.front_version}")
     console.say(f"Device: {identity['opencl_device']} ({identity['opencl_platform']})")
 
     def agreed() -> None:
@@ -131,10 +137,16 @@ def run(
     return measured
 
 
-def consent_text(server: str, home: Home, device: str | None = None, root: Path = Path("/")) -> str | None:
+def consent_text(
+    server: str,
+    home: Home,
+    device: str | None = None,
+    application: str | None = None,
+    root: Path = Path("/"),
+) -> str | None:
     """What a participant has to agree to before `run`; None where this was agreed to before."""
     connection = Server(server)
-    asked, _ = manifest.fetch(connection, home)
+    asked, _ = manifest.fetch(connection, home, application)
     if consent.given(home, connection.url, asked.consent_version):
         return None
     return _consent_text(connection, asked, _device(device, root)[1])
@@ -176,8 +188,9 @@ def _device(text: str | None, root: Path) -> tuple[Device, dict[str, str | None]
     return chosen, device.identify(root, opencl=device.opencl_identity(chosen.handle))
 
 
-def _ready(wishes: Wishes, home: Home, console: Console, root: Path) -> None:
-    for concern in preflight.require_fit(preflight.concerns(home, root), wishes.ignored):
+def _ready(wishes: Wishes, home: Home, console: Console, root: Path, download: int) -> None:
+    found = preflight.concerns(home, root, download=download)
+    for concern in preflight.require_fit(found, wishes.ignored):
         console.say(f"Note: {concern.text}")
 
 
@@ -222,9 +235,8 @@ def _consent(
 def _consent_text(
     server: Server, asked: Manifest, identity: dict[str, str | None], show_model: bool | None = None
 ) -> str:
-    size = sum(chunk.bytes for chunk in asked.chunks)
     sample = _sample_payload(asked, identity, show_model)
-    return consent.text(server.url, asked.consent_version, size, sample)
+    return consent.text(server.url, asked.consent_version, sequences.size(asked), sample)
 
 
 def _sample_payload(
@@ -240,14 +252,11 @@ def _sample_payload(
     return session.payload(told, asked, identity, show_model)
 
 
-def _sequence(server: Server, asked: Manifest, home: Home, console: Console, fresh: bool) -> Path:
-    present = sequences.at_hand(asked, home)
-    if present is not None:
-        return present
+def _download(server: Server, asked: Manifest, home: Home, console: Console, fresh: bool) -> Path:
     if not fresh:
         raise CannotMeasureError(f"{server.url} does not answer and its sequence is not here yet: try later")
-    name, size = asked.sequence["name"], sum(chunk.bytes for chunk in asked.chunks)
-    console.say(f"Downloading the sequence {name}, {size / 1e6:.1f} MB")
+    name = asked.sequence["name"]
+    console.say(f"Downloading the sequence {name}, {sequences.size(asked) / 1e6:.1f} MB")
     return sequences.fetch(
         server,
         asked,

@@ -34,8 +34,13 @@ class Concern:
     stops: bool
 
 
-def concerns(home: Home, root: Path = Path("/"), system: str = sys.platform) -> list[Concern]:
-    """Everything that speaks against measuring now; what the platform does not tell is no concern."""
+def concerns(
+    home: Home, root: Path = Path("/"), system: str = sys.platform, download: int = 0
+) -> list[Concern]:
+    """Everything that speaks against measuring now; what the platform does not tell is no concern.
+
+    DOWNLOAD is how many bytes of a sequence are still to be kept.
+    """
     found = []
     charge = condition.battery(root, system)
     if charge is not None and charge.low:
@@ -53,8 +58,9 @@ def concerns(home: Home, root: Path = Path("/"), system: str = sys.platform) -> 
         text += "will be less steady"
         found.append(Concern(LOAD, text, False))
     free = condition.free_disk(home.path)
-    if free is not None and free < NEEDED_DISK_BYTES:
-        text = f"{free >> 20} MiB are left on the disk of {home.path}, {NEEDED_DISK_BYTES >> 20} are needed"
+    needed = NEEDED_DISK_BYTES + download
+    if free is not None and free < needed:
+        text = f"{free >> 20} MiB are left on the disk of {home.path}, {needed >> 20} are needed"
         found.append(Concern(DISK, f"{text}: a session could not be kept", True))
     return found
 

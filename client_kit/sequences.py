@@ -6,12 +6,13 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home, write_file
 from client_kit.manifest import Chunk
 from client_kit.server import ProblemError, Server, UnreachableError
+from slam.datasets.pack import MANIFEST, colour_folder
 
 ATTEMPTS = 4
 FIRST_PAUSE_SECONDS = 1.0
@@ -25,6 +26,17 @@ class Download(Protocol):
 
     @property
     def chunks(self) -> tuple[Chunk, ...]: ...
+
+    @property
+    def colour(self) -> tuple[Chunk, ...]: ...
+
+
+class _Pack(NamedTuple):
+    """A folder with the chunks that belong there, and what its pack.json says."""
+
+    folder: Path
+    chunks: tuple[Chunk, ...]
+    description: bytes
 
 
 class CorruptChunkError(CannotMeasureError):
@@ -44,28 +56,47 @@ def fetch(
     in all. Raises CorruptChunkError, HomeError (a full disk), or the server's errors when a chunk does not
     come after ATTEMPTS attempts.
     """
-    folder = home.sequence(str(manifest.sequence["sha256"]))
-    total = sum(chunk.bytes for chunk in manifest.chunks)
+    packs, total = _packs(manifest, home), size(manifest)
     done = 0
-    for chunk in manifest.chunks:
-        path = folder / "chunks" / chunk.sha256
-        if not _is_whole(path, chunk):
-            write_file(path, _download(server, chunk, pause))
-        done += chunk.bytes
-        if progress is not None:
-            progress(done, total)
+    for pack in packs:
+        for chunk in pack.chunks:
+            path = pack.folder / "chunks" / chunk.sha256
+            if not _is_whole(path, chunk):
+                write_file(path, _download(server, chunk, pause))
+            done += chunk.bytes
+            if progress is not None:
+                progress(done, total)
     # Written last: a folder with it is a whole pack.
-    write_file(folder / "pack.json", _pack_description(manifest))
-    return folder
+    for pack in packs:
+        write_file(pack.folder / MANIFEST, pack.description)
+    return packs[-1].folder
 
 
 def at_hand(manifest: Download, home: Home) -> Path | None:
     """The folder of the manifest's sequence if it was downloaded whole before, else None."""
-    folder = home.sequence(str(manifest.sequence["sha256"]))
-    whole = os.access(folder / "pack.json", os.R_OK) and all(
-        _is_whole(folder / "chunks" / chunk.sha256, chunk) for chunk in manifest.chunks
+    packs = _packs(manifest, home)
+    whole = all(
+        os.access(pack.folder / MANIFEST, os.R_OK)
+        and all(_is_whole(pack.folder / "chunks" / chunk.sha256, chunk) for chunk in pack.chunks)
+        for pack in packs
     )
-    return folder if whole else None
+    return packs[-1].folder if whole else None
+
+
+def size(manifest: Download) -> int:
+    """How many bytes the sequence has, with its colour where that is asked for."""
+    return sum(chunk.bytes for chunk in (*manifest.chunks, *manifest.colour))
+
+
+def _packs(manifest: Download, home: Home) -> list[_Pack]:
+    """Where the sequence is, or will be, kept: its depth last."""
+    sequence = manifest.sequence
+    folder = home.sequence(str(sequence["sha256"]))
+    packs = [_Pack(folder, manifest.chunks, _description(sequence))]
+    if manifest.colour:
+        beside = _description({**sequence, **sequence["colour"]})
+        packs.insert(0, _Pack(colour_folder(folder), manifest.colour, beside))
+    return packs
 
 
 def _download(server: Server, chunk: Chunk, pause: Callable[[float], None]) -> bytes:
@@ -100,8 +131,7 @@ def _is_whole(path: Path, chunk: Chunk) -> bool:
         return False
 
 
-def _pack_description(manifest: Download) -> bytes:
-    chunks = [
-        {key: value for key, value in chunk.items() if key != "url"} for chunk in manifest.sequence["chunks"]
-    ]
-    return json.dumps({**manifest.sequence, "chunks": chunks}, indent=1).encode()
+def _description(pack: Mapping[str, Any]) -> bytes:
+    chunks = [{key: value for key, value in chunk.items() if key != "url"} for chunk in pack["chunks"]]
+    kept = {key: value for key, value in pack.items() if key != "colour"}
+    return json.dumps({**kept, "chunks": chunks}, indent=1).encode()

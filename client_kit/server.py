@@ -110,11 +110,12 @@ class Server:
         self._timeout = timeout
         self._open = urllib.request.build_opener(_NoRedirect).open
 
-    def manifest(self, application: str, etag: str | None = None) -> Answer:
-        """The published front with its protocol and sequence; status 304 when `etag` still holds."""
-        query = urllib.parse.urlencode({"application": application})
+    def manifest(self, application: str | None, etag: str | None = None) -> Answer:
+        """The published front, of the server's choice where APPLICATION is None, with its protocol and
+        sequence; status 304 when `etag` still holds."""
+        query = "" if application is None else f"?{urllib.parse.urlencode({'application': application})}"
         headers = {"If-None-Match": etag} if etag else {}
-        return self._call("GET", f"/manifest?{query}", headers=headers)
+        return self._call("GET", f"/manifest{query}", headers=headers)
 
     def enrol(self, consent_version: str | int) -> tuple[str, str]:
         """A new anonymous installation: its id and its token, which the server shows only once."""

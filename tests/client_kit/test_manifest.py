@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from client_kit import manifest
+from client_kit.client import Client
 from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
@@ -44,7 +45,30 @@ def test_without_a_network_the_last_manifest_serves(serve: Serve, home: Home) ->
     again, fresh = manifest.fetch(server, home)
 
     assert (again, fresh) == (kept, False)
-    assert manifest.kept_manifests(home) == {server.url: kept}
+    assert manifest.kept_manifests(home) == {(server.url, "kfusion"): kept}
+
+
+def test_each_application_has_a_manifest_of_its_own(serve: Serve, home: Home) -> None:
+    def answer(request: Request) -> Reply:
+        named = "application=elasticfusion" in request.path
+        return Reply(200, documents.manifest(application="elasticfusion" if named else "kfusion"))
+
+    scripted = serve(answer)
+    server = Server(scripted.url)
+
+    usual, other = manifest.fetch(server, home)[0], manifest.fetch(server, home, "elasticfusion")[0]
+
+    assert scripted.paths() == ["GET /api/v1/manifest", "GET /api/v1/manifest?application=elasticfusion"]
+    assert manifest.kept_manifests(home) == {
+        (server.url, "kfusion"): usual,
+        (server.url, "elasticfusion"): other,
+    }
+    client = Client(server.url, home.path)
+    assert client.front("elasticfusion") == other
+    with pytest.raises(UsageError, match="elasticfusion, kfusion"):
+        client.front()
+    with pytest.raises(UsageError, match="of orbslam"):
+        client.front("orbslam")
 
 
 def test_a_server_in_trouble_counts_as_away_and_a_refusal_does_not(serve: Serve, home: Home) -> None:
@@ -72,6 +96,7 @@ def test_a_first_visit_needs_the_server(home: Home, closed_port: int) -> None:
         ({"protocol": protocol(frames="many")}, "many"),
         ({"sequence": {**documents.manifest()["sequence"], "sha256": "../../etc"}}, "hexadecimal"),
         ({"sequence": None}, "not understood"),
+        ({"sequence": {**documents.manifest()["sequence"], "colour": {"sha256": ".."}}}, "colour"),
     ],
 )
 def test_a_manifest_that_is_wrong_is_refused_by_name(changes: dict[str, Any], message: str) -> None:

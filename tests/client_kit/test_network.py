@@ -36,7 +36,7 @@ def test_a_proxy_is_used_where_the_environment_names_one(
     asked, fresh = manifest.fetch(Server("http://frontrunner.example"), home)
 
     assert (asked.front_version, fresh) == ("1", True)
-    assert proxy.paths() == ["GET http://frontrunner.example/api/v1/manifest?application=kfusion"]
+    assert proxy.paths() == ["GET http://frontrunner.example/api/v1/manifest"]
 
 
 def test_a_proxy_is_left_out_for_hosts_that_need_none(

@@ -61,6 +61,16 @@ def test_a_full_disk_stops_before_anything_is_measured(
         require_fit(concerns(home, tmp_path, "linux"), preflight.IGNORABLE)
 
 
+def test_a_disk_without_room_for_the_sequence(
+    tmp_path: Path, home: Home, programs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(condition, "free_disk", lambda _: 20 * MIB)
+
+    assert concerns(home, tmp_path, "linux") == []
+    (concern,) = concerns(home, tmp_path, "linux", download=13 * MIB)
+    assert "29 are needed" in concern.text
+
+
 def test_a_machine_that_tells_nothing_measures(tmp_path: Path, home: Home, programs: Path) -> None:
     assert concerns(home, tmp_path, "linux") == []
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -10,8 +11,10 @@ from client_kit.home import Home
 from client_kit.manifest import Manifest
 from client_kit.sequences import CorruptChunkError
 from client_kit.server import Server, UnreachableError
+from slam.datasets.pack import Pack, colour_folder
 from tests.client_kit import documents
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
+from tests.slam.tiny import write_tiny_pack
 
 Serve = Callable[..., ScriptedServer]
 CHUNKS = (b"the header", b"frames 0 to 9" * 100, b"frames 10 to 11")
@@ -91,3 +94,31 @@ def test_other_bytes_than_promised_are_never_kept(serve: Serve, home: Home) -> N
         sequences.fetch(Server(scripted.url), ASKED, home, pause=no_pause)
 
     assert not (home.sequence(str(ASKED.sequence["sha256"])) / "chunks").exists()
+
+
+def test_colour_that_is_told_of_lies_beside_the_depth(serve: Serve, home: Home, tmp_path: Path) -> None:
+    original = Pack(write_tiny_pack(tmp_path, colour=True))
+    beside = original.colour_manifest
+    assert beside is not None
+    told = original.manifest | {"colour": {name: beside[name] for name in ("name", "sha256", "chunks")}}
+    for chunk in (*told["chunks"], *beside["chunks"]):
+        chunk["url"] = f"/sequences/{chunk['sha256']}"
+    asked = Manifest.parse(documents.manifest(sequence=told))
+    folders = [tmp_path / "tiny" / "chunks", tmp_path / "tiny-colour" / "chunks"]
+    scripted = serve(
+        lambda request: Reply(
+            200,
+            raw=next(
+                path.read_bytes() for path in (f / Path(request.path).name for f in folders) if path.exists()
+            ),
+        )
+    )
+
+    folder = sequences.fetch(Server(scripted.url), asked, home)
+
+    assert sequences.size(asked) == sum(chunk["bytes"] for chunk in (*told["chunks"], *beside["chunks"]))
+    fetched = Pack(folder)
+    assert (fetched.colour(3) == original.colour(3)).all()
+    assert sequences.at_hand(asked, home) == folder
+    (colour_folder(folder) / "chunks" / asked.colour[0].sha256).unlink()
+    assert sequences.at_hand(asked, home) is None
