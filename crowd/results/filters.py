@@ -63,12 +63,13 @@ READERS: dict[str, Callable[[str, str], Any]] = {
 @dataclass(frozen=True)
 class SpeedupFilters:
     """What to show. Empty text means no restriction. The texts soc, gpu and os match anywhere, whatever the
-    case, or as a whole where they stand in quotation marks.
+    case, or as a whole where they stand in quotation marks; of `device` each word does, in maker or name.
     """
 
     front: str = ""  # slug; empty: the newest front that somebody has measured
     application: str = "kfusion"
     configuration: str = BEST  # ALL for every configuration
+    device: str = ""
     vendor: str = ""  # one of crowd.devices.vendors.VENDORS: whose chip computed
     soc: str = ""
     gpu: str = ""
@@ -119,6 +120,7 @@ class SpeedupFilters:
             self.application if self.application != "kfusion" else "",
             self.front,
             "" if self.configuration == BEST else _configurations(self.configuration),
+            f"device “{self.device}”" if self.device else "",
             vendors.VENDORS[self.vendor] if self.vendor else "",
             _text("system on a chip", self.soc),
             _text("graphics chip", self.gpu),

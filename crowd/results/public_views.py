@@ -36,6 +36,7 @@ class SpeedupsView(Endpoint):
             OpenApiParameter("front", str, description="version; the newest measured one where absent"),
             OpenApiParameter("application", str, description="that of `front`, else kfusion where absent"),
             OpenApiParameter("configuration", str, description="best where absent; all for every one"),
+            OpenApiParameter("device", str, description="words, each of which is in its maker or name"),
             OpenApiParameter(
                 "vendor", str, enum=list(VENDORS), description="whose chip computed; CPU: the processor did"
             ),

@@ -16,6 +16,7 @@ FILTERS = st.builds(
     SpeedupFilters,
     front=st.just("") | TEXTS,
     configuration=st.sampled_from(["best", "accurate", ALL]),
+    device=st.just("") | TEXTS,
     vendor=st.sampled_from(["", *VENDORS]),
     gpu=st.just("") | TEXTS,
     os=st.sampled_from(["", "Android"]),

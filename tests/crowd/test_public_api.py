@@ -66,6 +66,8 @@ def test_an_interval_is_given_from_three_installations_on(client: Client, crowd:
         ({"soc": "tensor"}, ["google-phone-x", "google-pixel-8"]),
         ({"os": "android"}, ["google-phone-x", "samsung-galaxy-s24", "google-pixel-8"]),
         ({"os": "Windows"}, []),
+        ({"device": "8 google pixel"}, ["google-pixel-8"]),
+        ({"device": "pixel fold"}, []),
         ({"gpu": '"mali-g715"'}, []),
         ({"gpu": '"Mali-G715"'}, ["google-phone-x", "google-pixel-8"]),
         ({"min_sessions": "3"}, ["google-phone-x"]),

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import urlencode
 
 from django import template
 from django.template.loader import render_to_string
@@ -15,6 +16,9 @@ register = template.Library()
 
 # Pixels that title and caption of an embedded figure need below and above it.
 CAPTION = 170
+# Whose measurements of what a page shows: going on to another one keeps it.
+CROWD = ("application", "simulated")
+FILTERED = frozenset({"Devices", "Transfer"})
 
 
 @dataclass(frozen=True)
@@ -28,8 +32,10 @@ class Item:
 
 @register.simple_tag(takes_context=True)
 def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
-    """The main pages in the order in which a visitor asks for them."""
-    path = request.path if (request := context.get("request")) else ""
+    """The main pages in the order in which a visitor asks for them, of the crowd that the visitor is in."""
+    request = context.get("request")
+    path, asked = (request.path, request.GET) if request else ("", {})
+    crowd = urlencode({name: asked[name] for name in CROWD if asked.get(name)})
     names = {
         "Devices": "devices",
         "Fronts": "fronts",
@@ -39,7 +45,10 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
         "About": "about",
     }
     addresses = {name: reverse(f"dashboard:{view}") for name, view in names.items()}
-    return tuple(Item(name, address, path.startswith(address)) for name, address in addresses.items())
+    return tuple(
+        Item(name, with_query(address, crowd if name in FILTERED else ""), path.startswith(address))
+        for name, address in addresses.items()
+    )
 
 
 @register.simple_block_tag

@@ -3,6 +3,8 @@
 from collections import defaultdict
 from collections.abc import Iterable
 from datetime import UTC, date, datetime, time, timedelta
+from functools import reduce
+from operator import or_
 
 from django.db.models import Q
 
@@ -15,6 +17,7 @@ from crowd.results.reading.figures import device_of, figures, hour, simulated_on
 from crowd.results.reading.kept import Kept
 from crowd.results.rows import Headline, Place, Share, Speedup, Speedups
 
+CALLED = ("manufacturer", "name", "market_name")
 # A crowd of 2,000 devices takes 3 MB.
 _kept: Kept[Speedups] = Kept(8)
 
@@ -129,7 +132,16 @@ def of_devices(filters: SpeedupFilters) -> Q:
     asked = dict(_matching(f"device__{name}", text) for name, text in texts.items() if text)
     if filters.backend:
         asked["backend"] = filters.backend
-    return simulated_only(filters.simulated) & Q(**asked)
+    return simulated_only(filters.simulated) & Q(**asked) & _called(filters.device)
+
+
+def _called(words: str) -> Q:
+    """Devices whose maker or name holds each of WORDS."""
+    found = Q()
+    for word in words.split():
+        places = (Q(**{f"device__{name}__icontains": word}) for name in CALLED)
+        found &= reduce(or_, places)
+    return found
 
 
 def _matching(field: str, text: str) -> tuple[str, str]:
