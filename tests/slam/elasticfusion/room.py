@@ -1,4 +1,4 @@
-"""A painted room with balls in it, seen by a small camera: sequences of a few dozen frames, made in a moment."""
+"""A painted room with balls in it, seen by a small camera: a few dozen frames, made in a moment."""
 
 from __future__ import annotations
 
@@ -45,7 +45,9 @@ class Recording:
 def there_and_back(frames: int, degrees: float) -> np.ndarray:
     """Poses of a camera that turns so far to the right, with a small arc, and comes back the same way."""
     half = frames // 2
-    angles = np.radians(degrees) * np.minimum(np.arange(frames), frames - 1 - np.arange(frames)) / (half - 0.5)
+    angles = (
+        np.radians(degrees) * np.minimum(np.arange(frames), frames - 1 - np.arange(frames)) / (half - 0.5)
+    )
     return np.array([turned(angle) for angle in angles])
 
 
@@ -62,17 +64,23 @@ def sideways(frames: int, step: float) -> np.ndarray:
     return poses
 
 
-def record(poses: np.ndarray, wall_only: bool = False, light: np.ndarray | None = None) -> Recording:
+def record(
+    poses: np.ndarray, wall_only: bool = False, light: np.ndarray | None = None, smooth: bool = False
+) -> Recording:
     """What the camera sees from `poses` of the room, or of a flat painted wall alone 1.5 m ahead.
 
-    light: what each frame's brightness is multiplied by.
+    light: what each frame's brightness is multiplied by. smooth: paint without any edge.
     """
     light = np.ones(len(poses)) if light is None else light
-    views = [_view(pose, wall_only, brightness) for pose, brightness in zip(poses, light, strict=True)]
+    views = [
+        _view(pose, wall_only, brightness, smooth) for pose, brightness in zip(poses, light, strict=True)
+    ]
     return Recording([v[0] for v in views], [v[1] for v in views], np.linalg.inv(poses[0]) @ poses)
 
 
-def _view(pose: np.ndarray, wall_only: bool, brightness: float) -> tuple[np.ndarray, np.ndarray]:
+def _view(
+    pose: np.ndarray, wall_only: bool, brightness: float, smooth: bool
+) -> tuple[np.ndarray, np.ndarray]:
     y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
     rays = np.dstack([(x - CAMERA.cx) / CAMERA.fx, (y - CAMERA.cy) / CAMERA.fy, np.ones(x.shape)])
     directions, origin = rays @ pose[:3, :3].T, pose[:3, 3]
@@ -90,6 +98,7 @@ def _view(pose: np.ndarray, wall_only: bool, brightness: float) -> tuple[np.ndar
             depth = np.where((discriminant > 0) & (hit > 0), np.minimum(depth, hit), depth)
     points = origin + depth[..., None] * directions
     waves = np.sin(points @ WAVES.T)
-    paint = 128 + 18 * np.dstack([waves.sum(axis=-1), waves[..., ::2].sum(axis=-1), waves[..., 1::2].sum(axis=-1)])
+    mixed = np.dstack([waves.sum(axis=-1), waves[..., ::2].sum(axis=-1), waves[..., 1::2].sum(axis=-1)])
+    paint = 128 + (18 * mixed if smooth else 90 * np.tanh(mixed))
     colour = np.clip(np.rint(brightness * paint), 1, 255).astype(np.uint8)
     return np.rint(1000 * depth).astype(np.uint16), colour
