@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 THUMBNAIL_WIDTH = 80  # pixels, about
-THUMBNAIL_ITERATIONS = (10,)
+# A pyramid, where the published system has one level: from a keyframe 10 cm away, one slides along walls.
+THUMBNAIL_ITERATIONS = (10, 10, 10)
 
 
 class Loops:
@@ -62,7 +63,9 @@ class Loops:
         self._sampling = Sampling(session, fill_in.image, max(1, camera.width // THUMBNAIL_WIDTH))
         small = self._sampling.image.camera
         self._views = [RgbdImage.allocate(session, small) for _ in range(2)]
-        self._view_pyramids = [Pyramid(session, view, levels=1) for view in self._views]
+        self._view_pyramids = [
+            Pyramid(session, view, levels=len(THUMBNAIL_ITERATIONS)) for view in self._views
+        ]
         self._view_odometry = Odometry(
             session, *self._view_pyramids, icp_weight=100.0, iterations=THUMBNAIL_ITERATIONS
         )
