@@ -110,7 +110,7 @@ class Odometry:
         import pyopencl as cl
 
         estimate = np.zeros((), ESTIMATE)
-        estimate["pose"] = start[:3].ravel()
+        estimate["pose"], estimate["noise"] = start[:3].ravel(), 1
         cl.enqueue_copy(self._session.queue, self._estimate, estimate)
         for kernel in self._kernels:
             kernel()

@@ -113,7 +113,7 @@ kernel void equations(global const float *restrict depth, global const float *re
             const int inlier = pixel.visible & (tz > 0.0f) & (brightness > 0.0f) &
                                (magnitude(tz - point.z) <= max_depth_difference);
             const float difference = inlier ? intensity[s] - seen : 0.0f;
-            const float w = inlier ? rgb_weight / (noise + magnitude(difference) + 1e-6f) : 0.0f;
+            const float w = inlier ? rgb_weight / (noise + magnitude(difference)) : 0.0f;
 
             const float sx = w * gx * target_camera.x * inverse, sy = w * gy * target_camera.y * inverse;
             const float sz = -(sx * point.x + sy * point.y) * inverse;
@@ -133,9 +133,11 @@ kernel void equations(global const float *restrict depth, global const float *re
     LEAVE_RECORD(records)
 }
 
+#define LEAST_NOISE 1.0f // a grey level: colours are no finer
+
 INLINE float noise_of(real squared_error, real inliers)
 {
-    return inliers > 0 ? sqrt(squared_error / inliers) : 0;
+    return larger(inliers > 0 ? sqrt(squared_error / inliers) : 0, LEAST_NOISE);
 }
 
 // Only takes the noise from the records, which an iteration needs before it can weigh anything.
