@@ -125,7 +125,9 @@ class Report:
 
 
 def _figures(ate: AbsoluteTrajectoryError | None) -> dict[str, float] | None:
-    return ate and {name: getattr(ate, name) for name in ("mean", "max", "rmse", "rmse_aligned")}
+    if ate is None:
+        return None
+    return {name: getattr(ate, name) for name in ("mean", "max", "rmse", "rmse_aligned")}
 
 
 def run(

@@ -14,15 +14,29 @@ from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES
 
 NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}
+STAGE_MEANINGS = {
+    "kfusion": {
+        "preprocessing": "depth to metres, sampled by compute_size_ratio, and filtered (bilateral)",
+        "tracking": "the camera's pose by ICP against the model, with the pyramid that it needs",
+        "integration": "fusing depth into the volume; 0 in frames that integration_rate leaves out",
+        "raycasting": "the model as the camera sees it, which the next frame is tracked against",
+    },
+    "elasticfusion": {
+        "preprocessing": "depth to metres up to depth_cutoff, filtered (bilateral), normals; colour",
+        "tracking": "the camera's pose by depth and colour against the map, after alignment by rotation",
+        "integration": "closing loops, fusing the frame into the map, removing surfels",
+        "raycasting": "the map as the camera sees it (by splatting), keyframes",
+    },
+}
 MEANINGS = {
-    "preprocessing": "depth to metres, sampled by compute_size_ratio, and filtered (bilateral)",
-    "tracking": "the camera's pose by ICP against the model, with the pyramid that it needs",
-    "integration": "fusing depth into the volume; 0 in frames that integration_rate leaves out",
-    "raycasting": "the model as the camera sees it, which the next frame is tracked against",
     "computation": "the sum of the above: what a configuration is judged by",
-    "acquisition": "reading and decoding the depth image; no part of the computation",
+    "acquisition": "reading and decoding the images; no part of the computation",
     "rendering": "drawing pictures (--render); no part of the computation",
     "total": "all of it",
+}
+ATTEMPTS = {
+    "kfusion": "the first frames build the model, and tracking_rate leaves frames out",
+    "elasticfusion": "the first frame that measures anything makes the map",
 }
 ENERGY_SOURCES = {
     "rapl": "the processor's packages (RAPL)",
@@ -60,7 +74,8 @@ def milliseconds(report: Mapping[str, Any], name: str) -> NDArray[np.float64]:
 def summary(report: Mapping[str, Any]) -> str:
     """What a run measured, as text for people."""
     sequence, device, frames = report["sequence"], report["device"], report["frames"]
-    names = [name for name in MEANINGS if name != "rendering" or milliseconds(report, name).any()]
+    known = (*STAGES, *MEANINGS)
+    names = [name for name in known if name != "rendering" or milliseconds(report, name).any()]
     share = 100 / max(milliseconds(report, "computation").mean(), 1e-12)
     lines = [
         f"{report['system']} on {sequence['name']}, {len(frames)} frames of "
@@ -74,7 +89,12 @@ def summary(report: Mapping[str, Any]) -> str:
         cells = (times.mean(), np.median(times), np.quantile(times, 0.95), times.max())
         part = f"{share * times.mean():8.1f} %" if name in (*STAGES, "computation") else ""
         lines.append((f"{name:14}" + "".join(f"{cell:10.3f}" for cell in cells) + part).rstrip())
-    lines += ["", *_facts(report), "", *_explanations(names, len(frames))]
+    lines += [
+        "",
+        *_facts(report),
+        "",
+        *_explanations(report["system"], names, len(frames), "ate_online" in report),
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -104,10 +124,16 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
             f"{'error':14}mean {ate['mean']:.4f} m, max {ate['max']:.4f} m, RMSE {ate['rmse']:.4f} m, "
             f"aligned {ate['rmse_aligned']:.4f} m: {'valid' if report['valid'] else 'not valid'}"
         )
+    if online := report.get("ate_online"):
+        lines.append(
+            f"{'online error':14}mean {online['mean']:.4f} m, max {online['max']:.4f} m, "
+            f"aligned {online['rmse_aligned']:.4f} m"
+        )
     return lines
 
 
-def _explanations(names: Sequence[str], frames: int) -> list[str]:
+def _explanations(system: str, names: Sequence[str], frames: int, online: bool) -> list[str]:
+    meanings = STAGE_MEANINGS.get(system, {}) | MEANINGS
     counted = (
         f"over the frames from {FIRST_COUNTED_FRAME} on (earlier ones fill the model and the caches)"
         if frames > FIRST_COUNTED_FRAME
@@ -116,12 +142,13 @@ def _explanations(names: Sequence[str], frames: int) -> list[str]:
     return [
         f"mean ... max: wall milliseconds a frame, {counted}",
         "95%: 95 of 100 frames took no longer; share: of the computation",
-        *(f"{name}: {MEANINGS[name]}" for name in names),
-        "not attempted: the first frames build the model, and tracking_rate leaves frames out",
-        "lost: the pose failed its check, so the last one is kept",
+        *(f"{name}: {meanings[name]}" for name in names if name in meanings),
+        *([f"not attempted: {ATTEMPTS[system]}"] if system in ATTEMPTS else []),
+        "lost: the pose failed its check",
         "CPU: of all threads during the computation; energy: likewise, all frames",
         "memory: the largest resident size of the process during the run",
         "error: metres from the true position, first poses laid on each other; RMSE: root of the mean square",
+        *(["online error: of the poses as they were right after each frame"] if online else []),
         f"aligned: RMSE after the best rigid alignment, TUM's ATE; valid: max below {VALID_BELOW} m",
     ]
 

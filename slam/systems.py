@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
+from slam.elasticfusion.pipeline import ElasticFusion
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
 from slam.kfusion.pipeline import KFusion
 from slam.opencl import SHARED, Device, Session
@@ -29,13 +31,18 @@ class Definition:
     values: Mapping[str, tuple[float, ...]]
 
 
-FOLDER = Path(__file__).parent
-TRIED = KFusionConfiguration(integration_rate=1, volume_resolution=128)
-
-
 def _kfusion(values: Mapping[str, Any], scene: Scene, session: Session) -> System:
     return KFusion(KFusionConfiguration.from_mapping(values), scene, session)
 
+
+def _elasticfusion(values: Mapping[str, Any], scene: Scene, session: Session) -> System:
+    return ElasticFusion(ElasticConfiguration.from_mapping(values), scene, session)
+
+
+FOLDER = Path(__file__).parent
+TRIED = KFusionConfiguration(integration_rate=1, volume_resolution=128)
+ELASTIC_TRIED = ElasticConfiguration(open_loop=True, surfel_capacity=200_000)
+FLAG = (0, 1)
 
 SYSTEMS = {
     "kfusion": Definition(
@@ -53,6 +60,25 @@ SYSTEMS = {
             "pyramid_iterations_fine": (2, 4, 6, 8, 10),
             "pyramid_iterations_middle": (1, 3, 5, 7, 9),
             "pyramid_iterations_coarse": (0, 2, 4, 6, 8),
+        },
+    ),
+    "elasticfusion": Definition(
+        complete=lambda values: ElasticConfiguration.from_mapping(values).to_dict(),
+        create=_elasticfusion,
+        trial=Trial(
+            lambda session: ElasticFusion(ELASTIC_TRIED, SCENE, session),
+            (FOLDER / "elasticfusion" / "kernels", SHARED),
+        ),
+        colour=True,
+        values={
+            "icp_weight": (0, 0.5, *range(1, 21), 50, 100),
+            "depth_cutoff": tuple(0.5 * half for half in range(2, 26)),
+            "confidence_threshold": tuple(range(1, 25)),
+            "disable_so3": FLAG,
+            "open_loop": FLAG,
+            "relocalisation": FLAG,
+            "fast_odometry": FLAG,
+            "frame_to_frame_rgb": FLAG,
         },
     ),
 }

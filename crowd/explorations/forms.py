@@ -101,6 +101,7 @@ class ExplorationForm(forms.ModelForm):
         ]
         for name, value in DEFAULTS.items():
             self.fields[name].initial = value
+        self.fields["design_space"].initial = "kfusion"  # every pack will do for it
         # The first is the server itself, unless an administrator made it otherwise.
         self.fields["reference_device"].initial = ReferenceDevice.objects.order_by("pk").first()
         self.fields["warm_start_from"].required = False

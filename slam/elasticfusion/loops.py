@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.elasticfusion.closing import Closure, Grid, LoopClosing
-from slam.elasticfusion.configuration import LOOP_ICP_WEIGHT, REFERENCE_PIXELS, Configuration
+from slam.elasticfusion.configuration import ICP_ONLY, LOOP_ICP_WEIGHT, REFERENCE_PIXELS, Configuration
 from slam.elasticfusion.deforming import Deforming
 from slam.elasticfusion.fill_in import FillIn
 from slam.elasticfusion.graph import Graph, sampling
@@ -66,9 +66,8 @@ class Loops:
         self._view_pyramids = [
             Pyramid(session, view, levels=len(THUMBNAIL_ITERATIONS)) for view in self._views
         ]
-        self._view_odometry = Odometry(
-            session, *self._view_pyramids, icp_weight=100.0, iterations=THUMBNAIL_ITERATIONS
-        )
+        view, key = self._view_pyramids
+        self._view_odometry = Odometry(session, view, key, ICP_ONLY, THUMBNAIL_ITERATIONS)
         self._closing = LoopClosing(configuration, small, self._verify)
 
     def poses(self) -> NDArray[np.float64]:
