@@ -43,13 +43,17 @@ class Configured:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Either devices, or configurations on `device`; `bars` is what one chart of stages shows."""
+    """Either devices, or configurations on `device`; `bars` is what one chart of stages shows. `application`
+    is one of the `applications` that all of them were measured with.
+    """
 
     devices: tuple[Compared, ...]
     device: Device | None
     front: str
     configurations: tuple[Configured, ...]
     bars: tuple[StageTimes, ...]
+    application: str = ""
+    applications: tuple[str, ...] = ()
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -64,10 +68,18 @@ class Comparison:
     @property
     def query(self) -> str:
         """The shortest query string that asks for it."""
+        return self.with_application(self.application if len(self.applications) > 1 else "")
+
+    def with_application(self, name: str) -> str:
+        """The query string that asks for the same with the application NAME; "" names none."""
         if self.device is None:
-            return urlencode({"devices": ",".join(c.device.slug for c in self.devices)}, safe=",")
-        names = ",".join(column.name for column in self.configurations)
-        return urlencode({"configurations": names, "device": self.device.slug}, safe=",")
+            asked = {"devices": ",".join(column.device.slug for column in self.devices)}
+        else:
+            names = ",".join(column.name for column in self.configurations)
+            asked = {"configurations": names, "device": self.device.slug}
+        if name:
+            asked["application"] = name
+        return urlencode(asked, safe=",")
 
     @property
     def simulated(self) -> bool:
@@ -89,7 +101,9 @@ def parse_names(values: Iterable[str], noun: str) -> tuple[str, ...]:
 
 
 def of_devices(details: Sequence[DeviceDetail]) -> Comparison:
-    """DETAILS side by side. Raises InvalidComparisonError for simulated devices beside measured ones."""
+    """DETAILS, of one application, side by side. Raises InvalidComparisonError for simulated devices beside
+    measured ones.
+    """
     if len({detail.device.simulated for detail in details}) > 1:
         raise InvalidComparisonError("simulated devices stand beside simulated ones alone: choose one kind")
     columns = tuple(_compared(detail) for detail in details)

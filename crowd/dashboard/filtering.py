@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from typing import Any
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, urlencode
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect, QueryDict
 from django.utils.cache import patch_vary_headers
@@ -23,6 +23,7 @@ from crowd.results import selectors as results
 from crowd.results.filters import ALL, InvalidFilterError, SpeedupFilters
 
 SYSTEMS = ("Android", "Linux", "macOS", "Windows")
+DEFAULT = SpeedupFilters().application
 SCRIPT = "HX-Request"  # htmx asks with this header
 
 
@@ -73,8 +74,7 @@ class Filtering:
     @property
     def within(self) -> "Filtering":
         """The same for the page of a front, which is of one application."""
-        own = SpeedupFilters().application
-        return replace(self, filters=replace(self.filters, front="", application=own))
+        return replace(self, filters=replace(self.filters, front="", application=DEFAULT))
 
     @property
     def start(self) -> str:
@@ -82,11 +82,22 @@ class Filtering:
         everything = SpeedupFilters(application=self.filters.application)
         return with_query(self.path, everything.query())
 
+    @property
+    def onward(self) -> str:
+        """What the address of a device needs to go on with the application."""
+        several = len({application for _, application in self.published}) > 1
+        return with_query("", urlencode({"application": self.filters.application}) if several else "")
+
     def with_other(self, name: str, value: str) -> str:
         """The same address with the page's own choice NAME set to VALUE."""
         others = self.others.copy()
         others[name] = value
         return replace(self, others=others).address
+
+    @property
+    def described(self) -> str:
+        """What is left of the application's crowd, in words; "" where nothing is left out."""
+        return replace(self.filters, application=DEFAULT).describe()
 
     @property
     def filtered(self) -> bool:
@@ -117,8 +128,8 @@ class Filtering:
 
     @property
     def applications(self) -> list[tuple[str, str]]:
-        """Applications that have a front, each with the address of the page for it."""
-        names = dict.fromkeys(application for _, application in self.published)
+        """Applications that have a front, the default one first, each with the address of the page for it."""
+        names = sorted({name for _, name in self.published}, key=lambda name: (name != DEFAULT, name))
 
         def address(name: str) -> str:
             return replace(self, filters=replace(self.filters, application=name, front="")).address

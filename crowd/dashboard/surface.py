@@ -1,4 +1,4 @@
-"""The response surface that ships: time and trajectory error over a grid of two parameters' values.
+"""The response surfaces that ship: time and trajectory error over a grid of two parameters' values.
 
 `python -m slam surface` wrote the CSV file; the JSON beside it says where and how.
 """
@@ -14,9 +14,11 @@ import numpy as np
 from django.conf import settings
 from numpy.typing import NDArray
 
+from crowd.results.filters import SpeedupFilters
 from slam.protocol import VALID_BELOW
 from slam.surface import MEASURED
 
+APPLICATION = SpeedupFilters().application
 # Columns that say on what was measured; what is neither these, MEASURED nor an axis is the configuration.
 SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device")
 
@@ -29,6 +31,7 @@ class Surface:
     so their times differ by noise alone.
     """
 
+    application: str
     x: str
     y: str
     x_values: tuple[float, ...]
@@ -86,10 +89,17 @@ class Reading:
 
 
 @cache
-def shipped() -> Surface | None:
-    """The surface below fixtures/surfaces; None where none ships."""
+def shipped() -> dict[str, Surface]:
+    """The surfaces below fixtures/surfaces by application, that of the default one first."""
     files = sorted((Path(settings.BASE_DIR) / "fixtures" / "surfaces").glob("*.json"))
-    return read(files[0]) if files else None
+    surfaces = sorted(map(read, files), key=lambda surface: surface.application != APPLICATION)
+    return {surface.application: surface for surface in surfaces}
+
+
+def chosen(application: str) -> Surface | None:
+    """The surface of APPLICATION, "" for the first; None where none ships."""
+    surfaces = shipped()
+    return surfaces.get(application) if application else next(iter(surfaces.values()), None)
 
 
 def read(description: Path) -> Surface:
@@ -113,6 +123,7 @@ def read(description: Path) -> Surface:
         return np.array([[float(cells[v, u][name] or "nan") for u in x_values] for v in y_values])
 
     return Surface(
+        application=rows[0]["system"],
         x=x,
         y=y,
         x_values=x_values,

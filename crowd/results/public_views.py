@@ -71,11 +71,16 @@ class DevicesView(Endpoint):
     @extend_schema(
         operation_id="devices",
         summary="Measured devices, fastest first",
-        parameters=[SIMULATED, *PAGING],
+        parameters=[
+            OpenApiParameter("application", str, description="whose speedups; kfusion where absent"),
+            SIMULATED,
+            *PAGING,
+        ],
         responses={200: answers.DevicePage},
     )
     def get(self, request: Request) -> HttpResponse:
-        rows = selectors.devices(_filters(request).simulated)
+        filters = _filters(request)
+        rows = selectors.devices(filters.simulated, filters.application)
         return answer(page(request, rows, lambda row: row.device.slug, answers.device))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from crowd.dashboard.figures.surfaces import surface_map
 from crowd.dashboard.palette import LIGHT
-from crowd.dashboard.surface import Surface, read, reading, shipped
+from crowd.dashboard.surface import Surface, chosen, read, reading
 
 COLUMNS = (
     "system", "frames", "mu", "icp_threshold", "volume_resolution", "runtime", "ate_mean", "ate_max", "lost",
@@ -92,9 +92,12 @@ def test_the_map_has_a_logarithmic_scale_and_crosses_where_trajectories_are_inva
 
 
 def test_the_surface_that_ships_is_whole_and_says_where_it_was_measured() -> None:
-    surface = shipped()
+    surface = chosen("")
 
     assert surface is not None
+    assert surface.application == "kfusion"
+    assert chosen("kfusion") is surface
+    assert chosen("none") is None
     assert surface.runtime.size == surface.provenance["evaluations"]
     assert {"device", "driver", "date", "software", "command", "sequence_sha256"} <= surface.provenance.keys()
     assert surface.valid.all()

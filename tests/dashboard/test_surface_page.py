@@ -20,6 +20,12 @@ def test_the_page_says_what_the_surface_shows_and_where_it_was_measured(client: 
     assert "pthread-haswell-AMD EPYC" in page
 
 
+def test_an_application_without_a_surface_has_no_such_page(client: Client) -> None:
+    assert client.get("/surface/?application=none").status_code == 404
+    assert client.get("/figures/surface/runtime.json?application=none").status_code == 404
+    assert client.get("/surface/?application=kfusion").status_code == 200
+
+
 def test_both_maps_have_their_numbers_beside_them(client: Client) -> None:
     figure = client.get("/figures/surface/runtime.json").json()
     rows = list(csv.DictReader(io.StringIO(client.get("/tables/surface/error.csv").content.decode())))

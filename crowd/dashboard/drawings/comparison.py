@@ -1,30 +1,36 @@
 """Devices, or configurations on one device, side by side."""
 
+from dataclasses import replace
+
 from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
+from crowd.dashboard.choosing import measured, together
 from crowd.dashboard.comparison import Comparison, of_configurations, of_devices, parse_names
 from crowd.dashboard.drawings.drawing import Drawing
 from crowd.dashboard.drawings.sessions import stages_table
 from crowd.dashboard.figures.frames import stage_bars
 from crowd.dashboard.points import newest_figure
 from crowd.fronts import selectors as published
-from crowd.results import selectors as results
 
 
 def read(request: HttpRequest) -> Comparison:
-    """What ?devices=a,b or ?configurations=x,y&device=a asks for. Raises InvalidComparisonError, Http404."""
-    slug = request.GET.get("device", "")
+    """What ?devices=a,b or ?configurations=x,y&device=a asks for, of the application that is named, else of
+    one that all of them have. Raises InvalidComparisonError, Http404.
+    """
+    slug, named = (request.GET.get(name, "") for name in ("device", "application"))
     if slug:
         names = parse_names(request.GET.getlist("configurations"), "configurations")
-        detail = found(results.device(slug))
-        figure = newest_figure(detail)
-        front = figure.front if figure else found(detail.latest).session.front
-        return of_configurations(detail, found(published.front(front)), names)
-    slugs = parse_names(request.GET.getlist("devices"), "devices")
-    return of_devices([found(results.device(slug)) for slug in slugs])
+        first = measured(slug, named)
+        figure = newest_figure(first.detail)
+        front = figure.front if figure else found(first.detail.latest).session.front
+        shown = of_configurations(first.detail, found(published.front(front)), names)
+    else:
+        first, *others = together(parse_names(request.GET.getlist("devices"), "devices"), named)
+        shown = of_devices([first.detail, *(one.detail for one in others)])
+    return replace(shown, application=first.application, applications=first.applications)
 
 
 def _n(shown: Comparison) -> str:

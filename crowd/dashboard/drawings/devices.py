@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from uuid import UUID
 
-from django.http import Http404, HttpRequest
+from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import drift, formats
 from crowd.dashboard.answering import found
+from crowd.dashboard.choosing import Measured, measured
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.sessions import read_session
 from crowd.dashboard.figures.devices import (
@@ -50,21 +51,23 @@ def place_of(detail: DeviceDetail, figure: Speedup | None) -> Place | None:
     return results.place(crowd.rows, detail.device.slug)
 
 
-def read_configurations(request: HttpRequest, slug: str) -> Configurations:  # noqa: ARG001
-    detail = found(results.device(slug))
+def read_configurations(request: HttpRequest, slug: str) -> Configurations:
+    detail = _measured(request, slug).detail
     return Configurations(detail.device, found(standing(detail, newest_figure(detail))))
 
 
-def read_place(request: HttpRequest, slug: str) -> Place:  # noqa: ARG001
-    detail = found(results.device(slug))
+def read_place(request: HttpRequest, slug: str) -> Place:
+    detail = _measured(request, slug).detail
     return found(place_of(detail, newest_figure(detail)))
 
 
-def read_history(request: HttpRequest, slug: str) -> Past:  # noqa: ARG001
-    detail, history = results.device(slug), results.history(slug)
-    if detail is None or history is None:
-        raise Http404
-    return Past(detail.device, history)
+def read_history(request: HttpRequest, slug: str) -> Past:
+    shown = _measured(request, slug)
+    return Past(shown.detail.device, found(results.history(slug, application=shown.application)))
+
+
+def _measured(request: HttpRequest, slug: str) -> Measured:
+    return measured(slug, request.GET.get("application", ""))
 
 
 def configurations_table(shown: Configurations) -> Table:

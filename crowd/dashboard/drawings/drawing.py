@@ -63,5 +63,7 @@ def with_query(address: str, query: str) -> str:
 
 def titled(words: str, front: str | None, filters: SpeedupFilters) -> str:
     """A title: WORDS, the FRONT that is shown, and what FILTERS leave of the crowd."""
-    told = [words, f"front {front}" if front else "", replace(filters, front="").describe()]
+    # The front's name tells the application.
+    left = replace(filters, front="", application=SpeedupFilters().application)
+    told = [words, f"front {front}" if front else "", left.describe()]
     return ", ".join(filter(None, told))

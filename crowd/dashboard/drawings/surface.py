@@ -2,19 +2,18 @@
 
 import math
 
-from django.http import Http404, HttpRequest
+from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
+from crowd.dashboard.answering import found
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.surfaces import surface_map
-from crowd.dashboard.surface import Surface, shipped
+from crowd.dashboard.surface import Surface, chosen
 
 
-def read(request: HttpRequest) -> Surface:  # noqa: ARG001
-    if (surface := shipped()) is None:
-        raise Http404
-    return surface
+def read(request: HttpRequest) -> Surface:
+    return found(chosen(request.GET.get("application", "")))
 
 
 def cells_table(surface: Surface) -> Table:
@@ -40,7 +39,8 @@ def _known(value: float) -> float | None:
 
 
 def _title(what: str, surface: Surface) -> str:
-    return f"{what} over {formats.words(surface.x)} and {formats.words(surface.y)}"
+    axes = f"{formats.words(surface.x)} and {formats.words(surface.y)}"
+    return f"{what} of {formats.application(surface.application)} over {axes}"
 
 
 def _n(surface: Surface) -> str:
@@ -55,8 +55,7 @@ DRAWINGS = (
     Drawing(
         name="surface-runtime",
         path="surface/runtime",
-        definition="Mean computation time a frame of KinectFusion on one device; all other parameters stay "
-        "as they are.",
+        definition="Mean computation time a frame on one device; all other parameters stay as they are.",
         read=read,
         draw=lambda surface, theme: surface_map(surface, "runtime", theme),
         table=cells_table,

@@ -4,7 +4,8 @@ from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
-from crowd.dashboard.answering import found, page
+from crowd.dashboard.answering import page
+from crowd.dashboard.choosing import measured, query
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.drawings.devices import place_of
@@ -36,24 +37,28 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "part": Paginator(crowd.rows, PAGE).get_page(request.GET.get("page")),
             "height": bars_height(len(crowd.rows)),
             "query": asked.query,
-            "pending": () if asked.filtered else results.pending(),
+            "pending": () if asked.filtered else results.pending(application=asked.filters.application),
         },
     )
 
 
 @page
 def device(request: HttpRequest, slug: str) -> HttpResponse:
-    """One device: its speedup, its place in the crowd, its configurations, its newest session, its history,
-    its sessions, what it says of itself.
+    """One device with one application: its speedup, its place in the crowd, its configurations, its newest
+    session, its history, its sessions, what it says of itself.
     """
-    detail = found(results.device(slug))
+    shown = measured(slug, request.GET.get("application", ""))
+    detail = shown.detail
     figure = newest_figure(detail)
     here = standing(detail, figure)
-    history = results.history(slug)
+    history = results.history(slug, application=shown.application)
     return render(
         request,
         "dashboard/device.html",
         {
+            "application": shown.application,
+            "choices": [(name, f"?application={name}") for name in shown.applications],
+            "query": query(shown),
             "detail": detail,
             "device": detail.device,
             "protocol": detail.latest.protocol if detail.latest else {},
@@ -74,8 +79,10 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
 def compare(request: HttpRequest) -> HttpResponse:
     """Two to six devices, or configurations on one device, side by side."""
     problem, shown = "", None
+    choices: list[tuple[str, str]] = []
     try:
         shown = read(request)
+        choices = [(name, f"?{shown.with_application(name)}") for name in shown.applications]
     except InvalidComparisonError as error:
         problem = str(error)
     return render(
@@ -85,6 +92,7 @@ def compare(request: HttpRequest) -> HttpResponse:
             "shown": shown,
             "problem": problem,
             "query": shown.query if shown else "",
+            "choices": choices,
             "runs": sum(row.runs for row in shown.bars) if shown else 0,
             "height": stages_height(len(shown.bars)) if shown else 0,
         },

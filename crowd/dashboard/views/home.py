@@ -36,7 +36,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "protocol": front.protocol if front else {},
             "lanes": race(crowd.headline.geometric_mean, asked.filters.leading),
             "breakdowns": [(by, name, _linked(crowd, by)) for by, name in PARTS.items()],
-            "sessions": results.latest_sessions(NEWEST, asked.filters.simulated),
+            "sessions": results.latest_sessions(NEWEST, asked.filters.simulated, crowd.front),
             "height": bars_height(len(crowd.rows)),
         },
     )

@@ -12,18 +12,19 @@ from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, sess
 from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.rows import Device, DeviceDetail, DeviceRow
 
+APPLICATION = SpeedupFilters().application
 LISTED_DESCRIPTIONS = 20
-
 
 # By their keys; of a few versions of the data.
 _named: Kept[dict[int, Device]] = Kept(2)
 
 
-def devices(simulated: bool = False) -> tuple[DeviceRow, ...]:
-    """Every device with a summarised session, fastest first, those without a figure last; of the SIMULATED
-    ones, or of those that people measured. Thirteen queries at most, whatever the number of devices.
+def devices(simulated: bool = False, application: str = APPLICATION) -> tuple[DeviceRow, ...]:
+    """Every device with a summarised session, fastest on APPLICATION first, those without a figure of it
+    last; of the SIMULATED ones, or of those that people measured. Thirteen queries at most, whatever the
+    number of devices.
     """
-    crowd = speedups(SpeedupFilters(simulated=simulated))
+    crowd = speedups(SpeedupFilters(simulated=simulated, application=application))
     best = {row.device.slug: row for row in reversed(crowd.rows)}
     models = _named.get(version, None, _devices)
     counts = DeviceActivity.objects.values_list("device_id", "sessions", "installations", "last_session_at")
@@ -41,32 +42,36 @@ def _devices() -> dict[int, Device]:
     return {model.pk: device_of(model) for model in DeviceModel.objects.all()}
 
 
-def pending(simulated: bool = False) -> tuple[DeviceRow, ...]:
-    """Devices with a summarised session and no figure of `best` on the newest measured front, by slug; of the
-    SIMULATED ones, or of those that people measured. Three queries at most, whatever the number of devices.
+def pending(simulated: bool = False, application: str = APPLICATION) -> tuple[DeviceRow, ...]:
+    """Devices with a summarised session of APPLICATION and no figure of `best` on its newest measured
+    front, by slug; of the SIMULATED ones, or of those that people measured. Three queries at most, whatever
+    the number of devices.
     """
-    front = measured_front(SpeedupFilters().application, simulated)
+    front = measured_front(application, simulated)
     figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
-    rows = DeviceActivity.objects.select_related("device").filter(simulated_only(simulated))
+    measured = MeasurementSession.objects.filter(device=OuterRef("device"), front__application=application)
+    rows = DeviceActivity.objects.select_related("device").filter(simulated_only(simulated), Exists(measured))
     return tuple(
         DeviceRow(device_of(row.device), row.sessions, row.installations, hour(row.last_session_at), None)
         for row in rows.exclude(device__in=figured.values("device")).order_by("device__slug")
     )
 
 
-def device(slug: str) -> DeviceDetail | None:
-    """One device: every configuration, newest front first; newest sessions.
+def device(slug: str, application: str | None = None) -> DeviceDetail | None:
+    """One device: every configuration, newest front first; newest sessions; all of APPLICATION alone where
+    one is given.
 
     None for an unknown SLUG, and for a model of which nothing is shown under its own name.
     """
     model = DeviceModel.objects.filter(slug=slug).first()
     if model is None:
         return None
-    sessions = session_rows().filter(device=model)
+    of_one = {} if application is None else {"front__application": application}
+    sessions = session_rows().filter(device=model, **of_one)
     listed = tuple(sessions[:LISTED_SESSIONS])
     if not listed:
         return None
-    rows = DeviceSpeedup.objects.filter(device=model).order_by("-front__published_at", "-speedup")
+    rows = DeviceSpeedup.objects.filter(device=model, **of_one).order_by("-front__published_at", "-speedup")
     activity = DeviceActivity.objects.filter(device=model).first()
     return DeviceDetail(
         device=device_of(model),

@@ -16,14 +16,17 @@ from crowd.results.reading.figures import hour
 from crowd.results.rows import History, Release
 
 
-def history(slug: str, configuration: str = BEST) -> History | None:
-    """CONFIGURATION on the device SLUG by driver and version of the system, of the newest front and, of
-    several processors, of the one with the most sessions. None where it has no valid figure. Three queries.
+def history(slug: str, configuration: str = BEST, application: str | None = None) -> History | None:
+    """CONFIGURATION on the device SLUG by driver and version of the system, of the newest front (of
+    APPLICATION where one is given) and, of several processors, of the one with the most sessions. None
+    where it has no valid figure. Three queries.
 
     Of a group of rare models the system's version is left out, as all that they say of themselves.
     """
+    of_one = {} if application is None else {"front__application": application}
     figure = (
         DeviceSpeedup.objects.filter(device__slug=slug, configuration__name=configuration, state=State.VALID)
+        .filter(**of_one)
         .select_related("device", "front")
         .defer("front__provenance", "front__sequence", "front__protocol")
         .order_by("-front__published_at", "-sessions", "processor")

@@ -25,12 +25,15 @@ from crowd.results.rows import (
 LISTED_SESSIONS = 20
 
 
-def latest_sessions(limit: int = LISTED_SESSIONS, simulated: bool = False) -> tuple[SessionRow, ...]:
-    """The sessions that arrived last, newest first; of SIMULATED devices, or of those that people have. Two
-    queries.
+def latest_sessions(
+    limit: int = LISTED_SESSIONS, simulated: bool = False, front: str | None = None
+) -> tuple[SessionRow, ...]:
+    """The sessions that arrived last, newest first; of SIMULATED devices, or of those that people have; of
+    one FRONT where it is given. Two queries.
     """
     # Found by an index alone: with what a row shows beside it, SQLite would sort all sessions there are.
-    newest = MeasurementSession.objects.filter(simulated_only(simulated)).values("pk")[:limit]
+    of_one = {} if front is None else {"front__slug": front}
+    newest = MeasurementSession.objects.filter(simulated_only(simulated), **of_one).values("pk")[:limit]
     return tuple(session_row(row) for row in session_rows().filter(pk__in=newest))
 
 

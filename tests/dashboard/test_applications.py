@@ -1,0 +1,90 @@
+"""Two applications on one server: a page is about one of them, says about which, and leads to the other."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.services import publish_content
+from tests.crowd.documents import front_document
+from tests.crowd.participant import API, Participant
+from tests.dashboard.measuring import measure
+from tests.dashboard.reading import read, text
+
+pytestmark = pytest.mark.django_db
+
+OTHER = {"application": "other", "front": "other-test"}
+
+
+@pytest.fixture
+def both(front: FrontVersion, pack: dict[str, Any], join: Callable[[], Participant]) -> None:
+    """Pixel 8 was measured with both applications, last with the other one; Pixel 6 and 7 with one each."""
+    publish_content(front_document(pack, application="other"))
+    measure(join(), "Pixel 6", default_us=80_000, best_us=20_000)
+    first = join()
+    measure(first, "Pixel 8", default_us=80_000, best_us=10_000)
+    measure(first, "Pixel 8", default_us=80_000, best_us=40_000, **OTHER)
+    measure(join(), "Pixel 7", default_us=80_000, best_us=20_000, **OTHER)
+
+
+def test_figures_of_two_applications_are_never_averaged(client: Client, both: None) -> None:
+    one, other = client.get("/"), client.get("/?application=other")
+
+    assert "5.66x faster across 2 devices" in text(one)
+    assert "2.83x faster across 2 devices" in text(other)
+    assert "searched the configurations of KinectFusion" in text(one)
+    assert (
+        'aria-current="true">KinectFusion</strong><a href="/?application=other">other</a>'
+        in one.content.decode()
+    )
+    assert 'data-figure="/figures/speedups.json?application=other"' in other.content.decode()
+    assert "Latest sessions Google Pixel 7 4.00x" in text(other)
+    assert "Only other" not in text(other)
+
+
+def test_a_front_names_its_application(client: Client, both: None) -> None:
+    assert "2.83x faster across 2 devices" in read(client, "/?front=other-test")
+    assert client.get("/?front=other-test&application=kfusion").status_code == 400
+    assert read(client, "/fronts/other-test/").count("2.83x 2") == 1
+    rows = client.get("/tables/speedups.json?front=other-test").json()["rows"]
+    assert [row["device"] for row in rows] == ["google-pixel-7", "google-pixel-8"]
+
+
+def test_lists_are_of_one_application(client: Client, both: None) -> None:
+    assert "Pixel 7" not in read(client, "/devices/")
+    assert "Pixel 6" not in read(client, "/devices/?application=other")
+    page = client.get("/devices/?application=other").content.decode()
+    assert 'href="/devices/google-pixel-8/?application=other"' in page
+    rows = client.get(f"{API}/devices?application=other").json()["results"]
+    shown = {row["slug"]: row["speedup"] for row in rows}
+    assert shown["google-pixel-6"] is None
+    assert (shown["google-pixel-7"], shown["google-pixel-8"]) == (pytest.approx(4.0), pytest.approx(2.0))
+
+
+def test_a_device_shows_one_application_and_leads_to_the_other(client: Client, both: None) -> None:
+    newest, asked = (client.get(f"/devices/google-pixel-8/{query}") for query in ("", "?application=kfusion"))
+
+    assert "Speedup of best over default 2.00x" in text(newest)
+    assert "8.00x" not in text(newest)
+    assert "Speedup of best over default 8.00x" in text(asked)
+    assert "2.00x" not in text(asked)
+    assert 'href="?application=kfusion">KinectFusion</a>' in newest.content.decode()
+    figure = "/figures/devices/google-pixel-8/crowd.json?application=kfusion"
+    assert f'data-figure="{figure}"' in asked.content.decode()
+    assert client.get(figure).status_code == 200
+    assert client.get("/devices/google-pixel-8/?application=none").status_code == 404
+    assert "Application" not in text(client.get("/devices/google-pixel-7/"))
+
+
+def test_what_stands_side_by_side_is_of_one_application(client: Client, both: None) -> None:
+    pair = read(client, "/compare/?devices=google-pixel-8,google-pixel-6")
+    apart = client.get("/compare/?devices=google-pixel-7,google-pixel-6")
+    names = read(client, "/compare/?device=google-pixel-8&configurations=default,best&application=kfusion")
+
+    assert "Speedup 8.00x 4.00x" in pair
+    assert "other-test" not in pair
+    assert (apart.status_code, "No application was measured on all" in text(apart)) == (400, True)
+    assert "front kfusion-test" in names
+    assert "Speedup 1.00x 8.00x" in names
