@@ -216,8 +216,8 @@ def _asked(answer: Answer, status: int) -> Any:
         raise RefusedError("this crowd is there already: remove it first (--remove), or take another --seed")
     if code == "too_many_requests":
         raise RefusedError(
-            f"{answer.content['detail']}; what was sent stays. FRONTRUNNER_ENROLMENTS_PER_HOUR bounds a crowd "
-            "that comes from one address: raise it there, or send fewer --devices"
+            f"{answer.content['detail']}; what was sent stays. FRONTRUNNER_ENROLMENTS_PER_HOUR bounds a "
+            "crowd that comes from one address: raise it there, or send fewer --devices"
         )
     raise RefusedError(f"{code}: {answer.content.get('detail', 'the server says nothing more')}")
 
