@@ -1,0 +1,24 @@
+"""What the crowd measured, as it arrived, and the summaries that tasks derive from it.
+
+Submission, MeasurementSession and Run are raw; Cohort, SessionSummary, DeviceSpeedup and DeviceActivity are
+derived from them and from the Decisions of administrators.
+"""
+
+from crowd.results.models.derived import Cohort, DeviceActivity, DeviceSpeedup, SessionSummary
+from crowd.results.models.measured import Decision, MeasurementSession, Run, State, Submission
+from crowd.results.models.records import Export, Tombstone, WorkerPulse
+
+__all__ = [
+    "Cohort",
+    "Decision",
+    "DeviceActivity",
+    "DeviceSpeedup",
+    "Export",
+    "MeasurementSession",
+    "Run",
+    "SessionSummary",
+    "State",
+    "Submission",
+    "Tombstone",
+    "WorkerPulse",
+]

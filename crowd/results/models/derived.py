@@ -1,0 +1,142 @@
+"""What tasks derive from measurements: all of it can be deleted and computed again."""
+
+from django.db import models
+
+from crowd.devices.models import DeviceModel, Installation
+from crowd.fronts.models import Configuration, FrontVersion
+from crowd.results.models.measured import MeasurementSession, State
+
+
+class Cohort(models.Model):
+    """Sessions that may be averaged with each other: of one device model, front, backend and processor.
+
+    Who writes summaries of its sessions, or figures from them, holds a lock on its row.
+    """
+
+    device = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="cohorts")
+    front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="cohorts")
+    backend = models.CharField(max_length=32)
+    processor = models.CharField(max_length=200, blank=True, help_text="the OpenCL device that computed")
+    stale = models.BooleanField(default=False, help_text="its figures do not know its newest sessions yet")
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["device", "front", "backend", "processor"], name="cohort_key"),
+        ]
+        indexes = [
+            models.Index(fields=["id"], name="cohort_stale", condition=models.Q(stale=True)),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.device_id} {self.front_id} {self.backend} {self.processor}"
+
+
+class SessionSummary(models.Model):
+    """One session's answer for one configuration: the mean of its paired log ratios over the baseline."""
+
+    cohort = models.ForeignKey(Cohort, on_delete=models.CASCADE, related_name="summaries")
+    installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="+")
+    session = models.ForeignKey(MeasurementSession, on_delete=models.CASCADE, related_name="summaries")
+    configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
+    baseline = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
+    algorithm = models.PositiveSmallIntegerField()
+    log_ratio = models.FloatField(
+        null=True, help_text="natural logarithm of the speedup; empty where no pair is valid"
+    )
+    pairs = models.PositiveSmallIntegerField()
+    drift = models.FloatField(
+        null=True, help_text="largest ratio of the last repeat over the first, frame by frame"
+    )
+    ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration's runs, m")
+    state = models.CharField(max_length=16, choices=State.choices)
+    reason = models.CharField(max_length=64, blank=True, help_text="code of the rule that set the state")
+    started_at = models.DateTimeField(help_text="the session's")
+    day = models.DateField(help_text="of started_at, UTC")
+    counted = models.BooleanField(
+        help_text="among the first sessions of its installation and day that have its state"
+    )
+
+    class Meta:
+        verbose_name_plural = "session summaries"
+        indexes = [
+            models.Index(fields=["cohort", "installation", "day"], name="summary_day"),
+            models.Index(fields=["cohort", "configuration", "log_ratio"], name="summary_log_ratio"),
+            # All that the figures of a period are made of: they are read from here alone, which takes the
+            # condition's column too.
+            models.Index(
+                fields=[
+                    "configuration",
+                    "cohort",
+                    "baseline",
+                    "installation",
+                    "state",
+                    "started_at",
+                    "log_ratio",
+                    "ate_max",
+                    "counted",
+                ],
+                name="summary_period",
+                condition=models.Q(counted=True),
+            ),
+        ]
+        constraints = [
+            models.UniqueConstraint(fields=["session", "configuration"], name="session_summary_key"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.session_id} {self.configuration_id}"
+
+
+class DeviceSpeedup(models.Model):
+    """The published figure: how much faster one configuration runs than the baseline on one device model."""
+
+    device = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="speedups")
+    front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="speedups")
+    configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="speedups")
+    baseline = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
+    backend = models.CharField(max_length=32)
+    processor = models.CharField(max_length=200, blank=True)
+    algorithm = models.PositiveSmallIntegerField()
+    speedup = models.FloatField()
+    low = models.FloatField(null=True, help_text="95 % interval over installations, from 3 of them on")
+    high = models.FloatField(null=True)
+    repeat_low = models.FloatField(
+        null=True, help_text="repeatability on the one installation there is, from 3 sessions on"
+    )
+    repeat_high = models.FloatField(null=True)
+    sessions = models.PositiveIntegerField()
+    installations = models.PositiveIntegerField()
+    ate_max = models.FloatField(
+        null=True, help_text="largest ATE of the configuration among those sessions, m"
+    )
+    state = models.CharField(
+        max_length=16, choices=State.choices, help_text="suspect: no valid session, only suspect ones"
+    )
+    last_session_at = models.DateTimeField()
+    computed_at = models.DateTimeField(auto_now=True)
+
+    class Meta:
+        ordering = ["-speedup"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["front", "configuration", "device", "backend", "processor"], name="device_speedup_key"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.device_id} {self.configuration_id} {self.speedup:.2f}"
+
+
+class DeviceActivity(models.Model):
+    """How much of a device model was measured, kept so that no page has to count sessions."""
+
+    device = models.OneToOneField(DeviceModel, on_delete=models.CASCADE, related_name="activity")
+    sessions = models.PositiveIntegerField()
+    installations = models.PositiveIntegerField()
+    last_session_at = models.DateTimeField()
+
+    class Meta:
+        verbose_name_plural = "device activities"
+
+    def __str__(self) -> str:
+        return f"{self.device_id}: {self.sessions} sessions"

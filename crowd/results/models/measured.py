@@ -1,0 +1,168 @@
+"""What the crowd measured, as it arrived, and what administrators decided on it.
+
+Of a run, mean, fingerprint, state and reason are derived.
+"""
+
+import uuid
+
+from django.db import models
+
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.fronts.models import Configuration, FrontVersion
+
+
+class State(models.TextChoices):
+    """Whether a measurement counts; crowd.results.rules has the rules that decide.
+
+    Suspect ones make a figure only where there is no valid one. Quarantined ones never do, until what hides
+    them is gone. Invalid ones never do.
+    """
+
+    VALID = "valid"
+    SUSPECT = "suspect"
+    INVALID = "invalid"
+    QUARANTINED = "quarantined"
+
+
+class Submission(models.Model):
+    """One accepted request. Its key and its body's digest make a repeated request change nothing."""
+
+    id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
+    installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="submissions")
+    idempotency_key = models.CharField(max_length=128)
+    body_sha256 = models.CharField(max_length=64)
+    answer = models.TextField(help_text="the JSON that the client was told, told again on a replay")
+    schema_version = models.PositiveSmallIntegerField()
+    app_version = models.CharField(max_length=32)
+    consent_version = models.PositiveSmallIntegerField()
+    received_at = models.DateTimeField(auto_now_add=True, db_index=True)
+    extra = models.JSONField(default=dict, blank=True, help_text="members that this version does not know")
+
+    class Meta:
+        ordering = ["-received_at"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["installation", "idempotency_key"], name="submission_idempotency_key"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return str(self.id)
+
+
+class MeasurementSession(models.Model):
+    """Runs of several configurations, one after another on one device: the unit of every comparison."""
+
+    uuid = models.UUIDField(unique=True, help_text="given by the client")
+    installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="sessions")
+    submission = models.ForeignKey(Submission, on_delete=models.CASCADE, related_name="sessions")
+    description = models.ForeignKey(
+        DeviceDescription, on_delete=models.PROTECT, related_name="sessions", db_index=False
+    )
+    device = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="sessions")
+    front = models.ForeignKey(FrontVersion, on_delete=models.PROTECT, related_name="sessions")
+    protocol_version = models.PositiveSmallIntegerField()
+    backend = models.CharField(max_length=32)
+    processor = models.CharField(max_length=200, blank=True, help_text="the OpenCL device that computed")
+    platform = models.CharField(max_length=200, blank=True)
+    driver = models.CharField(max_length=200, blank=True)
+    started_at = models.DateTimeField()
+    received_at = models.DateTimeField(auto_now_add=True)
+    samples = models.JSONField(
+        default=list, help_text="temperature, clock and battery, at most once a second"
+    )
+    extra = models.JSONField(default=dict, blank=True, help_text="members that this version does not know")
+    summary_algorithm = models.PositiveSmallIntegerField(
+        null=True,
+        editable=False,
+        help_text="version of the statistics that has seen all runs; empty: waiting for its task",
+    )
+
+    class Meta:
+        ordering = ["-id"]
+        indexes = [
+            models.Index(fields=["summary_algorithm", "id"], name="session_waiting"),
+            # Whether a description has a session under a name is one look, however many sessions there are.
+            models.Index(fields=["description", "device"], name="session_description"),
+            models.Index(fields=["device", "-id"], name="session_device_newest"),
+            models.Index(fields=["device", "installation", "started_at"], name="session_device_activity"),
+        ]
+
+    def __str__(self) -> str:
+        return str(self.uuid)
+
+
+class Run(models.Model):
+    """One configuration over the whole sequence; its times are packed as `crowd.results.packing` says."""
+
+    class Status(models.TextChoices):
+        OK = "ok"
+        FAILED = "failed"
+
+    uuid = models.UUIDField(unique=True, help_text="given by the client")
+    session = models.ForeignKey(MeasurementSession, on_delete=models.CASCADE, related_name="runs")
+    configuration = models.ForeignKey(Configuration, on_delete=models.PROTECT, related_name="runs")
+    repeat = models.PositiveSmallIntegerField(help_text="which run of this configuration in the session")
+    order = models.PositiveSmallIntegerField(help_text="place among all runs of the session")
+    status = models.CharField(max_length=8, choices=Status.choices)
+    failure = models.CharField(max_length=500, blank=True)
+    frame_us = models.BinaryField(help_text="computation wall time of each frame")
+    stages = models.JSONField(default=list, help_text="names of the stages, in the order of stages_us")
+    stages_us = models.BinaryField(default=bytes, help_text="one series per stage, one after another")
+    tracked = models.BinaryField(
+        default=bytes, help_text="one byte a frame: 1 tracked, 0 lost, 2 neither; empty: not told"
+    )
+    tracked_frames = models.PositiveSmallIntegerField(null=True, blank=True)
+    mean_us = models.FloatField(
+        null=True, blank=True, help_text="mean over the counted frames; the run's value"
+    )
+    ate_max = models.FloatField(null=True, blank=True, help_text="m")
+    ate_mean = models.FloatField(null=True, blank=True, help_text="m")
+    ate_rmse = models.FloatField(null=True, blank=True, help_text="m")
+    trajectory_sha256 = models.CharField(max_length=64, blank=True)
+    extra = models.JSONField(default=dict, blank=True, help_text="members that this version does not know")
+    fingerprint = models.BigIntegerField(
+        null=True,
+        db_index=True,
+        editable=False,
+        help_text="digest of the frames' times, where they vary enough to be nobody else's",
+    )
+    state = models.CharField(max_length=16, choices=State.choices)
+    reason = models.CharField(max_length=64, blank=True, help_text="code of the rule that set the state")
+
+    class Meta:
+        ordering = ["session_id", "order"]
+        constraints = [
+            models.UniqueConstraint(fields=["session", "configuration", "repeat"], name="run_repeat"),
+        ]
+
+    def __str__(self) -> str:
+        return str(self.uuid)
+
+
+class Decision(models.Model):
+    """What an administrator decided on a session or on one run: the newest decision holds. Never edited."""
+
+    class Action(models.TextChoices):
+        QUARANTINE = "quarantine"
+        RELEASE = "release"
+
+    at = models.DateTimeField(auto_now_add=True)
+    actor = models.CharField(max_length=150, help_text="user name")
+    action = models.CharField(max_length=16, choices=Action.choices)
+    reason = models.CharField(max_length=500)
+    session = models.ForeignKey(MeasurementSession, on_delete=models.CASCADE, related_name="decisions")
+    run = models.ForeignKey(
+        Run,
+        on_delete=models.CASCADE,
+        null=True,
+        blank=True,
+        related_name="decisions",
+        help_text="empty: the whole session",
+    )
+
+    class Meta:
+        ordering = ["-id"]
+
+    def __str__(self) -> str:
+        return f"{self.action} by {self.actor}"
