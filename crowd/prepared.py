@@ -4,10 +4,11 @@ For the few statements that every submission makes; everywhere else query sets s
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 from django.db import DEFAULT_DB_ALIAS, connection, connections
-from django.db.models import Expression, Field, Model, QuerySet
+from django.db.models import AutoField, Expression, Field, Model, QuerySet
 from django.db.models.sql.compiler import SQLCompiler
 
 
@@ -60,7 +61,7 @@ def _filled(parameter: Any, values: dict[str, Any]) -> Any:
 
 
 def insert(rows: Sequence[Model]) -> None:
-    """Add ROWS of one model, to which the database gives keys that stay unknown here: one statement for all.
+    """Add ROWS of one model: one statement for all. Keys that the database gives stay unknown here.
 
     Raises IntegrityError as bulk_create does.
     """
@@ -68,15 +69,29 @@ def insert(rows: Sequence[Model]) -> None:
         return
     # The connection itself: behind its proxy each field would look for the thread's one again.
     database = connections[DEFAULT_DB_ALIAS]
-    fields = [field for field in rows[0]._meta.concrete_fields if not field.primary_key]
-    columns = ", ".join(database.ops.quote_name(str(field.column)) for field in fields)
-    table = database.ops.quote_name(rows[0]._meta.db_table)
-    marks = ", ".join(["%s"] * len(fields))
+    sql, fields = _insertion(type(rows[0]), database.vendor)
     with database.cursor() as cursor:
-        cursor.executemany(
-            f"INSERT INTO {table} ({columns}) VALUES ({marks})",
-            [
-                [field.get_db_prep_save(field.pre_save(row, add=True), database) for field in fields]
-                for row in rows
-            ],
-        )
+        cursor.executemany(sql, [_values(row, fields, database) for row in rows])
+
+
+def insert_keyed(rows: Sequence[Model]) -> None:
+    """As `insert`, one statement a row: each gets the key that the database gave it."""
+    database = connections[DEFAULT_DB_ALIAS]
+    for row in rows:
+        sql, fields = _insertion(type(row), database.vendor)
+        key = database.ops.quote_name(str(row._meta.pk.column))
+        with database.cursor() as cursor:
+            cursor.execute(f"{sql} RETURNING {key}", _values(row, fields, database))
+            (row.pk,) = cursor.fetchone()
+
+
+@cache
+def _insertion(model: type[Model], vendor: str) -> tuple[str, list[Any]]:  # noqa: ARG001 - quoted its way
+    fields = [field for field in model._meta.concrete_fields if not isinstance(field, AutoField)]
+    quoted = connection.ops.quote_name
+    columns, marks = ", ".join(quoted(str(field.column)) for field in fields), ", ".join(["%s"] * len(fields))
+    return f"INSERT INTO {quoted(model._meta.db_table)} ({columns}) VALUES ({marks})", fields
+
+
+def _values(row: Model, fields: Sequence[Any], database: Any) -> list[Any]:
+    return [field.get_db_prep_save(field.pre_save(row, add=True), database) for field in fields]

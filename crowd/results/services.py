@@ -16,7 +16,7 @@ from crowd.devices.services import choose_disclosure
 from crowd.disclosure import public
 from crowd.fronts import policy
 from crowd.fronts.policy import Policy
-from crowd.prepared import Hole, Query, insert
+from crowd.prepared import Hole, Query, insert, insert_keyed
 from crowd.problems import Problem
 from crowd.results import extras, intake, judging, packing, schema
 from crowd.results.models import MeasurementSession, Run, Submission
@@ -83,7 +83,7 @@ def _accept(installation: Installation, key: str, body: bytes, careful: bool) ->
     )
     items = [item.answer() for item in checked.items]
     submission.answer = json.dumps({"submission_id": str(submission.pk), "items": items})
-    submission.save(force_insert=True)
+    insert([submission])
     return Acceptance(submission.answer, replayed=False, sessions=_store(submission, checked))
 
 
@@ -159,7 +159,7 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
         for uuid, item in named.items()
         if uuid not in checked.sessions
     ]
-    MeasurementSession.objects.bulk_create(made)
+    insert_keyed(made)
     sessions = {
         session.uuid: session for session in (*checked.sessions.values(), *made) if session.uuid in named
     }

@@ -9,7 +9,8 @@ from django.db import IntegrityError
 from django.db.models import CharField, Q, UUIDField
 
 from crowd.devices.models import Installation
-from crowd.prepared import Hole, Query, insert
+from crowd.explorations.models import ReferenceDevice
+from crowd.prepared import Hole, Query, insert, insert_keyed
 from crowd.results.models import WorkerPulse
 
 COLUMNS = ("pk", "created_at", "revoked_at", "show_model", "app")
@@ -58,6 +59,15 @@ def test_inserted_rows_are_as_they_were_made(db: None) -> None:
         ("one", moment),
         ("two", moment),
     ]
+
+
+def test_a_row_gets_the_key_that_the_database_gave_it(db: None) -> None:
+    rows = [ReferenceDevice(name=name, queue="bench", machines=2) for name in ("one", "two")]
+
+    insert_keyed(rows)
+
+    stored = ReferenceDevice.objects.order_by("name").values_list("pk", "name", "machines")
+    assert list(stored) == [(row.pk, row.name, 2) for row in rows]
 
 
 def test_what_a_key_refuses_is_told(db: None) -> None:
