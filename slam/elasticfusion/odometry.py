@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slam.dense.images import intrinsics
 from slam.dense.least_squares import SUMS, records_of
-from slam.elasticfusion.configuration import ICP_ONLY, ITERATIONS, REFERENCE_PIXELS
+from slam.elasticfusion.configuration import ICP_ONLY, ITERATIONS, LOOP_ICP_WEIGHT, REFERENCE_PIXELS
 from slam.elasticfusion.pyramid import Pyramid, PyramidLevel
 from slam.opencl import BoundKernel, Session
 
@@ -61,7 +61,8 @@ class Registration:
 class Odometry:
     """Gauss-Newton from coarse to fine on E = w^2 E_icp + E_rgb, w = `icp_weight`.
 
-    w = 0 leaves the geometry out, and ICP_ONLY or more the brightness (the geometry's weight is then 1).
+    w = 0 leaves the geometry out, ICP_ONLY or more the brightness: w is then LOOP_ICP_WEIGHT, which changes
+    nothing but the scale of the covariance, to the one that thresholds are meant for.
     `iterations` are those of each level, finest first. With `fast`, brightness counts on the finest level
     alone, which is the single level of the published flag; the coarser ones then find the way by geometry.
     """
@@ -77,7 +78,7 @@ class Odometry:
     ) -> None:
         self._session = session
         rgb_weight = RGB_WEIGHT if icp_weight < ICP_ONLY else 0.0
-        icp_weight = icp_weight if rgb_weight else 1.0
+        icp_weight = icp_weight if rgb_weight else LOOP_ICP_WEIGHT
         finest = source.levels[0].camera
         self._pixels = finest.width * finest.height
         most, _, _ = records_of(session.layout, finest.width, finest.height)
