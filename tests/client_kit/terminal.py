@@ -1,0 +1,54 @@
+"""The command line in this process, on a machine that always measures the same."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from client_kit import __main__ as command_line
+from client_kit import (
+    measurement,
+    participation,
+)
+from client_kit.home import Home
+from tests.client_kit import canned, documents
+from tests.client_kit.counting import Counting
+from tests.client_kit.killed import DEVICE, IDENTITY
+from tests.client_kit.scripted import ScriptedServer
+
+Serve = Callable[..., ScriptedServer]
+CHUNKS = (b"header", b"frames")
+
+
+@pytest.fixture
+def counting(tmp_path: Path) -> Counting:
+    for chunk in CHUNKS:
+        (tmp_path / documents.digest(chunk)).write_bytes(chunk)
+    return Counting(documents.manifest(CHUNKS), tmp_path)
+
+
+@pytest.fixture(autouse=True)
+def canned_measurement(monkeypatch: pytest.MonkeyPatch, home: Home) -> None:
+    """A machine that always measures the same, with the home folder of the test."""
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
+    monkeypatch.setattr(measurement, "measure", lambda _, asked, plan, **__: canned.measured(asked, plan))
+    monkeypatch.setattr(participation, "_device", lambda *_: (DEVICE, IDENTITY))
+
+
+class Terminal:
+    """The command line in this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+
+    def __call__(self, *arguments: str) -> tuple[int, str, str]:
+        """Exit code, standard output and error; AssertionError where an error is not one line."""
+        code = command_line.main(arguments)
+        told = self._capsys.readouterr()
+        assert len(told.err.splitlines()) == (1 if code else 0), told.err
+        return code, told.out, told.err
+
+
+@pytest.fixture
+def client(capsys: pytest.CaptureFixture[str]) -> Terminal:
+    return Terminal(capsys)

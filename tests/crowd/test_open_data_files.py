@@ -1,0 +1,221 @@
+"""Files of exports: their addresses, how they are downloaded, how long they are kept, when withdrawn."""
+
+import hashlib
+import os
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.db.models import F
+from django.test import Client
+from django.utils import timezone
+
+from crowd.results.models import Export
+from crowd.results.opendata import exports
+from crowd.results.opendata.tables import TABLES
+from crowd.results.tasks import export as export_task
+from tests.crowd.documents import session_document, submission_document
+from tests.crowd.exported import table
+from tests.crowd.participant import API, Participant
+
+
+def test_files_have_stable_addresses(client: Client, participant: Participant) -> None:
+    participant.submit(submission_document())
+    export = exports.make()
+
+    listed = client.get(f"{API}/exports").json()["results"]
+
+    assert [each["name"] for each in listed] == [export.name]
+    assert listed[0]["licence"] == "CC-BY-4.0"
+    for file in listed[0]["files"]:
+        dated, latest = client.get(file["url"]), client.get(file["latest_url"])
+        content = dated.getvalue()
+        assert hashlib.sha256(content).hexdigest() == file["sha256"]
+        assert latest.getvalue() == content
+        assert latest.headers["Content-Location"] == file["url"]
+        assert int(dated.headers["Content-Length"]) == file["bytes"] == len(content)
+    assert client.get(listed[0]["schema"]).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("wanted", "first", "last"),
+    [("bytes=0-3", 0, 3), ("bytes=-4", -4, None), ("bytes=10-", 10, None), ("bytes=0-0", 0, 0)],
+)
+def test_a_download_goes_on_where_it_broke_off(
+    client: Client, db: None, wanted: str, first: int, last: int | None
+) -> None:
+    exports.make()
+    address = "/data/latest/runs.parquet"
+    whole = client.get(address)
+    content = whole.getvalue()
+
+    part = client.get(address, headers={"Range": wanted, "If-Range": whole.headers["ETag"]})
+
+    expected = content[first:] if last is None else content[first : last + 1]
+    assert (part.status_code, part.getvalue()) == (206, expected)
+    start = first % len(content)
+    assert part.headers["Content-Range"] == f"bytes {start}-{start + len(expected) - 1}/{len(content)}"
+    assert int(part.headers["Content-Length"]) == len(expected)
+
+
+def test_ranges_that_do_not_fit(client: Client, db: None) -> None:
+    exports.make()
+    address = "/data/latest/runs.parquet"
+    whole = client.get(address)
+    size = len(whole.getvalue())
+
+    beyond = client.get(address, headers={"Range": f"bytes={size}-"})
+    changed = client.get(address, headers={"Range": "bytes=0-3", "If-Range": '"another"'})
+    several = client.get(address, headers={"Range": "bytes=0-1,4-5"})
+    endless = client.get(address, headers={"Range": f"bytes={'9' * 5000}-"})
+
+    assert (beyond.status_code, beyond.headers["Content-Range"]) == (416, f"bytes */{size}")
+    assert (changed.status_code, len(changed.getvalue())) == (200, size)
+    assert (several.status_code, len(several.getvalue())) == (200, size)
+    assert (endless.status_code, len(endless.getvalue())) == (200, size)
+
+
+def test_an_unchanged_file_is_not_sent_again(client: Client, db: None) -> None:
+    exports.make()
+    etag = client.get("/data/latest/sessions.csv.gz").headers["ETag"]
+
+    again = client.get("/data/latest/sessions.csv.gz", headers={"If-None-Match": etag})
+
+    assert (again.status_code, again.content) == (304, b"")
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "/data/2020-01-01/runs.parquet",
+        "/data/latest/nothing.parquet",
+        "/data/latest/..%2fsecret_key",
+        "/data/x/y",
+        "/data/20200101/runs.parquet",
+        "/data/9999-12-31/runs.parquet",
+    ],
+)
+def test_what_is_no_file_of_an_export(client: Client, db: None, address: str) -> None:
+    exports.make()
+
+    assert client.get(address).status_code == 404
+
+
+def test_erasure_withdraws_the_exports_that_held_it(
+    client: Client,
+    participant: Participant,
+    join: Callable[[], Participant],
+    django_capture_on_commit_callbacks: Any,
+) -> None:
+    before = exports.make()
+    Export.objects.update(started_at=F("started_at") - timedelta(days=2))
+    session = session_document()
+    participant.submit(submission_document(session))
+    join().submit(submission_document())
+    held = exports.make()
+
+    with django_capture_on_commit_callbacks(execute=True):
+        participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+
+    gone = client.get(f"/data/{held.name}/runs.parquet")
+    assert (gone.status_code, gone.json()["code"]) == (410, "export_withdrawn")
+    assert not (exports.root() / held.folder).exists()
+    before.refresh_from_db()
+    assert before.withdrawn_at is None
+    export_task()
+    assert len(table("runs")) == 7
+    digest = hashlib.sha256(session["runs"][0]["id"].encode()).hexdigest()
+    assert [(row["kind"], row["id_sha256"]) for row in table("tombstones")] == [("run", digest)]
+
+
+def test_an_export_that_reads_before_the_erasure_is_committed_is_withdrawn(
+    client: Client, participant: Participant, django_capture_on_commit_callbacks: Any
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+
+    with django_capture_on_commit_callbacks(execute=True):
+        participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+        # As another connection makes it, which does not see the erasure yet.
+        meanwhile = exports.make()
+
+    assert client.get(f"/data/{meanwhile.name}/runs.parquet").status_code == 410
+    assert not (exports.root() / meanwhile.folder).exists()
+
+
+def test_a_withdrawn_export_is_remembered_for_a_while(client: Client, participant: Participant) -> None:
+    participant.submit(submission_document())
+    gone = exports.make()
+    exports.withdraw(gone.started_at)
+    Export.objects.update(started_at=F("started_at") - timedelta(days=1))
+    address = f"/data/{Export.objects.get().name}/runs.parquet"
+    exports.make_if_due()
+    assert client.get(address).status_code == 410
+
+    Export.objects.filter(pk=gone.pk).update(withdrawn_at=F("withdrawn_at") - exports.WITHDRAWN_KEPT)
+    exports.make_if_due()
+
+    assert client.get(address).status_code == 404
+    assert Export.objects.count() == 1
+
+
+def test_an_export_is_made_once_a_night(db: None) -> None:
+    assert exports.make_if_due() is not None
+    assert exports.make_if_due() is None
+
+    Export.objects.update(started_at=F("started_at") - timedelta(days=1))
+
+    assert exports.make_if_due() is not None
+
+
+def test_an_export_whose_process_died_is_made_again(db: None) -> None:
+    now = timezone.now()
+    export = Export.objects.create(started_at=now, touched_at=now)
+    folder = exports.root() / f".{export.folder}"
+    folder.mkdir(parents=True)
+    assert exports.make_if_due() is None
+    assert folder.exists()
+
+    Export.objects.update(touched_at=now - exports.DEAD_AFTER - timedelta(seconds=1))
+
+    assert exports.make_if_due() is not None
+    assert not folder.exists()
+
+
+def test_only_the_newest_exports_are_kept(client: Client, db: None, settings: Any) -> None:
+    settings.FRONTRUNNER_EXPORTS_KEPT = 2
+    for _ in range(3):
+        exports.make()
+        Export.objects.update(started_at=F("started_at") - timedelta(days=1))
+        # A folder bears its day.
+        for export in Export.objects.all():
+            old = next(path for path in exports.root().iterdir() if path.name.endswith(f"-{export.pk}"))
+            os.rename(old, exports.root() / export.folder)
+    newest = exports.make()
+
+    assert exports.listed()[0].pk == newest.pk
+    assert exports.published().count() == 2
+    assert len(list(exports.root().iterdir())) == 2
+    assert len(client.get(f"{API}/exports").json()["results"]) == 2
+
+
+def test_the_latest_export_is_announced_while_it_is_written(client: Client, db: None) -> None:
+    answer = client.get("/data/latest/runs.parquet")
+
+    assert (answer.status_code, answer.json()["code"]) == (503, "export_in_preparation")
+    assert int(answer.headers["Retry-After"]) > 0
+
+
+def test_the_page_links_every_file(client: Client, participant: Participant) -> None:
+    before = client.get("/data/").content.decode()
+    participant.submit(submission_document())
+    exports.make()
+
+    page = client.get("/data/").content.decode()
+
+    assert "/data/latest/" not in before
+    for name in (each.name for each in TABLES):
+        assert f'href="/data/latest/{name}.parquet"' in page
+        assert f'href="/data/latest/{name}.csv.gz"' in page
+    assert "https://creativecommons.org/licenses/by/4.0/" in page
