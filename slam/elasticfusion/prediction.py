@@ -23,8 +23,8 @@ LANES = 8  # places by which a row of working images is longer; `splatting.cl` h
 class Prediction:
     """`image`: what was rendered last; `born` (int32) and `confidence` (float32) of the surfel at each pixel.
 
-    A pixel shows the nearest disc that its ray meets within the disc's radius, at the depth where it does
-    (of equally near ones always the same); all maps are 0 where there is none. Discs that face
+    A pixel shows the nearest disc that its ray meets within the disc's radius, at the depth where it does;
+    of discs that overlap, the one whose middle is nearest to the ray. All maps are 0 where there is none. Discs that face
     away, or that do not wholly lie in front of the camera, are not seen. In the layout by rows several
     predictions can share one `visible`, which saves memory.
     """
@@ -71,7 +71,7 @@ class Prediction:
                     )  # fmt: skip
         self._kernels += [
             session.image_kernel(
-                SOURCE, "resolve", width, height, nearness, ids, stride, width, height, surfels.place,
+                SOURCE, "resolve", width, height, ids, stride, width, height, intrinsics(camera), surfels.place,
                 surfels.face, surfels.colour, surfels.born, view, self.image.depth, *self.image.normals,
                 self.image.colour, self.born, self.confidence,
             )

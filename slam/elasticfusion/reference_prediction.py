@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.dense.reference import vertex_map
 from slam.elasticfusion.configuration import FARTHEST
 from slam.elasticfusion.visible import BAND, bands_of
 
@@ -93,38 +94,45 @@ def scatter(ids: Integers, bins: Integers) -> Integers:
 
 
 def clear_view(camera: Camera) -> tuple[Array, Integers]:
-    """Depths and ids of a view that sees nothing."""
-    return np.full((camera.height, camera.width), np.inf), np.full((camera.height, camera.width), NOBODY)
+    """Nearness and ids of a view that sees nothing."""
+    return np.zeros((camera.height, camera.width)), np.full((camera.height, camera.width), NOBODY)
 
 
 def splat(
     surfels: NDArray[Any], pose: Array, seen: tuple[int, int], confidence: float, camera: Camera
 ) -> tuple[Array, Integers]:
-    """At each pixel the depth of the nearest disc that its ray meets from the front, and that disc's id."""
+    """At each pixel the nearness of the nearest disc that its ray meets from the front, and that disc's id.
+
+    Nearness is the inverse depth of the disc bent backwards: at a distance s from its middle, by s^2 / radius.
+    """
     middles, normals, radii = discs(surfels, pose)
     usable = wanted(surfels, pose, seen, confidence) & ((middles * normals).sum(axis=1) < 0)
     usable &= middles[:, 2] > radii * np.sqrt(1 - np.minimum(normals[:, 2] ** 2, 1))  # wholly in front
-    depths, ids = clear_view(camera)
+    nearness, ids = clear_view(camera)
     for y, x in np.ndindex(camera.height, camera.width):
         ray = np.array([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1.0])
         slopes = normals @ ray
         facing = usable & (slopes < 0)
-        depth = (normals * middles).sum(axis=1) / np.where(facing, slopes, 1)
-        met = facing & (np.linalg.norm(depth[:, None] * ray - middles, axis=1) <= radii)
-        if met.any():
-            nearest = np.where(met, depth, np.inf).argmin()  # of equals the first
-            depths[y, x], ids[y, x] = depth[nearest], nearest
-    return depths, ids
+        depth = np.where(facing, (normals * middles).sum(axis=1), 1) / np.where(facing, slopes, 1)
+        distance = np.linalg.norm(depth[:, None] * ray - middles, axis=1)
+        key = np.where(facing & (distance <= radii), 1 / depth - distance**2 / radii / depth**2, 0)
+        if key.max() > 0:
+            ids[y, x] = key.argmax()  # of equals the first
+            nearness[y, x] = key.max()
+    return nearness, ids
 
 
 def resolve(
-    depths: Array, ids: Integers, surfels: NDArray[Any], pose: Array
+    ids: Integers, surfels: NDArray[Any], pose: Array, camera: Camera
 ) -> tuple[Array, Array, NDArray[np.uint32], NDArray[np.int32], Array]:
     """Of what each pixel sees: depth, normal in the camera's frame, colour, birth and confidence; else 0."""
     covered = ids != NOBODY
     who = surfels[np.where(covered, ids, 0)]
-    normals = np.where(covered[..., None], who["normal"].astype(float) @ pose[:3, :3], 0)
-    depth = np.where(covered, depths, 0)
+    middles, normals, _ = (part.reshape(*ids.shape, -1) for part in discs(who.ravel(), pose))
+    rays = vertex_map(np.ones(ids.shape), camera)
+    slopes = np.where(covered, (normals * rays).sum(axis=-1), 1)
+    depth = np.where(covered, (normals * middles).sum(axis=-1) / slopes, 0)
+    normals = np.where(covered[..., None], normals, 0)
     return depth, normals, who["colour"] * covered, who["born"] * covered, who["confidence"] * covered
 
 
@@ -135,7 +143,7 @@ def covered_of_rows(depth: Array) -> Integers:
 
 def clear_index(camera: Camera) -> tuple[Array, Integers]:
     """Depths and ids of an index map without surfels."""
-    return clear_view(camera)
+    return np.full((camera.height, camera.width), np.inf), np.full((camera.height, camera.width), NOBODY)
 
 
 def index_surfels(

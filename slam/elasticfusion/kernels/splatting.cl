@@ -1,6 +1,8 @@
 // The map as a camera sees it: each surfel drawn as a disc (Whelan et al. 2016, section 3.2).
-// `nearness` and `ids` are working images with `stride` places a row: the inverse of the depth along the optical axis
-// of the nearest disc at each pixel, and whose it is.
+// `nearness` and `ids` are working images with `stride` places a row: how near the nearest disc is at each pixel, and
+// whose it is. Nearness is the inverse of the depth along the optical axis, but discs are compared as if they were
+// bent backwards: where they overlap, the one is seen whose middle is nearest to the ray. The rims of flat discs would
+// otherwise stand out of every curved, creased or noisy surface, which then seems nearer than it is.
 #include "arithmetic.h"
 #include "shape.h"
 #include "surfels.h"
@@ -11,10 +13,11 @@
 
 // A disc as rays see it that are off the one through its middle by (x, y): the inverse of the depth at which a ray
 // meets its plane is linear, inverse + inverse_x x + inverse_y y, and it meets the disc itself where
-// xx x^2 + xy x y + yy y^2 <= square (inverse depth)^2. Both follow from the ray's depth n.p / n.ray, and nothing has
-// to be divided at a pixel.
+// rim = xx x^2 + xy x y + yy y^2 <= square (inverse depth)^2. Both follow from the ray's depth n.p / n.ray, and
+// nothing has to be divided at a pixel. At distance s from its middle the disc is bent backwards by s^2 / radius, a
+// radius at its rim, which takes rim * bend from the inverse depth.
 typedef struct {
-    float ray_x, ray_y, inverse, inverse_x, inverse_y, xx, xy, yy, square;
+    float ray_x, ray_y, inverse, inverse_x, inverse_y, xx, xy, yy, square, bend;
 } Sheet;
 
 INLINE Sheet sheet_of(Disc d)
@@ -31,6 +34,7 @@ INLINE Sheet sheet_of(Disc d)
     sheet.yy = 1.0f + sheet.inverse_y * (distance * sheet.inverse_y - 2.0f * d.y);
     sheet.xy = 2.0f * (distance * sheet.inverse_x * sheet.inverse_y - d.x * sheet.inverse_y - d.y * sheet.inverse_x);
     sheet.square = d.radius * d.radius;
+    sheet.bend = 1.0f / d.radius;
     return sheet;
 }
 
@@ -45,8 +49,8 @@ kernel void clear_view(int stride, int height, global float *restrict nearness, 
 }
 
 #ifdef PIXELS
-// First the largest inverse depth at each pixel, then, where `choosing`, the smallest id of those who are that near.
-// The two launches may round differently, so that a millionth of the depth counts as equal.
+// First the largest nearness at each pixel, then, where `choosing`, the smallest id of those who are that near. The two
+// launches may round differently, so that a millionth counts as equal.
 kernel void splat(int count, global const float *restrict place, global const float *restrict face,
                   global const int *restrict seen, global const View *restrict view, int width, int height,
                   float4 camera, int stride, int choosing, volatile global uint *nearness, volatile global uint *ids)
@@ -68,11 +72,12 @@ kernel void splat(int count, global const float *restrict place, global const fl
                 const float inverse = sheet.inverse + sheet.inverse_x * x + sheet.inverse_y * y;
                 const float rim = sheet.xx * x * x + sheet.xy * x * y + sheet.yy * y * y;
                 const int pixel = row * stride + column;
-                if (!(inverse > 0.0f && rim <= sheet.square * inverse * inverse))
+                const float key = inverse - rim * sheet.bend;
+                if (!(key > 0.0f && rim <= sheet.square * inverse * inverse))
                     continue;
                 if (!choosing)
-                    atomic_max(nearness + pixel, as_uint(inverse)); // positive floats have the order of their bits
-                else if (inverse >= as_float(nearness[pixel]) * 0.999999f)
+                    atomic_max(nearness + pixel, as_uint(key)); // positive floats have the order of their bits
+                else if (key >= as_float(nearness[pixel]) * 0.999999f)
                     atomic_min(ids + pixel, (uint)i); // NOBODY is the largest
             }
     }
@@ -116,8 +121,9 @@ kernel void splat(global const float *restrict place, global const float *restri
                         const float x = left_x + l * step_x;
                         const float inverse = row_inverse + sheet.inverse_x * x;
                         const float rim = (sheet.xx * x + row_slope) * x + row_rim;
-                        const int nearer = (rim <= sheet.square * inverse * inverse) & (inverse > near[l]);
-                        near[l] = nearer ? inverse : near[l];
+                        const float key = inverse - rim * sheet.bend;
+                        const int nearer = (rim <= sheet.square * inverse * inverse) & (key > near[l]);
+                        near[l] = nearer ? key : near[l];
                         id[l] = nearer ? i : id[l];
                     }
                 }
@@ -128,13 +134,14 @@ kernel void splat(global const float *restrict place, global const float *restri
 #endif
 
 // The attributes of the surfel that each pixel sees: an RGB-D image with its surfels' ages and confidences.
-kernel void resolve(global const float *restrict nearness, global const int *restrict ids, int stride, int width,
-                    int height, global const float *restrict place, global const float *restrict face,
+kernel void resolve(global const int *restrict ids, int stride, int width, int height, float4 camera,
+                    global const float *restrict place, global const float *restrict face,
                     global const uint *restrict colours, global const int *restrict births,
                     global const View *restrict view, global float *restrict depth, global float *restrict normal_x,
                     global float *restrict normal_y, global float *restrict normal_z, global uint *restrict colour,
                     global int *restrict born, global float *restrict confidence)
 {
+    const float step_x = 1.0f / camera.x, step_y = 1.0f / camera.y;
     float matrix[12];
     for (int k = 0; k < 12; ++k)
         matrix[k] = view->matrix[k];
@@ -142,11 +149,13 @@ kernel void resolve(global const float *restrict nearness, global const int *res
     {
         const int pixel = y * width + x, working = y * stride + x;
         const int covered = ids[working] != NOBODY, i = covered ? ids[working] : 0;
-        const float nx = face[4 * i], ny = face[4 * i + 1], nz = face[4 * i + 2];
-        depth[pixel] = covered ? 1.0f / nearness[working] : 0.0f;
-        normal_x[pixel] = covered ? row_of(matrix, 0, nx, ny, nz) : 0.0f;
-        normal_y[pixel] = covered ? row_of(matrix, 1, nx, ny, nz) : 0.0f;
-        normal_z[pixel] = covered ? row_of(matrix, 2, nx, ny, nz) : 0.0f;
+        const Disc d = disc_of(place, face, i, matrix);
+        const float ray_x = (x - camera.z) * step_x, ray_y = (y - camera.w) * step_y;
+        const float plane = d.nx * d.x + d.ny * d.y + d.nz * d.z;
+        depth[pixel] = covered ? plane / (d.nx * ray_x + d.ny * ray_y + d.nz) : 0.0f;
+        normal_x[pixel] = covered ? d.nx : 0.0f;
+        normal_y[pixel] = covered ? d.ny : 0.0f;
+        normal_z[pixel] = covered ? d.nz : 0.0f;
         colour[pixel] = covered ? colours[i] : 0;
         born[pixel] = covered ? births[i] : 0;
         confidence[pixel] = covered ? place[4 * i + 3] : 0.0f;
