@@ -13,23 +13,26 @@ kernel void millimetres_to_metres(global const ushort *restrict millimetres, int
     }
 }
 
-// exp(-t) for t >= 0, relative error below 1e-5: a power of two times a polynomial of the fraction.
+#define LOG2_E 1.44269504f
+
+// 2^-t for t >= 0, relative error below 4e-6: a polynomial of the fraction, whose exponent the whole part lowers.
 // Plain arithmetic turns into vector code where a call of exp() does not.
-INLINE float exp_minus(float t)
+INLINE float power_of_half(float t)
 {
-    const float exponent = smaller(t, 80.0f) * 1.44269504f;
+    const float exponent = smaller(t, 120.0f);
     const int whole = (int)exponent;
-    const float x = (exponent - whole) * -0.69314718f;
+    const float x = exponent - whole;
     const float polynomial =
-        1.0f + x * (1.0f + x * (0.5f + x * (0.16666667f + x * (0.041666667f + x * (0.0083333333f + x * 0.0013888889f)))));
-    return polynomial * as_float((127 - whole) << 23);
+        0.999997407f +
+        x * (-0.693030203f + x * (0.239341077f + x * (-0.0530740686f + x * 0.00676708394f)));
+    return as_float(as_int(polynomial) - (whole << 23));
 }
 
-// What a neighbour counts for a pixel; nothing where it has no depth.
+// What a neighbour counts for a pixel; nothing where it has no depth. The exponents are of 2.
 INLINE float bilateral_weight(float neighbour, float centre, float away, float range_factor)
 {
     const float difference = neighbour - centre;
-    const float weight = exp_minus(difference * difference * range_factor + away);
+    const float weight = power_of_half(difference * difference * range_factor + away);
     return neighbour > 0.0f ? weight : 0.0f;
 }
 
@@ -47,8 +50,8 @@ INLINE float bilateral(global const float *restrict depth, int width, int height
         for (int dx = -2; dx <= 2; ++dx) {
             const int column = inside ? x + dx : bounded(x + dx, 0, width - 1);
             const float neighbour = depth[row + column];
-            const float away = (dx * dx + dy * dy) * spatial_factor;
-            const float weight = bilateral_weight(neighbour, centre, away, range_factor);
+            const float away = (dx * dx + dy * dy) * (spatial_factor * LOG2_E);
+            const float weight = bilateral_weight(neighbour, centre, away, range_factor * LOG2_E);
             sum += weight * neighbour;
             weights += weight;
         }
@@ -94,18 +97,18 @@ INLINE void filter_lanes(global const float *restrict depth, global float *restr
     for (int dy = -radius; dy <= radius; ++dy) {
         const int row = bounded(y + dy, 0, height - 1) * width;
         for (int dx = -radius; dx <= radius; ++dx) {
-            const float away = (dx * dx + dy * dy) * spatial_factor;
+            const float away = (dx * dx + dy * dy) * (spatial_factor * LOG2_E);
             if (inside) // written twice, since compilers do not make two loops of one themselves
                 for (int l = 0; l < LANES; ++l) {
                     const float neighbour = depth[row + first + dx + l];
-                    const float weight = bilateral_weight(neighbour, centre[l], away, range_factor);
+                    const float weight = bilateral_weight(neighbour, centre[l], away, range_factor * LOG2_E);
                     sum[l] += weight * neighbour;
                     weights[l] += weight;
                 }
             else
                 for (int l = 0; l < LANES; ++l) {
                     const float neighbour = depth[row + bounded(first + dx + l, 0, width - 1)];
-                    const float weight = bilateral_weight(neighbour, centre[l], away, range_factor);
+                    const float weight = bilateral_weight(neighbour, centre[l], away, range_factor * LOG2_E);
                     sum[l] += weight * neighbour;
                     weights[l] += weight;
                 }
@@ -130,8 +133,8 @@ kernel void wide_bilateral_filter(global const float *restrict depth, global flo
             const int row = bounded(y + dy, 0, height - 1) * width;
             for (int dx = -radius; dx <= radius; ++dx) {
                 const float neighbour = depth[row + bounded(x + dx, 0, width - 1)];
-                const float away = (dx * dx + dy * dy) * spatial_factor;
-                const float weight = bilateral_weight(neighbour, centre, away, range_factor);
+                const float away = (dx * dx + dy * dy) * (spatial_factor * LOG2_E);
+                const float weight = bilateral_weight(neighbour, centre, away, range_factor * LOG2_E);
                 sum += weight * neighbour;
                 weights += weight;
             }
