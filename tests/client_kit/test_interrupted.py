@@ -175,7 +175,7 @@ def test_a_device_that_stays_hot_ends_with_the_sessions_that_are_done(
     hot = Concern("throttling", "the device throttles", stops=True)
     busy = Concern("load", "other programs keep this device busy", stops=False)
     looks = iter([[], [hot], [hot, busy], [busy]])
-    monkeypatch.setattr(preflight, "concerns", lambda *_: next(looks, [hot]))
+    monkeypatch.setattr(preflight, "concerns", lambda *_, **__: next(looks, [hot]))
     monkeypatch.setattr(participation, "COOLING_SECONDS", 0.0)
 
     code, out, _ = client("run", "--yes", "--sessions", "3", "--server", serve(counting).url)
