@@ -24,9 +24,9 @@ class Prediction:
     """`image`: what was rendered last; `born` (int32) and `confidence` (float32) of the surfel at each pixel.
 
     A pixel shows the nearest disc that its ray meets within the disc's radius, at the depth where it does;
-    of discs that overlap, the one whose middle is nearest to the ray. All maps are 0 where there is none. Discs that face
-    away, or that do not wholly lie in front of the camera, are not seen. In the layout by rows several
-    predictions can share one `visible`, which saves memory.
+    of discs that overlap, the one whose middle is nearest to the ray. All maps are 0 where there is none.
+    Discs that face away, or that do not wholly lie in front of the camera, are not seen. In the layout by
+    rows several predictions can share one `visible`, which saves memory.
     """
 
     def __init__(
@@ -51,8 +51,8 @@ class Prediction:
         if session.layout.pixels:
             self._kernels += [
                 surfels.kernel(
-                    SOURCE, "splat", surfels.place, surfels.face, surfels.seen, view, *size, choosing, nearness,
-                    ids,
+                    SOURCE, "splat", surfels.place, surfels.face, surfels.seen, view, *size, choosing,
+                    nearness, ids,
                 )
                 for choosing in (0, 1)
             ]  # fmt: skip
@@ -71,9 +71,9 @@ class Prediction:
                     )  # fmt: skip
         self._kernels += [
             session.image_kernel(
-                SOURCE, "resolve", width, height, ids, stride, width, height, intrinsics(camera), surfels.place,
-                surfels.face, surfels.colour, surfels.born, view, self.image.depth, *self.image.normals,
-                self.image.colour, self.born, self.confidence,
+                SOURCE, "resolve", width, height, ids, stride, width, height, intrinsics(camera),
+                surfels.place, surfels.face, surfels.colour, surfels.born, view, self.image.depth,
+                *self.image.normals, self.image.colour, self.born, self.confidence,
             )
         ]  # fmt: skip
         self._count = session.kernel(

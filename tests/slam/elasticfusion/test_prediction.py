@@ -108,7 +108,7 @@ def test_a_prediction_shows_the_nearest_disc_at_each_pixel(session, camera):
 
 
 def test_rims_do_not_stand_out_of_a_curved_surface(session):
-    """Discs of a ball overlap widely, and still the prediction is neither nearer nor farther than the ball."""
+    """Discs of a ball overlap widely, and still the prediction is as far away as the ball is."""
     camera = Camera(200.0, 200.0, 31.5, 31.5, 64, 64)
     random = np.random.default_rng(7)
     surfels = np.zeros(6000, SURFEL)
