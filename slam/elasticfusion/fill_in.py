@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from slam.elasticfusion.images import RgbdImage
 from slam.opencl import Session
 
 SOURCE = Path(__file__).parent / "kernels" / "fill_in.cl"
-STRIDE = 20  # every so many pixels the coverage is looked at
-COVERED = 0.75  # share of them from which on a prediction is enough by itself
 
 
 class FillIn:
@@ -20,8 +16,6 @@ class FillIn:
     def __init__(self, session: Session, predicted: RgbdImage, live: RgbdImage) -> None:
         camera = predicted.camera
         self.image = RgbdImage.allocate(session, camera)
-        self._session = session
-        self._predicted = predicted
         maps = [
             buffer
             for image in (predicted, live, self.image)
@@ -39,15 +33,3 @@ class FillIn:
         for index, choice in enumerate((keep_depth, keep_colour, holes), start=self._keep):
             self._fill.set(index, int(choice))
         self._fill()
-
-    def needed(self) -> bool:
-        """Whether at most COVERED of the prediction, seen at every STRIDE-th pixel of both axes, has colour.
-
-        Waits for the device.
-        """
-        import pyopencl as cl
-
-        camera = self._predicted.camera
-        colour = np.empty((camera.height, camera.width), np.uint32)
-        cl.enqueue_copy(self._session.queue, colour, self._predicted.colour)
-        return bool(np.mean(colour[::STRIDE, ::STRIDE] != 0) <= COVERED)

@@ -187,20 +187,21 @@ class ElasticFusion:
     def _predict(self) -> None:
         """What the next frame is tracked against: the map from the present pose, filled in where it is young.
 
-        A camera that is lost has only its last frame to go by. One that may have found itself again is shown
-        the whole map, for what is active was left long ago.
+        A camera that is lost has only its last frame to go by. One that may have found itself again has to
+        prove it against all that was ever seen there, and nothing else.
         """
-        adrift = self._health.lost and not self._health.on_probation
-        seen = (0, self._tick) if self._health.on_probation else self._active
-        self._prediction.render(self._pose, seen, self._configuration.confidence_threshold)
-        if not self._health.lost:
+        health, stable = self._health, self._configuration.confidence_threshold
+        if health.on_probation:
+            self._prediction.render(self._pose, (0, self._tick), 0.0)
+            self._fill_in.fill(holes=False)
+        elif health.lost:
+            self._fill_in.fill(keep_depth=False, keep_colour=False)
+        else:
+            self._prediction.render(self._pose, self._active, stable)
             self._fill_in.fill()
             self._loops.remember(self._pose, self._tick)
-        self._fill_in.fill(
-            keep_depth=not adrift,
-            keep_colour=not adrift and not self._configuration.frame_to_frame_rgb,
-            holes=self._fill_in.needed(),
-        )
+            if self._configuration.frame_to_frame_rgb:
+                self._fill_in.fill(keep_colour=False)
 
     @property
     def _active(self) -> tuple[int, int]:

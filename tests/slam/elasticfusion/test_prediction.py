@@ -233,13 +233,6 @@ def test_fill_in(session, keep_depth, keep_colour, holes):
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize(("holes", "needed"), [(0.6, True), (0.1, False)])
-def test_filling_in_is_needed_where_the_prediction_has_large_holes(session, holes, needed):
-    camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)
-    images = [device_image(session, small_image(4, camera, holes)) for _ in range(2)]
-    assert FillIn(session, *images).needed() is needed
-
-
 @pytest.mark.parametrize("ratio", [1, 4, 5])
 def test_sampling_keeps_the_geometry(session, ratio):
     image = small_image(5, MIRRORED, 0.3)
