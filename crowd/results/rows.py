@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from crowd.devices.normalisation import SIMULATED
 from crowd.devices.vendors import vendor
 from crowd.fronts.selectors import BEST
-from crowd.results.filters import SpeedupFilters
 
 
 @dataclass(frozen=True)
@@ -108,16 +107,6 @@ class Share:
 
     group: str
     figure: Headline
-
-
-@dataclass(frozen=True)
-class Speedups:
-    """What the filters leave, fastest first, and the front they mean (None: no front is published)."""
-
-    filters: SpeedupFilters
-    front: str | None
-    rows: tuple[Speedup, ...]
-    headline: Headline
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
 
 from crowd.results.reading.asked import UnknownFrontError, asked
+from crowd.results.reading.crowd import Speedups, breakdown, headline, place
 from crowd.results.reading.devices import device, devices, pending
 from crowd.results.reading.figures import version
 from crowd.results.reading.history import history
@@ -12,11 +13,12 @@ from crowd.results.reading.sessions import (
     session,
     submission,
 )
-from crowd.results.reading.speedups import breakdown, headline, measured_front, place, speedups
+from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.reading.transfer import winners
 
 __all__ = [
     "LISTED_SESSIONS",
+    "Speedups",
     "UnknownFrontError",
     "asked",
     "breakdown",

@@ -13,8 +13,8 @@ from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card,
 from crowd.dashboard.palette import LIGHT
 from crowd.dashboard.views import cards
 from crowd.results.filters import SpeedupFilters
-from crowd.results.rows import Speedup, Speedups
-from crowd.results.selectors import headline
+from crowd.results.rows import Speedup
+from crowd.results.selectors import Speedups
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
 from tests.dashboard.rows import speedup
@@ -102,7 +102,7 @@ def test_a_card_is_kept_until_a_figure_changes_and_is_asked_about_each_time(
 
 def crowd(*rows: Speedup, **filters: Any) -> Speedups:
     asked = SpeedupFilters(**filters)
-    return Speedups(asked, "kfusion-test", rows, headline(rows, asked.configuration))
+    return Speedups(asked, "kfusion-test", rows)
 
 
 def test_a_card_says_what_it_is_about() -> None:

@@ -13,7 +13,8 @@ from crowd.dashboard.points import newest_figure
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
-from crowd.results.rows import DeviceDetail, Headline, Speedups
+from crowd.results.rows import DeviceDetail, Headline
+from crowd.results.selectors import Speedups
 
 SIMULATED = "Simulated, not measured. "
 SUSPECT = "Suspect: no session is valid. "

@@ -13,7 +13,8 @@ from crowd.dashboard.race import race
 from crowd.fronts import selectors as published
 from crowd.results import selectors as results
 from crowd.results.filters import quoted
-from crowd.results.rows import Share, Speedups
+from crowd.results.rows import Share
+from crowd.results.selectors import Speedups
 
 NEWEST = 6
 # What the crowd is broken down by, and what a page calls it.
@@ -49,5 +50,4 @@ def _linked(crowd: Speedups, by: str) -> list[tuple[Share, str]]:
         change: dict[str, Any] = {by: group if by == "vendor" else quoted(group)}
         return replace(crowd.filters, **change).query()
 
-    shares = results.breakdown(crowd.rows, by, crowd.filters.configuration)
-    return [(share, query(share.group)) for share in shares]
+    return [(share, query(share.group)) for share in crowd.parts[by]]

@@ -1,7 +1,5 @@
-"""The crowd's bars and its headline, under the filters of every page."""
+"""The crowd's bars, under the filters of every page."""
 
-from collections import defaultdict
-from collections.abc import Iterable
 from datetime import UTC, date, datetime, time, timedelta
 from functools import reduce
 from operator import or_
@@ -9,13 +7,13 @@ from operator import or_
 from django.db.models import Q
 
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.selectors import BEST
-from crowd.results import statistics, summaries
+from crowd.results import summaries
 from crowd.results.filters import ALL, SpeedupFilters, whole
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
+from crowd.results.reading.crowd import Speedups
 from crowd.results.reading.figures import device_of, figures, hour, simulated_only, version
 from crowd.results.reading.kept import Kept
-from crowd.results.rows import Headline, Place, Share, Speedup, Speedups
+from crowd.results.rows import Speedup
 
 CALLED = ("manufacturer", "name", "market_name")
 # A crowd of 2,000 devices takes 3 MB.
@@ -48,73 +46,7 @@ def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
         row for row in found if filters.vendor in ("", row.vendor) and (filters.suspect or not row.suspect)
     ]
     ordered = tuple(sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.configuration)))
-    return Speedups(filters, front, ordered, headline(ordered, filters.configuration))
-
-
-def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
-    """The crowd's figure over device models; a model measured on several processors counts once.
-
-    The models of which no valid figure exists count only where there is none of any model.
-    """
-    counted = _counted(rows, configuration)
-    models = list(_by_model(counted).values())
-    crowd = statistics.crowd_speedup(models)
-    return Headline(
-        devices=len(models),
-        sessions=sum(row.sessions for row in counted),
-        geometric_mean=crowd.value if crowd else None,
-        low=crowd.low if crowd else None,
-        high=crowd.high if crowd else None,
-        min=min(models, default=None),
-        max=max(models, default=None),
-        suspect=bool(counted) and counted[0].suspect,
-    )
-
-
-def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[Share, ...]:
-    """The headline of each group of ROWS, most devices first; BY is "vendor" (whose chip computed), "soc",
-    "gpu" or "os". A model measured on several vendors' chips counts with each; a figure that the headline of
-    all ROWS leaves out counts with none.
-    """
-    groups: dict[str, list[Speedup]] = defaultdict(list)
-    for row in _counted(rows, configuration):
-        groups[row.vendor if by == "vendor" else getattr(row.device, by)].append(row)
-    shares = (Share(group, headline(members, configuration)) for group, members in groups.items())
-    return tuple(sorted(shares, key=lambda share: (-share.figure.devices, share.group)))
-
-
-def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Place | None:
-    """Where the device SLUG stands in ROWS; None where no figure of it counts in their headline."""
-    counted = _counted(rows, configuration)
-    devices = {row.device.slug: row.device for row in counted}
-    models = _by_model(counted)
-    if slug not in models:
-        return None
-    own = models[slug]
-    ordered = sorted(models, key=lambda name: (-models[name], name))
-    slower = sum(speedup < own for speedup in models.values())
-    return Place(
-        device=devices[slug],
-        speedup=own,
-        rank=1 + sum(speedup > own for speedup in models.values()),
-        slower=slower / (len(models) - 1) if len(models) > 1 else None,
-        models=tuple((devices[name], models[name]) for name in ordered),
-    )
-
-
-def _counted(rows: Iterable[Speedup], configuration: str) -> list[Speedup]:
-    """Those of ROWS that a headline is made of."""
-    name = BEST if configuration == ALL else configuration
-    shown = [row for row in rows if row.configuration == name]
-    return [row for row in shown if not row.suspect] or shown
-
-
-def _by_model(rows: Iterable[Speedup]) -> dict[str, float]:
-    """Each model's speedup, the geometric mean over its processors, by its slug."""
-    found: dict[str, list[float]] = defaultdict(list)
-    for row in rows:
-        found[row.device.slug].append(row.speedup)
-    return {slug: statistics.geometric_mean(values) for slug, values in found.items()}
+    return Speedups(filters, front, ordered)
 
 
 def _stored(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
