@@ -1,0 +1,52 @@
+"""ElasticFusion on recordings that nobody here made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam.benchmark import run
+from slam.datasets import Sequence, open_sequence
+from slam.trajectory import Trajectory, absolute_trajectory_error
+from tests.slam.real import DATA, needs_real_data
+
+pytestmark = needs_real_data
+
+
+class Quartered(Sequence):
+    """A recording at every fourth pixel of every fourth row: a sixteenth of the work."""
+
+    def __init__(self, name: str) -> None:
+        self._whole = open_sequence(DATA / "rgbd" / name)
+        self.name = name
+        self.camera = self._whole.camera.scaled(4)
+        self.timestamps, self.truth = self._whole.timestamps, self._whole.truth
+
+    def depth(self, index: int) -> np.ndarray:
+        return np.ascontiguousarray(self._whole.depth(index)[::4, ::4])
+
+    def colour(self, index: int) -> np.ndarray:
+        return np.ascontiguousarray(self._whole.colour(index)[::4, ::4])
+
+    @property
+    def sha256(self) -> str:
+        return self._whole.sha256
+
+
+def lost(report) -> list[int]:
+    return [number for number, frame in enumerate(report.frames) if frame.tracked is False]
+
+
+def test_redkitchen_is_tracked_to_the_end():
+    """Its truth is itself an estimate, good to centimetres: KinectFusion is .031 m away from it, aligned."""
+    report = run({}, Quartered("redkitchen"), system="elasticfusion")
+    assert lost(report) == []
+    assert report.ate is not None
+    assert report.ate.rmse_aligned < 0.031
+
+
+def test_brisk_motion_is_tracked_as_open3d_does():
+    """Beside the trajectory of Open3D's offline reconstruction, good to a few millimetres."""
+    report = run({}, Quartered("icl_livingroom1_micro"), system="elasticfusion")
+    assert lost(report) == []
+    reference = Trajectory.read(DATA / "rgbd/icl_livingroom1_micro/reference_open3d.txt").poses
+    assert absolute_trajectory_error(report.poses, reference).rmse_aligned < 0.02
