@@ -17,7 +17,7 @@ from slam.camera import Camera
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import REFERENCE_PIXELS, Configuration
 from slam.elasticfusion.deformation import Constraints, optimise
-from slam.elasticfusion.ferns import Ferns, Keyframe
+from slam.elasticfusion.ferns import Ferns, Keyframe, overlap
 from slam.elasticfusion.graph import Deformation, Graph
 from slam.elasticfusion.pose_log import PoseLog
 from slam.elasticfusion.thumbnail import Thumbnail
@@ -126,7 +126,9 @@ class LoopClosing:
         """The keyframe that saw the same from about here, verified by shape and by colour; None without one.
 
         It must be older than AGE time windows, but for a `lost` camera, whom any helps and for whom fewer
-        inliers will do.
+        inliers will do. Those are counted among the pixels that both views measured: the published share of
+        all pixels is out of reach where a sensor leaves holes or the cutoff takes half of the view. That a
+        registration slid along walls shows in its covariance, which the published system does not ask for.
         """
         limits = self._thresholds
         before = tick + 1 if lost else tick - int(AGE * limits.time_window)
@@ -136,10 +138,14 @@ class LoopClosing:
             return None
         key = self._ferns.keyframes[found]
         registration = self._verify(view, key.view)
-        inliers = limits.fern_inliers_lost if lost else limits.fern_inliers
-        if not registration.icp_error < limits.fern_error_threshold:
+        if not (
+            registration.icp_error < limits.fern_error_threshold
+            and np.all(registration.covariance <= limits.covariance_threshold)
+        ):
             return None
-        if not registration.icp_inliers > inliers * REFERENCE_PIXELS:
+        share = limits.fern_inliers_lost if lost else limits.fern_inliers
+        compared = overlap(view, key.view, registration.pose) * REFERENCE_PIXELS
+        if not registration.icp_inliers > share * compared:
             return None
         if not self._ferns.colour_distance(view, key, registration.pose) < limits.photometric_threshold:
             return None

@@ -17,6 +17,7 @@ from slam.elasticfusion.thumbnail import Thumbnail
 
 Array = NDArray[np.float64]
 Code = NDArray[np.uint8]
+Pixels = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 FERNS = 500
 NEAREST_THRESHOLD = 0.4  # metres, of the depths that ferns compare with
@@ -110,13 +111,8 @@ class Ferns:
         """
         seen = view.depth[self.rows, self.columns] > 0
         colours = channels(view.colour[self.rows[seen], self.columns[seen]])
-        points = self.points(view) @ motion[:3, :3].T + motion[:3, 3]
-        camera = key.view.camera
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = np.floor(camera.fx * points[:, 0] / points[:, 2] + camera.cx + 0.5)
-            v = np.floor(camera.fy * points[:, 1] / points[:, 2] + camera.cy + 0.5)
-        inside = (points[:, 2] > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-        target = key.view.colour[v[inside].astype(int), u[inside].astype(int)]
+        inside, pixels = looked_up(self.points(view), motion, key.view.camera)
+        target = key.view.colour[pixels]
         known = target != 0
         if not known.any():
             return float("inf")
@@ -126,6 +122,26 @@ class Ferns:
     def _matches(self, code: Code) -> NDArray[np.int64]:
         """Of each keyframe (k,): how many ferns saw something in both views and have equal bits."""
         return np.asarray(((self._codes == code) & (code != UNSEEN)).sum(axis=1))
+
+
+def overlap(view: Thumbnail, key: Thumbnail, motion: Array) -> float:
+    """The share of the view's pixels that show a surface and, moved as in colour_distance, fall onto one.
+
+    Only pixels with a normal count, in both: others take no part in a registration.
+    """
+    measured = view.normals.any(axis=-1)
+    _, pixels = looked_up(view.vertices[measured].astype(np.float64), motion, key.camera)
+    return float(key.normals[pixels].any(axis=-1).sum() / measured.size)
+
+
+def looked_up(points: Array, motion: Array, camera: Camera) -> tuple[NDArray[np.bool_], Pixels]:
+    """Which points (p, 3), once moved, the camera sees, and at which pixels (rows, columns) it sees those."""
+    x, y, z = (points @ motion[:3, :3].T + motion[:3, 3]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = np.floor(camera.fx * x / z + camera.cx + 0.5)
+        v = np.floor(camera.fy * y / z + camera.cy + 0.5)
+    inside = (z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+    return inside, (v[inside].astype(int), u[inside].astype(int))
 
 
 def channels(packed: NDArray[np.uint32]) -> NDArray[np.int64]:

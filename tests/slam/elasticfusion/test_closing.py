@@ -124,10 +124,11 @@ def test_a_global_closure_that_does_no_good_changes_nothing(limit):
     "doubt",
     [
         {"icp_error": 5e-5},
-        {"icp_inliers": 0.45 * 640 * 480},
+        {"icp_inliers": 0.3 * 640 * 480},
+        {"covariance": np.array([1e-7, 1e-7, 2e-5, 1e-7, 1e-7, 1e-7])},
         {"pose": exponential(np.array([0, 0, 0, 0, 3.0, 0]))},
     ],
-    ids=["error", "inliers", "colour"],
+    ids=["error", "inliers", "covariance", "colour"],
 )
 def test_a_doubtful_view_is_not_recognised(doubt):
     closing, _ = walked(verify=lambda seen, key: replace(exact(seen, key), **doubt))

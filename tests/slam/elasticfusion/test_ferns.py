@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slam.dense.reference import exponential
-from slam.elasticfusion.ferns import FERNS, UNSEEN, Ferns, channels
+from slam.elasticfusion.ferns import FERNS, UNSEEN, Ferns, channels, overlap
 from slam.elasticfusion.graph import Deformation, Graph
 from tests.slam.elasticfusion.walk import CAMERA, pose, view
 
@@ -87,6 +87,17 @@ def test_colours_are_compared_where_the_motion_takes_them():
     assert known.colour_distance(seen, key, true_motion) < 0.5 * known.colour_distance(seen, key, np.eye(4))
     behind = np.diag([-1.0, 1.0, -1.0, 1.0])
     assert known.colour_distance(seen, key, behind) == np.inf
+
+
+def test_views_overlap_where_both_have_measured():
+    there = pose(ANGLES[5])
+    whole = view(there)
+    half = replace(whole, normals=np.where(np.arange(80)[:, None] < 40, whole.normals, 0).astype(np.float32))
+    assert overlap(whole, whole, np.eye(4)) == 1
+    assert overlap(half, whole, np.eye(4)) == overlap(whole, half, np.eye(4)) == 0.5
+    aside = pose(ANGLES[5] + 0.2)
+    assert 0.7 < overlap(view(aside), whole, np.linalg.inv(there) @ aside) < 0.9
+    assert overlap(whole, whole, np.diag([-1.0, 1.0, -1.0, 1.0])) == 0
 
 
 def test_points_are_those_of_every_tenth_fern_that_saw_something():
