@@ -41,8 +41,8 @@ class Configuration:
     below which a fern's view is recognised. fern_threshold: dissimilarity above which a view is a new
     keyframe. fern_agreement: share of equal ferns above which a keyframe is registered to the view;
     fern_error_threshold: error of that registration (at 640x480; the published 3e-4 is for 80x60) and
-    fern_inliers, fern_inliers_lost: share of the pixels that both measured with which it is believed, the latter
-    by a lost camera; covariance_threshold holds for it, too.
+    fern_inliers, fern_inliers_lost: share of the pixels measured in both with which it is believed, the
+    latter by a lost camera; covariance_threshold holds for it, too.
     closure_distance: metres that a global loop must gape before, closure_error: metres that it may after, and
     closure_energy: of its deformation. surfel_capacity: surfels the map can hold. seed: of the random ferns.
     """
