@@ -99,13 +99,13 @@ class Fusion:
         cl.enqueue_copy(session.queue, self._gone, np.zeros(1, np.int32))
         share_x, share_y = (self._uploaded(share) for share in shares(camera))
         map_arrays = (surfels.place, surfels.face, surfels.colour)
-        depths = (live.raw, image.depth, *image.normals)
+        depths = (image.depth, live.filtered, *image.normals)
         self._all_new = session.image_kernel(
-            SOURCE, "all_new", width, height, live.raw, *image.normals, width, height, matches
+            SOURCE, "all_new", width, height, image.depth, *image.normals, width, height, matches
         )
         self._associate = [
             session.image_kernel(
-                SOURCE, "associate", *self._cells, live.raw, *image.normals, width, height,
+                SOURCE, "associate", *self._cells, image.depth, *image.normals, width, height,
                 intrinsics(camera), index_map.ids, surfels.place, surfels.face, self._frame,
                 ASSOCIATION_DISTANCE, ASSOCIATION_NORMAL, SLANTED, matches,
             ),
@@ -124,7 +124,7 @@ class Fusion:
         condemned = session.buffer(width * height, "an image")
         self._clean = [
             session.image_kernel(
-                CLEANING, "judge", width, height, live.raw, width, height, index_map.ids, surfels.place,
+                CLEANING, "judge", width, height, image.depth, width, height, index_map.ids, surfels.place,
                 surfels.face, surfels.born, surfels.seen, self._frame, float(confidence_threshold),
                 DOUBLE_DISTANCE, DOUBLE_REACH, DOUBLES, ASSOCIATION_DISTANCE, SEEN_THROUGH, condemned,
             ),

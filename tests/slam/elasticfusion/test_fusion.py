@@ -384,7 +384,7 @@ class Bench:
             normals=Planes.allocate(session, pixels),
             colour=session.buffer(4 * pixels),
         )
-        self.live = SimpleNamespace(raw=session.buffer(4 * pixels), image=image)
+        self.live = SimpleNamespace(filtered=session.buffer(4 * pixels), image=image)
         index_map = SimpleNamespace(ids=self.ids)
         self.fusion = Fusion(session, self.surfels, index_map, self.live, THRESHOLD)
 
@@ -393,8 +393,8 @@ class Bench:
         import pyopencl as cl
 
         image, queue = self.live.image, self.session.queue
-        cl.enqueue_copy(queue, self.live.raw, live.raw.astype(np.float32))
-        cl.enqueue_copy(queue, image.depth, live.filtered.astype(np.float32))
+        cl.enqueue_copy(queue, image.depth, live.raw.astype(np.float32))
+        cl.enqueue_copy(queue, self.live.filtered, live.filtered.astype(np.float32))
         for place, plane in zip(image.normals, planes(live.normals), strict=True):
             cl.enqueue_copy(queue, place, plane)
         cl.enqueue_copy(queue, image.colour, live.colour)

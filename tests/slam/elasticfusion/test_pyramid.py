@@ -38,8 +38,8 @@ def test_a_live_image_is_filtered_within_the_range_that_is_believed(session):
     filtered = bilateral_filter(
         raw, preprocessing.RADIUS, preprocessing.SPATIAL_SIGMA, preprocessing.RANGE_SIGMA
     )
-    np.testing.assert_allclose(download(session, live.raw, SMALL), raw, rtol=1e-6)
-    np.testing.assert_allclose(download(session, live.image.depth, SMALL), filtered, rtol=3e-5)
+    np.testing.assert_allclose(download(session, live.image.depth, SMALL), raw, rtol=1e-6)
+    np.testing.assert_allclose(download(session, live.filtered, SMALL), filtered, rtol=3e-5)
     normals = np.dstack([download(session, plane, SMALL) for plane in live.image.normals])
     np.testing.assert_allclose(normals, normal_map(filtered, SMALL), atol=2e-2)
     packed = download(session, live.image.colour, SMALL, np.uint32)
