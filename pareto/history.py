@@ -55,7 +55,9 @@ class History:
         """Return (n,) indices and (n, objectives) mean values of what succeeded, in order of arrival."""
         rows = [(index, [v for v in values if v is not None]) for index, values in self.told.items()]
         rows = [(index, values) for index, values in rows if values]
-        table = np.array([np.mean(values, axis=0) for _, values in rows], dtype=np.float64)
+        # Nearly everything is measured once: the mean of one takes ten times as long as the rest together.
+        means = [values[0] if len(values) == 1 else np.mean(values, axis=0) for _, values in rows]
+        table = np.array(means, dtype=np.float64)
         indices = np.array([index for index, _ in rows], dtype=np.int64)
         return indices, table.reshape(len(rows), len(self.objectives))
 

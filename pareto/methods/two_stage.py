@@ -24,6 +24,7 @@ from pareto.transfer import Trend, trusted
 SHORTLIST = 500  # candidates that stay in the race after the first look
 RENEWAL = 20  # proposals, at least, after which the space is screened and the models are chosen anew
 SELDOM = 10  # one in so many of the measurements: proposals after which they are, late
+AHEAD = 100  # one in so many of the measurements: proposals that are chosen at once, though asked for singly
 GREEDY = 100  # of a batch that are chosen one after the other
 TURNS = (BOLD, BESIDE, CAUTIOUS)  # whose opinion decides, choice after choice
 NEIGHBOURS = 250  # of the front that are looked at for each proposal of a batch between two screenings
@@ -41,7 +42,8 @@ class TwoStage(Method):
     `points` measurements near the front, and so do the neighbours of the best of them, as long as that finds
     better ones; points are taken greedily by expected hypervolume improvement times the chance of success. At
     first one in `explore` is drawn at random instead; that share falls with the root of what was measured, so
-    that exploration gets rare and never dries up. Small batches share a screening.
+    that exploration gets rare and never dries up. Small batches share a screening and, once there are
+    hundreds of measurements, models: a few proposals are chosen ahead.
 
     With a prior, half as many come first while it is borne out, every other of them one that did well on the
     other device, and the models learn what the trend between the two devices leaves over.
@@ -52,12 +54,14 @@ class TwoStage(Method):
     initial: int = 40
     trees: int = 32
     candidates: int = 4000
-    points: int = 600
+    points: int = 1000
     explore: int = 10
     _shortlist: list[int] = field(default_factory=list, init=False)
     _recipes: dict[str, Recipe] = field(default_factory=dict, init=False)
     _jury: Jury | None = field(default=None, init=False)
     _since: int = field(default=0, init=False)  # proposals from both
+    _ahead: list[int] = field(default_factory=list, init=False)  # chosen, and not yet asked for
+    _until: int = field(default=0, init=False)  # so many are taken: those are out of date
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return `count` proposals, or what is left of the space."""
@@ -72,7 +76,7 @@ class TwoStage(Method):
         if count > exploring and len(history.measured()[0]):
             # On matrices of a few hundred rows, threads of BLAS cost six times what they save.
             with threadpool_limits(limits=1, user_api="blas"):
-                best = self._best(history, count - exploring, [index for index, _ in chosen], rng)
+                best = self._next(history, count - exploring, [index for index, _ in chosen], rng)
             chosen += [(index, ACTIVE) for index in best]
             count -= len(best)
         # Where no candidate promises anything, the rest of the batch explores.
@@ -89,6 +93,8 @@ class TwoStage(Method):
             "recipes": self._recipes,
             "jury": self._jury and self._jury.to_dict(),
             "since": self._since,
+            "ahead": self._ahead,
+            "until": self._until,
         }
 
     def recall(self, memory: Mapping[str, Any], space: Space) -> None:
@@ -101,6 +107,8 @@ class TwoStage(Method):
         jury = memory.get("jury")
         self._jury = None if jury is None else Jury.read(jury, space)
         self._since = int(memory.get("since", 0))
+        self._ahead = [read_index(space, index) for index in memory.get("ahead", [])]
+        self._until = int(memory.get("until", 0))
 
     def _first(
         self, history: History, count: int, helped: bool, rng: np.random.Generator
@@ -120,6 +128,19 @@ class TwoStage(Method):
         missing = count - len(proven) - len(design)
         rest = sample(history.space, missing, rng, exclude | {*design}, draws=DRAWS).tolist()
         return [(index, RANDOM) for index in [*design, *rest]] + [(index, ACTIVE) for index in proven]
+
+    def _next(
+        self, history: History, count: int, also_taken: list[int], rng: np.random.Generator
+    ) -> list[int]:
+        """Return the next `count` of those chosen ahead, or choose anew where they are too few or too old."""
+        taken = history.taken() | set(also_taken)
+        ahead = [index for index in self._ahead if index not in taken]
+        if len(ahead) < count or len(taken) >= self._until:
+            size = max(count, len(taken) // AHEAD)
+            self._until = len(taken) + size
+            ahead = self._best(history, size, also_taken, rng)
+        self._ahead = ahead[count:]
+        return ahead[:count]
 
     def _best(
         self, history: History, count: int, also_taken: list[int], rng: np.random.Generator
