@@ -12,11 +12,12 @@ from typing import Any
 from crowd.disclosure import public
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.services import MEASURED
-from slam.system import STAGES
+from slam.isolated import STAGES
 
 ABOUT = ("number", "phase", "iteration", "label", "state", "attempt", "frames", "software", "error")
 MOMENTS = ("started_at", "finished_at")
-STAGE_SECONDS = tuple(f"{stage}_seconds" for stage in ("acquisition", *STAGES))
+OBJECTIVES = (*MEASURED, "energy_joules")  # the last where a machine tells it
+STAGE_SECONDS = tuple(f"{stage}_seconds" for stage in STAGES)
 AT_ONCE = 500
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet computes a text that begins so
 
@@ -36,7 +37,7 @@ def csv_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
     """
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
     worker = ("worker",) if staff else ()
-    columns = (*ABOUT, *worker, "device", *MOMENTS, *parameters, *MEASURED, *STAGE_SECONDS)
+    columns = (*ABOUT, *worker, "device", *MOMENTS, *parameters, *OBJECTIVES, *STAGE_SECONDS)
     writer = csv.DictWriter(_Line(), columns, extrasaction="ignore")
     yield writer.writeheader()
     for row in _rows(exploration, staff):

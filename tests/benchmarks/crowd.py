@@ -1,6 +1,7 @@
 """How much one machine takes in, beside a plain implementation, and what it costs as the crowd grows.
 
-python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME ...] [--keep FOLDER]; parts:
+python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME ...] [--keep FOLDER | --kept
+FOLDER]; parts:
 - intake: submissions of four runs by four clients at once, on granian alone, beside the peer in
   `tests.benchmarks.plain` on the same database, in turns; and the manifest's 304.
 - growth: the same questions and one more submission at 10,000, 100,000 and 1,000,000 runs (`crowd_growth`);
@@ -9,9 +10,10 @@ python -m tests.benchmarks.crowd [--quick] [--only PART ...] [--databases NAME .
 - watching: how long a large exploration's pages take (`crowd_watching`); not with --quick.
 
 All on SQLite and, where its wheel is installed, on PostgreSQL. Intake and growth can be asked for one of them
-alone; --keep leaves growth's data folder and, filled, its SQLite database in FOLDER, which must not be there.
-Writes var/benchmarks/crowd.json, where what was not measured this time stays, and prints tables. Figures of
-one run compare with each other: clients, server and database share this machine's cores.
+alone; --keep leaves growth's data folder and, filled, its SQLite database in FOLDER, which must not be there;
+--kept asks that one again, without filling it. Writes var/benchmarks/crowd.json, where what was not measured
+this time stays, and prints tables. Figures of one run compare with each other: clients, server and database
+share this machine's cores.
 """
 
 import argparse
@@ -122,9 +124,13 @@ def _columns(row: dict[str, float]) -> str:
 
 
 def _growth(
-    say: Callable[[str], Any], quick: bool, names: Sequence[str], keep: Path | None
+    say: Callable[[str], Any], quick: bool, names: Sequence[str], keep: Path | None, kept: Path | None
 ) -> dict[str, Any]:
     plan = crowd_growth.QUICK if quick else crowd_growth.FULL
+    if kept is not None:
+        say("Growth on sqlite, as it was kept")
+        say(crowd_growth.heading())
+        return {"sqlite again": crowd_growth.measure_kept(kept / "sqlite", say)}
     found: dict[str, Any] = {}
     with databases(names) as each:
         for name, database in each.items():
@@ -156,19 +162,18 @@ def main() -> None:
         metavar="NAME",
         help=", ".join(DATABASES),
     )
-    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="where growth leaves what it filled")
+    folders = parser.add_mutually_exclusive_group()
+    folders.add_argument("--keep", type=Path, metavar="FOLDER", help="where growth leaves what it filled")
+    folders.add_argument("--kept", type=Path, metavar="FOLDER", help="where an earlier growth left it")
     options = parser.parse_args()
+    keep, kept = (folder and folder.absolute() for folder in (options.keep, options.kept))
     parts = options.only or (PARTS[:2] if options.quick else PARTS)
     results: dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     results |= {"quick": options.quick, "cores": os.cpu_count(), "loop_s": round(loop_seconds(), 3)}
     if "intake" in parts:
         _keep(results, "intake", _intake(say, options.quick, options.databases))
     if "growth" in parts:
-        _keep(
-            results,
-            "growth",
-            _growth(say, options.quick, options.databases, options.keep and options.keep.absolute()),
-        )
+        _keep(results, "growth", _growth(say, options.quick, options.databases, keep, kept))
     if "explorations" in parts:
         _keep(results, "explorations", crowd_explorations.compare(say))
     if "watching" in parts:

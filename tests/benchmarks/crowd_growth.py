@@ -9,10 +9,12 @@ memory. CPU counts, which a busy machine changes less than time. Part of `python
 import gzip
 import json
 import resource
+import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -65,20 +67,32 @@ def measure(
         row: dict[str, Any] = {"filled": _fill(var, services, size - stored, plan.devices)}
         stored = size
         row["recomputed"] = _recompute(var, services, size)
-        with Serving(var, services) as server:
-            row["one_more"] = _one_more(server, SUBMISSIONS)
-            pids = server.pids("granian") + ([database.process.pid] if database else [])
-
-            def cpu(pids: list[int] = pids) -> float:
-                return cpu_seconds(pids)
-
-            row["warm"] = {name: read(server.port, path, cpu) for name, path in READS.items()}
+        row |= _ask(var, services, database, cold=size == plan.sizes[-1])
         stored += SUBMISSIONS * 4
-        if size == plan.sizes[-1]:
-            row["cold"] = _cold(var, services, database)
         found[str(size)] = row
         say(_line(size, row))
     return found
+
+
+def measure_kept(folder: Path, say: Callable[[str], Any]) -> dict[str, Any]:
+    """The figures of the SQLite database that `measure` left in FOLDER, by its size; it takes minutes."""
+    var = folder / "var"
+    with closing(sqlite3.connect(var / "frontrunner.sqlite3")) as database:
+        (runs,) = database.execute("SELECT max(id) FROM results_run").fetchone()
+    row = _ask(var, dict(LIMITS), None, cold=True)
+    say(_line(runs, row))
+    return {str(runs): row}
+
+
+def _ask(var: Path, services: Services, database: PostgreSQL | None, cold: bool) -> dict[str, Any]:
+    """One more submission, and every read: warm, and COLD as well."""
+    with Serving(var, services) as server:
+        pids = server.pids("granian") + ([database.process.pid] if database else [])
+        row: dict[str, Any] = {"one_more": _one_more(server, SUBMISSIONS)}
+        row["warm"] = {
+            name: read(server.port, path, lambda: cpu_seconds(pids)) for name, path in READS.items()
+        }
+    return row | ({"cold": _cold(var, services, database)} if cold else {})
 
 
 def heading() -> str:
@@ -95,9 +109,12 @@ def _line(size: int, row: dict[str, Any]) -> str:
         each = (" ".join(str(row[kind][name][figure]) for figure in figures) for name in READS)
         return "".join(f"{figure:>15}" for figure in each)
 
+    made = [
+        row[step][figure] if step in row else "-"
+        for step, figure in (("filled", "seconds"), ("recomputed", "seconds"), ("recomputed", "cpu_us_a_run"))
+    ]
     line = (
-        f"{size:>10} {row['filled']['seconds']:>8} {row['recomputed']['seconds']:>12} "
-        f"{row['recomputed']['cpu_us_a_run']:>9} {row['one_more']['web_cpu_ms']:>8} "
+        f"{size:>10} {made[0]:>8} {made[1]:>12} {made[2]:>9} {row['one_more']['web_cpu_ms']:>8} "
         f"{row['one_more']['worker_cpu_ms']:>10}{reads('warm', 'p95_ms', 'server_cpu_ms')}"
     )
     return f"{line}\n{'cold':>62}{reads('cold', 'slowest_ms')}" if "cold" in row else line

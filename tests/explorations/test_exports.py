@@ -7,8 +7,9 @@ import pytest
 
 from crowd.disclosure import public
 from crowd.explorations import exports, leases, services
-from crowd.explorations.measurement import MeasurementError
+from crowd.explorations.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Exploration
+from slam import isolated
 
 FAILURE = "=2+5: /srv/frontrunner/slam/run.py is gone"
 
@@ -44,6 +45,20 @@ def test_a_text_that_a_spreadsheet_would_compute_begins_with_an_apostrophe(faile
 
     assert row["error"] == "'=2+5: run.py is gone"
     assert row["state"] == "failed"
+
+
+def test_whatever_was_measured_has_a_column(exploration: Exploration) -> None:
+    with leases.leased(services.waiting(exploration)[0].pk) as evaluation:
+        assert evaluation is not None
+        values = dict.fromkeys((*services.MEASURED, "energy_joules"), 0.25)
+        stages = dict.fromkeys(isolated.STAGES, 0.5)
+        leases.record(evaluation, Measurement(values, stages, {"name": "Bench CPU"}))
+
+    row = first("".join(exports.csv_lines(exploration)))
+    told = json.loads("".join(exports.json_lines(exploration)))[0]
+
+    for name in (*values, *(f"{stage}_seconds" for stage in stages)):
+        assert float(row[name]) == told[name] > 0
 
 
 def test_numbers_stay_numbers(exploration: Exploration) -> None:
