@@ -24,7 +24,7 @@ from pareto.transfer import Trend, trusted
 SHORTLIST = 500  # candidates that stay in the race after the first look
 RENEWAL = 20  # proposals, at least, after which the space is screened and the models are chosen anew
 SELDOM = 10  # one in so many of the measurements: proposals after which they are, late
-AHEAD = 100  # one in so many of the measurements: proposals that are chosen at once, though asked for singly
+AHEAD = 50  # one in so many of the measurements: proposals that are chosen at once, though asked for singly
 GREEDY = 100  # of a batch that are chosen one after the other
 TURNS = (BOLD, BESIDE, CAUTIOUS)  # whose opinion decides, choice after choice
 NEIGHBOURS = 250  # of the front that are looked at for each proposal of a batch between two screenings
