@@ -215,7 +215,7 @@ class Session:
 
 
 class BoundKernel:
-    """A kernel whose arguments stay the same from frame to frame, but for few: launching it costs one call."""
+    """A kernel whose arguments stay the same from frame to frame, but for few: a launch costs one call."""
 
     def __init__(
         self,

@@ -70,8 +70,7 @@ class Loops:
         ]
         view, key = self._view_pyramids
         self._view_odometries = [
-            Odometry(session, *self._view_pyramids, icp_weight=weight, iterations=THUMBNAIL_ITERATIONS)
-            for weight in THUMBNAIL_ICP_WEIGHTS
+            Odometry(session, view, key, weight, THUMBNAIL_ITERATIONS) for weight in THUMBNAIL_ICP_WEIGHTS
         ]
         self._closing = LoopClosing(configuration, small, self._verify)
 
