@@ -19,8 +19,7 @@ ASSOCIATION_DISTANCE = 0.10  # metres between partners of ICP
 ASSOCIATION_NORMAL = float(np.cos(np.deg2rad(20)))  # product of their normals
 DEPTH_DIFFERENCE = 0.07  # metres between pixels whose brightness is compared
 PHOTOMETRIC_FARTHEST = 6.0  # metres
-# Grey levels per pixel, finest level first: 5, 3 and 1 of the original's derivative, whose slope is 0.46.
-LEAST_GRADIENTS = (10.9, 6.5, 2.2)
+LEAST_GRADIENTS = (5.0, 3.0, 1.0)  # grey levels per pixel, finest level first
 # Of a difference of brightness beside a distance of 1 m: at w = 10 one as large as its noise counts like
 # 2.5 mm, about the noise of a depth camera.
 RGB_WEIGHT = 0.05
