@@ -38,6 +38,16 @@ def test_the_same_seed_makes_the_same_crowd(configurations: tuple[made_up.Config
     )
 
 
+def test_the_crowd_of_another_front_has_the_same_devices(
+    configurations: tuple[made_up.Configuration, ...],
+) -> None:
+    other = [made_up.Configuration(str(n), {"icp_weight": n + 1}, 0.1, 0.01) for n in range(5)]
+
+    here, there = (made_up.devices(30, front, 1) for front in (configurations, other))
+
+    assert [device.descriptions for device in here] == [device.descriptions for device in there]
+
+
 def test_devices_of_one_family_scale_alike(configurations: tuple[made_up.Configuration, ...]) -> None:
     """What a configuration gains differs more between families than within one."""
     wide = [

@@ -61,14 +61,16 @@ def configurations_of(manifest: Mapping[str, Any]) -> tuple[Configuration, ...]:
 
 
 def devices(count: int, front: Sequence[Configuration], seed: int) -> list[SimulatedDevice]:
-    """COUNT devices on FRONT, the same for the same SEED. Raises ValueError for none at all."""
+    """COUNT devices on FRONT, the same for the same SEED, whose models are the same on every front. Raises
+    ValueError for none at all.
+    """
     if count < 1:
         raise ValueError(f"{count} devices: simulate 1 or more")
     steps = standardised([configuration.parameters for configuration in front])
     random = np.random.default_rng((seed, 0))
-    tastes = random.normal(0.0, FAMILY_TASTE, (len(FAMILIES), steps.shape[1]))
     shares = np.array([family.share for family in FAMILIES])
     chosen = random.choice(len(FAMILIES), size=count, p=shares / shares.sum())
+    tastes = random.normal(0.0, FAMILY_TASTE, (len(FAMILIES), steps.shape[1]))
     return [
         _device(number, FAMILIES[family], tastes[family], steps, front, np.random.default_rng((seed, number)))
         for number, family in enumerate(chosen, 1)

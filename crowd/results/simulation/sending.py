@@ -131,13 +131,14 @@ def send_crowd(
 ) -> Iterator[Progress]:
     """Enrol and submit COUNT devices with SESSIONS each, and tell after each device how far it is.
 
-    The same SEED on the same front and day sends the same. Raises RefusedError at the first refusal.
+    The same SEED on the same front and day sends the same, on another front other sessions of the same
+    devices. Raises RefusedError at the first refusal.
     """
     manifest = _asked(carry("GET", f"{API}/manifest?application={application}", b"", {}), 200)
     front = configurations_of(manifest)
     done, runs = 0, 0
     for number, device in enumerate(devices(count, front, seed), 1):
-        random = np.random.default_rng((seed, number, 1))
+        random = np.random.default_rng((seed, number, 1, *manifest["front_version"].encode()))
         tokens = [_enrolled(carry, manifest, permit) for _ in range(min(device.installations, sessions))]
         for sent in _sessions(device, front, manifest, sessions, len(tokens), today, random):
             runs += _submitted(carry, manifest, tokens[sent.installation], sent)
