@@ -18,12 +18,11 @@ from crowd.dashboard.drawings.drawing import with_query
 from crowd.devices.models import DeviceModel
 from crowd.devices.vendors import VENDORS
 from crowd.fronts import selectors as published
-from crowd.fronts.selectors import BEST
+from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results import selectors as results
 from crowd.results.filters import ALL, InvalidFilterError, SpeedupFilters
 
 SYSTEMS = ("Android", "Linux", "macOS", "Windows")
-DEFAULT = SpeedupFilters().application
 SCRIPT = "HX-Request"  # htmx asks with this header
 
 
@@ -74,7 +73,7 @@ class Filtering:
     @property
     def within(self) -> "Filtering":
         """The same for the page of a front, which is of one application."""
-        return replace(self, filters=replace(self.filters, front="", application=DEFAULT))
+        return replace(self, filters=replace(self.filters, front="", application=DEFAULT_APPLICATION))
 
     @property
     def start(self) -> str:
@@ -97,7 +96,7 @@ class Filtering:
     @property
     def described(self) -> str:
         """What is left of the application's crowd, in words; "" where nothing is left out."""
-        return replace(self.filters, application=DEFAULT).describe()
+        return replace(self.filters, application=DEFAULT_APPLICATION).describe()
 
     @property
     def filtered(self) -> bool:
@@ -129,7 +128,8 @@ class Filtering:
     @property
     def applications(self) -> list[tuple[str, str]]:
         """Applications that have a front, the default one first, each with the address of the page for it."""
-        names = sorted({name for _, name in self.published}, key=lambda name: (name != DEFAULT, name))
+        there = {application for _, application in self.published}
+        names = sorted(there, key=lambda name: (name != DEFAULT_APPLICATION, name))
 
         def address(name: str) -> str:
             return replace(self, filters=replace(self.filters, application=name, front="")).address

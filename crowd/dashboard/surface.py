@@ -14,11 +14,10 @@ import numpy as np
 from django.conf import settings
 from numpy.typing import NDArray
 
-from crowd.results.filters import SpeedupFilters
+from crowd.fronts.selectors import DEFAULT_APPLICATION
 from slam.protocol import VALID_BELOW
 from slam.surface import MEASURED
 
-APPLICATION = SpeedupFilters().application
 # Columns that say on what was measured; what is neither these, MEASURED nor an axis is the configuration.
 SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device")
 
@@ -92,7 +91,7 @@ class Reading:
 def shipped() -> dict[str, Surface]:
     """The surfaces below fixtures/surfaces by application, that of the default one first."""
     files = sorted((Path(settings.BASE_DIR) / "fixtures" / "surfaces").glob("*.json"))
-    surfaces = sorted(map(read, files), key=lambda surface: surface.application != APPLICATION)
+    surfaces = sorted(map(read, files), key=lambda surface: surface.application != DEFAULT_APPLICATION)
     return {surface.application: surface for surface in surfaces}
 
 

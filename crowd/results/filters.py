@@ -8,7 +8,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from crowd.devices import vendors
-from crowd.fronts.selectors import BEST
+from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 
 ALL = "all"
 WHOLE_NUMBER = re.compile(r"[0-9]{1,7}")
@@ -67,7 +67,7 @@ class SpeedupFilters:
     """
 
     front: str = ""  # slug; empty: the newest front that somebody has measured
-    application: str = "kfusion"
+    application: str = DEFAULT_APPLICATION
     configuration: str = BEST  # ALL for every configuration
     device: str = ""
     vendor: str = ""  # one of crowd.devices.vendors.VENDORS: whose chip computed
@@ -117,7 +117,7 @@ class SpeedupFilters:
     def _words(self) -> list[str]:
         return [
             "simulated devices" if self.simulated else "",
-            self.application if self.application != "kfusion" else "",
+            self.application if self.application != DEFAULT_APPLICATION else "",
             self.front,
             "" if self.configuration == BEST else _configurations(self.configuration),
             f"device “{self.device}”" if self.device else "",

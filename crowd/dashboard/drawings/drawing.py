@@ -12,6 +12,7 @@ from typing import Generic, TypeVar
 from plotly import graph_objects as go
 
 from crowd.dashboard.palette import Theme
+from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results.filters import SpeedupFilters
 
 Rows = TypeVar("Rows")
@@ -64,6 +65,6 @@ def with_query(address: str, query: str) -> str:
 def titled(words: str, front: str | None, filters: SpeedupFilters) -> str:
     """A title: WORDS, the FRONT that is shown, and what FILTERS leave of the crowd."""
     # The front's name tells the application.
-    left = replace(filters, front="", application=SpeedupFilters().application)
+    left = replace(filters, front="", application=DEFAULT_APPLICATION)
     told = [words, f"front {front}" if front else "", left.describe()]
     return ", ".join(filter(None, told))

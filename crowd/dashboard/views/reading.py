@@ -9,8 +9,6 @@ from crowd.fronts import selectors as published
 from crowd.results.opendata.tables import LICENCE, TABLES
 from crowd.results.rules import RULES
 
-APPLICATION = "kfusion"
-
 
 @page
 def data(request: HttpRequest) -> HttpResponse:
@@ -31,7 +29,7 @@ def data(request: HttpRequest) -> HttpResponse:
 @page
 def about(request: HttpRequest) -> HttpResponse:
     """What is measured, how a figure comes about, and what is known of the people behind it."""
-    front = published.current(APPLICATION)
+    front = published.current(published.DEFAULT_APPLICATION)
     return render(
         request,
         "dashboard/about.html",

@@ -3,7 +3,7 @@
 from django.db.models import Exists, OuterRef, Q
 
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.fronts.selectors import BEST
+from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.filters import SpeedupFilters
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession
 from crowd.results.reading.figures import device_of, figures, hour, simulated_only, version
@@ -12,14 +12,13 @@ from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, sess
 from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.rows import Device, DeviceDetail, DeviceRow
 
-APPLICATION = SpeedupFilters().application
 LISTED_DESCRIPTIONS = 20
 
 # By their keys; of a few versions of the data.
 _named: Kept[dict[int, Device]] = Kept(2)
 
 
-def devices(simulated: bool = False, application: str = APPLICATION) -> tuple[DeviceRow, ...]:
+def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
     """Every device with a summarised session, fastest on APPLICATION first, those without a figure of it
     last; of the SIMULATED ones, or of those that people measured. Thirteen queries at most, whatever the
     number of devices.
@@ -42,7 +41,7 @@ def _devices() -> dict[int, Device]:
     return {model.pk: device_of(model) for model in DeviceModel.objects.all()}
 
 
-def pending(simulated: bool = False, application: str = APPLICATION) -> tuple[DeviceRow, ...]:
+def pending(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
     """Devices with a summarised session of APPLICATION and no figure of `best` on its newest measured
     front, by slug; of the SIMULATED ones, or of those that people measured. Three queries at most, whatever
     the number of devices.
