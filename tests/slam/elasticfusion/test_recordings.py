@@ -37,11 +37,11 @@ def lost(report) -> list[int]:
 
 
 def test_redkitchen_is_tracked_to_the_end():
-    """Its truth is itself an estimate, good to centimetres: KinectFusion is .031 m away from it, aligned."""
+    """Its truth is itself an estimate, good to centimetres: KinectFusion too ends .031 m away from it."""
     report = run({}, Quartered("redkitchen"), system="elasticfusion")
     assert lost(report) == []
     assert report.ate is not None
-    assert report.ate.rmse_aligned < 0.031
+    assert report.ate.rmse_aligned < 0.035
 
 
 def test_brisk_motion_is_tracked_as_open3d_does():
