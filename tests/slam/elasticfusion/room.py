@@ -99,6 +99,6 @@ def _view(
     points = origin + depth[..., None] * directions
     waves = np.sin(points @ WAVES.T)
     mixed = np.dstack([waves.sum(axis=-1), waves[..., ::2].sum(axis=-1), waves[..., 1::2].sum(axis=-1)])
-    paint = 128 + (18 * mixed if smooth else 90 * np.tanh(mixed))
+    paint = 128 + (7 * mixed if smooth else 90 * np.tanh(mixed))
     colour = np.clip(np.rint(brightness * paint), 1, 255).astype(np.uint8)
     return np.rint(1000 * depth).astype(np.uint16), colour
