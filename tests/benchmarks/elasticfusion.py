@@ -81,9 +81,12 @@ def growth(sequence: Sequence, driver: str) -> list[dict[str, Any]]:
     return measured
 
 
-def measure(path: Path, driver: str, frames: int) -> dict[str, Any]:
-    """Print both tables for one device and return what they hold."""
+def measure(path: Path, driver: str, frames: int) -> dict[str, Any] | None:
+    """Print both tables for one device and return what they hold; None for a sequence without colour."""
     sequence = open_sequence(path)
+    if sequence.colour(0) is None:
+        print(f"\nElasticFusion not measured: {sequence.name} has no colour")
+        return None
     frames = min(frames, len(sequence))
     print(f"\nElasticFusion, {sequence.name}, {frames} frames, {driver}; milliseconds a frame, errors in mm")
     heads = "".join(f"{stage:>15}" for stage in STAGES)
