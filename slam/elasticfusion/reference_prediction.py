@@ -20,6 +20,7 @@ from slam.elasticfusion.visible import BAND, bands_of
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 NOBODY = -1
+BEND = 8.0  # radii that the rim of a disc is bent backwards when depths are compared
 
 
 def discs(surfels: NDArray[Any], pose: Array) -> tuple[Array, Array, Array]:
@@ -103,7 +104,8 @@ def splat(
 ) -> tuple[Array, Integers]:
     """At each pixel the nearness of the nearest disc that its ray meets from the front, and that disc's id.
 
-    Nearness is the inverse depth of the disc bent backwards: at distance s from its middle by s^2 / radius.
+    Nearness is the inverse depth of the disc bent backwards: at distance s from its middle by
+    BEND s^2 / radius.
     """
     middles, normals, radii = discs(surfels, pose)
     usable = wanted(surfels, pose, seen, confidence) & ((middles * normals).sum(axis=1) < 0)
@@ -115,7 +117,7 @@ def splat(
         facing = usable & (slopes < 0)
         depth = np.where(facing, (normals * middles).sum(axis=1), 1) / np.where(facing, slopes, 1)
         distance = np.linalg.norm(depth[:, None] * ray - middles, axis=1)
-        bent = distance**2 / np.where(facing, radii, 1)
+        bent = BEND * distance**2 / np.where(facing, radii, 1)
         key = np.where(facing & (distance <= radii), (1 - bent / depth) / depth, 0)
         if key.max() > 0:
             ids[y, x] = key.argmax()  # of equals the first

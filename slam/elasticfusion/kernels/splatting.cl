@@ -1,8 +1,9 @@
 // The map as a camera sees it: each surfel drawn as a disc (Whelan et al. 2016, section 3.2).
 // `nearness` and `ids` are working images with `stride` places a row: how near the nearest disc is at each pixel, and
 // whose it is. Nearness is the inverse of the depth along the optical axis, but discs are compared as if they were
-// bent backwards: where they overlap, the one is seen whose middle is nearest to the ray. The rims of flat discs would
-// otherwise stand out of every curved, creased or noisy surface, which then seems nearer than it is.
+// bent backwards: where they overlap, the one is seen whose middle is nearest to the ray. Otherwise the rims of flat
+// discs stand out of every curved or creased surface, and of the many discs of a noisy one the nearest are seen, so that
+// surfaces seem nearer than they are.
 #include "arithmetic.h"
 #include "shape.h"
 #include "surfels.h"
@@ -10,12 +11,13 @@
 
 #define LANES 8  // pixels that are tried side by side in the layout by rows; `prediction.py` pads rows with as many
 #define BATCH 16 // discs that are made ready side by side there
+#define BEND 8.0f // radii that a disc's rim is bent backwards; `reference_prediction.py` has the same
 
 // A disc as rays see it that are off the one through its middle by (x, y): the inverse of the depth at which a ray
 // meets its plane is linear, inverse + inverse_x x + inverse_y y, and it meets the disc itself where
 // rim = xx x^2 + xy x y + yy y^2 <= square (inverse depth)^2. Both follow from the ray's depth n.p / n.ray, and
-// nothing has to be divided at a pixel. At distance s from its middle the disc is bent backwards by s^2 / radius, a
-// radius at its rim, which takes rim * bend from the inverse depth.
+// nothing has to be divided at a pixel. At distance s from its middle the disc is bent backwards by BEND s^2 / radius,
+// which takes rim * bend from the inverse depth.
 typedef struct {
     float ray_x, ray_y, inverse, inverse_x, inverse_y, xx, xy, yy, square, bend;
 } Sheet;
@@ -34,7 +36,7 @@ INLINE Sheet sheet_of(Disc d)
     sheet.yy = 1.0f + sheet.inverse_y * (distance * sheet.inverse_y - 2.0f * d.y);
     sheet.xy = 2.0f * (distance * sheet.inverse_x * sheet.inverse_y - d.x * sheet.inverse_y - d.y * sheet.inverse_x);
     sheet.square = d.radius * d.radius;
-    sheet.bend = 1.0f / d.radius;
+    sheet.bend = BEND / d.radius;
     return sheet;
 }
 
