@@ -26,7 +26,7 @@ class Altered(Sequence):
     ) -> None:
         if dark is not None and not 0 <= dark[0] <= dark[1] < len(sequence):
             raise SequenceError(
-                f"dark frames {dark[0]} to {dark[1]}: give two of 0 to {len(sequence) - 1}, the first before"
+                f"dark frames {dark[0]} to {dark[1]}: give two of 0 to {len(sequence) - 1}, the smaller first"
             )
         if not -0.5 < focal_error < 0.5:
             raise SequenceError(f"focal error {focal_error:g}: give a fraction between -0.5 and 0.5")
