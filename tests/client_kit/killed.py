@@ -89,7 +89,7 @@ def ready(_sequence: Any, asked: Manifest, plan: tuple[str, ...], **_: Any) -> S
 def main(folder: Path, server: str, stride: int) -> None:
     measurement.measure = ready  # type: ignore[assignment]
     participation._device = lambda *_: (DEVICE, IDENTITY)  # type: ignore[assignment]
-    preflight.concerns = lambda *_: []
+    preflight.concerns = lambda *_, **__: []
     total = run(Home(folder / "whole"), server, 2)
     kills = []
     for last in range(1, total, stride):
