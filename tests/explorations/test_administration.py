@@ -74,7 +74,7 @@ def test_the_administrator_reads_lists_and_rows(administrator: Client, explorati
 def test_the_form_offers_what_is_there_with_defaults(administrator: Client, unsaved: Exploration) -> None:
     page = administrator.get(reverse(ADD)).content.decode()
 
-    assert '<option value="kfusion">kfusion</option>' in page
+    assert '<option value="kfusion" selected>kfusion</option>' in page
     assert "tiny: 12 frames" in page
     assert 'value="60"' in page
     assert "bench" in page
