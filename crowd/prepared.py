@@ -8,6 +8,7 @@ from functools import cache
 from typing import Any
 
 from django.db import DEFAULT_DB_ALIAS, connection, connections
+from django.db.backends.utils import CursorWrapper
 from django.db.models import AutoField, Expression, Field, Model, QuerySet
 from django.db.models.sql.compiler import SQLCompiler
 
@@ -33,7 +34,7 @@ class Query:
     def rows(self, **values: Any) -> list[tuple[Any, ...]]:
         """The answer with VALUES in the holes of their names."""
         sql, parameters, conversions = self._compiled.get(connection.vendor) or self._compile()
-        with connection.cursor() as cursor:
+        with _cursor(connections[DEFAULT_DB_ALIAS]) as cursor:
             cursor.execute(sql, [_filled(each, values) for each in parameters])
             rows = [list(row) for row in cursor.fetchall()]
         for place, converter, expression in conversions:
@@ -70,7 +71,7 @@ def insert(rows: Sequence[Model]) -> None:
     # The connection itself: behind its proxy each field would look for the thread's one again.
     database = connections[DEFAULT_DB_ALIAS]
     sql, fields = _insertion(type(rows[0]), database.vendor)
-    with database.cursor() as cursor:
+    with _cursor(database) as cursor:
         cursor.executemany(sql, [_values(row, fields, database) for row in rows])
 
 
@@ -80,9 +81,19 @@ def insert_keyed(rows: Sequence[Model]) -> None:
     for row in rows:
         sql, fields = _insertion(type(row), database.vendor)
         key = database.ops.quote_name(str(row._meta.pk.column))
-        with database.cursor() as cursor:
+        with _cursor(database) as cursor:
             cursor.execute(f"{sql} RETURNING {key}", _values(row, fields, database))
             (row.pk,) = cursor.fetchone()
+
+
+def _cursor(database: Any) -> CursorWrapper:
+    """A cursor whose statements PostgreSQL plans once a connection, from the fifth time on. Django's own
+    writes the values into the SQL, so that each is another statement.
+    """
+    cursor: CursorWrapper = database.cursor()
+    if database.vendor == "postgresql":
+        cursor.cursor = database.Database.Cursor(database.connection)
+    return cursor
 
 
 @cache

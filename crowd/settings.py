@@ -149,6 +149,8 @@ _patience = integer("FRONTRUNNER_DATABASE_PATIENCE_SECONDS", 10, least=1)
 if DATABASES["default"]["ENGINE"] == "django.db.backends.postgresql":
     # A request that waits for a lock for ever would hold its thread for ever.
     DATABASES["default"].setdefault("OPTIONS", {}).setdefault("options", f"-c lock_timeout={_patience}s")
+    # Of the few statements of crowd.prepared alone: all others have their values in them.
+    DATABASES["default"]["OPTIONS"].setdefault("prepare_threshold", 5)
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     # Readers never wait for the writer (WAL), a writer takes its lock at once instead of failing halfway
     # (IMMEDIATE), and waits for another writer.

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
-from django.db import IntegrityError
+from django.db import IntegrityError, connection
 from django.db.models import CharField, Q, UUIDField
 
 from crowd.devices.models import Installation
@@ -73,3 +73,16 @@ def test_a_row_gets_the_key_that_the_database_gave_it(db: None) -> None:
 def test_what_a_key_refuses_is_told(db: None) -> None:
     with pytest.raises(IntegrityError):
         insert([WorkerPulse(task="one", at=datetime.now(UTC)) for _ in range(2)])
+
+
+@pytest.mark.skipif(connection.vendor != "postgresql", reason="SQLite's driver keeps statements itself")
+def test_the_database_plans_what_is_asked_often_once(known: list[Installation]) -> None:
+    query = Query(lambda: Installation.objects.filter(app=Hole("app", CharField())).values_list("pk"))
+
+    asked = [query.rows(app=name) for name in ("first", "second", "other") * 3]
+
+    assert asked == [[(known[0].pk,)], [(known[1].pk,)], []] * 3
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT statement FROM pg_prepared_statements")
+        statements = [statement for (statement,) in cursor.fetchall()]
+    assert [each for each in statements if Installation._meta.db_table in each and "$1" in each], statements

@@ -13,6 +13,7 @@ from tests.services.program import ROOT
 AGAIN = (
     "crowd/test_submissions.py",
     "crowd/test_bad_input.py",
+    "crowd/test_prepared.py",
     "crowd/test_erasure.py",
     "crowd/test_races.py",
     "crowd/test_recomputing.py",
