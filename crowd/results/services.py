@@ -180,11 +180,11 @@ def _session(
     raw = checked.submission.device
     return MeasurementSession(
         uuid=session.id,
-        installation=submission.installation,
-        submission=submission,
+        installation_id=submission.installation_id,
+        submission_id=submission.pk,
         description_id=device.description,
         device_id=device.public(submission.installation.show_model),
-        front=checked.fronts[session.front_version].row,
+        front_id=checked.fronts[session.front_version].row.pk,
         protocol_version=session.protocol_version,
         backend=session.backend,
         processor=_text(raw, "opencl_device"),
@@ -213,8 +213,8 @@ def _row(item: intake.Item, session: MeasurementSession, front: intake.Front) ->
     tracked = run.tracked if isinstance(run.tracked, list) else []
     row = Run(
         uuid=run.id,
-        session=session,
-        configuration=front.configurations[run.configuration],
+        session_id=session.pk,
+        configuration_id=front.configurations[run.configuration].pk,
         repeat=run.repeat,
         order=run.order,
         status=run.status,
