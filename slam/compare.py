@@ -43,9 +43,12 @@ def _stages(reports: Mapping[str, Mapping[str, Any]]) -> Figure:
         )  # fmt: skip
     devices = sorted({report["device"]["name"] for report in reports.values()})
     sequences = sorted({report["sequence"]["name"] for report in reports.values()})
+    systems = sorted({report["system"] for report in reports.values()})
     figure.update_layout(
         barmode="stack",
-        title=escape(f"Time per stage on {', '.join(sequences)}, {', '.join(devices)}"),
+        title=escape(
+            f"Time per stage of {' and '.join(systems)} on {', '.join(sequences)}, {', '.join(devices)}"
+        ),
         xaxis_title="mean wall milliseconds a frame",
         yaxis={"autorange": "reversed", "automargin": True},
         height=200 + 50 * len(names),

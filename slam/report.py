@@ -160,13 +160,14 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
         for number, name in enumerate(reports)
     }
     first = next(iter(reports.values()))
-    width = 12
+    width = 1 + max(12, *(len(report["system"]) for report in reports.values()))
     lines = [f"{letters[name]} = {name}" for name in reports]
     lines += ["", f"{'':14}" + "".join(f"{letters[name]:>{width}}" for name in reports)]
 
     def row(title: str, cells: Sequence[str]) -> None:
         lines.append(f"{title:14}" + "".join(f"{cell:>{width}}" for cell in cells))
 
+    row("system", [report["system"] for report in reports.values()])
     means = {
         stage: [milliseconds(report, stage).mean() for report in reports.values()]
         for stage in (*STAGES, "computation")
@@ -192,6 +193,7 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     lines += [
         f"beware: they {problem}"
         for problem, key in (
+            ("ran different systems", "system"),
             ("ran on different sequences", "sequence"),
             ("ran on different devices", "device"),
         )
@@ -207,8 +209,9 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _identity(description: Mapping[str, Any]) -> Any:
-    return description.get("sha256") or dict(description)
+def _identity(description: str | Mapping[str, Any]) -> Any:
+    """What two descriptions share if they are of one thing: of a sequence its digest."""
+    return description if isinstance(description, str) else description.get("sha256") or dict(description)
 
 
 def _mebibytes(size: int | None) -> str:

@@ -26,6 +26,12 @@ def test_stages_are_stacked_and_frames_drawn_one_by_one(report):
     assert max(error.data[0].y) == pytest.approx(report["ate"]["max"])
 
 
+def test_the_systems_are_named(report):
+    other = copy.deepcopy(report) | {"system": "elasticfusion"}
+    stages, *_ = figures({"a": report, "b": other})
+    assert stages.layout.title.text.startswith("Time per stage of elasticfusion and kfusion on ")
+
+
 def test_lost_frames_are_marked_where_they_happened(report):
     lost = copy.deepcopy(report)
     lost["frames"][7]["tracked"] = False

@@ -101,6 +101,20 @@ def test_a_comparison_names_speedup_differences_and_doubts(report):
     assert comparison({"slow": report, "fast": other}).count("beware") == 3
 
 
+def test_a_comparison_names_the_system_of_each_column_and_says_where_they_differ(report):
+    def systems(text):
+        return next(line for line in text.splitlines() if line.startswith("system")).split()[1:]
+
+    other = copy.deepcopy(report) | {"system": "elasticfusion"}
+    text = comparison({"one": report, "other": other})
+    assert systems(text) == ["kfusion", "elasticfusion"]
+    assert "beware: they ran different systems" in text
+    assert text.count("beware") == 1
+    text = comparison({"one": other, "again": other})
+    assert systems(text) == ["elasticfusion", "elasticfusion"]
+    assert "beware" not in text
+
+
 def test_the_log_has_slambenchs_columns_and_the_reports_numbers(measured):
     lines = [line.split("\t") for line in log(measured).splitlines()]
     assert lines[0] == list(COLUMNS)
