@@ -111,12 +111,20 @@ def _add_run_options(parser: argparse.ArgumentParser, needs_sequence: bool = Tru
     )
     parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
     parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
-    parser.add_argument("--volume-size", type=number, metavar="M", help="default: the sequence's, or 5 m")
-    parser.add_argument("--initial-position", type=three_numbers, metavar="x,y,z", help="fractions of it")
+    parser.add_argument(
+        "--volume-size", type=number, metavar="M",
+        help="of kfusion's volume (elasticfusion has none); default: the sequence's, or 5 m",
+    )  # fmt: skip
+    parser.add_argument(
+        "--initial-position", type=three_numbers, metavar="x,y,z",
+        help="of the camera in it, as fractions of its side; likewise of kfusion alone",
+    )  # fmt: skip
     parser.add_argument("--device", metavar="TEXT", help="a part of an OpenCL device's description")
 
 
 def _open(options: argparse.Namespace) -> Sequence:
+    if options.volume_size is not None and options.volume_size <= 0:
+        raise UsageError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
     return open_sequence(options.sequence, options.camera, options.truth)
 
 

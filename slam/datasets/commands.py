@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -83,10 +84,16 @@ def _frames(text: str) -> tuple[int, int]:
 
 def _ratio(text: str) -> int:
     """How many times WxH goes into the camera's own size, which it must divide."""
-    for ratio in range(1, CAMERA.height + 1):
-        if text == f"{CAMERA.width // ratio}x{CAMERA.height // ratio}" and CAMERA.height % ratio == 0:
-            return ratio
-    raise argparse.ArgumentTypeError(f"{text!r}: write 640x480 or an n-th of it, such as 320x240 or 160x120")
+    common = math.gcd(CAMERA.width, CAMERA.height)
+    ratios = {
+        f"{CAMERA.width // ratio}x{CAMERA.height // ratio}": ratio
+        for ratio in range(1, common + 1)
+        if common % ratio == 0
+    }
+    if text not in ratios:
+        sizes = ", ".join(ratios)
+        raise argparse.ArgumentTypeError(f"{text!r} is none of {sizes}: choose one")
+    return ratios[text]
 
 
 def _altered(sequence: Sequence, options: argparse.Namespace) -> Sequence:

@@ -206,6 +206,8 @@ def test_the_shipped_sequence_is_listed(capsys):
         (["compare", "a.json", "b.json", "--html", "no/folder/x.html"], "there is no folder no/folder"),
         (["compare", "nowhere.json"], "nowhere.json"),
         (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "carries its camera"),
+        (["run", "--sequence", LIVING_ROOM, "--volume-size", "0"], "--volume-size 0: give metres"),
+        (["run", "--system", "elasticfusion", "--sequence", LIVING_ROOM, "--volume-size", "-1"], "than 0"),
         (["compare", "mu=1", "mu=2"], "give --sequence"),
         (["compare", "mu=x", "mu=2", "--sequence", LIVING_ROOM], "'x' is no number"),
         (["evaluate", "--estimate", "none", "--truth", "none"], "none cannot be read"),
@@ -243,6 +245,22 @@ def test_arguments_that_say_nothing_are_refused(capsys, bad):
         main(["run", "--sequence", str(LIVING_ROOM), *bad])
     assert exit.value.code == 2
     assert bad[1] in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("size", ["213x160", "640x240", "0x0", "large"])
+def test_a_size_that_pixels_do_not_add_up_to_is_refused_with_those_that_do(capsys, tmp_path, size):
+    with pytest.raises(SystemExit) as exit:
+        main(["datasets", "make", "living-room", "--out", str(tmp_path / "room"), "--size", size])
+    assert exit.value.code == 2
+    assert f"{size!r} is none of 640x480, 320x240, 160x120," in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("size", ["128x96", "4x3"])
+def test_sizes_that_an_error_names_can_be_made(capsys, tmp_path, size):
+    out = str(tmp_path / "room")
+    assert main(["datasets", "make", "living-room", "--frames", "1", "--out", out, "--size", size]) == 0
+    camera = open_sequence(tmp_path / "room").camera
+    assert f"{camera.width}x{camera.height}" == size
 
 
 def test_the_module_runs_by_its_name():
