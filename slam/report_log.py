@@ -13,8 +13,9 @@ def log(report: Report) -> str:
     """SLAMBench's columns with their header, separated by tabs.
 
     Times are wall seconds. X, Y, Z are metres from where the camera started, OpenCV axes (x right, y down, z
-    forward at the start), of the pose after the frame; SLAMBench itself writes the pose before it. tracked
-    and integrated are 1 or 0; a frame whose tracking was not attempted is 0, as in SLAMBench.
+    forward at the start), of the pose after the frame, as the system believes it in the end; SLAMBench itself
+    writes the pose before the frame. tracked and integrated are 1 or 0; a frame whose tracking was not
+    attempted is 0, as in SLAMBench.
     """
     lines = ["\t".join(COLUMNS)]
     positions = report.poses[:, :3, 3] - report.poses[0, :3, 3]
