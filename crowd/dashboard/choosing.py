@@ -15,11 +15,14 @@ from crowd.results.rows import DeviceDetail
 
 @dataclass(frozen=True)
 class Measured:
-    """A device as it was measured with one application, and all `applications` that it was measured with."""
+    """A device as it was measured with one application, and all `applications` that it was measured with;
+    `onward` is what the address of another page needs to go on with it.
+    """
 
     detail: DeviceDetail
     application: str
     applications: tuple[str, ...]
+    onward: str
 
 
 def measured(slug: str, application: str = "") -> Measured:
@@ -28,13 +31,16 @@ def measured(slug: str, application: str = "") -> Measured:
     Raises Http404 where there is no such device, or it was not measured with that.
     """
     detail = found(results.device(slug))
-    of_front = dict(published.names())
+    names = published.names()
+    of_front = dict(names)
     fronts = [row.front for row in detail.sessions] + [row.front for row in detail.speedups]
     known = tuple(dict.fromkeys(of_front[front] for front in fronts))
     chosen = application or known[0]
     if chosen not in known:
         raise Http404
-    return Measured(detail if len(known) == 1 else found(results.device(slug, chosen)), chosen, known)
+    if len(known) > 1:
+        detail = found(results.device(slug, chosen))
+    return Measured(detail, chosen, known, onward(chosen, names))
 
 
 def together(slugs: Sequence[str], application: str = "") -> list[Measured]:
@@ -50,6 +56,14 @@ def together(slugs: Sequence[str], application: str = "") -> list[Measured]:
     chosen = application or shared[0]
     alike = [one if one.application == chosen else measured(one.detail.device.slug, chosen) for one in each]
     return [replace(one, applications=shared) for one in alike]
+
+
+def onward(application: str, names: Sequence[tuple[str, str]]) -> str:
+    """What the address of a device or of the list needs to go on with APPLICATION; "" where NAMES, all fronts
+    with their applications, are of one alone.
+    """
+    several = len({name for _, name in names}) > 1
+    return f"?{urlencode({'application': application})}" if several else ""
 
 
 def query(shown: Measured) -> str:

@@ -8,12 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from typing import Any
-from urllib.parse import parse_qsl, urlencode
+from urllib.parse import parse_qsl
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect, QueryDict
 from django.utils.cache import patch_vary_headers
 
 from crowd.dashboard.answering import page
+from crowd.dashboard.choosing import onward
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.devices.models import DeviceModel
 from crowd.devices.vendors import VENDORS
@@ -84,8 +85,12 @@ class Filtering:
     @property
     def onward(self) -> str:
         """What the address of a device needs to go on with the application."""
-        several = len({application for _, application in self.published}) > 1
-        return with_query("", urlencode({"application": self.filters.application}) if several else "")
+        return onward(self.filters.application, self.published)
+
+    @property
+    def named(self) -> str:
+        """The application, as a client has to name it to measure it; "" where it does so by itself."""
+        return self.filters.application if self.filters.application != DEFAULT_APPLICATION else ""
 
     def with_other(self, name: str, value: str) -> str:
         """The same address with the page's own choice NAME set to VALUE."""

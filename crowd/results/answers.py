@@ -138,7 +138,9 @@ class SpeedupPage(msgspec.Struct):
 
 
 class DeviceAnswer(msgspec.Struct):
-    """A device model in the list of devices."""
+    """A device model in the list of devices: `speedup` is of the application asked for, `sessions`,
+    `installations` and `last_session_at` are over all applications.
+    """
 
     slug: str
     manufacturer: str
@@ -162,7 +164,9 @@ class DevicePage(msgspec.Struct):
 
 
 class DeviceDetailAnswer(msgspec.Struct):
-    """A device model with every configuration's speedup and its newest sessions."""
+    """A device model with every configuration's speedup and its newest sessions; `session_count` and
+    `installations` are over all applications.
+    """
 
     slug: str
     manufacturer: str

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
+from crowd.dashboard.templatetags.units import pack_size
 from crowd.fronts import contents, selectors, services
 from crowd.fronts.contents import InvalidFrontError
 from crowd.fronts.sequences import SequenceError
@@ -72,6 +73,19 @@ def test_clients_are_told_of_the_colour(client: Client, db: None, sequence: Path
     stored = selectors.document(selectors.any_front(again.pk))
     assert stored["sequence"] == document(sequence)["sequence"]
     assert contents.digest(stored) == again.digest
+
+
+def test_pages_tell_of_the_colour_that_is_downloaded_too(client: Client, db: None, sequence: Path) -> None:
+    services.publish_content(document(sequence))
+    front = selectors.current("elasticfusion")
+    assert front is not None
+
+    page = client.get(f"/fronts/{front.slug}/").content.decode()
+
+    packs = (sequence, colour_folder(sequence))
+    files = [path for pack in packs for path in (pack / "chunks").iterdir()]
+    assert pack_size(front.sequence) == sum(path.stat().st_size for path in files)
+    assert front.sequence["colour"]["sha256"] in page
 
 
 def test_a_front_that_names_no_colour_though_its_application_needs_it(db: None, sequence: Path) -> None:

@@ -1,5 +1,6 @@
 """Two applications on one server: a page is about one of them, says about which, and leads to the other."""
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -88,3 +89,49 @@ def test_what_stands_side_by_side_is_of_one_application(client: Client, both: No
     assert (apart.status_code, "No application was measured on all" in text(apart)) == (400, True)
     assert "front kfusion-test" in names
     assert "Speedup 1.00x 8.00x" in names
+
+
+def test_what_to_type_names_another_application_than_the_usual_one(client: Client, both: None) -> None:
+    typed = "--server http://testserver --application other"
+
+    for address in ("/", "/devices/?device=none", "/transfer/"):
+        sign = "&" if "?" in address else "?"
+        assert typed in read(client, f"{address}{sign}application=other"), address
+        assert "--application" not in read(client, address), address
+    assert "run --application other --configurations all" in read(client, "/fronts/other-test/")
+
+
+@pytest.mark.parametrize("address", ["/", "/devices/", "/transfer/"])
+def test_showing_all_again_stays_with_the_application(client: Client, both: None, address: str) -> None:
+    page = client.get(f"{address}?application=other&device=none").content.decode()
+
+    _, _, results = page.partition('id="results"')
+    assert f'<a href="{address}?application=other">Show' in results
+
+
+def test_every_way_to_a_device_stays_with_the_application(client: Client, both: None) -> None:
+    row = client.get(f"{API}/devices/google-pixel-8").json()["sessions"][-1]  # the first: of kfusion
+    session = f"/sessions/{row['id']}/"
+    run = re.findall(r'"(/runs/[^"]+)"', client.get(session).content.decode())[0]
+    pages = (session, run, "/compare/?devices=google-pixel-8,google-pixel-6")
+
+    for address in pages:
+        page = client.get(address).content.decode()
+        assert 'href="/devices/?application=kfusion">Devices' in page, address
+        assert 'href="/devices/google-pixel-8/?application=kfusion"' in page, address
+    page = client.get("/devices/google-pixel-8/").content.decode()
+    assert 'href="/devices/?application=other">Devices' in page
+
+
+def test_a_devices_card_is_of_the_pages_application(client: Client, both: None) -> None:
+    page = client.get("/devices/google-pixel-8/?application=kfusion").content.decode()
+    (address,) = re.findall(r'property="og:image" content="http://testserver([^"]+)"', page)
+
+    assert address == "/devices/google-pixel-8/card.png?application=kfusion"
+    assert client.get(address)["ETag"] != client.get("/devices/google-pixel-8/card.png")["ETag"]
+    assert client.get("/devices/google-pixel-8/card.png?application=none").status_code == 404
+
+
+def test_a_list_of_some_sessions_says_what_its_counts_are_of(client: Client, both: None) -> None:
+    told = "The newest 1 with other; with all applications together there are 2."
+    assert told in read(client, "/devices/google-pixel-8/")

@@ -88,8 +88,9 @@ def value(mapping: Mapping[str, Any], key: str) -> Any:
 
 @register.filter
 def pack_size(sequence: Mapping[str, Any]) -> int:
-    """Bytes that a client downloads for a front's sequence."""
-    return sum(chunk["bytes"] for chunk in sequence.get("chunks", ()))
+    """Bytes that a client downloads for a front's sequence, with its colour where that is needed."""
+    colour = sequence.get("colour") or {}
+    return sum(chunk["bytes"] for pack in (sequence, colour) for chunk in pack.get("chunks", ()))
 
 
 @register.filter

@@ -1,15 +1,18 @@
 """Pictures that links are shown with, drawn from the same rows as their pages."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from django.http import HttpRequest, HttpResponseBase
 from django.views.decorators.http import require_safe
 
 from crowd.dashboard import formats
-from crowd.dashboard.answering import conditional, found, kept
+from crowd.dashboard.answering import conditional, kept
+from crowd.dashboard.choosing import measured, query
+from crowd.dashboard.drawings.serving import refusing
 from crowd.dashboard.figures.card import Card, png
-from crowd.dashboard.filtering import Filtering
 from crowd.dashboard.points import newest_figure
+from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
 from crowd.results.filters import SpeedupFilters
@@ -21,9 +24,10 @@ SUSPECT = "Suspect: no session is valid. "
 
 
 @require_safe
+@refusing
 def crowd_card(request: HttpRequest) -> HttpResponseBase:
     """The crowd's headline and bars, under the filters of the query string."""
-    filters = Filtering.of(request).filters
+    filters = results.asked(request.GET, published.names())
     # A front that is published or retired changes no figure.
     front = results.measured_front(filters.application, filters.simulated)
     return _picture(request, (filters.query(), front), lambda: of_crowd(results.speedups(filters)))
@@ -31,13 +35,15 @@ def crowd_card(request: HttpRequest) -> HttpResponseBase:
 
 @require_safe
 def device_card(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """A device's speedup, and its place among all."""
+    """A device's speedup with the application of the query string, and its place among all."""
+    application = request.GET.get("application", "")
 
     def read() -> Card:
-        detail = found(results.device(slug))
-        return of_device(detail, results.speedups(_around(detail)))
+        shown = measured(slug, application)
+        scope = formats.application(shown.application) if query(shown) else ""
+        return replace(of_device(shown.detail, results.speedups(_around(shown.detail))), scope=scope)
 
-    return _picture(request, slug, read)
+    return _picture(request, (slug, application), read)
 
 
 def of_crowd(crowd: Speedups) -> Card:

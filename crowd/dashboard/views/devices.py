@@ -5,7 +5,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import page
-from crowd.dashboard.choosing import measured, query
+from crowd.dashboard.choosing import measured, onward, query
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.drawings.devices import place_of
@@ -18,6 +18,7 @@ from crowd.dashboard.points import newest_figure
 from crowd.dashboard.race import race
 from crowd.dashboard.standing import standing
 from crowd.dashboard.views.sessions import of_session
+from crowd.fronts import selectors as published
 from crowd.results import selectors as results
 
 PAGE = 100
@@ -59,6 +60,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "application": shown.application,
             "choices": [(name, f"?application={name}") for name in shown.applications],
             "query": query(shown),
+            "onward": shown.onward,
             "detail": detail,
             "device": detail.device,
             "protocol": detail.latest.protocol if detail.latest else {},
@@ -92,6 +94,7 @@ def compare(request: HttpRequest) -> HttpResponse:
             "shown": shown,
             "problem": problem,
             "query": shown.query if shown else "",
+            "onward": onward(shown.application, published.names()) if shown else "",
             "choices": choices,
             "runs": sum(row.runs for row in shown.bars) if shown else 0,
             "height": stages_height(len(shown.bars)) if shown else 0,

@@ -50,6 +50,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "found": winners,
             "winners_height": winners_height(len(winners.counts)),
             "query": filters.query(),
+            "named": replace(asked, filters=filters).named,
             "others": others,
             "difference": difference,
             "problem": problem,

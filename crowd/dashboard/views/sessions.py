@@ -7,12 +7,14 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import found, page
+from crowd.dashboard.choosing import onward
 from crowd.dashboard.drift import readings, steps
 from crowd.dashboard.figures.devices import sensors_height
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.protocols import first_counted_frame
 from crowd.dashboard.race import race
 from crowd.dashboard.stages import frames, spread, stage_table, times_of
+from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
 from crowd.results import selectors as results
 from crowd.results.rows import SessionDetail
@@ -28,6 +30,7 @@ def session(request: HttpRequest, uuid: UUID) -> HttpResponse:
         {
             "detail": detail,
             "session": detail.session,
+            "onward": _onward(detail.session.front),
             "protocol": detail.protocol,
             "lanes": race(best.speedup if (best := detail.session.speedup(BEST)) else None),
             **of_session(detail),
@@ -46,11 +49,18 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
         {
             "detail": detail,
             "run": detail.run.run,
+            "onward": _onward(detail.session.front),
             "protocol": detail.protocol,
             "spread": spread(detail.run, first_counted),
             "frames": frames(detail.run, first_counted),
         },
     )
+
+
+def _onward(front: str) -> str:
+    """What the address of a device needs to go on with the application of FRONT."""
+    names = published.names()
+    return onward(dict(names)[front], names)
 
 
 def of_session(detail: SessionDetail | None) -> dict[str, Any]:

@@ -20,8 +20,8 @@ _named: Kept[dict[int, Device]] = Kept(2)
 
 def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
     """Every device with a summarised session, fastest on APPLICATION first, those without a figure of it
-    last; of the SIMULATED ones, or of those that people measured. Thirteen queries at most, whatever the
-    number of devices.
+    last; of the SIMULATED ones, or of those that people measured. Sessions and installations are counted over
+    all applications. Thirteen queries at most, whatever the number of devices.
     """
     crowd = speedups(SpeedupFilters(simulated=simulated, application=application))
     best = {row.device.slug: row for row in reversed(crowd.rows)}
@@ -43,8 +43,8 @@ def _devices() -> dict[int, Device]:
 
 def pending(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
     """Devices with a summarised session of APPLICATION and no figure of `best` on its newest measured
-    front, by slug; of the SIMULATED ones, or of those that people measured. Three queries at most, whatever
-    the number of devices.
+    front, by slug; of the SIMULATED ones, or of those that people measured; counted as `devices` does. Three
+    queries at most, whatever the number of devices.
     """
     front = measured_front(application, simulated)
     figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
@@ -58,7 +58,7 @@ def pending(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> 
 
 def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     """One device: every configuration, newest front first; newest sessions; all of APPLICATION alone where
-    one is given.
+    one is given, but for the counts of sessions and installations, which are over all of them.
 
     None for an unknown SLUG, and for a model of which nothing is shown under its own name.
     """
