@@ -18,8 +18,9 @@ from slam.opencl import Session, choose_device
 from slam.power import EnergyMeter
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES, Revising, Scene, System
-from slam.systems import create, needs_colour, open_session
+from slam.systems import create, needs_colour, open_session, warm_up
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
+from slam.tuning import wavy_wall
 
 # Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
 # the camera inside its near face, looking in.
@@ -161,7 +162,7 @@ def run(
     if initial_position is None:
         initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
     coloured = needs_colour(system)
-    if coloured and sequence.colour(0) is None:
+    if coloured and all(sequence.colour(index) is None for index in range(len(sequence))):
         raise SequenceError(
             f"{sequence.name!r} has no colour, which {system} needs: give a sequence with colour; that of a "
             "pack lies beside it in the folder NAME-colour"
@@ -169,7 +170,7 @@ def run(
     scene = Scene(sequence.camera, volume_size, initial_position)
     session = device if isinstance(device, Session) else open_session(system, choose_device(device))
     running = create(system, configuration, scene, session)
-    _warm_up(system, session)
+    _warm_up(system, running.configuration(), session)
 
     meter = EnergyMeter()
     _reset_peak_memory()
@@ -179,7 +180,7 @@ def run(
     for index in range(count):
         began = time.perf_counter()
         depth = sequence.depth(index)
-        colour = sequence.colour(index) if coloured else None
+        colour = _colour_of(sequence, index, system) if coloured else None
         acquired = time.perf_counter()
         energy, cpu = meter.read(), time.process_time()
         computing = time.perf_counter()
@@ -240,16 +241,31 @@ def _error(
     return absolute_trajectory_error(estimate, sequence.truth[:count])
 
 
-def _warm_up(system: str, session: Session) -> None:
+def _colour_of(sequence: Sequence, index: int, system: str) -> npt.NDArray[np.uint8]:
+    colour, stamp = sequence.colour(index), sequence.timestamps[index]
+    if colour is None:
+        raise SequenceError(
+            f"frame {index} of {sequence.name!r}, at {stamp:.6f} s, has no colour image, which {system} "
+            "needs beside every depth image: add it, or leave the frame out (where there is a depth.txt, "
+            "delete its line there)"
+        )
+    return colour
+
+
+def _warm_up(system: str, configuration: Mapping[str, Any], session: Session) -> None:
     """Make the OpenCL driver compile every kernel, which some put off until a kernel first runs.
 
-    Configurations reach kernels as arguments, so a few tiny frames of a wall with the default one do; they
-    cost milliseconds once the driver's cache is warm.
+    A few tiny frames of a wall do: first with a box before it, which is then gone, then nothing for long
+    enough to forget the wall, and the wall again, which closes a loop. They cost some tenths of a second once
+    the driver's cache is warm.
     """
     scene = Scene(Camera(64, 64, 32, 32, 64, 64), DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
-    running = create(system, {}, scene, session)
-    for _ in range(6):
-        running.process(np.full((64, 64), 1500, np.uint16), np.full((64, 64, 3), 128, np.uint8))
+    running = create(system, warm_up(system, configuration), scene, session)
+    wall, painted = wavy_wall(scene.camera)
+    boxed, dark = wall.copy(), np.zeros_like(wall)
+    boxed[16:48, 16:48] = 1000
+    for depth in [boxed] * 3 + [wall] * 3 + [dark] * 14 + [wall] * 4:
+        running.process(depth, painted)
 
 
 def _reset_peak_memory() -> None:

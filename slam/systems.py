@@ -20,6 +20,7 @@ from slam.tuning import SCENE, Trial, layout_for
 class Definition:
     """How a system is made: its whole configuration, the system itself, and what tells its fastest layout.
 
+    `warm_up`: for a whole configuration, one with which a few frames launch all kernels that it can reach.
     `colour`: whether it needs colour images beside depth. `values`: those of its design space, by parameter,
     ascending, with 0 and 1 for a flag.
     """
@@ -27,6 +28,7 @@ class Definition:
     complete: Callable[[Mapping[str, Any]], dict[str, Any]]
     create: Callable[[Mapping[str, Any], Scene, Session], System]
     trial: Trial
+    warm_up: Callable[[Mapping[str, Any]], dict[str, Any]]
     colour: bool
     values: Mapping[str, tuple[float, ...]]
 
@@ -39,6 +41,20 @@ def _elasticfusion(values: Mapping[str, Any], scene: Scene, session: Session) ->
     return ElasticFusion(ElasticConfiguration.from_mapping(values), scene, session)
 
 
+def _elastic_warm_up(open_loop: bool) -> ElasticConfiguration:
+    """A small map that is left and returned to within a few frames, where every loop is believed."""
+    return ElasticConfiguration(
+        open_loop=open_loop,
+        relocalisation=False,
+        time_window=12,
+        confidence_threshold=1,
+        icp_count_threshold=0,
+        icp_error_threshold=1.0,
+        covariance_threshold=1.0,
+        surfel_capacity=50_000,
+    )
+
+
 FOLDER = Path(__file__).parent
 TRIED = KFusionConfiguration(integration_rate=1, volume_resolution=128)
 ELASTIC_TRIED = ElasticConfiguration(open_loop=True, surfel_capacity=200_000)
@@ -49,6 +65,7 @@ SYSTEMS = {
         complete=lambda values: KFusionConfiguration.from_mapping(values).to_dict(),
         create=_kfusion,
         trial=Trial(lambda session: KFusion(TRIED, SCENE, session), (FOLDER / "kfusion" / "kernels", SHARED)),
+        warm_up=lambda _: TRIED.to_dict(),
         colour=False,
         values={
             "volume_resolution": (64, 128, 256, 512),
@@ -69,6 +86,7 @@ SYSTEMS = {
             lambda session: ElasticFusion(ELASTIC_TRIED, SCENE, session),
             (FOLDER / "elasticfusion" / "kernels", SHARED),
         ),
+        warm_up=lambda values: _elastic_warm_up(bool(values["open_loop"])).to_dict(),
         colour=True,
         values={
             "icp_weight": (0, 0.5, *range(1, 21), 50, 100),
@@ -95,6 +113,14 @@ def complete(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
 def needs_colour(name: str) -> bool:
     """Whether the system `name` needs colour images. Raises ValueError for an unknown name."""
     return definition(name).colour
+
+
+def warm_up(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """A configuration that launches within a few frames what the whole `configuration` can ever launch.
+
+    Raises ValueError for an unknown name.
+    """
+    return definition(name).warm_up(configuration)
 
 
 def open_session(name: str, device: Device) -> Session:

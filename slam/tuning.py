@@ -12,6 +12,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.layout import Layout
@@ -32,9 +33,7 @@ class Trial:
 
     def seconds(self, device: Device, layout: Layout) -> float:
         """Wall seconds of the fastest frame of a wavy wall; infinite where the device refuses the layout."""
-        y, x = np.mgrid[: SCENE.camera.height, : SCENE.camera.width]
-        wall = (1600 + 200 * np.sin(x / 37.0) + 100 * np.cos(y / 23.0)).astype(np.uint16)
-        painted = np.repeat((128 + 90 * np.sin(x / 7.0) * np.cos(y / 5.0)).astype(np.uint8)[..., None], 3, 2)
+        wall, painted = wavy_wall(SCENE.camera)
         try:
             system = self.make(Session(device, layout))
             seconds = []
@@ -52,6 +51,14 @@ class Trial:
         for source in sorted(path for folder in self.kernels for path in folder.iterdir()):
             digest.update(source.read_bytes())
         return f"{device.label} {digest.hexdigest()[:16]}"
+
+
+def wavy_wall(camera: Camera) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:
+    """Depth (height, width) in millimetres and colour (height, width, 3) that hold a camera in every way."""
+    y, x = np.mgrid[: camera.height, : camera.width]
+    wall = (1600 + 200 * np.sin(x / 37.0) + 100 * np.cos(y / 23.0)).astype(np.uint16)
+    painted = np.repeat((128 + 90 * np.sin(x / 7.0) * np.cos(y / 5.0)).astype(np.uint8)[..., None], 3, 2)
+    return wall, painted
 
 
 def layout_for(device: Device, trial: Trial) -> Layout:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 THUMBNAIL_WIDTH = 80  # pixels, about
+THUMBNAIL_HEIGHT = 8  # pixels at least: two are left on the third level
 # A keyframe is registered by colour and then by depth alone, over a pyramid. By depth on one level, as the
 # published system does it, views of a wall slide along it and fit well 8 cm beside the truth.
 THUMBNAIL_ITERATIONS = (10, 10, 10)
@@ -62,7 +63,8 @@ class Loops:
         )  # fmt: skip
         self._fewest = configuration.icp_count_threshold * camera.width * camera.height / REFERENCE_PIXELS
 
-        self._sampling = Sampling(session, fill_in.image, max(1, camera.width // THUMBNAIL_WIDTH))
+        ratio = max(1, min(camera.width // THUMBNAIL_WIDTH, camera.height // THUMBNAIL_HEIGHT))
+        self._sampling = Sampling(session, fill_in.image, ratio)
         small = self._sampling.image.camera
         self._views = [RgbdImage.allocate(session, small) for _ in range(2)]
         self._view_pyramids = [
@@ -135,8 +137,7 @@ class Loops:
             write(self._session, image, thumbnail)
             pyramid.build()
         by_colour, by_depth = self._view_odometries
-        roughly = by_colour.register(np.eye(4)).pose
-        return by_depth.register(roughly if np.isfinite(roughly).all() else np.eye(4))
+        return by_depth.register(by_colour.register(np.eye(4)).pose)
 
     def _downloaded(self, buffer: cl.Buffer, kind: type[np.generic]) -> NDArray[Any]:
         import pyopencl as cl

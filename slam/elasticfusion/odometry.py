@@ -105,7 +105,7 @@ class Odometry:
     def register(self, start: NDArray[np.float64]) -> Registration:
         """Run all of it from `start` (4, 4), source camera to target camera, on what the pyramids hold now.
 
-        What nothing holds stays where it started.
+        What nothing holds stays where it started, as what overflows does, without an inlier then.
         """
         import pyopencl as cl
 
@@ -115,7 +115,8 @@ class Odometry:
         for kernel in self._kernels:
             kernel()
         cl.enqueue_copy(self._session.queue, estimate, self._estimate)
-        return self._registration(estimate)
+        finite = all(np.isfinite(estimate[name]).all() for name in ESTIMATE.fields or ())
+        return self._registration(estimate) if finite else _nothing(start)
 
     def _listing(self, level: PyramidLevel, least_gradient: float) -> BoundKernel:
         camera = level.camera
@@ -164,6 +165,11 @@ class Odometry:
             rgb_inliers=float(estimate["rgb_inliers"]) * scale,
             covariance=covariance(estimate["normal_matrix"].astype(np.float64) * scale),
         )
+
+
+def _nothing(start: NDArray[np.float64]) -> Registration:
+    """What a registration says that found out nothing."""
+    return Registration(start.copy(), float("inf"), 0.0, 0.0, np.full(6, np.inf))
 
 
 def covariance(upper: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -131,7 +131,7 @@ class ElasticFusion:
         self._session.finish()
         clock.append(perf_counter())
 
-        self._predict()
+        self._predict(tracked)
         if not self._health.lost:
             self._tick += 1
         self._session.finish()
@@ -184,11 +184,12 @@ class ElasticFusion:
             stable = self._configuration.confidence_threshold
             self._deforming.reactivate(surface, self._pose, self._tick, stable)
 
-    def _predict(self) -> None:
+    def _predict(self, tracked: bool | None) -> None:
         """What the next frame is tracked against: the map from the present pose, filled in where it is young.
 
         A camera that is lost has only its last frame to go by. One that may have found itself again has to
-        prove it against all that was ever seen there, and nothing else.
+        prove it against all that was ever seen there, and nothing else. What is seen from a pose that is
+        not certain becomes no keyframe.
         """
         health, stable = self._health, self._configuration.confidence_threshold
         if health.on_probation:
@@ -199,7 +200,8 @@ class ElasticFusion:
         else:
             self._prediction.render(self._pose, self._active, stable)
             self._fill_in.fill()
-            self._loops.remember(self._pose, self._tick)
+            if tracked is not False:
+                self._loops.remember(self._pose, self._tick)
             if self._configuration.frame_to_frame_rgb:
                 self._fill_in.fill(keep_colour=False)
 

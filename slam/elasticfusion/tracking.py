@@ -64,8 +64,7 @@ class Tracking:
         step = float(np.linalg.norm(registration.pose[:3, 3]))
         by_colour = self._weight < constants.ICP_ONLY
         return bool(
-            np.isfinite(registration.pose).all()
-            and registration.icp_inliers + registration.rgb_inliers > 0
+            registration.icp_inliers + registration.rgb_inliers > 0
             and not (by_colour and step > constants.LARGEST_RGB_STEP)
         )
 

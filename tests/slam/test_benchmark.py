@@ -1,17 +1,24 @@
 import json
+import re
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import slam
 from slam.benchmark import run
 from slam.configuration import ConfigurationError
-from slam.datasets import SequenceError, open_sequence
+from slam.datasets import SequenceError, open_sequence, tum
 from slam.kfusion.configuration import STANDARD
-from slam.opencl import NoDeviceError
+from slam.opencl import BoundKernel, NoDeviceError
 from slam.system import STAGES
+from slam.systems import complete
 from tests.slam.sequences import ArraySequence
 from tests.slam.shipped import LIVING_ROOM
+from tests.slam.tiny import write_tiny_pack
 
+LEFT_OPEN = {"open_loop": True, "surfel_capacity": 50_000}
 QUICK = {
     "compute_size_ratio": 4,
     "volume_resolution": 128,
@@ -125,6 +132,70 @@ def test_an_observer_sees_every_frame_and_its_time_is_no_computation():
 def test_what_cannot_be_run_says_why(configuration, options, error, message):
     with pytest.raises(error, match=message):
         run(configuration, open_sequence(LIVING_ROOM), **options)
+
+
+@pytest.fixture
+def coloured(tmp_path):
+    """A tiny folder in TUM's layout, with colour."""
+    tum.write(open_sequence(write_tiny_pack(tmp_path, colour=True)), tmp_path / "tum")
+    return tmp_path / "tum"
+
+
+def without_colour(folder, *frames):
+    lines = (folder / "rgb.txt").read_text().splitlines(keepends=True)
+    (folder / "rgb.txt").write_text("".join(line for i, line in enumerate(lines) if i not in frames))
+    return open_sequence(folder)
+
+
+@pytest.mark.parametrize("missing", [0, 3])
+def test_a_frame_without_a_colour_image_is_named(coloured, missing):
+    sequence = without_colour(coloured, missing)
+    stamp = f"{sequence.timestamps[missing]:.6f} s"
+    with pytest.raises(SequenceError, match=f"^frame {missing} of 'tum', at {stamp}, has no colour image"):
+        run(LEFT_OPEN, sequence, system="elasticfusion")
+    if missing:
+        assert len(run(LEFT_OPEN, sequence, system="elasticfusion", frames=missing).frames) == missing
+
+
+def test_colour_is_missing_where_no_frame_has_any(tmp_path):
+    with pytest.raises(SequenceError, match="'tiny' has no colour, which elasticfusion needs"):
+        run(LEFT_OPEN, open_sequence(write_tiny_pack(tmp_path)), system="elasticfusion")
+
+
+def test_loops_that_are_left_open_need_no_scipy(tmp_path, monkeypatch):
+    sequence = open_sequence(write_tiny_pack(tmp_path, colour=True))
+    for name in ("scipy", "scipy.sparse", "scipy.sparse.linalg"):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert run(LEFT_OPEN, sequence, system="elasticfusion", frames=2).frames[1].tracked
+    with pytest.raises(ConfigurationError, match="closing loops needs scipy"):
+        run(LEFT_OPEN | {"open_loop": False}, sequence, system="elasticfusion", frames=2)
+
+
+@pytest.mark.parametrize(
+    ("system", "values"), [("kfusion", QUICK), ("elasticfusion", {"surfel_capacity": 50_000})]
+)
+def test_every_kernel_has_run_before_the_first_frame(tmp_path, monkeypatch, system, values):
+    launched, launch = [], BoundKernel.__call__
+
+    def noted(kernel, *size):
+        launched.append(kernel._kernel.function_name)
+        launch(kernel, *size)
+
+    def stop(_):
+        raise SequenceError("the first frame")
+
+    sequence = open_sequence(write_tiny_pack(tmp_path, colour=True))
+    monkeypatch.setattr(BoundKernel, "__call__", noted)
+    monkeypatch.setattr(sequence, "depth", stop)
+    with pytest.raises(SequenceError, match="the first frame"):
+        run(complete(system, values), sequence, system=system)
+    kernels = {
+        name
+        for source in (Path(slam.__file__).parent / system / "kernels").glob("*.cl")
+        for name in re.findall(r"^kernel void (\w+)", source.read_text(), re.MULTILINE)
+    }
+    assert len(kernels) > 5
+    assert kernels <= set(launched)
 
 
 def test_the_standard_configuration_is_valid_on_the_first_brisk_frames():

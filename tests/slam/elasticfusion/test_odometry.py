@@ -216,6 +216,15 @@ def test_where_nothing_is_seen_the_pose_stays_where_it_started(session):
             assert np.isinf(registration.covariance).all()
 
 
+def test_what_overflows_is_told_as_nothing(session):
+    sharp, steep = (replace(seen, normals=1e25 * seen.normals) for seen in (look(MOTION), look(np.eye(4))))
+    registration = register(session, sharp, steep, ICP_ONLY, start=MOTION)
+    np.testing.assert_array_equal(registration.pose, MOTION)
+    assert registration.icp_error == float("inf")
+    assert registration.icp_inliers == registration.rgb_inliers == 0
+    assert np.isinf(registration.covariance).all()
+
+
 def test_a_registration_is_the_same_every_time(session):
     pyramids = [Pyramid(session, upload(session, look(pose, holes=1))) for pose in (MOTION, np.eye(4))]
     for pyramid in pyramids:

@@ -11,6 +11,7 @@ from slam.camera import Camera
 from slam.configuration import ConfigurationError
 from slam.dense.reference import exponential
 from slam.elasticfusion.configuration import Configuration
+from slam.elasticfusion.loops import Loops
 from slam.elasticfusion.pipeline import ElasticFusion, velocity_weight
 from slam.elasticfusion.surfels import MapFullError
 from slam.opencl import Session, choose_device
@@ -132,6 +133,24 @@ def test_nothing_is_fused_while_the_camera_is_lost(cpu):
     run = Run(cpu, blinded)
     assert not any(frame.integrated for frame in run.frames[4:26])
     assert run.tracked[4:26] == [False] * 22
+
+
+def test_what_a_badly_tracked_frame_shows_becomes_no_keyframe(cpu, turn, monkeypatch):
+    remembered = []
+    monkeypatch.setattr(Loops, "remember", lambda *seen: remembered.append(seen[-1] - 1))
+    run = Run(cpu, turn.dark(4, 7))
+    assert run.tracked[4:8] == [False] * 4
+    assert remembered == [index for index, tracked in enumerate(run.tracked) if tracked is not False]
+
+
+def test_wide_and_low_images_leave_thumbnails_with_three_levels(cpu):
+    system = ElasticFusion(
+        Configuration.from_mapping(SMALL),
+        Scene(Camera(900.0, 900.0, 639.5, 15.5, 1280, 32), 5.0, (0, 0, 0)),
+        cpu,
+    )
+    depth, colour = np.full((32, 1280), 1500, np.uint16), np.full((32, 1280, 3), 128, np.uint8)
+    assert system.process(depth, colour).integrated
 
 
 def test_closing_loops_mends_what_a_badly_calibrated_camera_makes_of_a_turn(cpu):
