@@ -9,6 +9,7 @@ from django.http import Http404
 from crowd.dashboard.answering import found
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.fronts import selectors as published
+from crowd.fronts.selectors import DEFAULT_APPLICATION
 from crowd.results import selectors as results
 from crowd.results.rows import DeviceDetail
 
@@ -64,6 +65,11 @@ def onward(application: str, names: Sequence[tuple[str, str]]) -> str:
     """
     several = len({name for _, name in names}) > 1
     return f"?{urlencode({'application': application})}" if several else ""
+
+
+def named(application: str) -> str:
+    """APPLICATION, as a client has to name it to measure it; "" where it does so by itself."""
+    return application if application != DEFAULT_APPLICATION else ""
 
 
 def query(shown: Measured) -> str:

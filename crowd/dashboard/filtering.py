@@ -14,7 +14,7 @@ from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpRespons
 from django.utils.cache import patch_vary_headers
 
 from crowd.dashboard.answering import page
-from crowd.dashboard.choosing import onward
+from crowd.dashboard.choosing import named, onward
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.devices.models import DeviceModel
 from crowd.devices.vendors import VENDORS
@@ -90,7 +90,7 @@ class Filtering:
     @property
     def named(self) -> str:
         """The application, as a client has to name it to measure it; "" where it does so by itself."""
-        return self.filters.application if self.filters.application != DEFAULT_APPLICATION else ""
+        return named(self.filters.application)
 
     def with_other(self, name: str, value: str) -> str:
         """The same address with the page's own choice NAME set to VALUE."""

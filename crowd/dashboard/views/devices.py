@@ -5,7 +5,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import page
-from crowd.dashboard.choosing import measured, onward, query
+from crowd.dashboard.choosing import measured, named, onward, query
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.drawings.devices import place_of
@@ -61,6 +61,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "choices": [(name, f"?application={name}") for name in shown.applications],
             "query": query(shown),
             "onward": shown.onward,
+            "named": named(shown.application),
             "detail": detail,
             "device": detail.device,
             "protocol": detail.latest.protocol if detail.latest else {},

@@ -6,6 +6,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import found, page
+from crowd.dashboard.choosing import named
 from crowd.dashboard.figures.parameters import parameters_height
 from crowd.dashboard.figures.transfer import winners_height
 from crowd.dashboard.filtering import Filtering, filtered
@@ -50,7 +51,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "found": winners,
             "winners_height": winners_height(len(winners.counts)),
             "query": filters.query(),
-            "named": replace(asked, filters=filters).named,
+            "named": named(shown.application),
             "others": others,
             "difference": difference,
             "problem": problem,
