@@ -13,6 +13,8 @@ from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 ALL = "all"
 WHOLE_NUMBER = re.compile(r"[0-9]{1,7}")
 MOST = 1_000_000
+LONGEST = 200  # letters of a text; what is stored of a device is shorter
+MOST_WORDS = 8  # of `device`; each is looked for in every column that names one
 QUOTE = '"'
 
 
@@ -50,7 +52,20 @@ def _vendor(name: str, given: str) -> str:
     return known
 
 
+def _text(name: str, given: str) -> str:
+    if len(given) > LONGEST:
+        raise InvalidFilterError(name, f"{name}={given:.50}...: give at most {LONGEST} characters")
+    return given
+
+
+def _few_words(name: str, given: str) -> str:
+    if len(set(_text(name, given).split())) > MOST_WORDS:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give at most {MOST_WORDS} different words")
+    return given
+
+
 READERS: dict[str, Callable[[str, str], Any]] = {
+    "device": _few_words,
     "vendor": _vendor,
     "since": _day,
     "until": _day,
@@ -85,9 +100,7 @@ class SpeedupFilters:
     def parse(cls, query: Mapping[str, str]) -> "SpeedupFilters":
         """Filters of a query string; absent and empty ones are the defaults. Raises InvalidFilterError."""
         given = {f.name: query[f.name].strip() for f in fields(cls) if query.get(f.name, "").strip()}
-        values: dict[str, Any] = {
-            name: READERS[name](name, text) if name in READERS else text for name, text in given.items()
-        }
+        values: dict[str, Any] = {name: READERS.get(name, _text)(name, text) for name, text in given.items()}
         filters = cls(**values)
         if filters.since and filters.until and filters.until < filters.since:
             raise InvalidFilterError(
@@ -122,9 +135,9 @@ class SpeedupFilters:
             "" if self.configuration == BEST else _configurations(self.configuration),
             f"device “{self.device}”" if self.device else "",
             vendors.VENDORS[self.vendor] if self.vendor else "",
-            _text("system on a chip", self.soc),
-            _text("graphics chip", self.gpu),
-            _text("system", self.os),
+            _matched("system on a chip", self.soc),
+            _matched("graphics chip", self.gpu),
+            _matched("system", self.os),
             self.backend,
             _period(self.since, self.until),
             f"at least {self.min_sessions} sessions" if self.min_sessions > 1 else "",
@@ -143,7 +156,7 @@ def quoted(text: str) -> str:
     return f"{QUOTE}{text}{QUOTE}"
 
 
-def _text(noun: str, given: str) -> str:
+def _matched(noun: str, given: str) -> str:
     if not given:
         return ""
     exact = whole(given)

@@ -1,5 +1,7 @@
 """The API's addresses that anybody may read: speedups, devices, comparisons."""
 
+from dataclasses import fields
+
 from django.http import HttpResponse
 from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
@@ -10,10 +12,11 @@ from crowd.descriptions import PAGING
 from crowd.devices.vendors import VENDORS
 from crowd.problems import Problem, not_found
 from crowd.results import answers, correlations, selectors
-from crowd.results.filters import MOST, InvalidFilterError, SpeedupFilters
+from crowd.results.filters import LONGEST, MOST, MOST_WORDS, InvalidFilterError, SpeedupFilters
 from crowd.results.rows import DeviceDetail
 
 MOST_COMPARED = 6
+TEXT = {"type": "string", "maxLength": LONGEST}
 SWITCH = {"type": "string", "enum": ["0", "1"]}
 MATCHED = "matches anywhere, whatever the case; in quotation marks, as a whole"
 SIMULATED = OpenApiParameter(
@@ -33,17 +36,21 @@ class SpeedupsView(Endpoint):
             "an unweighted geometric mean."
         ),
         parameters=[
-            OpenApiParameter("front", str, description="version; the newest measured one where absent"),
-            OpenApiParameter("application", str, description="that of `front`, else kfusion where absent"),
-            OpenApiParameter("configuration", str, description="best where absent; all for every one"),
-            OpenApiParameter("device", str, description="words, each of which is in its maker or name"),
+            OpenApiParameter("front", TEXT, description="version; the newest measured one where absent"),
+            OpenApiParameter("application", TEXT, description="that of `front`, else kfusion where absent"),
+            OpenApiParameter("configuration", TEXT, description="best where absent; all for every one"),
+            OpenApiParameter(
+                "device",
+                TEXT,
+                description=f"at most {MOST_WORDS} different words, each of which is in its maker or name",
+            ),
             OpenApiParameter(
                 "vendor", str, enum=list(VENDORS), description="whose chip computed; CPU: the processor did"
             ),
-            OpenApiParameter("soc", str, description=MATCHED),
-            OpenApiParameter("gpu", str, description=MATCHED),
-            OpenApiParameter("os", str, description=MATCHED),
-            OpenApiParameter("backend", str),
+            OpenApiParameter("soc", TEXT, description=MATCHED),
+            OpenApiParameter("gpu", TEXT, description=MATCHED),
+            OpenApiParameter("os", TEXT, description=MATCHED),
+            OpenApiParameter("backend", TEXT),
             OpenApiParameter(
                 "since", OpenApiTypes.DATE, description="a day, as 2026-11-30: only sessions from then on"
             ),
@@ -71,14 +78,16 @@ class DevicesView(Endpoint):
     @extend_schema(
         operation_id="devices",
         summary="Measured devices, fastest first",
+        description="Other filters than these are refused: /speedups takes them.",
         parameters=[
-            OpenApiParameter("application", str, description="whose speedups; kfusion where absent"),
+            OpenApiParameter("application", TEXT, description="whose speedups; kfusion where absent"),
             SIMULATED,
             *PAGING,
         ],
         responses={200: answers.DevicePage},
     )
     def get(self, request: Request) -> HttpResponse:
+        _refuse_others(request, "application", "simulated")
         filters = _filters(request)
         rows = selectors.devices(filters.simulated, filters.application)
         return answer(page(request, rows, lambda row: row.device.slug, answers.device))
@@ -128,6 +137,17 @@ def _filters(request: Request) -> SpeedupFilters:
         raise Problem(404, "not_found", str(error), field=error.name) from error
     except InvalidFilterError as error:
         raise Problem(400, "invalid_filter", str(error), field=error.name) from error
+
+
+def _refuse_others(request: Request, *taken: str) -> None:
+    """Raises Problem 400 for a filter of REQUEST that is none of those TAKEN: ignored, it would seem to match
+    everything.
+    """
+    for name in (field.name for field in fields(SpeedupFilters)):
+        given = request.query_params.get(name, "").strip()
+        if given and name not in taken:
+            right = f"this list takes {' and '.join(taken)}; GET /api/v1/speedups takes {name}"
+            raise Problem(400, "invalid_filter", f"{name}={given:.50}: {right}", field=name)
 
 
 def _detail(slug: str) -> answers.DeviceDetailAnswer:

@@ -4,6 +4,7 @@ import importlib
 import json
 from collections.abc import Callable
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 from django.apps import apps
@@ -87,6 +88,19 @@ def test_a_rare_model_is_named_nowhere(client: Client, front: Any, join: Join) -
     assert client.get(f"{API}/devices/{NAMED}").status_code == 404
     assert "Google Tensor G3 device" in client.get(f"/devices/{GROUP}/").content.decode()
     assert client.get(f"{API}/devices/{GROUP}").json()["name"] == "Google Tensor G3 device"
+
+
+@pytest.mark.parametrize("period", ["", "&since=2020-01-01"])
+def test_nobody_finds_a_rare_model_by_its_own_name(
+    client: Client, front: Any, join: Join, period: str
+) -> None:
+    measure(join())
+
+    for name in ("Pixel 8", "Google Pixel 8", "pixel", "husky", NAMED):
+        answer = client.get(f"{API}/speedups?device={quote(name)}{period}").json()
+        assert (answer["results"], answer["summary"]["devices"]) == ([], 0), name
+    (row,) = client.get(f"{API}/speedups?device=Tensor{period}").json()["results"]
+    assert row["device"] == GROUP
 
 
 def test_a_group_pools_the_rare_models_of_one_chip(client: Client, front: Any, join: Join) -> None:

@@ -11,12 +11,13 @@ from crowd.devices.vendors import VENDORS
 from crowd.results.filters import ALL, InvalidFilterError, SpeedupFilters
 
 TEXTS = st.text(min_size=1, max_size=20).map(str.strip).filter(bool)
+WORDS = st.text(min_size=1, max_size=15).map(str.strip).filter(bool)  # eight at most
 DAYS = st.dates()
 FILTERS = st.builds(
     SpeedupFilters,
     front=st.just("") | TEXTS,
     configuration=st.sampled_from(["best", "accurate", ALL]),
-    device=st.just("") | TEXTS,
+    device=st.just("") | WORDS,
     vendor=st.sampled_from(["", *VENDORS]),
     gpu=st.just("") | TEXTS,
     os=st.sampled_from(["", "Android"]),
@@ -74,12 +75,21 @@ def test_a_vendor_is_known_by_the_makers_name_and_the_familys(word: str) -> None
         ("since=2026-10-02&until=2026-10-01", "until"),
         ("suspect=maybe", "suspect"),
         ("simulated=2", "simulated"),
+        (f"soc={'a' * 201}", "soc"),
+        (f"backend={'a' * 201}", "backend"),
+        (f"device={'a' * 201}", "device"),
+        ("device=1+2+3+4+5+6+7+8+9", "device"),
     ],
 )
 def test_a_filter_that_cannot_be_understood_is_named(query: str, name: str) -> None:
     with pytest.raises(InvalidFilterError, match=name) as raised:
         parsed(query)
     assert raised.value.name == name
+
+
+def test_the_longest_text_and_as_many_words_as_may_be_are_taken() -> None:
+    assert parsed(f"soc={'a' * 200}").soc == "a" * 200
+    assert parsed("device=1+2+3+4+5+6+7+8+8+8").device == "1 2 3 4 5 6 7 8 8 8"
 
 
 def test_a_period_has_a_beginning_or_an_end() -> None:

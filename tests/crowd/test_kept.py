@@ -9,7 +9,7 @@ from crowd.results.reading.kept import Kept
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
 
-PATHS = ("/speedups", "/devices")
+PATHS = ("/speedups", "/speedups?since=2020-01-01", "/devices")
 
 
 def names(client: Client, path: str) -> list[str]:

@@ -97,6 +97,7 @@ def test_a_period_gives_the_same_figures_as_all_sessions_where_it_holds_them_all
 @pytest.mark.parametrize(
     ("query", "field"),
     [({"since": "yesterday"}, "since"), ({"min_sessions": "-1"}, "min_sessions"), ({"limit": "0"}, "limit"),
+     ({"device": " ".join(map(str, range(1100)))}, "device"), ({"gpu": "a" * 4000}, "gpu"),
      ({"cursor": "???"}, "cursor"), ({"cursor": "YWJj"}, "cursor")],
 )  # fmt: skip
 def test_a_filter_that_is_none(client: Client, crowd: None, query: dict[str, str], field: str) -> None:
@@ -160,6 +161,16 @@ def test_devices_are_listed_and_shown(client: Client, crowd: None) -> None:
     assert (shown["session_count"], shown["installations"], len(shown["sessions"])) == (3, 3, 3)
     assert shown["speedups"][0]["configuration"] == "best"
     assert client.get(f"{API}/devices/none").json()["code"] == "not_found"
+
+
+def test_the_list_of_devices_refuses_filters_that_it_does_not_take(client: Client, crowd: None) -> None:
+    everything = client.get(f"{API}/devices").json()
+
+    for name, value in {"device": "zzz", "front": "kfusion-test", "min_sessions": "3"}.items():
+        refused = client.get(f"{API}/devices", {name: value})
+        assert (refused.status_code, refused.json()["field"]) == (400, name)
+        assert "takes application and simulated" in refused.json()["detail"]
+    assert client.get(f"{API}/devices?application=kfusion&simulated=0&device=").json() == everything
 
 
 def test_devices_are_compared(client: Client, crowd: None) -> None:

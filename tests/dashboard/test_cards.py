@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from django.test import Client
-from PIL import Image
+from PIL import Image, ImageDraw
 
 from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card, plain, png
 from crowd.dashboard.palette import LIGHT
@@ -50,6 +50,22 @@ def test_a_long_note_goes_on_in_a_second_line_and_ends_with_dots_in_that() -> No
 
     assert png(Card("title", "6.19x", f"{long} 1x")) != png(Card("title", "6.19x", f"{long} 2x"))
     assert png(Card("title", "6.19x", f"{long} " * 3)) == png(Card("title", "6.19x", f"{long} " * 4))
+
+
+def test_a_long_text_is_cut_where_the_card_ends_after_few_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = []
+    real = ImageDraw.ImageDraw.textlength
+
+    def textlength(draw: ImageDraw.ImageDraw, text: str, *arguments: Any) -> float:
+        measured.append(text)
+        return real(draw, text, *arguments)
+
+    monkeypatch.setattr(ImageDraw.ImageDraw, "textlength", textlength)
+
+    assert png(Card("a" * 4000, "6.19x", "note")) == png(Card("a" * 90, "6.19x", "note"))
+    assert png(Card("i" * 4000, "6.19x", "note")) != png(Card("i" * 90, "6.19x", "note"))
+    assert len(measured) < 100
+    assert max(map(len, measured)) <= WIDTH
 
 
 def test_signs_that_the_font_lacks_are_written_with_letters() -> None:
@@ -98,6 +114,26 @@ def test_a_card_is_kept_until_a_figure_changes_and_is_asked_about_each_time(
     assert asked == []
     assert client.get("/card.png")["ETag"] != first["ETag"]
     assert len(asked) == 1
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize(
+    ("query", "status", "told"),
+    [
+        ("front=none", 404, "front=none"),
+        ("application=none", 404, "application=none"),
+        ("since=never", 400, "2026-11-30"),
+        ("device=" + "a" * 4000, 400, "200 characters"),
+        ("device=" + "+".join(map(str, range(60))), 400, "8 different words"),
+    ],
+)
+def test_a_card_of_filters_that_mean_nothing_is_refused_as_figures_are(
+    client: Client, front: Any, query: str, status: int, told: str
+) -> None:
+    for path in ("/card.png", "/figures/speedups.json"):
+        answer = client.get(f"{path}?{query}")
+        assert (answer.status_code, answer["Content-Type"]) == (status, "text/plain; charset=utf-8"), path
+        assert told in answer.content.decode()
 
 
 def crowd(*rows: Speedup, **filters: Any) -> Speedups:

@@ -155,6 +155,16 @@ def test_what_leaves_a_page_tells_its_filters_and_that_it_is_simulated(
     assert document["title"].endswith("front kfusion-test, simulated devices, Qualcomm Adreno")
     assert "Simulated.</strong>" in embed
     assert document["title"].partition(", ")[2] in embed
+    files = {
+        query: [
+            client.get(f"/tables/{path}.{kind}{query}")["Content-Disposition"] for kind in ("csv", "json")
+        ]
+        for query in ("", under)
+    }
+    assert all(
+        name.endswith(f'-simulated.{kind}"') for name, kind in zip(files[under], ("csv", "json"), strict=True)
+    )
+    assert not any("simulated" in name for name in files[""])
     assert client.get(f"/tables/{path}.json").json()["simulated"] is False
     assert "Simulated.</strong>" not in client.get(f"/embed/{path}/").content.decode()
 

@@ -38,12 +38,12 @@ Show = Callable[[HttpRequest, Drawing[Any], Any, dict[str, Any]], str]
 def addresses(drawing: Drawing[Any]) -> Iterator[URLPattern]:
     """The four addresses of DRAWING; their names are its own and -figure, -csv, -json, -embed."""
     name, below = drawing.name, drawing.path
-    yield path(f"figures/{below}.json", _reading(_figure(drawing)), name=f"{name}-figure")
-    yield path(f"tables/{below}.csv", _reading(_shown(drawing, csv_of, CSV)), name=f"{name}-csv")
-    yield path(f"tables/{below}.json", _reading(_shown(drawing, json_of, JSON)), name=f"{name}-json")
+    yield path(f"figures/{below}.json", page(refusing(_figure(drawing))), name=f"{name}-figure")
+    yield path(f"tables/{below}.csv", page(refusing(_shown(drawing, csv_of, CSV))), name=f"{name}-csv")
+    yield path(f"tables/{below}.json", page(refusing(_shown(drawing, json_of, JSON))), name=f"{name}-json")
     embed = _shown(drawing, page_of, HTML)
     # The only pages that other sites may frame: they set no cookie and change nothing.
-    framed = xframe_options_exempt(csp_replace({"frame-ancestors": ["*"]})(_reading(embed)))
+    framed = xframe_options_exempt(csp_replace({"frame-ancestors": ["*"]})(page(refusing(embed))))
     yield path(f"embed/{below}/", framed, name=f"{name}-embed")
 
 
@@ -99,10 +99,9 @@ def page_address(request: HttpRequest, drawing: Drawing[Any], arguments: dict[st
     return with_query(drawing.page(**arguments), _query(request).urlencode())
 
 
-def _reading(view: View) -> View:
-    """VIEW as a page, with a word on a query that it cannot understand."""
+def refusing(view: View) -> View:
+    """VIEW with a word on a query that it cannot understand."""
 
-    @page
     @wraps(view)
     def answer(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         try:
@@ -121,10 +120,12 @@ def _refused(error: Exception, status: int) -> HttpResponse:
 
 def _shown(drawing: Drawing[Any], show: Show, kind: str) -> View:
     def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
-        body = show(request, drawing, drawing.read(request, **arguments), arguments).encode()
-        response = conditional(request, body, kind)
+        rows = drawing.read(request, **arguments)
+        response = conditional(request, show(request, drawing, rows, arguments).encode(), kind)
         if kind != HTML:
-            name = f"frontrunner-{drawing.name}.{'csv' if kind == CSV else 'json'}"
+            # In a CSV, nothing else could tell.
+            label = "-simulated" if drawing.simulated(rows) else ""
+            name = f"frontrunner-{drawing.name}{label}.{'csv' if kind == CSV else 'json'}"
             response["Content-Disposition"] = f'attachment; filename="{name}"'
         return response
 

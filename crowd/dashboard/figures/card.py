@@ -1,7 +1,9 @@
 """The picture that a link to a page is shown with: its figure in large letters, above the crowd's bars."""
 
 import io
+import math
 import unicodedata
+from bisect import bisect_right
 from dataclasses import dataclass
 
 from PIL import Image, ImageDraw, ImageFont
@@ -102,8 +104,19 @@ def _wrapped(draw: ImageDraw.ImageDraw, text: str, size: int, most: int) -> str:
 
 
 def _fitting(draw: ImageDraw.ImageDraw, text: str, size: int, room: int = WIDTH - 2 * MARGIN) -> str:
-    """TEXT cut where ROOM (pixels) ends: by default where the card does."""
-    shown = plain(text)
-    while draw.textlength(shown, _font(size)) > room:
-        shown = shown.removesuffix("...")[:-1].rstrip() + "..."
-    return shown
+    """TEXT cut where ROOM (pixels) ends: by default where the card does. However long it is, ten or so pieces
+    of it are measured.
+    """
+    # No letter is narrower than a pixel.
+    shown, font = plain(text)[: room + 1], _font(size)
+    if draw.textlength(shown, font) <= room:
+        return shown
+
+    def cut(letters: int) -> str:
+        return shown[:letters].rstrip() + "..."
+
+    def width(letters: int) -> int:
+        return math.ceil(draw.textlength(cut(letters), font))
+
+    wider = bisect_right(range(len(shown)), room, key=width)
+    return cut(wider - 1)

@@ -70,7 +70,7 @@ def of_devices(filters: SpeedupFilters) -> Q:
 def _called(words: str) -> Q:
     """Devices whose maker or name holds each of WORDS."""
     found = Q()
-    for word in words.split():
+    for word in dict.fromkeys(words.split()):
         places = (Q(**{f"device__{name}__icontains": word}) for name in CALLED)
         found &= reduce(or_, places)
     return found
