@@ -75,6 +75,12 @@ def test_signs_that_the_font_lacks_are_written_with_letters() -> None:
     )
 
 
+def test_a_text_of_several_lines_is_written_in_one() -> None:
+    assert png(Card("title", "6.19x", "note", scope="a\nb")) == png(
+        Card("title", "6.19x", "note", scope="a b")
+    )
+
+
 @pytest.mark.django_db
 def test_pages_name_a_picture_of_their_current_figure(client: Client, participant: Participant) -> None:
     measure(participant)

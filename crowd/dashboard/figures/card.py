@@ -54,13 +54,13 @@ def png(card: Card) -> bytes:
 
 
 def plain(text: str) -> str:
-    """TEXT in the letters that the built-in font has: ASCII alone."""
+    """TEXT in one line, in the letters that the built-in font has: ASCII alone."""
     signs = {formats.TIMES: "x", formats.RANGE: "-", formats.ABSENT: "-", "\N{MINUS SIGN}": "-"}
     for sign, letter in signs.items():
         text = text.replace(sign, letter)
     decomposed = unicodedata.normalize("NFKD", text)
     kept = "".join(letter for letter in decomposed if not unicodedata.combining(letter))
-    return kept.encode("ascii", "replace").decode()
+    return " ".join(kept.encode("ascii", "replace").decode().split())
 
 
 def _draw_bars(draw: ImageDraw.ImageDraw, card: Card) -> None:
