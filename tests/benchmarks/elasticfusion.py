@@ -3,7 +3,9 @@
     python -m tests.benchmarks.elasticfusion [--frames N] [--sequence PATH]
 
 The sequence needs colour. Growth is measured on maps made by laying copies of the sequence's own surfels over
-each other, a few millimetres apart, so that all are active, stable and in view; CPU time sums all threads.
+each other, a few millimetres apart, so that all are active, stable and in view. In the last two rows half of
+them are inactive, so that loops are looked for in every frame, and in the last one is closed, too. CPU time
+sums all threads.
 """
 
 from __future__ import annotations
@@ -32,6 +34,13 @@ AIM = 400  # CPU milliseconds a frame of 640x480 with a million surfels
 SIZES = (250_000, 500_000, 1_000_000)
 GROWN_FRAMES = 20  # after which the map is replaced
 COUNTED = 5
+# Surfels, what becomes of loops, and settings. With a short window half of the map is inactive, and each
+# frame looks for loops. None fits as well as "sought" asks for; otherwise one is closed.
+GROWN: list[tuple[int, str, dict[str, Any]]] = [
+    *((size, "", {}) for size in SIZES),
+    (SIZES[-1], "sought", {"time_window": 10, "icp_error_threshold": 1e-12}),
+    (SIZES[-1], "closed", {"time_window": 10}),
+]
 ROWS: list[tuple[str, dict[str, Any]]] = [
     ("default", {}),
     ("fast odometry", {"fast_odometry": 1}),
@@ -55,16 +64,21 @@ def run(sequence: Path, settings: dict[str, Any], driver: str, frames: int) -> d
 
 
 def growth(sequence: Sequence, driver: str) -> list[dict[str, Any]]:
-    """CPU and stage milliseconds a frame on maps of SIZES surfels, all of them drawn in each."""
+    """CPU and stage milliseconds a frame on maps of SIZES surfels, and on the last with loops."""
     session = open_session("elasticfusion", choose_device(driver))
     scene = Scene(sequence.camera, 5.0, (0.5, 0.5, 0.1))
     random, measured = np.random.default_rng(0), []
-    for size in SIZES:
-        system = ElasticFusion(Configuration(), scene, session)
+    for size, loops, settings in GROWN:
+        system = ElasticFusion(Configuration.from_mapping(settings), scene, session)
         for index in range(GROWN_FRAMES):
             system.process(sequence.depth(index), sequence.colour(index))
         own = system.surfels.read()
         copies = own[np.sort(np.arange(size) % len(own))]
+        if loops:
+            old, new = copies[::2], copies[1::2]
+            old["born"] = old["seen"] = 1
+            new["born"] = new["seen"] = GROWN_FRAMES
+            copies = np.concatenate([old, new])
         copies["position"] += random.normal(0, 0.002, (size, 3))
         copies["confidence"] = 2 * Configuration().confidence_threshold
         system.surfels.write(copies)
@@ -76,7 +90,7 @@ def growth(sequence: Sequence, driver: str) -> list[dict[str, Any]]:
             cpu += process_time() - began
             for stage in STAGES:
                 stages[stage] += frame.seconds[stage]
-        row = {"surfels": size, "cpu_ms": 1e3 * cpu / COUNTED}
+        row = {"surfels": size, "loops": loops, "cpu_ms": 1e3 * cpu / COUNTED}
         measured.append(row | {stage: 1e3 * seconds / COUNTED for stage, seconds in stages.items()})
     return measured
 
@@ -105,12 +119,13 @@ def measure(path: Path, driver: str, frames: int) -> dict[str, Any] | None:
         aligned = 1e3 * row["ate"]["rmse_aligned"] if row["ate"] else float("nan")
         cells = "".join(f"{row[stage]:>15.1f}" for stage in STAGES)
         print(f"{name:<15}{row['cpu_ms']:>8.1f}{row['wall_ms']:>8.1f}{cells}{aligned:>10.2f}")
-    print(f"{'active surfels':<15}{'CPU':>8}{'aim':>8}{heads}")
+    print(f"{'surfels':<15}{'CPU':>8}{'aim':>8}{heads}")
     grown = growth(sequence, driver)
     for row in grown:
         aim = AIM if row["surfels"] == SIZES[-1] else ""
+        name = f"{row['surfels']} {row['loops']}"
         cells = "".join(f"{row[stage]:>15.1f}" for stage in STAGES)
-        print(f"{row['surfels']:<15}{row['cpu_ms']:>8.1f}{aim:>8}{cells}")
+        print(f"{name:<15}{row['cpu_ms']:>8.1f}{aim:>8}{cells}")
     return {"driver": driver, "frames": frames, "configurations": rows, "growth": grown}
 
 
