@@ -1,13 +1,39 @@
-"""What the configurations of all systems have in common: how values are checked, and the error they raise."""
+"""What the configurations of all systems have in common: reading them, checking values, and the error."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, ClassVar, Self
 
 
 class ConfigurationError(ValueError):
     """A parameter that a system does not have, or a value that it cannot run."""
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """A system's parameters by name, as plain values: the base of its Configuration. `system`: its name."""
+
+    system: ClassVar[str]
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
+        """A configuration from names and values; absent names take their default.
+
+        Raises ConfigurationError for an unknown name or an impossible value.
+        """
+        known = [field.name for field in fields(cls)]
+        unknown = sorted(set(values) - set(known))
+        if unknown:
+            raise ConfigurationError(
+                f"unknown parameter {', '.join(unknown)}: {cls.system} has {', '.join(known)}"
+            )
+        return cls(**values)
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
 
 
 def whole(name: str, value: Any, least: int) -> int:

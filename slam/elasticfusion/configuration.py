@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import ClassVar
 
-from slam.configuration import ConfigurationError, finite, flag, whole
+from slam.configuration import ConfigurationError, Parameters, finite, flag, whole
 
 # Constants of the published system; lengths in metres, angles in radians unless said otherwise.
 NEAREST = 0.3  # what a sensor says of nearer things is not believed
@@ -25,7 +24,7 @@ ICP_ONLY = 100.0  # icp_weight from which colour has no part
 
 
 @dataclass(frozen=True)
-class Configuration:
+class Configuration(Parameters):
     """One point of the design space, and settings that are no part of it; the defaults are the paper's.
 
     icp_weight: weight of the point-to-plane error beside the photometric one; 0 is colour alone, 100 or more
@@ -46,6 +45,8 @@ class Configuration:
     closure_distance: metres that a global loop must gape before, closure_error: metres that it may after, and
     closure_energy: of its deformation. surfel_capacity: surfels the map can hold. seed: of the random ferns.
     """
+
+    system: ClassVar[str] = "ElasticFusion"
 
     icp_weight: float = 10.0
     depth_cutoff: float = 3.0
@@ -90,23 +91,6 @@ class Configuration:
             )
         object.__setattr__(self, "icp_weight", weight)
         object.__setattr__(self, "depth_cutoff", cutoff)
-
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, Any]) -> Configuration:
-        """A configuration from names and values; absent names take their default.
-
-        Raises ConfigurationError for an unknown name or an impossible value.
-        """
-        known = [field.name for field in fields(cls)]
-        unknown = sorted(set(values) - set(known))
-        if unknown:
-            raise ConfigurationError(
-                f"unknown parameter {', '.join(unknown)}: ElasticFusion has {', '.join(known)}"
-            )
-        return cls(**values)
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 _WHOLE = {

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import ClassVar
 
-from slam.configuration import ConfigurationError, finite, whole
+from slam.configuration import ConfigurationError, Parameters, finite, whole
 
 # Constants of SLAMBench's KinectFusion; lengths in metres.
 BILATERAL_SPATIAL_SIGMA = 4.0  # pixels
@@ -24,7 +23,7 @@ LEVELS = 3
 
 
 @dataclass(frozen=True)
-class Configuration:
+class Configuration(Parameters):
     """One point of the design space; the defaults are SLAMBench's.
 
     compute_size_ratio: depth is sampled at every n-th pixel, unaveraged. integration_rate: frame n is
@@ -33,6 +32,8 @@ class Configuration:
     mu: truncation distance, m. volume_resolution: voxels per side. pyramid_iterations_*: ICP
     iterations at full, half and quarter size; they run from coarse to fine.
     """
+
+    system: ClassVar[str] = "KinectFusion"
 
     compute_size_ratio: int = 1
     integration_rate: int = 2
@@ -58,27 +59,10 @@ class Configuration:
                 "all three pyramid_iterations are 0: give at least one level an iteration"
             )
 
-    @classmethod
-    def from_mapping(cls, values: Mapping[str, Any]) -> Configuration:
-        """A configuration from names and values; absent names take their default.
-
-        Raises ConfigurationError for an unknown name or an impossible value.
-        """
-        known = [field.name for field in fields(cls)]
-        unknown = sorted(set(values) - set(known))
-        if unknown:
-            raise ConfigurationError(
-                f"unknown parameter {', '.join(unknown)}: KinectFusion has {', '.join(known)}"
-            )
-        return cls(**values)
-
     @property
     def iterations(self) -> tuple[int, int, int]:
         """ICP iterations, finest level first, as SLAMBench writes them."""
         return (self.pyramid_iterations_fine, self.pyramid_iterations_middle, self.pyramid_iterations_coarse)
-
-    def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 _WHOLE = {
