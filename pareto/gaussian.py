@@ -68,7 +68,7 @@ class GaussianProcess:
         self.theta = theta
         self.kernel = Kernel(theta, owner)
         self._mean = float(targets.mean())
-        self._features = features
+        self._features, self._targets = features, targets
         correlation = self.kernel(features, features)
         correlation[np.diag_indices_from(correlation)] += self.kernel.noise
         self._lower = cholesky(correlation, lower=True, overwrite_a=True, check_finite=False)
@@ -109,25 +109,31 @@ class GaussianProcess:
         )
         return cls(features, targets, owner, found.x)
 
-    def foretells(self, rows: NDArray[np.bool_]) -> float:
-        """Return the mean log density of the targets of `rows`, each foretold from all other rows.
+    @cached_property
+    def left_out(self) -> tuple[Array, Array]:
+        """(n,) mean and (n,) standard deviation of each target, foretold from all others.
 
         Rasmussen & Williams 2006, eq. 5.10 to 5.12; the hyperparameters stay those of all rows.
         """
-        precision = self._precision[rows]
-        weights = solve_triangular(self._lower, self._alpha, lower=True, trans=1, check_finite=False)[rows]
-        variance = self._scale / precision
-        squared = (weights / precision) ** 2 / variance
-        return float(-0.5 * np.mean(np.log(2.0 * math.pi * variance) + squared))
+        inverse, _ = dpotri(self._lower, lower=1)
+        precision = np.diag(inverse)
+        weights = solve_triangular(self._lower, self._alpha, lower=True, trans=1, check_finite=False)
+        return self._targets - weights / precision, np.sqrt(self._scale / precision)
+
+    def surprise(self) -> Array:
+        """Return by how many (n,) standard deviations each target is above what all others foretell."""
+        mean, deviation = self.left_out
+        return (self._targets - mean) / deviation
+
+    def foretells(self, rows: NDArray[np.bool_]) -> float:
+        """Return the mean log density of the targets of `rows`, each foretold from all other rows."""
+        _, deviation = self.left_out
+        squared = self.surprise()[rows] ** 2
+        return float(-0.5 * np.mean(np.log(2.0 * math.pi * deviation[rows] ** 2) + squared))
 
     def doubt(self) -> float:
         """Return the median standard deviation with which a target is foretold from all others."""
-        return float(np.sqrt(self._scale / np.median(self._precision)))
-
-    @cached_property
-    def _precision(self) -> Array:
-        inverse, _ = dpotri(self._lower, lower=1)
-        return np.diag(inverse)
+        return float(np.median(self.left_out[1]))
 
     def at(self, features: Array) -> Posterior:
         """Return the posterior at (n, columns) features."""

@@ -4,8 +4,9 @@ An objective may be smooth over its whole range, as a time that grows with the w
 things go well, as an error that gets rough and then leaps as tracking is lost. So two processes are made for
 each: one learns from all values, one from those of points on the front or beside it. The one that foretells
 the latter better, each left out in turn, is kept. Where that is the second, what is not beside the front
-counts as a failure, and so does what could not be measured: one more process learns where that is, and so
-do trees, because a process alone finds gaps between any failures, and a search looks for just these.
+counts as a failure, and so does what leaps away from all that is around it, or could not be measured: one
+more process learns where that is, and so do trees, because a process alone finds gaps between any failures,
+and a search looks for just these.
 
 A process of what is beside the front is sharp there and of no use far from it, where it may expect anything.
 Hence three opinions: the bold one asks it anywhere, the cautious one only where it is about as sure as among
@@ -16,7 +17,7 @@ wins.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,8 @@ Recipe = dict[str, Any]  # {"near": whether from points near the front alone, "t
 SUCCESS = "success"
 CAUTIOUS, BOLD, BESIDE = 0, 1, 2  # opinions
 LEAST = 10  # points near the front from which it can be told which process foretells better
+LEAP = 3.0  # standard deviations by which a near point may be worse than foretold, and still be learnt from
+LEAPS = 40  # points near the front from which it can be told which of them leap
 TRUST = 2.0  # times its doubt about its own points, from all others: where a near process is to be believed
 FRESH = 20  # further points known, after which the trees that judge success are grown anew
 
@@ -83,6 +86,8 @@ class Surrogates:
             column = rest[:, number] if slope or few else targets.values[:, number]
             self._objectives.append(self._objective(str(number), rows, column))
         lost = ~self._near & any(learnt.near for learnt in self._objectives)
+        for learnt in self._objectives:
+            lost[learnt.leapt] = True
         self._success: GaussianProcess | None = None
         self.jury: Jury | None = None
         good, bad = targets.indices[~lost], np.concatenate([history.failed(), targets.indices[lost]])
@@ -124,11 +129,18 @@ class Surrogates:
             if known or not LEAST <= len(some) < len(rows):
                 return Learnt(whole)
         narrow = self._process(name, indices[some], column[some])
-        if not known and narrow.foretells(near[near]) <= whole.foretells(near):
+        # A few that leap would make all of the process rough: without them it is fitted anew.
+        kept = some[narrow.surprise() < LEAP]
+        if LEAPS <= len(some) > len(kept):
+            narrow = self._process(name, indices[kept], column[kept])
+        else:
+            kept = some
+        if not known and narrow.foretells(np.ones(len(kept), bool)) <= whole.foretells(np.isin(rows, kept)):
             return Learnt(whole)
         self.recipes[name] = _recipe(narrow, near=True)
-        spread = max(float(column[some].std()), TINY)
-        return Learnt(narrow, near=True, widest=spread, trusted=TRUST * narrow.doubt())
+        spread = max(float(column[kept].std()), TINY)
+        leapt = np.setdiff1d(some, kept)
+        return Learnt(narrow, near=True, widest=spread, trusted=TRUST * narrow.doubt(), leapt=leapt)
 
     def _process(self, name: str, indices: Indices, column: Array) -> GaussianProcess:
         features, owner = self.space.features(indices), self.space.feature_owner
@@ -156,13 +168,14 @@ class Learnt:
     """The process that foretells an objective.
 
     If it was made of `near` points alone, its spread counts up to `widest`, the spread of its own targets,
-    and it is `trusted` where its standard deviation is at most that.
+    it is `trusted` where its standard deviation is at most that, and the rows that `leapt` are no part of it.
     """
 
     process: GaussianProcess
     near: bool = False
     widest: float = np.inf
     trusted: float = np.inf
+    leapt: Rows = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
 
 @dataclass

@@ -157,12 +157,14 @@ def test_a_process_foretells_each_target_from_all_others():
     known = matern_and_exponential(features, features, [0.5, 0.8], 1.7, 0.3) + 0.01 * np.eye(40)
     centred = targets - targets.mean()
     scale = centred @ np.linalg.solve(known, centred) / 40
-    densities = []
+    densities, surprises = [], []
     for row in np.flatnonzero(rows):
         others = np.arange(40) != row
         solved = np.linalg.solve(known[np.ix_(others, others)], known[others, row])
         variance = scale * (known[row, row] - known[row, others] @ solved)
         densities.append(norm.logpdf(centred[row], solved @ centred[others], np.sqrt(variance)))
+        surprises.append((centred[row] - solved @ centred[others]) / np.sqrt(variance))
     assert process.foretells(rows) == pytest.approx(np.mean(densities), rel=1e-6)
+    assert process.surprise()[rows] == pytest.approx(surprises, rel=1e-6)
     left_out = np.sqrt(scale / np.diag(np.linalg.inv(known)))
-    assert process.doubt() == pytest.approx(np.median(left_out), rel=0.03)  # the median of two variances
+    assert process.doubt() == pytest.approx(np.median(left_out), rel=1e-6)

@@ -49,6 +49,24 @@ def test_an_objective_that_leaps_is_learnt_beside_the_front_and_a_smooth_one_fro
     assert promise.chance[BOLD, lost].mean() < 0.2 < 0.7 < promise.chance[BOLD, inside].mean()
 
 
+def test_what_leaps_beside_the_front_is_no_part_of_its_process_and_counts_as_failed():
+    calm = known(leap=3.0, count=300)
+    targets = Targets.of(calm)
+    near = np.flatnonzero((targets.depth > 0) & (targets.depth < 0.05))
+    leaping = near[:: len(near) // 4][:4]
+    history = History(SPACE, calm.objectives, calm.limits)
+    for row, (index, values) in enumerate(zip(*calm.measured(), strict=True)):
+        history.record(int(index), (values[0], values[1] * (1.05 if row in leaping else 1.0)))
+    surrogates = learnt(history)
+    process = surrogates._objectives[1]
+    assert surrogates.recipes["1"]["near"]
+    assert process.leapt.tolist() == leaping.tolist()
+    assert process.process.doubt() < 0.001  # of a logarithm, where they leap by 0.05
+    indices = targets.indices
+    chance = surrogates.at(indices).chance[BOLD]
+    assert chance[leaping].max() < chance[np.setdiff1d(near, leaping)].mean()
+
+
 def test_a_near_process_is_asked_where_it_knows_and_by_one_opinion_only_beside_the_front():
     surrogates = learnt(known(leap=3.0))
     free = np.arange(len(SPACE))
