@@ -7,6 +7,7 @@ import pytest
 from crowd.dashboard.figures.decimation import MOST_DRAWN
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.figures.fronts import front_plane
+from crowd.dashboard.figures.layout import log_ticks
 from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, speedup_bars
 from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme
 from crowd.dashboard.stages import stage_times
@@ -169,6 +170,16 @@ def test_of_many_points_the_ends_of_the_front_are_named() -> None:
     figure = front_plane([point("default", 0.2, 0.04), point("best", 0.005, 0.045), *points], 0.05, LIGHT)
 
     assert [trace.name for trace in figure.data if "text" in trace.mode] == ["default", "best", "front-11"]
+
+
+def test_a_front_whose_points_are_nearly_as_fast_has_ticks_between_them() -> None:
+    axis = front_plane(
+        [point("default", 0.0514, 0.0085), point("best", 0.037, 0.0047)], 0.05, LIGHT
+    ).layout.yaxis
+
+    assert axis.ticktext == ("35", "40", "45", "50", "55")
+    assert log_ticks(0.3, 40.0) == pytest.approx([0.5, 1, 2, 5, 10, 20])
+    assert log_ticks(2.0, 12.0) == pytest.approx([2, 3, 5, 7, 10])
 
 
 def test_a_point_without_a_prediction_is_left_out_of_the_plane() -> None:

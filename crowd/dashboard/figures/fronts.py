@@ -48,7 +48,7 @@ def front_plane(points: Sequence[Point], max_ate: float, theme: Theme) -> go.Fig
             "title": {"text": "maximum trajectory error, cm"},
             "range": [0, max(widest, max_ate * 100) * 1.12],
         },
-        yaxis=layout.log_axis("runtime, ms a frame (log)"),
+        yaxis=layout.log_axis("runtime, ms a frame (log)", [(point.runtime or 0.0) * 1e3 for point in drawn]),
     )
 
 

@@ -1,6 +1,7 @@
 """What all charts share: axes, fonts, colours of a theme, and text that a client may have sent."""
 
 import html
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -85,9 +86,24 @@ def flat_rows(rows: int) -> dict[str, Any]:
     return {"range": [max(rows, 1) - 0.6, -0.72], "visible": False}
 
 
-def log_axis(title: str) -> dict[str, Any]:
-    """A logarithmic axis with every tick written out (plotly writes 2 where 20 is meant)."""
-    ticks = [digit * 10.0**power for power in range(-3, 6) for digit in (1, 2, 5)]
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers from LOW to HIGH, both above 0, for a logarithmic scale; in a shorter range, more."""
+    if high > 10 * low:
+        digits = [1.0, 2.0, 5.0]
+    elif high > 3 * low:
+        digits = [1.0, 1.5, 2.0, 3.0, 5.0, 7.0]
+    else:
+        digits = [half / 2 for half in range(2, 20)]
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    found = [digit * 10.0**power for power in powers for digit in digits]
+    return [tick for tick in found if low <= tick <= high]
+
+
+def log_axis(title: str, values: Iterable[float] = ()) -> dict[str, Any]:
+    """A logarithmic axis for VALUES, with every tick written out (plotly writes 2 where 20 is meant)."""
+    known = [value for value in values if value > 0] or [1e-3, 1e6]
+    # Room for what lies just outside of the values, where plotly leaves a margin.
+    ticks = log_ticks(min(known) / 1.1, max(known) * 1.1)
     return {
         "title": {"text": title},
         "type": "log",

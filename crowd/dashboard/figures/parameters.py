@@ -126,8 +126,7 @@ def _add_axes(figure: go.Figure, axes: Mapping[str, Sequence[Any]], theme: Theme
 
 def _add_scale(figure: go.Figure, low: float, high: float, theme: Theme) -> None:
     """The scale of colours, which belongs to a trace that draws nothing."""
-    ticks = [digit * 10.0**power for power in range(-3, 6) for digit in (1, 2, 5)]
-    shown = [tick for tick in ticks if low <= np.log10(tick) <= high]
+    ticks = layout.log_ticks(10.0**low, 10.0**high)
     figure.add_scatter(
         x=[None],
         y=[None],
@@ -141,8 +140,8 @@ def _add_scale(figure: go.Figure, low: float, high: float, theme: Theme) -> None
             "colorbar": heat.bar(
                 theme,
                 "runtime, ms a frame (log)",
-                tickvals=[float(np.log10(tick)) for tick in shown],
-                ticktext=[f"{tick:g}" for tick in shown],
+                tickvals=[float(np.log10(tick)) for tick in ticks],
+                ticktext=[f"{tick:g}" for tick in ticks],
                 len=0.5,
             ),
         },

@@ -33,7 +33,7 @@ def surface_map(surface: Surface, quantity: str, theme: Theme) -> go.Figure:
     known = values[np.isfinite(values)]
     if not known.size:
         return layout.note(figure, "Nothing could be measured", theme)
-    ticks = _ticks(float(known.min()), float(known.max()))
+    ticks = layout.log_ticks(float(known.min()), float(known.max()))
     heat.add_cells(
         figure,
         np.log10(values),
@@ -77,13 +77,3 @@ def _hover(surface: Surface) -> list[list[str]]:
         ]
         for row, y in enumerate(surface.y_values)
     ]
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    """Round numbers from LOW to HIGH: 1, 1.5, 2, 3, 5, 7 times powers of ten."""
-    found = [
-        digit * 10.0**power
-        for power in range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-        for digit in (1, 1.5, 2, 3, 5, 7)
-    ]
-    return [tick for tick in found if low <= tick <= high]
