@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.points import Point, comparable, default
+from crowd.explorations.points import Point, comparable, default, settled
 from crowd.explorations.readings import Found
 from crowd.explorations.watching import Watch, found
 from pareto.hypervolume import hypervolume_growth
@@ -16,8 +16,9 @@ from slam.protocol import VALID_BELOW
 class Yield:
     """How many configurations were measured and are valid, and the fastest valid one (None: none is).
 
-    `known` more were measured by an earlier exploration; valid and fastest may be among these.
-    speedup is the default's runtime over the fastest valid one's, both on the reference device.
+    `known` more were measured by an earlier exploration; valid and fastest may be among these. Once the
+    search is done, the fastest is one that was measured again. `speedup` is the default's runtime over
+    the fastest valid one's, both on the reference device.
     """
 
     measured: int
@@ -39,7 +40,7 @@ def yield_of(exploration: Exploration, have: Found) -> Yield:
     valid = [
         point for point in alike if "runtime" in point.values and point.values.get("ate_max", limit) < limit
     ]
-    fastest = min(valid, key=lambda point: point.values["runtime"], default=None)
+    fastest = min(settled(exploration, valid), key=lambda point: point.values["runtime"], default=None)
     baseline = default(alike)
     known = sum(point.phase == Evaluation.Phase.KNOWN for point in have.points)
     return Yield(

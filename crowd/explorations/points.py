@@ -81,6 +81,17 @@ def comparable(points: Iterable[Point]) -> list[Point]:
     return [point for point in points if point.whole] or points
 
 
+def settled(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
+    """What figures may rest on: all, until the search is done; then what was measured again, if anything was.
+
+    Of hundreds of single measurements the luckiest would beat the medians.
+    """
+    points = list(points)
+    again = [point for point in points if point.repeats]
+    done = exploration.state == Exploration.State.DONE and any(not point.label for point in again)
+    return again if done else points
+
+
 def front(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
     """The comparable points within the exploration's limits that no other of them beats, fastest first."""
     alike = comparable(points)

@@ -98,7 +98,7 @@ class Reading:
         searched.sort(key=lambda row: (row.finished_at or row.created_at, row.number))
         return Found(
             points=tuple(known),
-            front=tuple(points.front(exploration, known)),
+            front=tuple(points.front(exploration, points.settled(exploration, known))),
             indices=tuple(row.place for row in searched if row.place is not None),
             values=tuple(row.objectives for row in searched),
         )

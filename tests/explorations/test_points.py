@@ -109,6 +109,25 @@ def test_whoever_shows_a_front_says_of_which_kind_it_is(short: Exploration, clie
     assert "Measured over the whole sequence:" in markdown(short)
 
 
+def test_a_lucky_single_measurement_is_on_no_finished_front(exploration: Exploration, client: Client) -> None:
+    run_to_the_end(exploration)
+    again = {row.configuration_key for row in rows(exploration) if row.phase == "repeat"}
+    lucky = next(row for row in rows(exploration) if row.configuration_key not in again)
+    lucky.objectives = {"runtime": 1e-6, "ate_max": 1e-6}
+    lucky.save()
+
+    def told() -> list[dict[str, Any]]:
+        return list(client.get(f"/api/v1/explorations/{exploration.pk}").json()["front"])
+
+    front = told()
+    assert len(front) > 1
+    assert all(point["measurements"] > 1 for point in front)
+
+    services.raise_budget(exploration, exploration.budget + 1)
+
+    assert [point["configuration"] for point in told()] == [lucky.configuration]
+
+
 def test_where_the_search_runs_over_everything_nothing_is_set_apart(exploration: Exploration) -> None:
     run_to_the_end(exploration)
     every = points.measured(rows(exploration))

@@ -30,7 +30,7 @@ def read_anew(exploration: Exploration) -> Found:
     searched.sort(key=lambda row: (row.finished_at or row.created_at, row.number))
     return Found(
         points=tuple(known),
-        front=tuple(points.front(exploration, known)),
+        front=tuple(points.front(exploration, points.settled(exploration, known))),
         indices=tuple(row.index for row in searched if row.index is not None),
         values=tuple(row.objectives for row in searched),
     )
