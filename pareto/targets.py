@@ -14,7 +14,7 @@ from pareto.space import Indices
 
 Array = NDArray[np.float64]
 
-SLACK = 0.5  # of the front's extent, beyond its ends, where the user set no limit
+SLACK = 0.1  # of the front's extent, beyond its ends, where the user set no limit
 NEAR = 0.1  # of the extent of front and reference: how far behind the front is still beside it
 LEAST_NEAR = 60  # points count as near at least, if so many are in reach
 REACH = 0.1  # of the room up to the reference, beyond it: how bad a value may be and still tell something
@@ -115,10 +115,11 @@ def _relaxed(limits: Array, values: Array) -> Array:
 def _complete(limits: Array, values: Array) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
 
-    The slack is wide, since whatever lies beyond the reference is worth nothing and will not be looked for:
-    a front that is found from its middle must be able to grow outwards. Where the front is a single point
-    (one objective, or objectives that agree), it has no extent: the median of what was measured within the
-    limits is then the least that the reference lets in.
+    Whatever lies beyond the reference is worth nothing and will not be looked for, so that a front which is
+    found from its middle must be able to grow outwards; but the wider the slack, the more a gain at either
+    end counts, and the less one between. A tenth is what Ishibuchi et al. 2011 use. Where the front is a
+    single point (one objective, or objectives that agree), it has no extent: the median of what was measured
+    within the limits is then the least that the reference lets in.
     """
     inside = values[(values <= limits).all(axis=1)]
     front = inside[nondominated(inside)]
