@@ -15,6 +15,8 @@ from pareto.space import Indices
 Array = NDArray[np.float64]
 
 SLACK = 0.1  # of the front's extent, beyond its ends, where the user set no limit
+WIDE_SLACK = 0.5  # while few points are known
+FEW = 40  # points; the slack of more is the narrower, the more they are
 NEAR = 0.1  # of the extent of front and reference: how far behind the front is still beside it
 LEAST_NEAR = 60  # points count as near at least, if so many are in reach
 REACH = 0.1  # of the room up to the reference, beyond it: how bad a value may be and still tell something
@@ -115,14 +117,15 @@ def _relaxed(limits: Array, values: Array) -> Array:
 def _complete(limits: Array, values: Array) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
 
-    Whatever lies beyond the reference is worth nothing and will not be looked for, so that a front which is
-    found from its middle must be able to grow outwards; but the wider the slack, the more a gain at either
-    end counts, and the less one between. A tenth is what Ishibuchi et al. 2011 use. Where the front is a
-    single point (one objective, or objectives that agree), it has no extent: the median of what was measured
-    within the limits is then the least that the reference lets in.
+    Whatever lies beyond the reference is worth nothing and will not be looked for, so that the slack is wide
+    at first: a front that is found from its middle must be able to grow outwards. But the wider it is, the
+    more a gain at either end counts, and the less one between; in the end it is the tenth of Ishibuchi et
+    al. 2011. Where the front is a single point (one objective, or objectives that agree), it has no extent:
+    the median of what was measured within the limits is then the least that the reference lets in.
     """
     inside = values[(values <= limits).all(axis=1)]
     front = inside[nondominated(inside)]
     low, high = front.min(axis=0), front.max(axis=0)
-    ends = np.maximum(high + SLACK * np.maximum(high - low, TINY), np.median(inside, axis=0))
+    slack = max(SLACK, WIDE_SLACK * min(1.0, FEW / len(inside)))
+    ends = np.maximum(high + slack * np.maximum(high - low, TINY), np.median(inside, axis=0))
     return np.where(np.isfinite(limits), limits, ends)

@@ -107,6 +107,19 @@ def test_depth_is_what_a_point_must_improve_by_before_it_counts():
     assert targets.near().tolist() == [True, True, True, True, False, False]
 
 
+def test_without_limits_the_reference_comes_nearer_as_more_is_known():
+    def reference(count):
+        history = History(SPACE, read_objectives(("a", "b")), {})
+        for index in range(count):
+            pair = {0: (0.0, 1.0), 1: (1.0, 0.0)}.get(index, (0.9, 0.9))
+            history.record(index, tuple(np.exp(pair)))
+        return Targets.of(history).reference.tolist()
+
+    assert reference(20) == reference(40) == [1.5, 1.5]
+    np.testing.assert_allclose(reference(80), 1.25)
+    np.testing.assert_allclose(reference(1000), 1.1)
+
+
 def test_without_a_leap_nothing_counts_as_a_failure():
     surrogates = learnt(known(leap=0.0))
     assert surrogates.recipes["0"]["near"] is False
