@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 SLACK = 0.1  # of the front's extent, beyond its ends, where the user set no limit
 WIDE_SLACK = 0.5  # while few points are known
 FEW = 40  # points; the slack of more is the narrower, the more they are
+TRADE = 0.05  # of what is given up in one objective: the least gain in another for which a front goes on
 NEAR = 0.1  # of the extent of front and reference: how far behind the front is still beside it
 LEAST_NEAR = 60  # points count as near at least, if so many are in reach
 REACH = 0.1  # of the room up to the reference, beyond it: how bad a value may be and still tell something
@@ -37,10 +38,11 @@ class Targets:
     front: NDArray[np.int64]
 
     @classmethod
-    def of(cls, history: History) -> Targets:
+    def of(cls, history: History, whole: bool = False) -> Targets:
         """Read the history's successes: logarithms, or shares of the largest magnitude where there are none.
 
-        Raises ValueError when nothing succeeded.
+        Where the user set no limit, the reference lies beyond the part of the front that is worth its price,
+        or beyond the `whole` front. Raises ValueError when nothing succeeded.
         """
         indices, natural = history.measured()
         if len(indices) == 0:
@@ -59,7 +61,7 @@ class Targets:
                 limit = None if limit is None else limit / unit
             if limit is not None:
                 limits[column] = limit * objective.sign
-        reference = _complete(_relaxed(limits, values), values)
+        reference = _complete(_relaxed(limits, values), values, whole)
         inside = np.flatnonzero((values <= reference).all(axis=1))
         return cls(indices, values, reference, inside[nondominated(values[inside])])
 
@@ -114,8 +116,12 @@ def _relaxed(limits: Array, values: Array) -> Array:
     return np.maximum(limits, nearest)
 
 
-def _complete(limits: Array, values: Array) -> Array:
+def _complete(limits: Array, values: Array, whole: bool) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
+
+    Unless the `whole` front counts, it ends where hardly anything is gained any more for what is given up:
+    where trade-offs are out of bounds (proper efficiency, Geoffrion 1968). A front that goes on to where
+    tracking is lost, for a percent of the time, would else be looked for mostly there.
 
     Whatever lies beyond the reference is worth nothing and will not be looked for, so that the slack is wide
     at first: a front that is found from its middle must be able to grow outwards. But the wider it is, the
@@ -124,7 +130,8 @@ def _complete(limits: Array, values: Array) -> Array:
     the median of what was measured within the limits is then the least that the reference lets in.
     """
     inside = values[(values <= limits).all(axis=1)]
-    front = inside[nondominated(inside)]
+    priced = inside if whole else inside + TRADE * inside.sum(axis=1, keepdims=True)
+    front = inside[nondominated(priced)]
     low, high = front.min(axis=0), front.max(axis=0)
     slack = max(SLACK, WIDE_SLACK * min(1.0, FEW / len(inside)))
     ends = np.maximum(high + slack * np.maximum(high - low, TINY), np.median(inside, axis=0))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from pareto.exploration import explored
 from pareto.history import History, read_index
 from pareto.jury import Jury
 from pareto.methods.method import ACTIVE, RANDOM, Method
@@ -24,6 +25,7 @@ from pareto.transfer import Trend, trusted
 SHORTLIST = 500  # candidates that stay in the race after the first look
 RENEWAL = 20  # proposals, at least, after which the space is screened and the models are chosen anew
 SELDOM = 10  # one in so many of the measurements: proposals after which they are, late
+WHOLE = 0.25  # of the screenings look beyond the part of the front that is worth its price
 AHEAD = 50  # one in so many of the measurements: proposals that are chosen at once, though asked for singly
 GREEDY = 100  # of a batch that are chosen one after the other
 TURNS = (BOLD, BESIDE, CAUTIOUS)  # whose opinion decides, choice after choice
@@ -41,9 +43,9 @@ class TwoStage(Method):
     around the measured one and from anywhere within the reference go to Gaussian processes fitted to at most
     `points` measurements near the front, and so do the neighbours of the best of them, as long as that finds
     better ones; points are taken greedily by expected hypervolume improvement times the chance of success. At
-    first one in `explore` is drawn at random instead; that share falls with the root of what was measured, so
-    that exploration gets rare and never dries up. Small batches share a screening and, once there are
-    hundreds of measurements, models: a few proposals are chosen ahead.
+    first one in `explore` is drawn at random instead, mostly of what may be expected not to fail; that share
+    falls with the root of what was measured, so that exploration gets rare and never dries up. Small batches
+    share a screening and, once there are hundreds of measurements, models: a few proposals are chosen ahead.
 
     With a prior, half as many come first while it is borne out, every other of them one that did well on the
     other device, and the models learn what the trend between the two devices leaves over.
@@ -60,6 +62,7 @@ class TwoStage(Method):
     _recipes: dict[str, Recipe] = field(default_factory=dict, init=False)
     _jury: Jury | None = field(default=None, init=False)
     _since: int = field(default=0, init=False)  # proposals from both
+    _whole: bool = field(default=False, init=False)  # whether all of the front counts for these
     _ahead: list[int] = field(default_factory=list, init=False)  # chosen, and not yet asked for
     _until: int = field(default=0, init=False)  # so many are taken: those are out of date
 
@@ -81,7 +84,7 @@ class TwoStage(Method):
             count -= len(best)
         # Where no candidate promises anything, the rest of the batch explores.
         exclude = taken | {index for index, _ in chosen}
-        rest = sample(history.space, max(count, 0), rng, exclude, draws=DRAWS)
+        rest = explored(history, max(count, 0), exclude, rng)
         if not chosen and not len(rest):
             rest = sample(history.space, count, rng, exclude)  # to propose nothing ends a search: longer
         return chosen + [(index, RANDOM) for index in rest.tolist()]
@@ -93,6 +96,7 @@ class TwoStage(Method):
             "recipes": self._recipes,
             "jury": self._jury and self._jury.to_dict(),
             "since": self._since,
+            "whole": self._whole,
             "ahead": self._ahead,
             "until": self._until,
         }
@@ -107,6 +111,7 @@ class TwoStage(Method):
         jury = memory.get("jury")
         self._jury = None if jury is None else Jury.read(jury, space)
         self._since = int(memory.get("since", 0))
+        self._whole = bool(memory.get("whole", False))
         self._ahead = [read_index(space, index) for index in memory.get("ahead", [])]
         self._until = int(memory.get("until", 0))
 
@@ -145,12 +150,15 @@ class TwoStage(Method):
     def _best(
         self, history: History, count: int, also_taken: list[int], rng: np.random.Generator
     ) -> list[int]:
-        targets = Targets.of(history)
-        trend = Trend.of(history, targets)
         taken = history.taken() | set(also_taken)
         self._since += count
-        if self._since > max(RENEWAL, len(taken) // SELDOM) or not self._recipes:
+        renewed = self._since > max(RENEWAL, len(taken) // SELDOM) or not self._recipes
+        if renewed:
             self._since = count
+            self._whole = bool(rng.random() < WHOLE)
+        targets = Targets.of(history, self._whole)
+        trend = Trend.of(history, targets)
+        if renewed:
             found = free_points(history, targets, rng)
             if len(found) > self.candidates:
                 screening = screen(history, targets, trend, found, self.trees, rng)

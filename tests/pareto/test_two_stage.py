@@ -7,12 +7,13 @@ import pytest
 
 from pareto import Explorer, Space
 from pareto.errors import MethodError
+from pareto.exploration import explored
 from pareto.forest import Forest
 from pareto.front import nondominated
 from pareto.hypervolume import hypervolume
 from pareto.jury import TREES
 from pareto.methods import two_stage
-from tests.pareto.searches import SPACE, explorer_of, measure, spend
+from tests.pareto.searches import OPTIONS, SPACE, explorer_of, measure, spend
 
 
 def test_the_default_method_measures_the_default_configuration_first():
@@ -104,7 +105,7 @@ def test_small_batches_share_the_trees_and_restore_with_them(monkeypatch):
         return grow(kind, codes, targets, shape, seed=seed, trees=trees, **more)
 
     monkeypatch.setattr(Forest, "grow", classmethod(noted))
-    explorer = explorer_of("two-stage")
+    explorer = Explorer(SPACE, ("error", "seconds"), seed=1, explore=10**6, **OPTIONS["two-stage"])
     spend(explorer, 20, measure=lambda item: measure(item) if item["fast"] else None)
     grown.clear()
     spend(explorer, 20, batch=1)
@@ -148,6 +149,22 @@ def test_what_was_chosen_ahead_is_forgotten_once_as_much_was_told_by_others(monk
     taken = len(explorer.history.told)
     spend(explorer, 1, batch=1)
     assert explorer.state()["memory"]["until"] == taken + taken // 2
+
+
+def test_where_nearly_everything_fails_exploration_looks_where_it_does_not():
+    def works(item):
+        return item["rate"] == 3 and item["kernel"] != "ball"
+
+    history = explorer_of("two-stage").history
+    for index in range(0, len(SPACE), 2):
+        item = SPACE.decode(index)
+        history.record(index, (1.0, 1.0) if works(item) else None)
+    rng = np.random.default_rng(0)
+    drawn = [explored(history, 1, history.taken(), rng).tolist() for _ in range(100)]
+    good = sum(works(SPACE.decode(index)) for [index] in drawn)
+    assert 60 <= good < 100  # of all, 7 in 100 work
+    left = len(SPACE) - len(history.taken())
+    assert len(set(explored(history, left, history.taken(), rng).tolist())) == left
 
 
 def test_a_batch_spreads_along_the_front_instead_of_crowding_at_its_best_point():
