@@ -47,8 +47,9 @@ class TwoStage(Method):
     falls with the root of what was measured, so that exploration gets rare and never dries up. Small batches
     share a screening and, once there are hundreds of measurements, models: a few proposals are chosen ahead.
 
-    With a prior, half as many come first while it is borne out, every other of them one that did well on the
-    other device, and the models learn what the trend between the two devices leaves over.
+    With a prior, every other of the first half of the initial ones is one that did well on the other device,
+    while that is borne out, and of the second half those are left out that it measured; the models learn what
+    the trend between the two devices leaves over.
     """
 
     uses_prior: ClassVar[bool] = True
@@ -69,10 +70,7 @@ class TwoStage(Method):
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return `count` proposals, or what is left of the space."""
         taken = history.taken()
-        helped = bool(history.prior) and trusted(history)
-        initial = (self.initial + 1) // 2 if helped else self.initial
-        first = min(initial - len(taken), count)
-        chosen = self._first(history, first, helped, rng) if first > 0 else []
+        chosen = self._first(history, count, rng) if len(taken) < self.initial else []
         count -= len(chosen)
         share = min(1.0, math.sqrt(self.initial / max(len(taken), 1))) / self.explore
         exploring = int(rng.binomial(count, share)) if count > 0 else 0
@@ -115,23 +113,28 @@ class TwoStage(Method):
         self._ahead = [read_index(space, index) for index in memory.get("ahead", [])]
         self._until = int(memory.get("until", 0))
 
-    def _first(
-        self, history: History, count: int, helped: bool, rng: np.random.Generator
-    ) -> list[tuple[int, str]]:
-        """Return the next `count` of one design, however small the portions in which it is asked for."""
-        taken = history.taken()
-        default = history.space.encode(history.space.default)
+    def _first(self, history: History, most: int, rng: np.random.Generator) -> list[tuple[int, str]]:
+        """Return up to `most` of what comes first, the same however small the portions it is asked for in."""
+        taken, space = history.taken(), history.space
+        prior = history.prior if trusted(history) else None
+        half = (self.initial + 1) // 2
+        default = space.encode(space.default)
+        drawn = spread_sample(space, self.initial - 1, np.random.default_rng(self.seed), {default})
+        design = [default, *drawn.tolist()]
+        if prior:
+            design = design[:half] + [index for index in design[half:] if index not in prior.source.told]
+        count = min(len(design) - len(taken), most)
+        if count <= 0:
+            return []
         proven: list[int] = []
-        if helped and history.prior:
+        if prior:
             phases = [*(history.phases | history.pending).values()]
-            wanted = (len(taken) + count) // 2 - phases.count(ACTIVE)
-            proven = history.prior.promising(min(wanted, count - 1), taken | {default}).tolist()
-        drawn = spread_sample(history.space, self.initial - 1, np.random.default_rng(self.seed), {default})
+            wanted = min(len(taken) + count, half) // 2 - phases.count(ACTIVE)
+            proven = prior.promising(min(wanted, count - 1), taken | {default}).tolist()
         exclude = taken | {*proven}
-        design = [index for index in [default, *drawn.tolist()] if index not in exclude]
-        design = design[: count - len(proven)]
+        design = [index for index in design if index not in exclude][: count - len(proven)]
         missing = count - len(proven) - len(design)
-        rest = sample(history.space, missing, rng, exclude | {*design}, draws=DRAWS).tolist()
+        rest = sample(space, missing, rng, exclude | {*design}, draws=DRAWS).tolist()
         return [(index, RANDOM) for index in [*design, *rest]] + [(index, ACTIVE) for index in proven]
 
     def _next(

@@ -92,6 +92,21 @@ def test_the_first_proposals_hold_the_sources_best():
     assert proposals[0].configuration == SPACE.default
 
 
+def test_fewer_come_first_only_where_the_source_measured_what_would():
+    design = {item.index for item in Explorer(SPACE, ("seconds",), seed=2).propose(40)}
+
+    def after_twenty(known):
+        explorer = Explorer(SPACE, ("seconds",), seed=2, prior=pairs(SOURCE, known))
+        first = explorer.propose(20)
+        values = [{"seconds": float(TARGET[item.index])} for item in first]
+        explorer.tell([item.configuration for item in first], values)
+        return explorer.propose(10)
+
+    others = [index for index in range(len(SPACE)) if index not in design]
+    assert {item.index for item in after_twenty(others)} <= design
+    assert [item.phase for item in after_twenty(range(len(SPACE)))].count("active") >= 7
+
+
 def test_a_restored_explorer_keeps_its_prior_and_proposes_the_same():
     prior = [*some_of_the_source(), (SPACE.decode(77), None)]
     explorer = Explorer(SPACE, ("seconds",), seed=4, prior=prior, initial=10)
