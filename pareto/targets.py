@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 SLACK = 0.1  # of the front's extent, beyond its ends, where the user set no limit
 WIDE_SLACK = 0.5  # while few points are known
 FEW = 40  # points; the slack of more is the narrower, the more they are
-TRADE = 0.05  # of what is given up in one objective: the least gain in another for which a front goes on
+TRADE = 0.05  # least gain in one objective for what is given up in another, in shares of the front's extent
 NEAR = 0.1  # of the extent of front and reference: how far behind the front is still beside it
 LEAST_NEAR = 60  # points count as near at least, if so many are in reach
 REACH = 0.1  # of the room up to the reference, beyond it: how bad a value may be and still tell something
@@ -119,9 +119,10 @@ def _relaxed(limits: Array, values: Array) -> Array:
 def _complete(limits: Array, values: Array, whole: bool) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
 
-    Unless the `whole` front counts, it ends where hardly anything is gained any more for what is given up:
-    where trade-offs are out of bounds (proper efficiency, Geoffrion 1968). A front that goes on to where
-    tracking is lost, for a percent of the time, would else be looked for mostly there.
+    Unless the `whole` front counts, it ends where hardly anything is gained any more for what is given up,
+    both in shares of its extent: where trade-offs are out of bounds (proper efficiency, Geoffrion 1968). A
+    front that goes on to where tracking is lost, for a percent of the time, would else be looked for mostly
+    there.
 
     Whatever lies beyond the reference is worth nothing and will not be looked for, so that the slack is wide
     at first: a front that is found from its middle must be able to grow outwards. But the wider it is, the
@@ -130,8 +131,10 @@ def _complete(limits: Array, values: Array, whole: bool) -> Array:
     the median of what was measured within the limits is then the least that the reference lets in.
     """
     inside = values[(values <= limits).all(axis=1)]
-    priced = inside if whole else inside + TRADE * inside.sum(axis=1, keepdims=True)
-    front = inside[nondominated(priced)]
+    front = inside[nondominated(inside)]
+    if not whole:
+        shares = front / np.maximum(np.ptp(front, axis=0), TINY)
+        front = front[nondominated(shares + TRADE * shares.sum(axis=1, keepdims=True))]
     low, high = front.min(axis=0), front.max(axis=0)
     slack = max(SLACK, WIDE_SLACK * min(1.0, FEW / len(inside)))
     ends = np.maximum(high + slack * np.maximum(high - low, TINY), np.median(inside, axis=0))

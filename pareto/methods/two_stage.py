@@ -130,7 +130,8 @@ class TwoStage(Method):
         if prior:
             phases = [*(history.phases | history.pending).values()]
             wanted = min(len(taken) + count, half) // 2 - phases.count(ACTIVE)
-            proven = prior.promising(min(wanted, count - 1), taken | {default}).tolist()
+            room = count - (default not in taken)  # which comes before all others
+            proven = prior.promising(min(wanted, room), taken | {default}).tolist()
         exclude = taken | {*proven}
         design = [index for index in design if index not in exclude][: count - len(proven)]
         missing = count - len(proven) - len(design)

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 from pareto import Space
 from pareto.history import History
@@ -120,17 +121,20 @@ def test_without_limits_the_reference_comes_nearer_as_more_is_known():
     np.testing.assert_allclose(reference(1000), 1.1)
 
 
-def test_without_limits_a_front_counts_as_far_as_it_is_worth_its_price_or_as_a_whole():
+@pytest.mark.parametrize("unit", [1.0, 0.01])
+def test_without_limits_a_front_counts_as_far_as_it_is_worth_its_price_or_as_a_whole(unit):
+    """Whatever an objective's own extent is: an accuracy may vary by a hundredth of what a time does."""
+
     def targets(last, whole):
         history = History(SPACE, read_objectives(("a", "b")), {})
-        for index, pair in enumerate([(0.0, 1.0), (1.0, 0.0), (0.5, 0.9), (3.0, last)]):
-            history.record(index, tuple(np.exp(pair)))
+        for index, (a, b) in enumerate([(0.0, 1.0), (1.0, 0.0), (0.5, 0.9), (3.0, last)]):
+            history.record(index, (float(np.exp(a)), float(np.exp(unit * b))))
         return Targets.of(history, whole)
 
     # Two more in the first objective, for a hundredth less in the second or for a half.
-    assert targets(-0.01, whole=False).reference.tolist() == [1.5, 1.5]
-    np.testing.assert_allclose(targets(-0.01, whole=True).reference, [4.5, 1.505])
-    assert targets(-0.5, whole=False).reference.tolist() == targets(-0.5, whole=True).reference.tolist()
+    np.testing.assert_allclose(targets(-0.01, whole=False).reference, [1.5, 1.5 * unit])
+    np.testing.assert_allclose(targets(-0.01, whole=True).reference, [4.5, 1.505 * unit])
+    np.testing.assert_allclose(targets(-0.5, whole=False).reference, targets(-0.5, whole=True).reference)
     assert targets(-0.01, whole=False).front.tolist() == [0, 1, 2]
 
 

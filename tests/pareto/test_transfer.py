@@ -92,6 +92,19 @@ def test_the_first_proposals_hold_the_sources_best():
     assert proposals[0].configuration == SPACE.default
 
 
+@pytest.mark.parametrize("portion", [1, 2, 3, 20])
+def test_the_sources_best_come_in_portions_of_any_size(portion):
+    explorer = Explorer(SPACE, ("seconds",), prior=pairs(SOURCE, range(len(SPACE))))
+    phases = []
+    while len(phases) < 20:
+        proposals = explorer.propose(min(portion, 20 - len(phases)))
+        values = [{"seconds": float(TARGET[item.index])} for item in proposals]
+        explorer.tell([item.configuration for item in proposals], values)
+        phases += [item.phase for item in proposals]
+    assert phases[0] == "random"  # the default configuration
+    assert phases.count("active") == 10
+
+
 def test_fewer_come_first_only_where_the_source_measured_what_would():
     design = {item.index for item in Explorer(SPACE, ("seconds",), seed=2).propose(40)}
 
