@@ -45,7 +45,7 @@ def read_limits(objectives: tuple[Objective, ...], limits: Mapping[str, float] |
     for name, limit in (limits or {}).items():
         if name not in names:
             raise ObjectiveError(f"limit on {name!r}, which is not an objective: they are {', '.join(names)}")
-        read[name] = read_number(name, limit)
+        read[name] = read_number(name, limit, "leave the limit out where there is none")
     return read
 
 
@@ -66,12 +66,12 @@ def read_values(objectives: tuple[Objective, ...], values: Mapping[str, float]) 
     return tuple(read)
 
 
-def read_number(name: str, value: object) -> float:
-    """Return `value` as a float. Raises ObjectiveError unless it is a finite number."""
+def read_number(name: str, value: object, remedy: str = "tell None for a failed evaluation") -> float:
+    """Return `value` as a float. Raises ObjectiveError, with the `remedy`, unless it is a finite number."""
     if hasattr(value, "item") and getattr(value, "size", 1) == 1:  # NumPy scalars
         value = value.item()
     if isinstance(value, int) and not is_finite(value):
         raise ObjectiveError(f"{name} is too large a number: about 1.8e308 is the largest that is kept")
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise ObjectiveError(f"{name} = {value!r} is not a finite number: tell None for a failed evaluation")
+        raise ObjectiveError(f"{name} = {value!r} is not a finite number: {remedy}")
     return float(value)

@@ -40,6 +40,7 @@ class Parameter:
             self._require_order()
         if len(self._codes) != len(self.values):
             raise SpaceError(f"parameter {self.name!r}: values {self.some_values()} contain a duplicate")
+        self._require_writable_texts()
         self._require_distinct_texts()
         try:
             self.encode(self.default)
@@ -161,6 +162,15 @@ class Parameter:
         comparable = not any(isinstance(value, str) for value in self.values)
         if comparable and list(self.values) != sorted(self.values):
             raise SpaceError(f"parameter {self.name!r}: give the values in ascending order")
+
+    def _require_writable_texts(self) -> None:
+        # A CSV file in UTF-8 is what keeps measurements: what cannot be read back from one would lose them.
+        for text in (self.name, *(value for value in self.values if isinstance(value, str))):
+            if "\r" in text or (not text.isascii() and text.encode(errors="ignore").decode() != text):
+                raise SpaceError(
+                    f"parameter {self.name!r}: {text!r} holds a carriage return or half of a character: "
+                    "leave it out, a CSV file cannot hold it"
+                )
 
     def _require_distinct_texts(self) -> None:
         # A CSV file holds texts only: what is written alike cannot be told apart when it is read back.
