@@ -218,7 +218,7 @@ def test_wrong_objectives_limits_methods_and_options_are_named():
         ({"objectives": ("a", "a")}, ObjectiveError, "different"),
         ({"objectives": ("a",), "limits": {"b": 1}}, ObjectiveError, "'b'"),
         ({"objectives": ("a",), "limits": {"a": "low"}}, ObjectiveError, "'low'"),
-        ({"objectives": ("a",), "limits": {"a": float("inf")}}, ObjectiveError, "leave it out"),
+        ({"objectives": ("a",), "limits": {"a": float("inf")}}, ObjectiveError, "leave the limit out"),
         ({"objectives": ("a",), "method": "annealing"}, MethodError, "two-stage, algorithm1, random"),
         ({"objectives": ("a",), "method": "algorithm1", "forests": 3}, MethodError, "initial, trees"),
         ({"objectives": ("a",), "initial": 0}, MethodError, "1 or more"),
