@@ -195,6 +195,8 @@ class Explorer:
                 **state["options"],
             )
             explorer._asks = int(state["asks"])
+            if explorer._asks < 0:
+                raise StateError(f"the state is damaged: it was asked {explorer._asks} times")
             explorer.finished = bool(state["finished"])
             prior = Prior(space, explorer.objectives, explorer.limits)
             _record(prior.source, state.get("prior", []))

@@ -45,6 +45,7 @@ def test_a_state_that_is_no_object_is_refused(damaged):
         ("prior", [[100, "told", [None]]], r"index 100 is outside 0 \.\. 99"),
         ("pending", [["q", "random"]], "'str'"),
         ("pending", [[99999, "random"]], r"index 99999 is outside 0 \.\. 99"),
+        ("asks", -1, "asked -1 times"),
         ("memory", [], "AttributeError"),
         ("memory", {"shortlist": [100]}, r"index 100 is outside 0 \.\. 99"),
         ("memory", {"shortlist": ["q"]}, "'str'"),
