@@ -135,13 +135,12 @@ class Folder:
         phase = explorer.history.phases[explorer.space.encode(configuration)]
         number = (len(self.rows()) if self._written is None else self._written) + 1
         with path.open("a", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
             if fresh:
-                writer.writerow(header(explorer))
+                file.write(_line(header(explorer)))
             measured = ["" if values is None else repr(values[name]) for name in names]
             taken = "" if seconds is None else f"{seconds:.3f}"
             reason = " ".join(error.split())
-            writer.writerow([number, phase, *configuration.values(), *measured, taken, reason])
+            file.write(_line([number, phase, *configuration.values(), *measured, taken, reason]))
             file.flush()
             os.fsync(file.fileno())
         self._written = number
@@ -206,11 +205,15 @@ def made_here(explorer: Explorer) -> int:
 
 def table(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     """Return CSV text; floating-point numbers are written so that they read back exactly."""
+    cells = ([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
+    return _line(header) + "".join(map(_line, cells))
+
+
+def _line(cells: Iterable[object]) -> str:
+    """Return a row of CSV text. Python 3.11 quotes only those line ends that its own rows end with."""
     text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
-    return text.getvalue()
+    csv.writer(text, lineterminator="\r\n").writerow(cells)
+    return text.getvalue().removesuffix("\r\n") + "\n"
 
 
 def _whole_rows(path: Path) -> tuple[list[list[str]], int]:

@@ -164,12 +164,11 @@ class Parameter:
             raise SpaceError(f"parameter {self.name!r}: give the values in ascending order")
 
     def _require_writable_texts(self) -> None:
-        # A CSV file in UTF-8 is what keeps measurements: what cannot be read back from one would lose them.
         for text in (self.name, *(value for value in self.values if isinstance(value, str))):
-            if "\r" in text or (not text.isascii() and text.encode(errors="ignore").decode() != text):
+            if text.encode(errors="ignore").decode() != text:
                 raise SpaceError(
-                    f"parameter {self.name!r}: {text!r} holds a carriage return or half of a character: "
-                    "leave it out, a CSV file cannot hold it"
+                    f"parameter {self.name!r}: {text!r} holds half of a character, "
+                    "which no file in UTF-8 can keep"
                 )
 
     def _require_distinct_texts(self) -> None:
