@@ -100,13 +100,13 @@ def test_a_row_half_written_is_measured_again(toy, torn):
 
 
 def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
-    space = {"parameters": [{"name": "x", "type": "categorical", "values": ["a\nb", "ü\r\nz", "c\rd"]}]}
+    space = {"parameters": [{"name": "x", "type": "categorical", "values": ["a\nb", "ü\r\nz", "c\nd", "e\rf"]}]}
     (tmp_path / "space.json").write_text(json.dumps(space))
-    (tmp_path / "table.csv").write_bytes('x,cost\n"a\nb",1\n"ü\r\nz",2\n"c\rd",3\n'.encode())
+    (tmp_path / "table.csv").write_bytes('x,cost\n"a\nb",1\n"ü\r\nz",2\n"c\nd",3\n"e\rf",4\n'.encode())
     command = ["explore", "--space", str(tmp_path / "space.json"), "--objectives", "cost"]
     command += ["--table", str(tmp_path / "table.csv"), "--method", "random", "--no-picture", "--batch", "1"]
     whole, out = tmp_path / "whole", tmp_path / "out"
-    assert main([*command, "--budget", "3", "--out", str(whole)]) == 0
+    assert main([*command, "--budget", "4", "--out", str(whole)]) == 0
     out.mkdir()
     data = (whole / "evaluations.csv").read_bytes()
     measured = Folder(whole).read(Space.load(tmp_path / "space.json"))
