@@ -100,7 +100,8 @@ def test_a_row_half_written_is_measured_again(toy, torn):
 
 
 def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
-    space = {"parameters": [{"name": "x", "type": "categorical", "values": ["a\nb", "ü\r\nz", "c\nd", "e\rf"]}]}
+    values = ["a\nb", "ü\r\nz", "c\nd", "e\rf"]
+    space = {"parameters": [{"name": "x", "type": "categorical", "values": values}]}
     (tmp_path / "space.json").write_text(json.dumps(space))
     (tmp_path / "table.csv").write_bytes('x,cost\n"a\nb",1\n"ü\r\nz",2\n"c\nd",3\n"e\rf",4\n'.encode())
     command = ["explore", "--space", str(tmp_path / "space.json"), "--objectives", "cost"]
