@@ -32,14 +32,14 @@ def expected_improvement(
     front = front[nondominated(front)] if len(front) else np.empty((0, len(reference)))
     if len(reference) == 1:
         best = min(float(reference[0]), *front[:, 0].tolist()) if len(front) else float(reference[0])
-        return _below(best, mean[:, 0], spread[:, 0])
+        return expected_fall(best, mean[:, 0], spread[:, 0])
     if len(reference) == 2:
         return _staircase(mean, spread, np.unique(front, axis=0), reference)
     return _sampled(mean, spread, front, reference, rng)
 
 
-def _below(bound: Array | float, mean: Array, spread: Array) -> Array:
-    """The integral of the normal distribution function up to `bound`: E[max(bound - Y, 0)]."""
+def expected_fall(bound: Array | float, mean: Array, spread: Array) -> Array:
+    """Return E[max(bound - Y, 0)]: the integral of the normal distribution function up to `bound`."""
     z = (bound - mean) / spread
     density = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
     return spread * (z * ndtr(z) + density)
@@ -49,9 +49,9 @@ def _staircase(mean: Array, spread: Array, front: Array, reference: Array) -> Ar
     # Between two neighbouring front points, what is uncovered lies below the left one's second objective.
     edges = np.append(front[:, 0], reference[0])
     heights = np.concatenate([[reference[1]], front[:, 1]])
-    width = _below(edges, mean[:, :1], spread[:, :1])
+    width = expected_fall(edges, mean[:, :1], spread[:, :1])
     width[:, 1:] -= width[:, :-1].copy()
-    return np.einsum("cs,cs->c", width, _below(heights, mean[:, 1:], spread[:, 1:]))
+    return np.einsum("cs,cs->c", width, expected_fall(heights, mean[:, 1:], spread[:, 1:]))
 
 
 def _sampled(mean: Array, spread: Array, front: Array, reference: Array, rng: np.random.Generator) -> Array:

@@ -11,19 +11,20 @@ and a search looks for just these.
 A process of what is beside the front is sharp there and of no use far from it, where it may expect anything.
 Hence three opinions: the bold one asks it anywhere, the cautious one only where it is about as sure as among
 its own points, and one only beside the front: of fewer points fewer are overrated, and late that is what
-wins.
+wins. None of them can tell whether the front goes on somewhere else. That is the fourth's affair, who asks
+the processes of all values about its ends.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from pareto.ends import beyond_ends
 from pareto.errors import StateError
 from pareto.gaussian import SHARED, GaussianProcess, Posterior
 from pareto.history import History
@@ -36,10 +37,10 @@ from pareto.transfer import Trend
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
-Recipe = dict[str, Any]  # {"near": whether from points near the front alone, "theta": hyperparameters}
+Recipe = list[float]  # hyperparameters of a process
 
-SUCCESS = "success"
-CAUTIOUS, BOLD, BESIDE = 0, 1, 2  # opinions
+SUCCESS, MEASURABLE = "success", "measurable"
+CAUTIOUS, BOLD, BESIDE, ENDS = 0, 1, 2, 3  # opinions
 LEAST = 10  # points near the front from which it can be told which process foretells better
 LEAP = 3.0  # standard deviations by which a near point may be worse than foretold, and still be learnt from
 LEAPS = 40  # points near the front from which it can be told which of them leap
@@ -48,10 +49,11 @@ FRESH = 20  # further points known, after which the trees that judge success are
 
 
 class Surrogates:
-    """A process for each objective's target and, once there are failures, one for success (1, -1).
+    """Processes for each objective's target and, once there are failures, one for success (1, -1).
 
-    `recipes` tells how each was made, under the objective's number or SUCCESS, in plain JSON. The `jury` has
-    its own word on success.
+    `recipes` tells how each was made: under the objective's number that of all values, under `near_name` that
+    of the near points where it was the better one, and under SUCCESS. The `juries` have their own word on
+    SUCCESS, and alone on what is MEASURABLE.
     """
 
     def __init__(
@@ -62,20 +64,22 @@ class Surrogates:
         points: int,
         rng: np.random.Generator,
         recipes: Mapping[str, Recipe] | None = None,
-        jury: Jury | None = None,
+        juries: Mapping[str, Jury] | None = None,
     ) -> None:
         """Learn from at most `points` measurements near the front, and from as many successes and failures.
 
         The processes learn what `trend` leaves over. For those that `recipes` (of earlier surrogates) has,
-        neither the choice nor the hyperparameters are searched for again; and their `jury` stays until FRESH
+        neither the choice nor the hyperparameters are searched for again; and their `juries` stay until FRESH
         further points are known.
         """
         self.space = history.space
         self.targets = targets
         self.recipes: dict[str, Recipe] = {}
+        self.juries: dict[str, Jury] = {}
         self._trend = trend
         self._rng = rng
         self._given = dict(recipes or {})
+        self._earlier = dict(juries or {})
         self._near: NDArray[np.bool_] = targets.near()
         self._beside = beside_front(targets, self.space)
         rows = _nearest(targets, points, rng)
@@ -84,94 +88,111 @@ class Surrogates:
         self._objectives = []
         for number, slope in enumerate(trend.slope):
             column = rest[:, number] if slope or few else targets.values[:, number]
-            self._objectives.append(self._objective(str(number), rows, column))
+            self._objectives.append(self._objective(number, rows, column))
         lost = ~self._near & any(learnt.near for learnt in self._objectives)
         for learnt in self._objectives:
             lost[learnt.leapt] = True
+        failed = history.failed()
+        good, bad = targets.indices[~lost], np.concatenate([failed, targets.indices[lost]])
+        if len(failed):
+            self.juries[MEASURABLE] = self._jury(MEASURABLE, targets.indices, failed)
         self._success: GaussianProcess | None = None
-        self.jury: Jury | None = None
-        good, bad = targets.indices[~lost], np.concatenate([history.failed(), targets.indices[lost]])
         if len(bad):
-            known = len(jury.good) + len(jury.bad) if jury else 0
-            if jury is None or len(good) + len(bad) >= known + FRESH:
-                jury = Jury(self.space, good, bad, seed=int(rng.integers(2**31)))
-            self.jury = jury
+            self.juries[SUCCESS] = self._jury(SUCCESS, good, bad)
             good, bad = (rng.permutation(indices)[: points // 2] for indices in (good, bad))
             labels = np.concatenate([np.ones(len(good)), -np.ones(len(bad))])
             self._success = self._process(SUCCESS, np.concatenate([good, bad]), labels)
-            self.recipes[SUCCESS] = _recipe(self._success, near=False)
 
     def at(self, indices: Indices) -> Promise:
         """Return what the models say about `indices`."""
         features = self.space.features(indices)
         objectives = [learnt.process.at(features) for learnt in self._objectives]
-        chance = np.ones(len(indices))
-        if self._success and self.jury:
+        overall = {
+            number: learnt.overall.at(features)
+            for number, learnt in enumerate(self._objectives)
+            if learnt.near
+        }
+        chance, measurable = np.ones(len(indices)), np.ones(len(indices))
+        if self._success:
             success = self._success.at(features)
-            chance = ndtr(success.mean / success.spread) * self.jury.chance(indices)
+            chance = ndtr(success.mean / success.spread) * self.juries[SUCCESS].chance(indices)
+        if MEASURABLE in self.juries:
+            measurable = self.juries[MEASURABLE].chance(indices)
         cautious = chance.copy()
-        for learnt, posterior, expected in zip(
-            self._objectives, objectives, self._trend(indices).T, strict=True
-        ):
-            posterior.mean += expected
-            cautious *= posterior.spread <= learnt.trusted
+        for number, expected in enumerate(self._trend(indices).T):
+            objectives[number].mean += expected
+            if number in overall:
+                overall[number].mean += expected
+            cautious *= objectives[number].spread <= self._objectives[number].trusted
         beside = cautious * np.isin(indices, self._beside)
         widest = np.array([learnt.widest for learnt in self._objectives])
-        return Promise(indices, objectives, np.stack([cautious, chance, beside]), widest)
+        chances = np.stack([cautious, chance, beside, measurable])
+        return Promise(indices, self.targets, objectives, overall, chances, widest)
 
-    def _objective(self, name: str, rows: Rows, column: Array) -> Learnt:
+    def _objective(self, number: int, rows: Rows, column: Array) -> Learnt:
         """Return the process on all of `rows`, or on the near ones where that one foretells these better."""
         indices, near = self.targets.indices, self._near[rows]
-        some, known = rows[near], self._given.get(name)
-        if not (known and known["near"]):
-            whole = self._process(name, indices[rows], column[rows])
-            self.recipes[name] = _recipe(whole, near=False)
-            if known or not LEAST <= len(some) < len(rows):
-                return Learnt(whole)
-        narrow = self._process(name, indices[some], column[some])
+        some, name = rows[near], str(number)
+        overall = self._process(name, indices[rows], column[rows])
+        known = name in self._given
+        if near_name(number) not in self._given and (known or not LEAST <= len(some) < len(rows)):
+            return Learnt(overall, overall)
+        narrow = self._process(near_name(number), indices[some], column[some])
         # A few that leap would make all of the process rough: without them it is fitted anew.
         kept = some[narrow.surprise() < LEAP]
         if LEAPS <= len(some) > len(kept):
-            narrow = self._process(name, indices[kept], column[kept])
+            narrow = self._process(near_name(number), indices[kept], column[kept])
         else:
             kept = some
-        if not known and narrow.foretells(np.ones(len(kept), bool)) <= whole.foretells(np.isin(rows, kept)):
-            return Learnt(whole)
-        self.recipes[name] = _recipe(narrow, near=True)
+        if not known and narrow.foretells(np.ones(len(kept), bool)) <= overall.foretells(np.isin(rows, kept)):
+            del self.recipes[near_name(number)]
+            return Learnt(overall, overall)
         spread = max(float(column[kept].std()), TINY)
         leapt = np.setdiff1d(some, kept)
-        return Learnt(narrow, near=True, widest=spread, trusted=TRUST * narrow.doubt(), leapt=leapt)
+        return Learnt(narrow, overall, True, widest=spread, trusted=TRUST * narrow.doubt(), leapt=leapt)
 
     def _process(self, name: str, indices: Indices, column: Array) -> GaussianProcess:
+        """Return a process by the recipe that was given, or by one that is searched for; and note it."""
         features, owner = self.space.features(indices), self.space.feature_owner
         if name in self._given:
-            return GaussianProcess(features, column, owner, np.array(self._given[name]["theta"]))
-        return GaussianProcess.fit(features, column, owner, self._rng)
+            process = GaussianProcess(features, column, owner, np.array(self._given[name]))
+        else:
+            process = GaussianProcess.fit(features, column, owner, self._rng)
+        self.recipes[name] = process.theta.tolist()
+        return process
+
+    def _jury(self, name: str, good: Indices, bad: Indices) -> Jury:
+        earlier = self._earlier.get(name)
+        if earlier and len(good) + len(bad) < len(earlier.good) + len(earlier.bad) + FRESH:
+            return earlier
+        return Jury(self.space, good, bad, seed=int(self._rng.integers(2**31)))
 
 
-def read_recipe(recipe: Mapping[str, Any], space: Space) -> Recipe:
-    """Return a saved recipe for processes on `space`. Raises StateError, KeyError or TypeError otherwise."""
-    theta = [float(number) for number in recipe["theta"]]
+def near_name(number: int) -> str:
+    """Return the name of the process that learns an objective from points near the front alone."""
+    return f"{number} near"
+
+
+def read_recipe(recipe: Iterable[float], space: Space) -> Recipe:
+    """Return a saved recipe for processes on `space`. Raises StateError or TypeError otherwise."""
+    theta = [float(number) for number in recipe]
     if len(theta) != len(space.shape) + SHARED or not np.isfinite(theta).all():
         raise StateError(
             f"the state is damaged: a model has {len(space.shape) + SHARED} finite numbers, not {theta}"
         )
-    return {"near": bool(recipe["near"]), "theta": theta}
-
-
-def _recipe(process: GaussianProcess, near: bool) -> Recipe:
-    return {"near": near, "theta": process.theta.tolist()}
+    return theta
 
 
 @dataclass(frozen=True)
 class Learnt:
-    """The process that foretells an objective.
+    """The process that foretells an objective, and the `overall` one, of all values: often the same.
 
     If it was made of `near` points alone, its spread counts up to `widest`, the spread of its own targets,
     it is `trusted` where its standard deviation is at most that, and the rows that `leapt` are no part of it.
     """
 
     process: GaussianProcess
+    overall: GaussianProcess
     near: bool = False
     widest: float = np.inf
     trusted: float = np.inf
@@ -182,27 +203,42 @@ class Learnt:
 class Promise:
     """Posteriors of the objectives at `indices`, and the (opinions, n) `chance` that each is a success.
 
-    Its rows are the CAUTIOUS, the BOLD and the BESIDE opinion. `widest` (objectives) are the largest
-    standard deviations that count.
+    Its rows are the CAUTIOUS, the BOLD, the BESIDE and the ENDS opinion. The last asks processes of all
+    values: the `overall` posterior of those objectives, by number, whose other one knows near points alone.
+    `widest` (objectives) are the largest standard deviations that count.
     """
 
     indices: Indices
+    targets: Targets
     objectives: list[Posterior]
+    overall: dict[int, Posterior]
     chance: Array
     widest: Array
 
-    def gain(self, front: Array, reference: Array, rng: np.random.Generator) -> Array:
-        """Return (opinions, n) expected improvements, each times the chance to be a success."""
-        mean = np.stack([posterior.mean for posterior in self.objectives], axis=1)
-        spread = np.stack([posterior.spread for posterior in self.objectives], axis=1)
-        spread = np.minimum(spread, self.widest)
-        return self.chance * expected_improvement(mean, spread, front, reference, rng)
+    def gain(self, front: Array, rng: np.random.Generator) -> Array:
+        """Return (opinions, n) expected gains over `front`, each times the chance to be a success.
+
+        Those are of hypervolume; that of ENDS is how far beyond the front's ends, in shares of the range.
+        """
+        reference, limits = self.targets.reference, self.targets.limits
+        mean, spread = _moments(self.objectives)
+        gain = expected_improvement(mean, np.minimum(spread, self.widest), front, reference, rng)
+        mean, spread = _moments([self.overall.get(number, p) for number, p in enumerate(self.objectives)])
+        least = np.vstack([front[(front <= limits).all(axis=1)], reference]).min(axis=0)
+        beyond = beyond_ends(mean, spread, least, limits, self.targets.range)
+        return self.chance * np.stack([gain, gain, gain, beyond])
 
     def suppose(self, number: int) -> Array:
         """Take point `number` as measured with the values expected, and return these (objectives)."""
-        for posterior in self.objectives:
+        for posterior in [*self.objectives, *self.overall.values()]:
             posterior.suppose(number)
         return np.array([posterior.mean[number] for posterior in self.objectives])
+
+
+def _moments(posteriors: list[Posterior]) -> tuple[Array, Array]:
+    """Return the (n, objectives) means and standard deviations."""
+    mean = np.stack([posterior.mean for posterior in posteriors], axis=1)
+    return mean, np.stack([posterior.spread for posterior in posteriors], axis=1)
 
 
 def _nearest(targets: Targets, points: int, rng: np.random.Generator) -> Rows:

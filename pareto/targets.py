@@ -29,20 +29,23 @@ TINY = 1e-9  # beside values of the order of one
 class Targets:
     """`values` (n, objectives) of the measured `indices`; improvement counts below `reference` only.
 
-    `front` numbers the rows that are non-dominated among those within the reference.
+    `limits` are infinite where there are none. `front` numbers the rows that are non-dominated among those
+    within the reference.
     """
 
     indices: Indices
     values: Array
+    limits: Array
     reference: Array
     front: NDArray[np.int64]
 
     @classmethod
-    def of(cls, history: History, whole: bool = False) -> Targets:
+    def of(cls, history: History) -> Targets:
         """Read the history's successes: logarithms, or shares of the largest magnitude where there are none.
 
-        Where the user set no limit, the reference lies beyond the part of the front that is worth its price,
-        or beyond the `whole` front. Raises ValueError when nothing succeeded.
+        Where the user set no limit, the reference lies beyond the part of the front that is worth its price;
+        while nothing keeps the limits, they are what the nearest miss keeps. Raises ValueError when nothing
+        succeeded.
         """
         indices, natural = history.measured()
         if len(indices) == 0:
@@ -61,14 +64,20 @@ class Targets:
                 limit = None if limit is None else limit / unit
             if limit is not None:
                 limits[column] = limit * objective.sign
-        reference = _complete(_relaxed(limits, values), values, whole)
+        limits = _relaxed(limits, values)
+        reference = _complete(limits, values)
         inside = np.flatnonzero((values <= reference).all(axis=1))
-        return cls(indices, values, reference, inside[nondominated(values[inside])])
+        return cls(indices, values, limits, reference, inside[nondominated(values[inside])])
 
     @property
     def floor(self) -> Array:
         """The least distance (objectives) below the reference that is worth telling apart."""
         return np.maximum(FLOOR * self.values.std(axis=0), TINY)
+
+    @property
+    def range(self) -> Array:
+        """How far apart the (objectives) values are, or the `floor`."""
+        return np.maximum(np.ptp(self.values, axis=0), self.floor)
 
     @cached_property
     def depth(self) -> Array:
@@ -116,13 +125,12 @@ def _relaxed(limits: Array, values: Array) -> Array:
     return np.maximum(limits, nearest)
 
 
-def _complete(limits: Array, values: Array, whole: bool) -> Array:
+def _complete(limits: Array, values: Array) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
 
-    Unless the `whole` front counts, it ends where hardly anything is gained any more for what is given up,
-    both in shares of its extent: where trade-offs are out of bounds (proper efficiency, Geoffrion 1968). A
-    front that goes on to where tracking is lost, for a percent of the time, would else be looked for mostly
-    there.
+    A front ends where hardly anything is gained any more for what is given up, both in shares of its extent:
+    where trade-offs are out of bounds (proper efficiency, Geoffrion 1968). One that goes on to where tracking
+    is lost, for a percent of the time, would else be looked for mostly there.
 
     Whatever lies beyond the reference is worth nothing and will not be looked for, so that the slack is wide
     at first: a front that is found from its middle must be able to grow outwards. But the wider it is, the
@@ -132,9 +140,8 @@ def _complete(limits: Array, values: Array, whole: bool) -> Array:
     """
     inside = values[(values <= limits).all(axis=1)]
     front = inside[nondominated(inside)]
-    if not whole:
-        shares = front / np.maximum(np.ptp(front, axis=0), TINY)
-        front = front[nondominated(shares + TRADE * shares.sum(axis=1, keepdims=True))]
+    shares = front / np.maximum(np.ptp(front, axis=0), TINY)
+    front = front[nondominated(shares + TRADE * shares.sum(axis=1, keepdims=True))]
     low, high = front.min(axis=0), front.max(axis=0)
     slack = max(SLACK, WIDE_SLACK * min(1.0, FEW / len(inside)))
     ends = np.maximum(high + slack * np.maximum(high - low, TINY), np.median(inside, axis=0))

@@ -40,7 +40,7 @@ class Method:
         """
 
     @classmethod
-    def defaults(cls) -> dict[str, int]:
-        """Return the options and their default values."""
+    def defaults(cls) -> dict[str, int | None]:
+        """Return the options and their default values, None where the method decides."""
         options = fields(cls)  # type: ignore[arg-type]
         return {item.name: item.default for item in options if item.init and item.default is not MISSING}

@@ -18,17 +18,18 @@ from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample, spread_sample
 from pareto.screening import DRAWS, beside_front, candidates, free_points, screen
 from pareto.space import Indices, Space
-from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, Recipe, Surrogates, read_recipe
+from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, ENDS, Recipe, Surrogates, read_recipe
 from pareto.targets import Targets
 from pareto.transfer import Trend, trusted
 
+FIRST = 40  # evenly spread configurations to learn from, unless `initial` says how many
+SUFFICIENT = 20  # successes, after which no more of them are measured then
 SHORTLIST = 500  # candidates that stay in the race after the first look
 RENEWAL = 20  # proposals, at least, after which the space is screened and the models are chosen anew
 SELDOM = 10  # one in so many of the measurements: proposals after which they are, late
-WHOLE = 0.25  # of the screenings look beyond the part of the front that is worth its price
 AHEAD = 50  # one in so many of the measurements: proposals that are chosen at once, though asked for singly
 GREEDY = 100  # of a batch that are chosen one after the other
-TURNS = (BOLD, BESIDE, CAUTIOUS)  # whose opinion decides, choice after choice
+TURNS = (ENDS, *(BOLD, BESIDE, CAUTIOUS) * 4)  # whose opinion decides, choice after choice
 NEIGHBOURS = 250  # of the front that are looked at for each proposal of a batch between two screenings
 CLIMBERS = 8  # best candidates whose neighbours are looked at, too
 CLIMBS = 8  # times at most
@@ -38,14 +39,16 @@ CLIMBS = 8  # times at most
 class TwoStage(Method):
     """Expected hypervolume improvement over a screened pool.
 
-    `initial` evenly spread configurations come first, the default before all others. Then each batch: `trees`
-    extra trees on log targets predict the whole space; about `candidates` points near the predicted front,
-    around the measured one and from anywhere within the reference go to Gaussian processes fitted to at most
-    `points` measurements near the front, and so do the neighbours of the best of them, as long as that finds
-    better ones; points are taken greedily by expected hypervolume improvement times the chance of success. At
-    first one in `explore` is drawn at random instead, mostly of what may be expected not to fail; that share
-    falls with the root of what was measured, so that exploration gets rare and never dries up. Small batches
-    share a screening and, once there are hundreds of measurements, models: a few proposals are chosen ahead.
+    `initial` evenly spread configurations come first, the default before all others. Where it is not given,
+    those are FIRST, and no more once SUFFICIENT of them succeeded. Then each batch: `trees` extra trees on
+    log targets predict the whole space; about `candidates` points near the predicted front, around the
+    measured one and from anywhere within the reference go to Gaussian processes fitted to at most `points`
+    measurements near the front, and so do the neighbours of the best of them, as long as that finds better
+    ones; points are taken greedily by expected hypervolume improvement times the chance of success, one in
+    thirteen by how far it may be beyond the front's ends. At first one in `explore` is drawn at random
+    instead, mostly of what may be expected not to fail; that share falls with the root of what was measured,
+    so that exploration gets rare and never dries up. Small batches share a screening and, once there are
+    hundreds of measurements, models: a few proposals are chosen ahead.
 
     With a prior, every other of the first half of the initial ones is one that did well on the other device,
     while that is borne out, and of the second half those are left out that it measured; the models learn what
@@ -54,25 +57,24 @@ class TwoStage(Method):
 
     uses_prior: ClassVar[bool] = True
 
-    initial: int = 40
+    initial: int | None = None
     trees: int = 32
     candidates: int = 4000
     points: int = 1000
-    explore: int = 10
+    explore: int = 14
     _shortlist: list[int] = field(default_factory=list, init=False)
     _recipes: dict[str, Recipe] = field(default_factory=dict, init=False)
-    _jury: Jury | None = field(default=None, init=False)
+    _juries: dict[str, Jury] = field(default_factory=dict, init=False)
     _since: int = field(default=0, init=False)  # proposals from both
-    _whole: bool = field(default=False, init=False)  # whether all of the front counts for these
     _ahead: list[int] = field(default_factory=list, init=False)  # chosen, and not yet asked for
     _until: int = field(default=0, init=False)  # so many are taken: those are out of date
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return `count` proposals, or what is left of the space."""
         taken = history.taken()
-        chosen = self._first(history, count, rng) if len(taken) < self.initial else []
+        chosen = self._first(history, count, rng)
         count -= len(chosen)
-        share = min(1.0, math.sqrt(self.initial / max(len(taken), 1))) / self.explore
+        share = min(1.0, math.sqrt((self.initial or FIRST) / max(len(taken), 1))) / self.explore
         exploring = int(rng.binomial(count, share)) if count > 0 else 0
         if count > exploring and len(history.measured()[0]):
             # On matrices of a few hundred rows, threads of BLAS cost six times what they save.
@@ -88,13 +90,12 @@ class TwoStage(Method):
         return chosen + [(index, RANDOM) for index in rest.tolist()]
 
     def memory(self) -> dict[str, Any]:
-        """Return what small batches share: the present shortlist, the recipes of the models and the jury."""
+        """Return what small batches share: the present shortlist, the models' recipes and the juries."""
         return {
             "shortlist": self._shortlist,
             "recipes": self._recipes,
-            "jury": self._jury and self._jury.to_dict(),
+            "juries": {name: jury.to_dict() for name, jury in self._juries.items()},
             "since": self._since,
-            "whole": self._whole,
             "ahead": self._ahead,
             "until": self._until,
         }
@@ -102,24 +103,26 @@ class TwoStage(Method):
     def recall(self, memory: Mapping[str, Any], space: Space) -> None:
         """Take back what `memory` returned; without it, the next batch screens the space anew."""
         self._shortlist = [read_index(space, index) for index in memory.get("shortlist", [])]
-        recipes = memory.get("recipes", {}).items()
-        # Earlier recipes do not say which points they are for: the next batch screens the space anew.
-        whole = all("near" in recipe for _, recipe in recipes)
-        self._recipes = {str(name): read_recipe(recipe, space) for name, recipe in recipes if whole}
-        jury = memory.get("jury")
-        self._jury = None if jury is None else Jury.read(jury, space)
+        recipes = memory.get("recipes", {})
+        # Those of earlier programs have another form: the next batch screens the space anew.
+        if all(isinstance(recipe, list) for recipe in recipes.values()):
+            self._recipes = {str(name): read_recipe(recipe, space) for name, recipe in recipes.items()}
+        juries = memory.get("juries", {})
+        self._juries = {str(name): Jury.read(jury, space) for name, jury in juries.items()}
         self._since = int(memory.get("since", 0))
-        self._whole = bool(memory.get("whole", False))
         self._ahead = [read_index(space, index) for index in memory.get("ahead", [])]
         self._until = int(memory.get("until", 0))
 
     def _first(self, history: History, most: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return up to `most` of what comes first, the same however small the portions it is asked for in."""
         taken, space = history.taken(), history.space
+        first = self.initial or FIRST
+        if len(taken) >= first or (self.initial is None and len(history.measured()[0]) >= SUFFICIENT):
+            return []
         prior = history.prior if trusted(history) else None
-        half = (self.initial + 1) // 2
+        half = (first + 1) // 2
         default = space.encode(space.default)
-        drawn = spread_sample(space, self.initial - 1, np.random.default_rng(self.seed), {default})
+        drawn = spread_sample(space, first - 1, np.random.default_rng(self.seed), {default})
         design = [default, *drawn.tolist()]
         if prior:
             design = design[:half] + [index for index in design[half:] if index not in prior.source.told]
@@ -159,8 +162,7 @@ class TwoStage(Method):
         renewed = self._since > max(RENEWAL, len(taken) // SELDOM) or not self._recipes
         if renewed:
             self._since = count
-            self._whole = bool(rng.random() < WHOLE)
-        targets = Targets.of(history, self._whole)
+        targets = Targets.of(history)
         trend = Trend.of(history, targets)
         if renewed:
             found = free_points(history, targets, rng)
@@ -172,12 +174,12 @@ class TwoStage(Method):
             around = rng.permutation(beside_front(targets, history.space))
             around = around[: min(self.candidates, max(SHORTLIST, NEIGHBOURS * count))]
             found = np.union1d(self._shortlist, around).astype(np.int64)
-            surrogates = Surrogates(history, targets, trend, self.points, rng, self._recipes, self._jury)
+            surrogates = Surrogates(history, targets, trend, self.points, rng, self._recipes, self._juries)
         found = found[~np.isin(found, np.fromiter(taken, dtype=np.int64))]
         if len(found) == 0:
             return []
         found = _shortlist(surrogates, found, taken, max(SHORTLIST, 5 * count), rng)
-        self._shortlist, self._recipes, self._jury = found.tolist(), surrogates.recipes, surrogates.jury
+        self._shortlist, self._recipes, self._juries = found.tolist(), surrogates.recipes, surrogates.juries
         waiting = np.array([*history.pending, *also_taken], dtype=np.int64)
         return _greedy(surrogates, found, waiting, count, len(taken), rng)
 
@@ -188,7 +190,7 @@ def _shortlist(
     """Return the `count` of `found`, and of the neighbours of the best, that promise most, best first."""
     targets, space = surrogates.targets, surrogates.space
     front = targets.values[targets.front]
-    gain = surrogates.at(found).gain(front, targets.reference, rng)
+    gain = surrogates.at(found).gain(front, rng)
     seen = taken | set(found.tolist())
     fresh, fresh_gain = found, gain
     for _ in range(CLIMBS):
@@ -198,7 +200,7 @@ def _shortlist(
             break
         fresh = rng.permutation(np.array(around, dtype=np.int64))[:SHORTLIST]
         seen |= set(fresh.tolist())
-        fresh_gain = surrogates.at(fresh).gain(front, targets.reference, rng)
+        fresh_gain = surrogates.at(fresh).gain(front, rng)
         better = fresh_gain.max(axis=1) > gain.max(axis=1, initial=0.0)
         found, gain = np.concatenate([found, fresh]), np.concatenate([gain, fresh_gain], axis=1)
         if not better.any():
@@ -226,7 +228,6 @@ def _greedy(
     Those `waiting` are under way already and are supposed first. The opinions take TURNS, the first of them
     the one of number `turn`; who sees nothing left to gain passes.
     """
-    reference = surrogates.targets.reference
     front = surrogates.targets.values[surrogates.targets.front]
     promise = surrogates.at(np.concatenate([found, waiting]))
     free = np.arange(len(promise.indices)) < len(found)
@@ -235,7 +236,7 @@ def _greedy(
     picked: list[int] = []
     gain = np.zeros(len(free))
     for number in range(min(count, len(found), GREEDY)):
-        gain = np.where(free, promise.gain(front, reference, rng), 0.0)
+        gain = np.where(free, promise.gain(front, rng), 0.0)
         opinions = (TURNS[(turn + number) % len(TURNS)], CAUTIOUS, BOLD)
         gain = gain[next((opinion for opinion in opinions if gain[opinion].max() > 0), BOLD)]
         best = int(np.argmax(gain))

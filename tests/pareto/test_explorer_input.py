@@ -49,10 +49,14 @@ def test_a_state_that_is_no_object_is_refused(damaged):
         ("memory", [], "AttributeError"),
         ("memory", {"shortlist": [100]}, r"index 100 is outside 0 \.\. 99"),
         ("memory", {"shortlist": ["q"]}, "'str'"),
-        ("memory", {"recipes": {"0": {"near": False, "theta": [0.0]}}}, "4 finite numbers"),
-        ("memory", {"recipes": {"0": {"near": False, "theta": [0.0, 0.0, 0.0, math.nan]}}}, "nan"),
-        ("memory", {"jury": {"good": [100], "bad": [], "seed": 1}}, r"index 100 is outside 0 \.\. 99"),
-        ("memory", {"jury": {"good": [1], "bad": [2]}}, "seed"),
+        ("memory", {"recipes": {"0": [0.0]}}, "4 finite numbers"),
+        ("memory", {"recipes": {"0": [0.0, 0.0, 0.0, math.nan]}}, "nan"),
+        (
+            "memory",
+            {"juries": {"success": {"good": [100], "bad": [], "seed": 1}}},
+            r"index 100 is outside 0 \.\. 99",
+        ),
+        ("memory", {"juries": {"success": {"good": [1], "bad": [2]}}}, "seed"),
         ("limits", [1], "AttributeError"),
         ("limits", {"watts": 1.0}, "'watts'"),
         ("objectives", ["error"], "damaged"),
@@ -69,7 +73,7 @@ def test_a_damaged_state_is_refused_whatever_is_wrong_with_it(state, field, valu
 
 
 def test_recipes_of_an_earlier_program_are_made_anew(state):
-    recipes = {"0": {"theta": [0.0] * 4}, "1": {"theta": [0.0] * 4}}
+    recipes = {"0": {"near": True, "theta": [0.0] * 4}, "1": {"theta": [0.0] * 4}}
     memory = {"shortlist": [7], "recipes": recipes, "since": 1}
     restored = Explorer.restore(SPACE, {**state, "memory": memory})
     assert restored.state()["memory"]["recipes"] == {}
