@@ -106,10 +106,10 @@ def test_the_sources_best_come_in_portions_of_any_size(portion):
 
 
 def test_fewer_come_first_only_where_the_source_measured_what_would():
-    design = {item.index for item in Explorer(SPACE, ("seconds",), seed=2).propose(40)}
+    design = {item.index for item in Explorer(SPACE, ("seconds",), seed=2, initial=40).propose(40)}
 
     def after_twenty(known):
-        explorer = Explorer(SPACE, ("seconds",), seed=2, prior=pairs(SOURCE, known))
+        explorer = Explorer(SPACE, ("seconds",), seed=2, prior=pairs(SOURCE, known), initial=40)
         first = explorer.propose(20)
         values = [{"seconds": float(TARGET[item.index])} for item in first]
         explorer.tell([item.configuration for item in first], values)
@@ -246,7 +246,8 @@ def alone():
 
 def test_a_related_device_saves_measurements(alone):
     helped = [evaluations_needed(seed, some_of_the_source()) for seed in range(5)]
-    assert np.mean(helped) < 0.7 * np.mean(alone), (helped, alone)
+    # Both begin with 24 measurements; what is saved is of those that come after.
+    assert np.mean(helped) - 24 < 0.5 * (np.mean(alone) - 24), (helped, alone)
 
 
 @pytest.mark.parametrize("wrong", [1 / SOURCE, np.random.default_rng(6).permutation(SOURCE)])

@@ -246,7 +246,7 @@ def test_limits_that_nothing_keeps_yet_are_headed_for():
         return {"error": 1.0 + float(np.sum((x - [25, 4, 20]) ** 2)), "seconds": 1.0 + configuration["x0"]}
 
     limits = {"error": 13.0}  # kept by one point in a hundred and fifty
-    explorer = Explorer(space, ("error", "seconds"), limits, seed=2, trees=8, candidates=300)
+    explorer = Explorer(space, ("error", "seconds"), limits, seed=2, trees=8, candidates=300, initial=40)
     first = spend(explorer, 40, measure=measured)
     assert all(measured(item)["error"] > 13 for item in first)
     spend(explorer, 60, batch=10, measure=measured)
