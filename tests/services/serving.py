@@ -1,5 +1,6 @@
 """A real `manage.py serve` with its real children, and what a client does to it over HTTP."""
 
+import http.client
 import json
 import os
 import signal
@@ -74,7 +75,7 @@ class Serving(Program):
         os.kill(pid, signal.SIGKILL)
 
     def call(self, method: str, path: str, document: Any = None, **headers: str) -> tuple[int, Any]:
-        """Status and JSON of one request. Raises OSError where the server does not answer."""
+        """Status and JSON of one request. Raises OSError where the server does not answer to the end."""
         request = urllib.request.Request(
             f"{self.url}{path}",
             method=method,
@@ -82,10 +83,14 @@ class Serving(Program):
             headers={"Content-Type": "application/json", **headers},
         )
         try:
-            with urllib.request.urlopen(request, timeout=30) as response:
-                return response.status, json.loads(response.read() or "null")
+            response = urllib.request.urlopen(request, timeout=30)
         except urllib.error.HTTPError as error:
-            return error.code, json.loads(error.read() or "null")
+            response = error
+        try:
+            with response:
+                return response.status, json.loads(response.read() or "null")
+        except http.client.IncompleteRead as error:
+            raise ConnectionAbortedError(f"the answer was cut short: {error}") from error
 
     def enrol(self) -> str:
         """The token of a new installation."""
