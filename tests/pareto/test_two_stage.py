@@ -13,6 +13,7 @@ from pareto.front import nondominated
 from pareto.hypervolume import hypervolume
 from pareto.jury import TREES
 from pareto.methods import two_stage
+from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, ENDS
 from tests.pareto.searches import OPTIONS, SPACE, explorer_of, measure, spend
 
 
@@ -83,17 +84,18 @@ def test_every_opinion_has_its_turn_in_small_batches_that_remember_nothing(batch
     greedy = two_stage._greedy
 
     def noted(surrogates, found, waiting, count, turn, rng):
-        turns.extend((turn + number) % 3 for number in range(count))
+        turns.extend(two_stage.TURNS[(turn + number) % len(two_stage.TURNS)] for number in range(count))
         return greedy(surrogates, found, waiting, count, turn, rng)
 
     monkeypatch.setattr(two_stage, "_greedy", noted)
     explorer = explorer_of("two-stage")
     spend(explorer, 8)
-    for _ in range(9 // batch):
+    for _ in range(14 // batch):
         explorer = Explorer.restore(SPACE, explorer.state() | {"memory": {}})
         spend(explorer, batch, batch)
-    assert len(turns) >= 6
-    assert min(map(turns.count, range(3))) >= len(turns) // 4
+    assert len(turns) >= 9
+    assert min(map(turns.count, (BOLD, BESIDE, CAUTIOUS))) >= len(turns) // 4
+    assert turns.count(ENDS) >= 1
 
 
 def test_small_batches_share_the_trees_and_restore_with_them(monkeypatch):
