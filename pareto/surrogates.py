@@ -12,7 +12,9 @@ A process of what is beside the front is sharp there and of no use far from it, 
 Hence three opinions: the bold one asks it anywhere, the cautious one only where it is about as sure as among
 its own points, and one only beside the front: of fewer points fewer are overrated, and late that is what
 wins. None of them can tell whether the front goes on somewhere else. That is the fourth's affair, who asks
-the processes of all values about its ends.
+the processes of all values about its ends. The fifth, the wide one, asks these anywhere, and counts all that
+is better than the worst that was measured. It speaks the more, the more of the measured lies far from the
+front, because the others then know too little; and not at all where hardly any does.
 """
 
 from __future__ import annotations
@@ -40,10 +42,11 @@ Rows = NDArray[np.int64]
 Recipe = list[float]  # hyperparameters of a process
 
 SUCCESS, MEASURABLE = "success", "measurable"
-CAUTIOUS, BOLD, BESIDE, ENDS = 0, 1, 2, 3  # opinions
+CAUTIOUS, BOLD, BESIDE, ENDS, WIDE = 0, 1, 2, 3, 4  # opinions
 LEAST = 10  # points near the front from which it can be told which process foretells better
 LEAP = 3.0  # standard deviations by which a near point may be worse than foretold, and still be learnt from
 LEAPS = 40  # points near the front from which it can be told which of them leap
+SMALL = 1 / 3  # share of the measured that lies far from the front: no reason for the WIDE opinion to speak
 TRUST = 2.0  # times its doubt about its own points, from all others: where a near process is to be believed
 FRESH = 20  # further points known, after which the trees that judge success are grown anew
 
@@ -103,6 +106,15 @@ class Surrogates:
             labels = np.concatenate([np.ones(len(good)), -np.ones(len(bad))])
             self._success = self._process(SUCCESS, np.concatenate([good, bad]), labels)
 
+    @property
+    def far(self) -> float:
+        """The share of what was measured that lies neither on the front nor beside it; 0 while it is small.
+
+        It tells how much of what is proposed falls far from where it was expected.
+        """
+        far = 1.0 - float(self._near.mean())
+        return far if far > SMALL else 0.0
+
     def at(self, indices: Indices) -> Promise:
         """Return what the models say about `indices`."""
         features = self.space.features(indices)
@@ -126,7 +138,8 @@ class Surrogates:
             cautious *= objectives[number].spread <= self._objectives[number].trusted
         beside = cautious * np.isin(indices, self._beside)
         widest = np.array([learnt.widest for learnt in self._objectives])
-        chances = np.stack([cautious, chance, beside, measurable])
+        wide = measurable * (self.far > 0)
+        chances = np.stack([cautious, chance, beside, measurable, wide])
         return Promise(indices, self.targets, objectives, overall, chances, widest)
 
     def _objective(self, number: int, rows: Rows, column: Array) -> Learnt:
@@ -203,9 +216,9 @@ class Learnt:
 class Promise:
     """Posteriors of the objectives at `indices`, and the (opinions, n) `chance` that each is a success.
 
-    Its rows are the CAUTIOUS, the BOLD, the BESIDE and the ENDS opinion. The last asks processes of all
-    values: the `overall` posterior of those objectives, by number, whose other one knows near points alone.
-    `widest` (objectives) are the largest standard deviations that count.
+    Its rows are the opinions, CAUTIOUS to WIDE. The last two ask processes of all values: the `overall`
+    posterior of those objectives, by number, whose other one knows near points alone. `widest` (objectives)
+    are the largest standard deviations that count.
     """
 
     indices: Indices
@@ -215,18 +228,36 @@ class Promise:
     chance: Array
     widest: Array
 
-    def gain(self, front: Array, rng: np.random.Generator) -> Array:
-        """Return (opinions, n) expected gains over `front`, each times the chance to be a success.
+    def gains(self, front: Array, rng: np.random.Generator) -> Array:
+        """Return the (opinions, n) `gain` of each opinion."""
+        near = self._near(front, rng)
+        wide = self._wide(front, rng) if self.chance[WIDE].any() else np.zeros(len(near))
+        return self.chance * np.stack([near, near, near, self._ends(front), wide])
 
-        Those are of hypervolume; that of ENDS is how far beyond the front's ends, in shares of the range.
+    def gain(self, opinion: int, front: Array, rng: np.random.Generator) -> Array:
+        """Return the (n,) expected gains over `front`, each times the chance to be a success.
+
+        Those are of hypervolume, that of ENDS is how far beyond the front's ends, in shares of the range.
         """
-        reference, limits = self.targets.reference, self.targets.limits
+        if opinion == ENDS:
+            return self.chance[opinion] * self._ends(front)
+        return self.chance[opinion] * (self._wide if opinion == WIDE else self._near)(front, rng)
+
+    def _near(self, front: Array, rng: np.random.Generator) -> Array:
         mean, spread = _moments(self.objectives)
-        gain = expected_improvement(mean, np.minimum(spread, self.widest), front, reference, rng)
-        mean, spread = _moments([self.overall.get(number, p) for number, p in enumerate(self.objectives)])
-        least = np.vstack([front[(front <= limits).all(axis=1)], reference]).min(axis=0)
-        beyond = beyond_ends(mean, spread, least, limits, self.targets.range)
-        return self.chance * np.stack([gain, gain, gain, beyond])
+        return expected_improvement(mean, np.minimum(spread, self.widest), front, self.targets.reference, rng)
+
+    def _ends(self, front: Array) -> Array:
+        limits = self.targets.limits
+        least = np.vstack([front[(front <= limits).all(axis=1)], self.targets.reference]).min(axis=0)
+        return beyond_ends(*_moments(self._of_all_values()), least, limits, self.targets.range)
+
+    def _wide(self, front: Array, rng: np.random.Generator) -> Array:
+        known = np.vstack([front, self.targets.whole_front])
+        return expected_improvement(*_moments(self._of_all_values()), known, self.targets.worst, rng)
+
+    def _of_all_values(self) -> list[Posterior]:
+        return [self.overall.get(number, near) for number, near in enumerate(self.objectives)]
 
     def suppose(self, number: int) -> Array:
         """Take point `number` as measured with the values expected, and return these (objectives)."""

@@ -79,6 +79,16 @@ class Targets:
         """How far apart the (objectives) values are, or the `floor`."""
         return np.maximum(np.ptp(self.values, axis=0), self.floor)
 
+    @property
+    def worst(self) -> Array:
+        """The (objectives) limits, and where there is none the largest value measured."""
+        return np.where(np.isfinite(self.limits), self.limits, self.values.max(axis=0))
+
+    @cached_property
+    def whole_front(self) -> Array:
+        """All (front, objectives) values that no other dominates, within the limits or not."""
+        return self.values[nondominated(self.values)]
+
     @cached_property
     def depth(self) -> Array:
         """How far each of the n points must improve, in all objectives alike, before it would count.

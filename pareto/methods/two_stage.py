@@ -18,7 +18,7 @@ from pareto.methods.method import ACTIVE, RANDOM, Method
 from pareto.sampling import sample, spread_sample
 from pareto.screening import DRAWS, beside_front, candidates, free_points, screen
 from pareto.space import Indices, Space
-from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, ENDS, Recipe, Surrogates, read_recipe
+from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, ENDS, WIDE, Recipe, Surrogates, read_recipe
 from pareto.targets import Targets
 from pareto.transfer import Trend, trusted
 
@@ -29,7 +29,8 @@ RENEWAL = 20  # proposals, at least, after which the space is screened and the m
 SELDOM = 10  # one in so many of the measurements: proposals after which they are, late
 AHEAD = 50  # one in so many of the measurements: proposals that are chosen at once, though asked for singly
 GREEDY = 100  # of a batch that are chosen one after the other
-TURNS = (ENDS, *(BOLD, BESIDE, CAUTIOUS) * 4)  # whose opinion decides, choice after choice
+TURNS = (ENDS, *(BOLD, BESIDE, CAUTIOUS) * 4)  # whose opinion decides, where it is not the WIDE one
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # the fractions of its multiples are spread evenly
 NEIGHBOURS = 250  # of the front that are looked at for each proposal of a batch between two screenings
 CLIMBERS = 8  # best candidates whose neighbours are looked at, too
 CLIMBS = 8  # times at most
@@ -184,13 +185,18 @@ class TwoStage(Method):
         return _greedy(surrogates, found, waiting, count, len(taken), rng)
 
 
+def whose_turn(turn: int, far: float) -> int:
+    """Return the opinion that decides: the WIDE one in a share `far` of all turns, else one of TURNS."""
+    return WIDE if turn * GOLDEN % 1.0 < far else TURNS[turn % len(TURNS)]
+
+
 def _shortlist(
     surrogates: Surrogates, found: Indices, taken: set[int], count: int, rng: np.random.Generator
 ) -> Indices:
     """Return the `count` of `found`, and of the neighbours of the best, that promise most, best first."""
     targets, space = surrogates.targets, surrogates.space
     front = targets.values[targets.front]
-    gain = surrogates.at(found).gain(front, rng)
+    gain = surrogates.at(found).gains(front, rng)
     seen = taken | set(found.tolist())
     fresh, fresh_gain = found, gain
     for _ in range(CLIMBS):
@@ -200,7 +206,7 @@ def _shortlist(
             break
         fresh = rng.permutation(np.array(around, dtype=np.int64))[:SHORTLIST]
         seen |= set(fresh.tolist())
-        fresh_gain = surrogates.at(fresh).gain(front, rng)
+        fresh_gain = surrogates.at(fresh).gains(front, rng)
         better = fresh_gain.max(axis=1) > gain.max(axis=1, initial=0.0)
         found, gain = np.concatenate([found, fresh]), np.concatenate([gain, fresh_gain], axis=1)
         if not better.any():
@@ -209,10 +215,12 @@ def _shortlist(
 
 
 def _tops(gain: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return the positions of the `count` best, in turn by each opinion."""
-    order = np.argsort(-gain, axis=1, kind="stable").T.ravel()
-    _, first = np.unique(order, return_index=True)
-    return order[np.sort(first)[:count]]
+    """Return the positions of the `count` best, in turn by each opinion that sees something to gain there."""
+    order = np.argsort(-gain, axis=1, kind="stable")
+    promising = np.take_along_axis(gain, order, axis=1) > 0
+    ranked = np.concatenate([order.T[promising.T], np.arange(gain.shape[1])])
+    _, first = np.unique(ranked, return_index=True)
+    return ranked[np.sort(first)[:count]]
 
 
 def _greedy(
@@ -225,8 +233,8 @@ def _greedy(
 ) -> list[int]:
     """Return `count` of `found`, each the best once those before it turn out as expected.
 
-    Those `waiting` are under way already and are supposed first. The opinions take TURNS, the first of them
-    the one of number `turn`; who sees nothing left to gain passes.
+    Those `waiting` are under way already and are supposed first. The opinions take turns, the first of them
+    that of number `turn`; who sees nothing left to gain passes.
     """
     front = surrogates.targets.values[surrogates.targets.front]
     promise = surrogates.at(np.concatenate([found, waiting]))
@@ -236,9 +244,10 @@ def _greedy(
     picked: list[int] = []
     gain = np.zeros(len(free))
     for number in range(min(count, len(found), GREEDY)):
-        gain = np.where(free, promise.gain(front, rng), 0.0)
-        opinions = (TURNS[(turn + number) % len(TURNS)], CAUTIOUS, BOLD)
-        gain = gain[next((opinion for opinion in opinions if gain[opinion].max() > 0), BOLD)]
+        for opinion in (whose_turn(turn + number, surrogates.far), CAUTIOUS, BOLD):
+            gain = np.where(free, promise.gain(opinion, front, rng), 0.0)
+            if gain.max() > 0:
+                break
         best = int(np.argmax(gain))
         if gain[best] <= 0:
             return promise.indices[picked].tolist()

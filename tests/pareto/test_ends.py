@@ -63,5 +63,5 @@ def test_where_the_front_goes_on_far_from_it_only_the_opinion_about_its_ends_say
     beside = Targets(targets.indices, targets.values, targets.limits, np.array([0.3, 3.1]), np.arange(40))
     surrogates = Surrogates(history, beside, Trend.of(history, beside), 600, np.random.default_rng(0))
     far = np.array([space.encode({"x": x, "y": 20}) for x in (28, 32, 36)])
-    gain = surrogates.at(far).gain(beside.values[beside.front], np.random.default_rng(0))
+    gain = surrogates.at(far).gains(beside.values[beside.front], np.random.default_rng(0))
     assert gain[[CAUTIOUS, BOLD, BESIDE]].max() < 1e-3 < ENOUGH < gain[ENDS].min()

@@ -8,7 +8,7 @@ import pytest
 from pareto import Space
 from pareto.history import History
 from pareto.objective import read_objectives
-from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, ENDS, Surrogates
+from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, ENDS, WIDE, Surrogates
 from pareto.targets import Targets
 from pareto.transfer import Trend
 
@@ -87,12 +87,42 @@ def test_a_near_process_is_never_less_sure_than_its_values_are_spread():
     rng = np.random.default_rng(0)
     near = surrogates.targets.near()
     assert promise.widest.tolist() == [np.inf, np.std(surrogates.targets.values[near, 1])]
-    before = promise.gain(np.empty((0, 2)), rng)[:ENDS]
+    before = promise.gain(BOLD, np.empty((0, 2)), rng)
     promise.objectives[1]._scale *= 1e6
     promise.widest = np.full(2, np.inf)
-    without = promise.gain(np.empty((0, 2)), rng)[:ENDS]
+    without = promise.gain(BOLD, np.empty((0, 2)), rng)
     promise.widest = surrogates.at(np.arange(40)).widest
-    assert promise.gain(np.empty((0, 2)), rng)[:ENDS].max() < 3 * before.max() < without.max()
+    assert promise.gain(BOLD, np.empty((0, 2)), rng).max() < 3 * before.max() < without.max()
+
+
+def test_a_gain_is_the_same_asked_for_alone_or_with_all_others():
+    surrogates = learnt(known(leap=3.0))
+    front = surrogates.targets.values[surrogates.targets.front]
+    promise = surrogates.at(np.arange(len(SPACE)))
+    gains = promise.gains(front, np.random.default_rng(0))
+    for opinion in (CAUTIOUS, BOLD, BESIDE, ENDS, WIDE):
+        np.testing.assert_array_equal(gains[opinion], promise.gain(opinion, front, np.random.default_rng(0)))
+
+
+def test_the_wide_opinion_speaks_where_much_of_what_was_measured_lies_far_from_the_front():
+    history = History(SPACE, read_objectives(("a", "b")), {})
+    rng = np.random.default_rng(0)
+    for index in range(0, 40, 2):  # a front and nothing else
+        history.record(index, (1.0 + index, 1.0 / (1.0 + index)))
+    surrogates = learnt(history)
+    assert surrogates.far == 0.0
+    assert surrogates.at(np.arange(40)).chance[WIDE].max() == 0.0
+    for index in rng.choice(np.arange(40, len(SPACE)), 180, replace=False).tolist():
+        history.record(index, (1000.0 + index, 10.0 + index))
+    surrogates = learnt(history)
+    assert surrogates.far == pytest.approx(np.mean(~surrogates.targets.near()))
+    assert surrogates.far > 0.5
+    promise = surrogates.at(np.arange(len(SPACE)))
+    # Nothing failed: each point has the chance to be measured that it may count anywhere within the worst.
+    assert promise.chance[WIDE].min() == 1.0
+    assert (surrogates.targets.worst == surrogates.targets.values.max(axis=0)).all()
+    gains = promise.gains(surrogates.targets.values[surrogates.targets.front], rng)
+    assert gains[WIDE].max() > gains[BOLD].max()
 
 
 def test_depth_is_what_a_point_must_improve_by_before_it_counts():

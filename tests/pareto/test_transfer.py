@@ -246,13 +246,14 @@ def alone():
 
 def test_a_related_device_saves_measurements(alone):
     helped = [evaluations_needed(seed, some_of_the_source()) for seed in range(5)]
-    assert np.mean(helped) < 0.7 * np.mean(alone), (helped, alone)
+    # Both begin with 12; what is saved is of those that come after.
+    assert np.mean(helped) - 12 < 0.5 * (np.mean(alone) - 12), (helped, alone)
 
 
 @pytest.mark.parametrize("wrong", [1 / SOURCE, np.random.default_rng(6).permutation(SOURCE)])
 def test_a_device_that_is_the_opposite_or_says_nothing_costs_little(alone, wrong):
     misled = [evaluations_needed(seed, some_of_the_source(wrong)) for seed in range(5)]
-    # What it may cost is its share of the first configurations, half of 12, and a batch of 6 until it is refuted.
+    # What it may cost is its share of the first configurations, half of 12, and a batch until it is refuted.
     assert np.mean(misled) <= np.mean(alone) + 12, (misled, alone)
 
 

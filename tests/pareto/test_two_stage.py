@@ -13,7 +13,7 @@ from pareto.front import nondominated
 from pareto.hypervolume import hypervolume
 from pareto.jury import TREES
 from pareto.methods import two_stage
-from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, ENDS
+from pareto.surrogates import BESIDE, BOLD, CAUTIOUS, ENDS, WIDE
 from tests.pareto.searches import OPTIONS, SPACE, explorer_of, measure, spend
 
 
@@ -84,7 +84,7 @@ def test_every_opinion_has_its_turn_in_small_batches_that_remember_nothing(batch
     greedy = two_stage._greedy
 
     def noted(surrogates, found, waiting, count, turn, rng):
-        turns.extend(two_stage.TURNS[(turn + number) % len(two_stage.TURNS)] for number in range(count))
+        turns.extend(two_stage.whose_turn(turn + number, 0.0) for number in range(count))
         return greedy(surrogates, found, waiting, count, turn, rng)
 
     monkeypatch.setattr(two_stage, "_greedy", noted)
@@ -96,6 +96,25 @@ def test_every_opinion_has_its_turn_in_small_batches_that_remember_nothing(batch
     assert len(turns) >= 9
     assert min(map(turns.count, (BOLD, BESIDE, CAUTIOUS))) >= len(turns) // 4
     assert turns.count(ENDS) >= 1
+
+
+@pytest.mark.parametrize("far", [0.4, 0.7])
+def test_the_wide_opinion_has_its_share_of_any_twenty_turns_and_the_others_share_the_rest(far):
+    turns = [two_stage.whose_turn(turn, far) for turn in range(1000)]
+    for begin in range(0, 1000, 20):
+        assert abs(turns[begin : begin + 20].count(WIDE) - 20 * far) <= 2
+    rest = [opinion for opinion in turns if opinion != WIDE]
+    assert min(map(rest.count, (BOLD, BESIDE, CAUTIOUS))) >= len(rest) // 4
+    assert rest.count(ENDS) >= len(rest) // 26
+    assert WIDE not in {two_stage.whose_turn(turn, 0.0) for turn in range(1000)}
+
+
+def test_who_sees_nothing_to_gain_takes_no_place_on_the_shortlist():
+    gain = np.zeros((3, 8))
+    gain[1, [2, 5, 7]] = 3.0, 1.0, 2.0
+    gain[2, [5, 6]] = 5.0, 4.0
+    assert two_stage._tops(gain, 4).tolist() == [2, 5, 7, 6]
+    assert sorted(two_stage._tops(gain, 9).tolist()) == list(range(8))
 
 
 def test_small_batches_share_the_trees_and_restore_with_them(monkeypatch):
