@@ -46,10 +46,11 @@ class TwoStage(Method):
     measured one and from anywhere within the reference go to Gaussian processes fitted to at most `points`
     measurements near the front, and so do the neighbours of the best of them, as long as that finds better
     ones; points are taken greedily by expected hypervolume improvement times the chance of success, one in
-    thirteen by how far it may be beyond the front's ends. At first one in `explore` is drawn at random
-    instead, mostly of what may be expected not to fail; that share falls with the root of what was measured,
-    so that exploration gets rare and never dries up. Small batches share a screening and, once there are
-    hundreds of measurements, models: a few proposals are chosen ahead.
+    thirteen by how far it may be beyond the front's ends, and where much of what was measured lies far from
+    the front, such a share by what processes of all values expect. At first one in `explore` is drawn at
+    random instead, mostly of what may be expected not to fail; that share falls with the root of what was
+    measured, so that exploration gets rare and never dries up. Small batches share a screening and, once
+    there are hundreds of measurements, models: a few proposals are chosen ahead.
 
     With a prior, every other of the first half of the initial ones is one that did well on the other device,
     while that is borne out, and of the second half those are left out that it measured; the models learn what
