@@ -307,3 +307,17 @@ def test_a_warm_start_that_does_not_fit_is_one_line_and_exit_code_2(toy, capsys,
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_an_interrupt_while_the_packages_are_read_is_no_traceback():
+    interrupted = """
+import runpy, sys
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == "scipy":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+runpy.run_module("pareto", run_name="__main__")
+"""
+    ended = subprocess.run([sys.executable, "-c", interrupted, "front"], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (130, "\npareto: interrupted before it began\n")
