@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pareto.answer import obstacle
-from pareto.errors import MethodError, ObjectiveError, StateError
+from pareto.errors import ConfigurationError, MethodError, ObjectiveError, SpaceError, StateError
 from pareto.history import History, read_index
 from pareto.methods import DEFAULT, METHODS, create
 from pareto.objective import Objective, read_limits, read_number, read_objectives, read_values
@@ -40,7 +40,8 @@ class Explorer:
     the search as far as the measurements told here bear it out, and never counts as told. What was measured
     on this very device is told instead.
 
-    Raises ObjectiveError, or MethodError for an unknown method, option or seed or one that heeds no prior.
+    Raises SpaceError, ObjectiveError, or MethodError for what is no method, option or seed, or a method that
+    heeds no prior.
     """
 
     def __init__(
@@ -54,6 +55,8 @@ class Explorer:
         prior: Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]] = (),
         **options: Any,
     ) -> None:
+        if not isinstance(space, Space):
+            raise SpaceError(f"an explorer needs a Space, not {space!r}: Space.load reads one from a file")
         self.space = space
         self.objectives = read_objectives(objectives)
         self.limits = read_limits(self.objectives, limits)
@@ -107,6 +110,8 @@ class Explorer:
         `phase` is noted. Telling one configuration again averages its values. Either all are taken or, when
         an error is raised (ConfigurationError, ObjectiveError), none.
         """
+        if not (_is_list(configurations) and _is_list(results)):
+            raise ConfigurationError("tell takes two lists: tell([configuration], [values])")
         if len(configurations) != len(results):
             raise ObjectiveError(
                 f"{len(results)} results for {len(configurations)} configurations: tell one each, "
@@ -124,7 +129,12 @@ class Explorer:
             self.finished = False
 
     def forget(self, configurations: Sequence[Mapping[str, Any]]) -> None:
-        """Take back pending configurations that nobody will measure; they may be proposed again."""
+        """Take back pending configurations that nobody will measure; they may be proposed again.
+
+        Raises ConfigurationError, and takes none back then.
+        """
+        if not _is_list(configurations):
+            raise ConfigurationError("forget takes a list: forget([configuration])")
         for index in [self.space.encode(configuration) for configuration in configurations]:
             self.history.pending.pop(index, None)
 
@@ -243,6 +253,11 @@ def _record(history: History, observations: Iterable[Sequence[Any]]) -> None:
             if values is not None:
                 read = tuple(read_number(*pair) for pair in zip(names, values, strict=True))
             history.record(place, read, phase)
+
+
+def _is_list(items: object) -> bool:
+    """Whether `items` has elements and is no single configuration or result itself."""
+    return isinstance(items, Collection) and not isinstance(items, (Mapping, str))
 
 
 def _whole(name: str, number: Any) -> int:

@@ -31,6 +31,8 @@ def read_objectives(objectives: Iterable[str | Objective]) -> tuple[Objective, .
     """Return objectives; a bare name is minimised. Raises ObjectiveError on none or a duplicate."""
     if isinstance(objectives, str):
         raise ObjectiveError(f'objectives must be a list of names: ("{objectives}",)')
+    if not isinstance(objectives, Iterable):
+        raise ObjectiveError(f"objectives must be a list of names, not {objectives!r}")
     read = tuple(item if isinstance(item, Objective) else Objective(item) for item in objectives)
     names = [objective.name for objective in read]
     if not read or len(set(names)) != len(names):
@@ -41,6 +43,8 @@ def read_objectives(objectives: Iterable[str | Objective]) -> tuple[Objective, .
 def read_limits(objectives: tuple[Objective, ...], limits: Mapping[str, float] | None) -> dict[str, float]:
     """Return `limits` as floats. Raises ObjectiveError for an unknown objective or a limit not a number."""
     names = [objective.name for objective in objectives]
+    if limits is not None and not isinstance(limits, Mapping):
+        raise ObjectiveError(f"limits must map objectives to numbers, not {limits!r}")
     read = {}
     for name, limit in (limits or {}).items():
         if name not in names:

@@ -99,8 +99,8 @@ class Space:
     def encode(self, configuration: Mapping[str, object]) -> int:
         """Return the index of `configuration`.
 
-        Raises ConfigurationError naming a missing or unknown parameter, or a value that it cannot take, and
-        ForbiddenError, which is one, naming the constraint that is broken.
+        Raises ConfigurationError for what is no mapping, or naming a missing or unknown parameter or a value
+        that it cannot take, and ForbiddenError, which is one, naming the constraint that is broken.
         """
         index = self.index_of(configuration)
         for constraint in self.constraints:
@@ -111,6 +111,8 @@ class Space:
 
     def index_of(self, configuration: Mapping[str, object]) -> int:
         """Return the index of `configuration`, whether constraints allow it or not; else as `encode`."""
+        if not isinstance(configuration, Mapping):
+            raise ConfigurationError(f"a configuration maps parameters to values, {configuration!r} does not")
         for name in configuration:
             if name not in self.names:
                 raise ConfigurationError(

@@ -43,6 +43,7 @@ Recipe = list[float]  # hyperparameters of a process
 
 SUCCESS, MEASURABLE = "success", "measurable"
 CAUTIOUS, BOLD, BESIDE, ENDS, WIDE = 0, 1, 2, 3, 4  # opinions
+LARGEST = 100.0  # hyperparameter, a logarithm, that a saved recipe may have: no search for them ends near it
 LEAST = 10  # points near the front from which it can be told which process foretells better
 LEAP = 3.0  # standard deviations by which a near point may be worse than foretold, and still be learnt from
 LEAPS = 40  # points near the front from which it can be told which of them leap
@@ -189,10 +190,9 @@ def near_name(number: int) -> str:
 def read_recipe(recipe: Iterable[float], space: Space) -> Recipe:
     """Return a saved recipe for processes on `space`. Raises StateError or TypeError otherwise."""
     theta = [float(number) for number in recipe]
-    if len(theta) != len(space.shape) + SHARED or not np.isfinite(theta).all():
-        raise StateError(
-            f"the state is damaged: a model has {len(space.shape) + SHARED} finite numbers, not {theta}"
-        )
+    count = len(space.shape) + SHARED
+    if len(theta) != count or not (np.abs(theta) < LARGEST).all():
+        raise StateError(f"the state is damaged: a model has {count} numbers below {LARGEST:g}, not {theta}")
     return theta
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pareto.errors import ObjectiveError
 from pareto.forest import Forest
 from pareto.front import nondominated
 from pareto.history import History
@@ -54,7 +55,13 @@ class Prior:
         Raises ConfigurationError or ObjectiveError for what `Explorer.tell` would refuse.
         """
         prior = cls(space, objectives, limits)
-        for configuration, values in pairs:
+        for pair in pairs:
+            try:
+                configuration, values = pair
+            except (TypeError, ValueError):
+                raise ObjectiveError(
+                    f"a prior is (configuration, values or None for a failure) pairs, {pair!r} is none"
+                ) from None
             read = None if values is None else read_values(objectives, values)
             prior.source.record(space.encode(configuration), read)
         return prior

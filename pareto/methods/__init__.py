@@ -17,13 +17,14 @@ METHODS: dict[str, type[Method]] = {
     "random": Random,
 }
 DEFAULT = "two-stage"
+LARGEST_OPTION = 1_000_000  # more than anyone measures, and no more than fits into memory
 
 __all__ = ["DEFAULT", "METHODS", "Method", "create"]
 
 
 def create(name: str, options: Mapping[str, Any]) -> Method:
     """Return a fresh method. Raises MethodError for an unknown name, an unknown option or a bad value."""
-    if name not in METHODS:
+    if not isinstance(name, str) or name not in METHODS:
         raise MethodError(f"no method {name!r}: there are {', '.join(METHODS)}")
     kind = METHODS[name]
     known = kind.defaults()
@@ -32,6 +33,8 @@ def create(name: str, options: Mapping[str, Any]) -> Method:
             raise MethodError(
                 f"method {name!r} has no option {option!r}: it has {', '.join(known) or 'none'}"
             )
-        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-            raise MethodError(f"option {option!r} must be a whole number of 1 or more, not {value!r}")
+        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= LARGEST_OPTION:
+            raise MethodError(
+                f"option {option!r} must be a whole number from 1 to {LARGEST_OPTION:,}, not {value!r}"
+            )
     return kind(**options)

@@ -221,7 +221,8 @@ def test_wrong_objectives_limits_methods_and_options_are_named():
         ({"objectives": ("a",), "limits": {"a": float("inf")}}, ObjectiveError, "leave the limit out"),
         ({"objectives": ("a",), "method": "annealing"}, MethodError, "two-stage, algorithm1, random"),
         ({"objectives": ("a",), "method": "algorithm1", "forests": 3}, MethodError, "initial, trees"),
-        ({"objectives": ("a",), "initial": 0}, MethodError, "1 or more"),
+        ({"objectives": ("a",), "initial": 0}, MethodError, "from 1 to 1,000,000"),
+        ({"objectives": ("a",), "initial": 10**11}, MethodError, "from 1 to 1,000,000, not 100000000000"),
     ]:
         with pytest.raises(error, match=message):
             Explorer(SPACE, **arguments)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pareto import Explorer, Space
-from pareto.errors import MethodError, ObjectiveError, StateError
+from pareto.errors import ConfigurationError, MethodError, ObjectiveError, SpaceError, StateError
 
 SPACE = Space.from_dict(
     {"name": "line", "parameters": [{"name": "x", "type": "integer", "minimum": 0, "maximum": 99}]}
@@ -49,7 +49,8 @@ def test_a_state_that_is_no_object_is_refused(damaged):
         ("memory", [], "AttributeError"),
         ("memory", {"shortlist": [100]}, r"index 100 is outside 0 \.\. 99"),
         ("memory", {"shortlist": ["q"]}, "'str'"),
-        ("memory", {"recipes": {"0": [0.0]}}, "4 finite numbers"),
+        ("memory", {"recipes": {"0": [0.0]}}, "4 numbers below 100"),
+        ("memory", {"recipes": {"0": [0.0, 0.0, 0.0, 1e9]}}, "1000000000"),
         ("memory", {"recipes": {"0": [0.0, 0.0, 0.0, math.nan]}}, "nan"),
         (
             "memory",
@@ -57,7 +58,8 @@ def test_a_state_that_is_no_object_is_refused(damaged):
             r"index 100 is outside 0 \.\. 99",
         ),
         ("memory", {"juries": {"success": {"good": [1], "bad": [2]}}}, "seed"),
-        ("limits", [1], "AttributeError"),
+        ("limits", [1], "map objectives to numbers"),
+        ("method", ["random"], r"no method \['random'\]"),
         ("limits", {"watts": 1.0}, "'watts'"),
         ("objectives", ["error"], "damaged"),
         ("options", {"forests": 3}, "'forests'"),
@@ -85,6 +87,48 @@ def test_every_configuration_told_has_one_result():
     with pytest.raises(ObjectiveError, match="1 results for 2 configurations: tell one each"):
         explorer.tell([{"x": 1}, {"x": 2}], [{"error": 1.0}])
     assert explorer.history.told == {}
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        (({"x": 1}, {"error": 1.0}), r"tell\(\[configuration\], \[values\]\)"),
+        (([{"x": 1}], {"error": 1.0}), "two lists"),
+        ((None, None), "two lists"),
+        (([3], [{"error": 1.0}]), "maps parameters to values, 3 does not"),
+        (([None], [{"error": 1.0}]), "None does not"),
+    ],
+)
+def test_what_is_told_comes_in_lists_of_configurations_and_results(told, message):
+    explorer = Explorer(SPACE, ("error",))
+    with pytest.raises(ConfigurationError, match=message):
+        explorer.tell(*told)
+    assert explorer.history.told == {}
+
+
+def test_what_is_forgotten_comes_in_a_list():
+    explorer = Explorer(SPACE, ("error",))
+    [asked] = explorer.ask(1)
+    for forgotten, message in ((asked, "takes a list"), ([3], "3 does not")):
+        with pytest.raises(ConfigurationError, match=message):
+            explorer.forget(forgotten)
+    assert explorer.pending() == [asked]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "message"),
+    [
+        ({"space": "line.json"}, SpaceError, r"not 'line.json': Space\.load"),
+        ({"objectives": 3}, ObjectiveError, "a list of names, not 3"),
+        ({"limits": [1.0]}, ObjectiveError, r"map objectives to numbers, not \[1\.0\]"),
+        ({"method": ["random"]}, MethodError, r"no method \['random'\]"),
+        ({"prior": [({"x": 1},)]}, ObjectiveError, "is none"),
+        ({"prior": [3]}, ObjectiveError, "pairs, 3 is none"),
+    ],
+)
+def test_what_an_explorer_is_made_of_has_the_right_types(wrong, error, message):
+    with pytest.raises(error, match=message):
+        Explorer(**{"space": SPACE, "objectives": ("error",), **wrong})
 
 
 @pytest.mark.parametrize("size", [400, 5000])
