@@ -68,8 +68,12 @@ class Forest:
         return cls(estimator.fit(np.asarray(codes, dtype=np.float32), targets), shape)
 
     def predict(self, codes: NDArray[np.integer]) -> NDArray[np.float64]:
-        """Return the mean over trees at (n, axes) codes."""
-        return self.estimator.predict(np.asarray(codes, dtype=np.float32))
+        """Return the mean over trees at (n, axes) codes: scikit-learn's, without the costs of each call."""
+        rows = np.asarray(codes, dtype=np.float32)
+        total = np.zeros(len(rows))
+        for tree in self.estimator.estimators_:
+            total += tree.tree_.predict(rows)[:, 0]
+        return total / len(self.estimator.estimators_)
 
     def predict_with_spread(
         self, codes: NDArray[np.integer]

@@ -104,23 +104,24 @@ def candidates(
     pool, predicted = screening.indices, screening.predicted
     ideal = np.minimum(predicted.min(axis=1), targets.values.min(axis=0))
     room = np.maximum(targets.reference - ideal, targets.floor)
-    likely = np.flatnonzero(screening.chance > LEAST_CHANCE)
-    if len(likely) < count:
-        likely = np.arange(len(pool))
-    near = likely[(predicted[:, likely] < (ideal + 1.25 * room)[:, None]).all(axis=0)]
+    likely = screening.chance > LEAST_CHANCE
+    if np.count_nonzero(likely) < count:
+        likely = np.ones(len(pool), dtype=bool)
+    near = np.flatnonzero(likely & (predicted < (ideal + 1.25 * room)[:, None]).all(axis=0))
     if len(near) < count:
-        near = likely
+        near = np.flatnonzero(likely)
     distance = [
         (column[near] - low) / width for column, low, width in zip(predicted, ideal, room, strict=True)
     ]
     # Trees predict plateaus: of equals any may come, not always those of the lowest index.
     doubt = 1.0 - screening.chance[near] + 1e-6 * rng.random(len(near))
     picked = []
+    score, scratch = np.empty(len(near)), np.empty(len(near))  # fresh memory costs more than the arithmetic
     for weights in _directions(len(distance), rng):
-        score = distance[0] * weights[0]
+        np.multiply(distance[0], weights[0], out=score)
         for column, weight in zip(distance[1:], weights[1:], strict=True):
-            np.maximum(score, column * weight, out=score)
-        score += (0.25 * weights.min()) * doubt
+            np.maximum(score, np.multiply(column, weight, out=scratch), out=score)
+        score += np.multiply(doubt, 0.25 * weights.min(), out=scratch)
         picked.append(pool[near[_smallest(score, max(1, count // (2 * DIRECTIONS)))]])
     around = beside_front(targets, space)
     place = np.minimum(np.searchsorted(pool, around), len(pool) - 1)

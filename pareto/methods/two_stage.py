@@ -79,9 +79,7 @@ class TwoStage(Method):
         share = min(1.0, math.sqrt((self.initial or FIRST) / max(len(taken), 1))) / self.explore
         exploring = int(rng.binomial(count, share)) if count > 0 else 0
         if count > exploring and len(history.measured()[0]):
-            # On matrices of a few hundred rows, threads of BLAS cost six times what they save.
-            with threadpool_limits(limits=1, user_api="blas"):
-                best = self._next(history, count - exploring, [index for index, _ in chosen], rng)
+            best = self._next(history, count - exploring, [index for index, _ in chosen], rng)
             chosen += [(index, ACTIVE) for index in best]
             count -= len(best)
         # Where no candidate promises anything, the rest of the batch explores.
@@ -152,7 +150,9 @@ class TwoStage(Method):
         if len(ahead) < count or len(taken) >= self._until:
             size = max(count, len(taken) // AHEAD)
             self._until = len(taken) + size
-            ahead = self._best(history, size, also_taken, rng)
+            # On matrices of a few hundred rows, threads of BLAS cost six times what they save.
+            with threadpool_limits(limits=1, user_api="blas"):
+                ahead = self._best(history, size, also_taken, rng)
         self._ahead = ahead[count:]
         return ahead[:count]
 
