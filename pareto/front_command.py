@@ -20,7 +20,7 @@ from pareto.errors import ObjectiveError, ScenarioError
 from pareto.explorer import Explorer
 from pareto.folder import STATE, Folder, table
 from pareto.front import choose, knee, nondominated, signs
-from pareto.measurements import number, read_rows
+from pareto.measurements import number, read_measurements, read_rows
 from pareto.objective import Objective
 
 Point = tuple[dict[str, Any], dict[str, float]]
@@ -41,7 +41,12 @@ def add_front(commands: Any) -> None:
     front = commands.add_parser("front", help="print the non-dominated points, or the best one for a purpose")
     front.add_argument("source", nargs="*", type=Path, help="folders of explorations, or CSV files")
     front.add_argument("--out", type=Path, help="one more exploration's folder")
-    front.add_argument("--space", type=Path, help="the folders' space, where it is not kept beside them")
+    front.add_argument(
+        "--space",
+        type=Path,
+        help="the folders' space, where it is not kept beside them; that of CSV files, of which rows of one "
+        "configuration are then averaged",
+    )
     add_objectives(front, "columns of CSV files; of an exploration, its own by default")
     front.add_argument("--no-limits", action="store_true", help="not even those of the explorations")
     which = front.add_mutually_exclusive_group()
@@ -103,13 +108,17 @@ def _read(path: Path, options: argparse.Namespace) -> Source:
     if unknown := [objective.name for objective in objectives if objective.name not in own]:
         raise ObjectiveError(f"{path} did not measure {unknown[0]!r}: it has {', '.join(sorted(own))}")
     limits = {} if options.no_limits else read_limits(options.limits) or explorer.limits
+    return _source(explorer, objectives, _known(limits, own))
+
+
+def _source(explorer: Explorer, objectives: list[Objective], limits: dict[str, float]) -> Source:
     names = [objective.name for objective in explorer.objectives]
     indices, values = explorer.history.measured()
     points: list[Point] = [
         (dict(explorer.space.decode(int(index))), dict(zip(names, row, strict=True)))
         for index, row in zip(indices, values.tolist(), strict=True)
     ]
-    return Source(objectives, _known(limits, own), points, len(explorer.history.failed()))
+    return Source(objectives, limits, points, len(explorer.history.failed()))
 
 
 def _read_table(path: Path, options: argparse.Namespace) -> Source:
@@ -118,14 +127,19 @@ def _read_table(path: Path, options: argparse.Namespace) -> Source:
         raise ScenarioError(f"{path} is a table: name its objectives with --objectives a,b")
     limits = read_limits(options.limits)
     needed = dict.fromkeys([*(item.name for item in objectives), *limits, *split(options.prefer)])
+    if options.space:
+        explorer = Explorer(read_space(options.space)[0], needed)
+        for configuration, values in read_measurements(path, explorer.space, explorer.objectives):
+            explorer.tell([configuration], [values])
+        return _source(explorer, objectives, limits)
     points: list[Point] = []
     failed = 0
     for _, row in read_rows(path, needed):  # without a space, every row is a point of its own
-        values = {name: number(row[name]) for name in needed}
-        if any(map(math.isnan, values.values())):
+        numbers = {name: number(row[name]) for name in needed}
+        if any(map(math.isnan, numbers.values())):
             failed += 1
         else:
-            points.append(({name: cell for name, cell in row.items() if name not in needed}, values))
+            points.append(({name: cell for name, cell in row.items() if name not in needed}, numbers))
     return Source(objectives, limits, points, failed)
 
 

@@ -90,6 +90,24 @@ def test_a_table_is_filtered_by_the_columns_named(toy, capsys):
     assert [line.split(",")[0] for line in lines[1:]] == ["19", "19"]  # 7 has no error, but seconds
 
 
+def test_with_a_space_the_rows_of_a_configuration_are_one_point(toy, capsys):
+    table = toy / "repeated.csv"
+    table.write_text(
+        'x,mode,error,seconds,note\n1,"a,b",1.0,1,first\n1,"a,b",3.0,1,again\n2,"a,b",1.5,2,\n3,"a,b",1,oops,\n'
+    )
+    named = [table, "--objectives", "error,seconds"]
+    _, lines, _ = front(capsys, *named)
+    assert lines[1:] == ['1,"a,b",first,1.0,1.0']
+    _, lines, _ = front(capsys, *named, "--space", toy / "space.json")
+    assert lines == ["x,mode,error,seconds", '2,"a,b",1.5,2.0', '1,"a,b",2.0,1.0']
+    _, lines, _ = front(capsys, *named, "--space", toy / "space.json", "--limits", "error=1.7")
+    assert lines[1:] == ['2,"a,b",1.5,2.0']
+    table.write_text('x,mode,error,seconds\n99,"a,b",1.0,1\n')
+    code, _, complaints = front(capsys, *named, "--space", toy / "space.json")
+    assert code == 2
+    assert "line 2: parameter 'x': 99 is not one of" in complaints
+
+
 def test_in_a_table_infinity_is_a_failure_and_a_column_given_twice_is_refused(toy, capsys):
     (toy / "t.csv").write_text("x,error,seconds\n1,1,-inf\n2,1,3\n3,nan,1\n")
     code, lines, complaints = front(capsys, toy / "t.csv", "--objectives", "error,seconds")
