@@ -110,19 +110,15 @@ def candidates(
     near = np.flatnonzero(likely & (predicted < (ideal + 1.25 * room)[:, None]).all(axis=0))
     if len(near) < count:
         near = np.flatnonzero(likely)
-    distance = [
-        (column[near] - low) / width for column, low, width in zip(predicted, ideal, room, strict=True)
-    ]
+    distance = np.stack(
+        [(column[near] - low) / width for column, low, width in zip(predicted, ideal, room, strict=True)]
+    )
     # Trees predict plateaus: of equals any may come, not always those of the lowest index.
     doubt = 1.0 - screening.chance[near] + 1e-6 * rng.random(len(near))
-    picked = []
-    score, scratch = np.empty(len(near)), np.empty(len(near))  # fresh memory costs more than the arithmetic
-    for weights in _directions(len(distance), rng):
-        np.multiply(distance[0], weights[0], out=score)
-        for column, weight in zip(distance[1:], weights[1:], strict=True):
-            np.maximum(score, np.multiply(column, weight, out=scratch), out=score)
-        score += np.multiply(doubt, 0.25 * weights.min(), out=scratch)
-        picked.append(pool[near[_smallest(score, max(1, count // (2 * DIRECTIONS)))]])
+    each = max(1, count // (2 * DIRECTIONS))
+    picked = [
+        pool[near[_best(distance, doubt, weights, each)]] for weights in _directions(len(distance), rng)
+    ]
     around = beside_front(targets, space)
     place = np.minimum(np.searchsorted(pool, around), len(pool) - 1)
     around = around[pool[place] == around]  # the pool is sorted, and too large for set operations
@@ -132,16 +128,19 @@ def candidates(
     return np.union1d(best, others)
 
 
-def _smallest(score: Array, count: int) -> NDArray[np.int64]:
-    """Return the positions of about the `count` smallest scores; ties at the end may add a few or be cut."""
-    if len(score) <= 4 * count:
-        return np.argsort(score, kind="stable")[:count]
-    # A regular sample bounds the answer well enough to sort only a small part.
-    stride = max(1, len(score) // 16384)
-    sampled = score[::stride]
+def _best(distance: Array, doubt: Array, weights: Array, count: int) -> NDArray[np.int64]:
+    """Return the positions of the `count` least weighted distances (objectives, n), the doubtful set back."""
+
+    def score(distance: Array, doubt: Array) -> Array:
+        return (distance * weights[:, None]).max(axis=0) + 0.25 * weights.min() * doubt
+
+    # The scores of a regular sample bound the best ones', and nearly all others lie beyond in one objective.
+    stride = max(1, distance.shape[1] // 16384)
+    sampled = score(distance[:, ::stride], doubt[::stride])
     rank = min(len(sampled) - 1, 4 * count // stride + 8)
-    some = np.flatnonzero(score <= np.partition(sampled, rank)[rank])
-    return some[np.argsort(score[some], kind="stable")[:count]]
+    bound = np.partition(sampled, rank)[rank]
+    some = np.flatnonzero((distance <= bound / weights[:, None]).all(axis=0))
+    return some[np.argsort(score(distance[:, some], doubt[some]), kind="stable")[:count]]
 
 
 def _directions(objectives: int, rng: np.random.Generator) -> Array:
