@@ -33,8 +33,8 @@ class Explorer:
     """Searches `space` for the configurations that no other beats.
 
     `objectives` are names (minimised) or Objective; `limits` bound them inclusively, from above or, for
-    maximised ones, from below. On one machine, equal seeds, options and histories give equal proposals; another
-    one may round otherwise. Further `options` are the method's; `pareto.methods` lists both.
+    maximised ones, from below. On one machine, equal seeds, options and histories give equal proposals;
+    another one may round otherwise. Further `options` are the method's; `pareto.methods` lists both.
 
     `prior` is what another device measured, as (configuration, values or None for a failure) pairs: it guides
     the search as far as the measurements told here bear it out, and never counts as told. What was measured
