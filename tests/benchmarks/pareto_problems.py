@@ -135,6 +135,7 @@ def problems(data: Path | None) -> Iterator[Problem]:
     yield kfusion(with_limits=True)
     yield kfusion(with_limits=False)
     yield kfusion(with_limits=True, rough=False)
+    yield kfusion(with_limits=False, rough=False)
     if data is not None:
         yield black_scholes(data / "dse" / "hypermapper")
         yield convolution(data / "dse" / "convolution", told=False)

@@ -13,6 +13,7 @@ TARGETS: dict[str, tuple[float, dict[int, float]]] = {
     "kfusion, limits": (0.5, {}),
     "kfusion, no limits": (0.5, {}),
     "kfusion, limits, smooth": (0.5, {}),
+    "kfusion, no limits, smooth": (0.5, {}),
     "BlackScholes": (1.0, {200: 0.02}),
     "convolution, no constraints": (1.0, {}),
     "convolution, constraints": (1.0, {}),
