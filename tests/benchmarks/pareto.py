@@ -3,7 +3,7 @@
 Regret is 1 - HV / HV* of the logarithms of the objectives, HV* of the exhaustive front: lower is better. All
 get the same problems and budgets; a point evaluated twice counts twice. Our seeds are ones that nobody looked
 at while the methods were developed. The peers live in an environment of their own, made on first use (about
-5 GB); their runs are kept there, so that only the first time takes long: about four hours of CPU, of which
+5 GB); their runs are kept there, so that only the first time takes long: about five hours of CPU, of which
 nine tenths are Optuna's Gaussian processes, SMAC and HyperMapper (`--cheap` leaves them out). What is kept
 is taken up where an earlier run was ended. `--stored` takes of the peers what is kept and runs none; every
 row says how many seeds stand behind it. `--fresh` runs peers again, too.
