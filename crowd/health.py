@@ -19,7 +19,7 @@ from crowd.celery import app
 from crowd.devices.models import DeviceModel, Installation
 from crowd.explorations.models import Evaluation
 from crowd.metrics import gauge, label
-from crowd.results import summarising
+from crowd.results.figures import summarising
 from crowd.results.models import MeasurementSession, Run, Submission, WorkerPulse
 
 BROKER_PATIENCE_SECONDS = 2

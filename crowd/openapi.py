@@ -15,7 +15,7 @@ from rest_framework.request import Request
 
 from crowd import codes, limits
 from crowd.api import Endpoint, answer
-from crowd.results import schema
+from crowd.results.intake import schema
 
 TEMPLATE = "#/components/schemas/{name}"
 PROBLEM = {

@@ -13,7 +13,7 @@ from django.db.models import AutoField, Expression, Field, Model, QuerySet
 from django.db.models.sql.compiler import SQLCompiler
 
 
-class Hole(Expression):
+class Placeholder(Expression):
     """Where a value of FIELD comes in later, by its NAME."""
 
     def __init__(self, name: str, field: "Field[Any, Any]") -> None:
@@ -25,7 +25,7 @@ class Hole(Expression):
 
 
 class Query:
-    """A query set of values_list(), which MAKE builds with Holes in its conditions."""
+    """A query set of values_list(), which MAKE builds with Placeholders in its conditions."""
 
     def __init__(self, make: Callable[[], "QuerySet[Any, tuple[Any, ...]]"]) -> None:
         self._make = make
@@ -56,7 +56,7 @@ class Query:
 
 
 def _filled(parameter: Any, values: dict[str, Any]) -> Any:
-    if not isinstance(parameter, Hole):
+    if not isinstance(parameter, Placeholder):
         return parameter
     return parameter.output_field.get_db_prep_value(values[parameter.name], connection)
 

@@ -18,7 +18,7 @@ urlpatterns = [
     path("sequences/<str:sha256>", chunk, name="chunk"),
     path("data/<str:name>/<str:file>", export_file, name="export-file"),
     path("api/v1/", include("crowd.fronts.urls")),
-    path("api/v1/", include("crowd.results.urls")),
+    path("api/v1/", include("crowd.results.api.urls")),
     path("api/v1/", include("crowd.explorations.urls")),
     path("api/v1/openapi.json", openapi.OpenApiView.as_view(), name="openapi"),
     path("api/v1/docs", openapi.docs, name="docs"),

@@ -10,8 +10,8 @@ from crowd.dashboard.answering import found
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import DEFAULT_APPLICATION
-from crowd.results import selectors as results
-from crowd.results.rows import DeviceDetail
+from crowd.results.reading import selectors as results
+from crowd.results.reading.rows import DeviceDetail
 
 
 @dataclass(frozen=True)

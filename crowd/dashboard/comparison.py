@@ -9,7 +9,7 @@ from crowd.dashboard.points import newest_figure
 from crowd.dashboard.stages import StageTimes, times_of
 from crowd.dashboard.standing import standing
 from crowd.fronts.selectors import BEST, DEFAULT, Front
-from crowd.results.rows import Device, DeviceDetail, Speedup
+from crowd.results.reading.rows import Device, DeviceDetail, Speedup
 
 LEAST, MOST = 2, 6
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from crowd.dashboard.protocols import first_counted_frame
-from crowd.results import statistics
-from crowd.results.rows import RunSeries, SessionDetail
+from crowd.results.figures import statistics
+from crowd.results.reading.rows import RunSeries, SessionDetail
 
 # What a sample may tell: its name, as a reader calls it, its unit.
 SENSORS = {

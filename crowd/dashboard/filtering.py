@@ -20,8 +20,8 @@ from crowd.devices.models import DeviceModel
 from crowd.devices.vendors import VENDORS
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
-from crowd.results import selectors as results
-from crowd.results.filters import ALL, InvalidFilterError, SpeedupFilters
+from crowd.results.reading import selectors as results
+from crowd.results.reading.filters import ALL, InvalidFilterError, SpeedupFilters
 
 SYSTEMS = ("Android", "Linux", "macOS", "Windows")
 SCRIPT = "HX-Request"  # htmx asks with this header

@@ -5,7 +5,7 @@ from django.shortcuts import render
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
-from crowd.results.own_pages import own_page
+from crowd.results.privacy.own_page import own_page
 
 
 @require_safe

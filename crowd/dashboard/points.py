@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
-from crowd.results.rows import DeviceDetail, Headline, Speedup
-from crowd.results.selectors import headline
+from crowd.results.reading.rows import DeviceDetail, Headline, Speedup
+from crowd.results.reading.selectors import headline
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.rows import DeviceDetail, Speedup
+from crowd.results.reading.rows import DeviceDetail, Speedup
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN
-from crowd.results.rows import Device
-from crowd.results.transfer import CorrelationMatrix, Winner
+from crowd.results.reading.rows import Device
+from crowd.results.reading.transfer_rows import CorrelationMatrix, Winner
 
 KINDS = (PEARSON, SPEARMAN)
 

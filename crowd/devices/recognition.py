@@ -13,7 +13,7 @@ from crowd.devices import catalogue, disclosure, drivers, normalisation
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.normalisation import Identity
 from crowd.devices.signals import models_changed
-from crowd.prepared import Hole, Query
+from crowd.prepared import Placeholder, Query
 
 PARTS = ("cpu", "soc", "gpu", "os", "market_name")
 BATCH = 200
@@ -62,7 +62,7 @@ def _recognised(digest: str) -> Recognised | None:
 
 
 def _by_digest() -> "QuerySet[DeviceDescription, tuple[Any, ...]]":
-    rows = DeviceDescription.objects.filter(digest=Hole("digest", CharField()))
+    rows = DeviceDescription.objects.filter(digest=Placeholder("digest", CharField()))
     return rows.order_by().values_list("pk", "driver_name", "driver_version", *disclosure.columns("model"))
 
 

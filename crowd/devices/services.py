@@ -9,7 +9,7 @@ from django.db.models import CharField, Q, QuerySet
 
 from crowd.devices import recognition
 from crowd.devices.models import DeviceModel, Installation
-from crowd.prepared import Hole, Query
+from crowd.prepared import Placeholder, Query
 
 COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
@@ -73,7 +73,7 @@ def choose_disclosure(installation: Installation, show_model: bool | None) -> No
 
 
 def _by_token() -> "QuerySet[Installation, tuple[Any, ...]]":
-    digest = Hole("digest", CharField())
+    digest = Placeholder("digest", CharField())
     known = Installation.objects.filter(Q(token_sha256=digest) | Q(next_token_sha256=digest), revoked_at=None)
     return known.order_by().values_list(*COLUMNS)
 

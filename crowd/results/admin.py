@@ -14,7 +14,8 @@ from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
-from crowd.results import moderation, statistics
+from crowd.results import moderation
+from crowd.results.figures import statistics
 from crowd.results.models import (
     Decision,
     DeviceSpeedup,

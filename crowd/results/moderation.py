@@ -3,7 +3,7 @@
 from django.core.exceptions import ValidationError
 from django.db import transaction
 
-from crowd.results import summarising
+from crowd.results.figures import summarising
 from crowd.results.models import Decision, MeasurementSession, Run
 
 

@@ -8,8 +8,9 @@ from celery.signals import worker_ready
 from kombu.exceptions import OperationalError
 
 from crowd.devices import decisions, recognition
-from crowd.results import publication, refreshing, summarising
+from crowd.results.figures import refreshing, summarising
 from crowd.results.opendata import exports
+from crowd.results.privacy import publication
 
 SWEEP_LIMIT = 2_000
 

@@ -10,7 +10,7 @@ import pytest
 
 from client_kit.device import ANDROID_PROPERTIES, FIELDS, _windows, identify, opencl_identity
 from client_kit.sources import LONGEST_TEXT
-from crowd.results.checks import check_device
+from crowd.results.intake.checks import check_device
 from tests.client_kit.machines import files, getprop, program
 
 GALAXY = {

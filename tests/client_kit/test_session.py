@@ -11,7 +11,7 @@ from client_kit import repeats
 from client_kit.manifest import Manifest
 from client_kit.schedule import Schedule
 from client_kit.session import Run, Session
-from crowd.results import statistics
+from crowd.results.figures import statistics
 from tests.client_kit import documents
 
 PROTOCOL = Manifest.parse(documents.manifest()).protocol

@@ -14,8 +14,9 @@ from crowd.devices import decisions
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel, DeviceSplit
 from crowd.devices.proposals import Candidate, propose
 from crowd.devices.recognition import renormalise
-from crowd.results import publication, summarising
+from crowd.results.figures import summarising
 from crowd.results.models import DeviceSpeedup, MeasurementSession
+from crowd.results.privacy import publication
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import Participant
 from tests.crowd.recognised import described

@@ -10,8 +10,8 @@ from scipy import stats
 
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content
-from crowd.results import correlations, selectors
-from crowd.results.filters import SpeedupFilters
+from crowd.results.reading import correlations, selectors
+from crowd.results.reading.filters import SpeedupFilters
 from tests.crowd.documents import (
     device_document,
     front_document,

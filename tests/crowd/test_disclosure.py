@@ -15,9 +15,11 @@ from django.utils import timezone
 from crowd.devices import disclosure, recognition
 from crowd.devices.disclosure import group_of
 from crowd.devices.models import DeviceModel, Installation
-from crowd.results import publication, summarising, tasks
+from crowd.results import tasks
+from crowd.results.figures import summarising
 from crowd.results.models import DeviceSpeedup, MeasurementSession
-from crowd.results.own_pages import path_of
+from crowd.results.privacy import publication
+from crowd.results.privacy.own_page import path_of
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
 

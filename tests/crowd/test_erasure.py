@@ -8,7 +8,6 @@ import pytest
 from django.test import Client
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.results import erasure
 from crowd.results.models import (
     Decision,
     DeviceSpeedup,
@@ -19,6 +18,7 @@ from crowd.results.models import (
     Tombstone,
 )
 from crowd.results.moderation import decide
+from crowd.results.privacy import erasure
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
 

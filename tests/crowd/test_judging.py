@@ -6,14 +6,16 @@ from uuid import UUID
 import numpy as np
 import pytest
 
-from crowd.results import judging, packing, statistics
-from crowd.results.checks import Protocol
-from crowd.results.judging import DERIVED, READ, Around, Front, StoredRun
+from crowd.results.figures import statistics
+from crowd.results.intake import packing
+from crowd.results.intake.checks import Protocol
 from crowd.results.models import Run
+from crowd.results.validity import runs
+from crowd.results.validity.runs import DERIVED, READ, Front, SessionContext, StoredRun
 
 FRAMES = 100
 PROTOCOL = Protocol(version=1, frames=FRAMES, first_counted_frame=10, max_ate=0.05)
-AROUND = {1: Around(UUID(int=1), Front(1, PROTOCOL, {1}, 1))}
+AROUND = {1: SessionContext(UUID(int=1), Front(1, PROTOCOL, {1}, 1))}
 SENT: dict[str, dict[str, Any]] = {
     "ordinary": {},
     "without stages": {"shares": {}},
@@ -61,11 +63,11 @@ def test_many_runs_are_judged_as_each_by_itself() -> None:
     rows = [sent(random, case) for case in SENT.values() for _ in range(3)]
     single = [Run(**row) for row in rows]
     for run in single:
-        judging.judge(run, PROTOCOL)
+        runs.judge(run, PROTOCOL)
     unknown: dict[str, Any] = dict.fromkeys(DERIVED)
     many = [StoredRun(**row, **unknown, pk=key) for key, row in enumerate(rows)]
 
-    judging._judge_all(many, AROUND)
+    runs._judge_all(many, AROUND)
 
     assert [derived(run) for run in many] == [derived(run) for run in single]
     assert len({run.reason for run in many}) == 8  # every rule on a run by itself, and none

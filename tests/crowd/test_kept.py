@@ -5,7 +5,7 @@ from django.test import Client
 
 from crowd.devices.models import DeviceModel
 from crowd.results.models import MeasurementSession
-from crowd.results.reading.kept import Kept
+from crowd.results.reading.versioned_cache import VersionedCache
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
 
@@ -17,7 +17,7 @@ def names(client: Client, path: str) -> list[str]:
 
 
 def test_what_is_kept_is_made_anew_for_another_version() -> None:
-    kept: Kept[list[int]] = Kept(2)
+    kept: VersionedCache[list[int]] = VersionedCache(2)
     first = kept.get(lambda: "1", "a", list)
 
     assert kept.get(lambda: "1", "a", list) is first
@@ -25,7 +25,7 @@ def test_what_is_kept_is_made_anew_for_another_version() -> None:
 
 
 def test_what_was_read_while_the_version_changed_is_not_kept() -> None:
-    kept: Kept[list[int]] = Kept(2)
+    kept: VersionedCache[list[int]] = VersionedCache(2)
     versions = iter(["1", "2", "1", "1"])
     first = kept.get(lambda: next(versions), "a", list)
 
@@ -33,7 +33,7 @@ def test_what_was_read_while_the_version_changed_is_not_kept() -> None:
 
 
 def test_the_answer_asked_for_longest_ago_goes_first() -> None:
-    kept: Kept[list[int]] = Kept(2)
+    kept: VersionedCache[list[int]] = VersionedCache(2)
     first, second = (kept.get(lambda: "1", key, list) for key in "ab")
     assert kept.get(lambda: "1", "a", list) is first
     kept.get(lambda: "1", "c", list)

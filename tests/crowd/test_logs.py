@@ -9,7 +9,7 @@ import pytest
 from django.test import Client
 
 from crowd import logs
-from crowd.results.own_pages import path_of
+from crowd.results.privacy.own_page import path_of
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import API, Participant
 

@@ -10,7 +10,7 @@ from django.db.models import CharField, Q, UUIDField
 
 from crowd.devices.models import Installation
 from crowd.explorations.models import ReferenceDevice
-from crowd.prepared import Hole, Query, insert, insert_keyed
+from crowd.prepared import Placeholder, Query, insert, insert_keyed
 from crowd.results.models import WorkerPulse
 
 COLUMNS = ("pk", "created_at", "revoked_at", "show_model", "app")
@@ -30,7 +30,8 @@ def test_a_query_answers_as_its_query_set_whatever_comes_into_its_holes(known: l
     by_either = Query(
         lambda: (
             Installation.objects.filter(
-                Q(token_sha256=Hole("token", CharField())) | Q(pk=Hole("key", UUIDField())), revoked_at=None
+                Q(token_sha256=Placeholder("token", CharField())) | Q(pk=Placeholder("key", UUIDField())),
+                revoked_at=None,
             )
             .order_by("app")
             .values_list(*COLUMNS)
@@ -43,7 +44,7 @@ def test_a_query_answers_as_its_query_set_whatever_comes_into_its_holes(known: l
 
 
 def test_a_value_that_is_not_given_is_no_query(known: list[Installation]) -> None:
-    query = Query(lambda: Installation.objects.filter(app=Hole("app", CharField())).values_list("pk"))
+    query = Query(lambda: Installation.objects.filter(app=Placeholder("app", CharField())).values_list("pk"))
 
     with pytest.raises(KeyError):
         query.rows()
@@ -77,7 +78,7 @@ def test_what_a_key_refuses_is_told(db: None) -> None:
 
 @pytest.mark.skipif(connection.vendor != "postgresql", reason="SQLite's driver keeps statements itself")
 def test_the_database_plans_what_is_asked_often_once(known: list[Installation]) -> None:
-    query = Query(lambda: Installation.objects.filter(app=Hole("app", CharField())).values_list("pk"))
+    query = Query(lambda: Installation.objects.filter(app=Placeholder("app", CharField())).values_list("pk"))
 
     asked = [query.rows(app=name) for name in ("first", "second", "other") * 3]
 

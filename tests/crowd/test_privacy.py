@@ -8,7 +8,7 @@ from django.apps import apps
 from django.db import connection, models
 from django.test import Client
 
-from crowd.results.checks import PERSONAL
+from crowd.results.intake.checks import PERSONAL
 from crowd.results.opendata import exports
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import API, Participant

@@ -15,8 +15,11 @@ from django.db import OperationalError, connection
 
 from crowd.devices.models import Installation
 from crowd.devices.services import enrol
-from crowd.results import erasure, publication, services, summarising, tasks
+from crowd.results import tasks
+from crowd.results.figures import summarising
+from crowd.results.intake import storing
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
+from crowd.results.privacy import erasure, publication
 from tests.crowd.documents import run_document, session_document, submission_document
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -33,7 +36,7 @@ def enrolled() -> Installation:
 
 
 def send(who: Installation, *sessions: dict[str, Any]) -> None:
-    services.accept_submission(who, str(uuid.uuid4()), json.dumps(submission_document(*sessions)).encode())
+    storing.accept_submission(who, str(uuid.uuid4()), json.dumps(submission_document(*sessions)).encode())
 
 
 def at_once(*hands: Callable[[], Any]) -> list[Any]:

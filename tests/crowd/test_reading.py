@@ -10,11 +10,11 @@ from scipy import stats
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
-from crowd.results import correlations, selectors
-from crowd.results.correlations import pairwise
-from crowd.results.filters import SpeedupFilters
 from crowd.results.models import DeviceSpeedup
-from crowd.results.rows import Device, Speedup
+from crowd.results.reading import correlations, selectors
+from crowd.results.reading.correlations import pairwise
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.rows import Device, Speedup
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from django.core.management import CommandError, call_command
 
-from crowd.results import refreshing, summarising
+from crowd.results.figures import refreshing, summarising
 from crowd.results.models import (
     Cohort,
     DeviceActivity,

@@ -8,8 +8,9 @@ import pytest
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts.services import publish_content
-from crowd.results import rules, summarising
+from crowd.results.figures import summarising
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
+from crowd.results.validity import rules
 from tests.crowd.documents import FRAMES, front_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from crowd.results import statistics
-from crowd.results.statistics import InstallationValue
+from crowd.results.figures import statistics
+from crowd.results.figures.statistics import InstallationValue
 
 TIMES = st.lists(st.integers(1, 10**6), min_size=100, max_size=100)
 TRUTH = math.log(5.0)

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from crowd.results.rules import RULES, Rule
+from crowd.results.validity.rules import RULES, Rule
 
 DOCS = Path(__file__).parents[2] / "docs" / "statistics.md"
 

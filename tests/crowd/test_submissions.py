@@ -11,7 +11,8 @@ from crowd.devices.models import Installation
 from crowd.devices.recognition import Recognised
 from crowd.fronts.models import FrontVersion
 from crowd.problems import Problem
-from crowd.results import services, summarising
+from crowd.results.figures import summarising
+from crowd.results.intake import storing
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
 from tests.crowd.documents import run_document, session_document, submission_document
 from tests.crowd.participant import Participant
@@ -96,14 +97,14 @@ def test_a_session_summarised_while_its_second_part_comes_is_summarised_again(
     session = session_document()
     first, second = session["runs"][:2], session["runs"][2:]
     participant.submit(submission_document(session | {"runs": first}))
-    real = services.recognise
+    real = storing.recognise
 
     def summarised_meanwhile(*device: Any) -> Recognised:
         """The second part is checked by now and not stored yet."""
         summarising.summarise_waiting()
         return real(*device)
 
-    monkeypatch.setattr(services, "recognise", summarised_meanwhile)
+    monkeypatch.setattr(storing, "recognise", summarised_meanwhile)
     participant.submit(submission_document(session | {"runs": second}))
     assert SessionSummary.objects.get().pairs == 1
 
@@ -210,7 +211,7 @@ def test_what_comes_while_its_installation_is_erased_is_refused(
     Installation.objects.filter(pk=installation.pk).delete()
 
     with pytest.raises(Problem) as refused:
-        services.accept_submission(installation, "a", json.dumps(submission_document()).encode())
+        storing.accept_submission(installation, "a", json.dumps(submission_document()).encode())
 
     assert (refused.value.status, refused.value.code) == (401, "token_invalid")
     assert not Submission.objects.exists()
@@ -225,9 +226,9 @@ def test_a_request_that_comes_many_times_at_once_is_stored_once(
         pytest.skip("SQLite in memory refuses a second writer at once; PostgreSQL runs this")
     body = json.dumps(submission_document()).encode()
 
-    def send(key: str) -> services.Acceptance:
+    def send(key: str) -> storing.Acceptance:
         try:
-            return services.accept_submission(installation, key, body)
+            return storing.accept_submission(installation, key, body)
         finally:
             connection.close()
 

@@ -3,7 +3,8 @@
 import pytest
 from django.core.management import call_command
 
-from crowd.results import statistics, tasks
+from crowd.results import tasks
+from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
 from tests.crowd.documents import session_document, submission_document
 from tests.crowd.participant import Participant

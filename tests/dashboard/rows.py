@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd.results.rows import Device, RunRow, RunSeries, Speedup
+from crowd.results.reading.rows import Device, RunRow, RunSeries, Speedup
 
 RUN = uuid.UUID("00000000-0000-4000-8000-000000000001")
 

@@ -12,9 +12,9 @@ from PIL import Image, ImageDraw
 from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card, plain, png
 from crowd.dashboard.palette import LIGHT
 from crowd.dashboard.views import cards
-from crowd.results.filters import SpeedupFilters
-from crowd.results.rows import Speedup
-from crowd.results.selectors import Speedups
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.rows import Speedup
+from crowd.results.reading.selectors import Speedups
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
 from tests.dashboard.rows import speedup

@@ -18,8 +18,8 @@ from crowd.dashboard.figures.devices import (
 from crowd.dashboard.figures.parameters import parameter_lines
 from crowd.dashboard.palette import DARK, LIGHT
 from crowd.fronts.selectors import Point
-from crowd.results import selectors
-from crowd.results.rows import Release, SessionDetail, SessionRow
+from crowd.results.reading import selectors
+from crowd.results.reading.rows import Release, SessionDetail, SessionRow
 from tests.dashboard.rows import device, run, speedup
 
 

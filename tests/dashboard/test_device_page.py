@@ -9,7 +9,7 @@ from django.test import Client
 from crowd.dashboard.drawings import devices
 from crowd.dashboard.standing import standing
 from crowd.fronts.models import FrontVersion
-from crowd.results.rows import DeviceDetail
+from crowd.results.reading.rows import DeviceDetail
 from tests.crowd.documents import run_document
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure

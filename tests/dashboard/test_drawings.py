@@ -17,9 +17,9 @@ from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.serving import csv_of, json_of
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts.models import FrontVersion
-from crowd.results import selectors
-from crowd.results.filters import SpeedupFilters
 from crowd.results.models import MeasurementSession
+from crowd.results.reading import selectors
+from crowd.results.reading.filters import SpeedupFilters
 from tests.crowd.documents import session_document, submission_document
 from tests.crowd.participant import Participant
 from tests.dashboard import searches

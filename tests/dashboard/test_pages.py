@@ -11,9 +11,9 @@ from django.test import Client
 
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content, retire
-from crowd.results import selectors
-from crowd.results.filters import SpeedupFilters
 from crowd.results.models import DeviceSpeedup, State
+from crowd.results.reading import selectors
+from crowd.results.reading.filters import SpeedupFilters
 from tests.crowd.documents import (
     device_document,
     front_document,

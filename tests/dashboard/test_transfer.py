@@ -11,8 +11,8 @@ from crowd.dashboard.figures.transfer import PEARSON, SPEARMAN, correlation_map,
 from crowd.dashboard.palette import LIGHT
 from crowd.dashboard.transfer import alike, ordered, pairs
 from crowd.fronts.models import FrontVersion
-from crowd.results.filters import SpeedupFilters
-from crowd.results.transfer import CorrelationMatrix, Winner, Winners
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.transfer_rows import CorrelationMatrix, Winner, Winners
 from tests.crowd.documents import run_document
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure

@@ -20,9 +20,9 @@ from crowd.dashboard.figures.devices import (
 )
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.standing import Standing, standing
-from crowd.results import selectors as results
-from crowd.results.filters import SpeedupFilters
-from crowd.results.rows import Device, DeviceDetail, History, Place, SessionDetail, Speedup
+from crowd.results.reading import selectors as results
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.rows import Device, DeviceDetail, History, Place, SessionDetail, Speedup
 
 
 @dataclass(frozen=True)

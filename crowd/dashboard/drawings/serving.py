@@ -23,9 +23,9 @@ from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
 from crowd.dashboard.palette import LIGHT, THEMES
 from crowd.explorations.exports import FORMULA
-from crowd.results.filters import InvalidFilterError
 from crowd.results.opendata.tables import LICENCE
-from crowd.results.selectors import UnknownFrontError
+from crowd.results.reading.filters import InvalidFilterError
+from crowd.results.reading.selectors import UnknownFrontError
 
 CSV = "text/csv; charset=utf-8"
 HTML = "text/html; charset=utf-8"

@@ -12,8 +12,8 @@ from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.protocols import first_counted_frame
 from crowd.dashboard.stages import StageTimes, frames, inside_computation, ordered, times_of
-from crowd.results import selectors as results
-from crowd.results.rows import RunDetail, SessionDetail
+from crowd.results.reading import selectors as results
+from crowd.results.reading.rows import RunDetail, SessionDetail
 
 
 def read_session(request: HttpRequest, uuid: UUID) -> SessionDetail:  # noqa: ARG001

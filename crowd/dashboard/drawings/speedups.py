@@ -8,9 +8,9 @@ from django.urls import reverse
 from crowd.dashboard import formats
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
-from crowd.results import selectors as results
-from crowd.results.rows import Speedup
-from crowd.results.selectors import Speedups
+from crowd.results.reading import selectors as results
+from crowd.results.reading.rows import Speedup
+from crowd.results.reading.selectors import Speedups
 
 DEFINITION = (
     "Speedup: time of the default configuration over time of the one shown (best, unless the title names "

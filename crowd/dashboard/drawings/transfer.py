@@ -16,9 +16,9 @@ from crowd.dashboard.figures.transfer import (
 )
 from crowd.dashboard.transfer import coefficients, ordered, pairs
 from crowd.fronts.selectors import BEST
-from crowd.results import correlations
-from crowd.results import selectors as results
-from crowd.results.transfer import CorrelationMatrix, Winners
+from crowd.results.reading import correlations
+from crowd.results.reading import selectors as results
+from crowd.results.reading.transfer_rows import CorrelationMatrix, Winners
 
 COUNTED = "Devices count that measured at least three configurations of the front, the default among them."
 

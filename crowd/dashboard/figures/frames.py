@@ -9,7 +9,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.figures import layout
 from crowd.dashboard.palette import Theme
 from crowd.dashboard.stages import StageTimes, inside_computation, ordered
-from crowd.results.rows import RunSeries
+from crowd.results.reading.rows import RunSeries
 
 
 def stages_height(rows: int) -> int:

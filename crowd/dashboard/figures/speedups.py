@@ -12,7 +12,7 @@ from crowd.dashboard.figures import layout
 from crowd.dashboard.figures.decimation import decimated, said
 from crowd.dashboard.palette import Theme
 from crowd.devices.vendors import CPU, OTHER
-from crowd.results.rows import Speedup
+from crowd.results.reading.rows import Speedup
 
 # Above this many devices a name for each bar no longer fits: the bars stand upright, names on hover and
 # in the table.

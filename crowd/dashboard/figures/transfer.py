@@ -10,7 +10,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.figures import heat, layout
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST
-from crowd.results.transfer import CorrelationMatrix, Winner
+from crowd.results.reading.transfer_rows import CorrelationMatrix, Winner
 
 PEARSON, SPEARMAN = "pearson", "spearman"
 CELL = 22  # pixels

@@ -14,10 +14,10 @@ from crowd.dashboard.figures.card import Card, png
 from crowd.dashboard.points import newest_figure
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
-from crowd.results import selectors as results
-from crowd.results.filters import SpeedupFilters
-from crowd.results.rows import DeviceDetail, Headline
-from crowd.results.selectors import Speedups
+from crowd.results.reading import selectors as results
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.rows import DeviceDetail, Headline
+from crowd.results.reading.selectors import Speedups
 
 SIMULATED = "Simulated, not measured. "
 SUSPECT = "Suspect: no session is valid. "

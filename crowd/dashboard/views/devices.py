@@ -19,7 +19,7 @@ from crowd.dashboard.race import race
 from crowd.dashboard.standing import standing
 from crowd.dashboard.views.sessions import of_session
 from crowd.fronts import selectors as published
-from crowd.results import selectors as results
+from crowd.results.reading import selectors as results
 
 PAGE = 100
 

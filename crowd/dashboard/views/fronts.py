@@ -13,8 +13,8 @@ from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.points import measured_points, parameters_of
 from crowd.dashboard.versions import UnknownVersionError, beside
 from crowd.fronts import selectors as published
-from crowd.results import selectors as results
-from crowd.results.filters import ALL
+from crowd.results.reading import selectors as results
+from crowd.results.reading.filters import ALL
 
 
 @page

@@ -11,10 +11,10 @@ from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.race import race
 from crowd.fronts import selectors as published
-from crowd.results import selectors as results
-from crowd.results.filters import quoted
-from crowd.results.rows import Share
-from crowd.results.selectors import Speedups
+from crowd.results.reading import selectors as results
+from crowd.results.reading.filters import quoted
+from crowd.results.reading.rows import Share
+from crowd.results.reading.selectors import Speedups
 
 NEWEST = 6
 # What the crowd is broken down by, and what a page calls it.

@@ -7,7 +7,7 @@ from crowd.dashboard.answering import page
 from crowd.dashboard.exported import newest, tables_of
 from crowd.fronts import selectors as published
 from crowd.results.opendata.tables import LICENCE, TABLES
-from crowd.results.rules import RULES
+from crowd.results.validity.rules import RULES
 
 
 @page

@@ -16,8 +16,8 @@ from crowd.dashboard.race import race
 from crowd.dashboard.stages import frames, spread, stage_table, times_of
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
-from crowd.results import selectors as results
-from crowd.results.rows import SessionDetail
+from crowd.results.reading import selectors as results
+from crowd.results.reading.rows import SessionDetail
 
 
 @page

@@ -9,8 +9,8 @@ from crowd.dashboard.drawings.transfer import kind_of
 from crowd.dashboard.figures.transfer import correlation_height, winners_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.transfer import KINDS, alike, ordered, pairs
-from crowd.results import correlations
-from crowd.results import selectors as results
+from crowd.results.reading import correlations
+from crowd.results.reading import selectors as results
 
 PAGE = 50
 

@@ -12,7 +12,7 @@ from crowd.fronts.models import Configuration, FrontVersion
 
 
 class State(models.TextChoices):
-    """Whether a measurement counts; crowd.results.rules has the rules that decide.
+    """Whether a measurement counts; crowd.results.validity.rules has the rules that decide.
 
     Suspect ones make a figure only where there is no valid one. Quarantined ones never do, until what hides
     them is gone. Invalid ones never do.
@@ -93,7 +93,7 @@ class MeasurementSession(models.Model):
 
 
 class Run(models.Model):
-    """One configuration over the whole sequence; its times are packed as `crowd.results.packing` says."""
+    """One configuration over the whole sequence. `crowd.results.intake.packing` packs its times."""
 
     class Status(models.TextChoices):
         OK = "ok"

@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
-from crowd.results import packing
+from crowd.results.intake import packing
 from crowd.results.opendata.reading import Part
 from crowd.results.opendata.tables import LICENCE, Table
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from crowd.fronts.selectors import BEST
-from crowd.results import statistics
-from crowd.results.filters import ALL, SpeedupFilters
-from crowd.results.rows import Headline, Place, Share, Speedup
+from crowd.results.figures import statistics
+from crowd.results.reading.filters import ALL, SpeedupFilters
+from crowd.results.reading.rows import Headline, Place, Share, Speedup
 
 PARTS = ("vendor", "soc", "os")
 

@@ -4,18 +4,18 @@ from django.db.models import Exists, OuterRef, Q
 
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
-from crowd.results.filters import SpeedupFilters
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession
 from crowd.results.reading.figures import device_of, figures, hour, simulated_only, version
-from crowd.results.reading.kept import Kept
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_row, session_rows
 from crowd.results.reading.speedups import measured_front, speedups
-from crowd.results.rows import Device, DeviceDetail, DeviceRow
+from crowd.results.reading.versioned_cache import VersionedCache
 
 LISTED_DESCRIPTIONS = 20
 
 # By their keys; of a few versions of the data.
-_named: Kept[dict[int, Device]] = Kept(2)
+_named: VersionedCache[dict[int, Device]] = VersionedCache(2)
 
 
 def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:

@@ -9,7 +9,7 @@ from django.db.models import Count, F, Max, Q, QuerySet, Sum
 from crowd.devices import names
 from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, State
-from crowd.results.rows import Device, Speedup
+from crowd.results.reading.rows import Device, Speedup
 
 DEVICE = ("slug", "manufacturer", "name", "market_name", "cpu", "soc", "gpu", "os", "kind")
 FIGURE = (

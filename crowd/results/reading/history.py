@@ -10,10 +10,10 @@ from django.db.models.fields.json import KT
 
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.fronts.selectors import BEST
-from crowd.results import statistics
+from crowd.results.figures import statistics
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.reading.figures import hour
-from crowd.results.rows import History, Release
+from crowd.results.reading.rows import History, Release
 
 
 def history(slug: str, configuration: str = BEST, application: str | None = None) -> History | None:

@@ -8,11 +8,12 @@ from uuid import UUID
 from django.db.models import Prefetch, Q, QuerySet
 
 from crowd.devices.models import DeviceModel, Installation
-from crowd.results import packing, statistics
-from crowd.results.intake import REJECTED
+from crowd.results.figures import statistics
+from crowd.results.intake import packing
+from crowd.results.intake.checking import REJECTED
 from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission
 from crowd.results.reading.figures import device_of, hour, simulated_only
-from crowd.results.rows import (
+from crowd.results.reading.rows import (
     RunDetail,
     RunRow,
     RunSeries,

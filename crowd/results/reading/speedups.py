@@ -7,17 +7,17 @@ from operator import or_
 from django.db.models import Q
 
 from crowd.fronts.models import FrontVersion
-from crowd.results import summaries
-from crowd.results.filters import ALL, SpeedupFilters, whole
+from crowd.results.figures import summaries
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.reading.crowd import Speedups
 from crowd.results.reading.figures import device_of, figures, hour, simulated_only, version
-from crowd.results.reading.kept import Kept
-from crowd.results.rows import Speedup
+from crowd.results.reading.filters import ALL, SpeedupFilters, whole
+from crowd.results.reading.rows import Speedup
+from crowd.results.reading.versioned_cache import VersionedCache
 
 CALLED = ("manufacturer", "name", "market_name")
 # A crowd of 2,000 devices takes 3 MB.
-_kept: Kept[Speedups] = Kept(8)
+_kept: VersionedCache[Speedups] = VersionedCache(8)
 
 
 def measured_front(application: str, simulated: bool = False) -> str | None:

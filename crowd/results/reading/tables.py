@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from crowd.devices.models import DeviceModel
 from crowd.devices.vendors import vendor
 from crowd.fronts.models import Configuration
-from crowd.results import summaries
-from crowd.results.filters import ALL, SpeedupFilters
+from crowd.results.figures import summaries
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.reading.figures import device_of, version
-from crowd.results.reading.kept import Kept
+from crowd.results.reading.filters import ALL, SpeedupFilters
+from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import between, measured_front, of_devices
-from crowd.results.rows import Device
+from crowd.results.reading.versioned_cache import VersionedCache
 
 # device's slug, backend, processor, configuration, baseline, logarithm of the speedup, sessions
 Cell = tuple[str, str, str, str, str, float, int]
@@ -39,7 +39,7 @@ class Table:
 
 
 # Of 2,000 devices and twenty configurations one takes a megabyte.
-_kept: Kept[Table] = Kept(8)
+_kept: VersionedCache[Table] = VersionedCache(8)
 
 
 def table(filters: SpeedupFilters, least: int) -> Table:

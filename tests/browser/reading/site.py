@@ -19,7 +19,7 @@ from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.fronts.services import publish_content
 from crowd.results.opendata import exports
-from crowd.results.own_pages import path_of
+from crowd.results.privacy.own_page import path_of
 from tests.crowd.documents import (
     device_document,
     front_document,

@@ -18,9 +18,9 @@ from django.db import connections
 from crowd import first_run
 from crowd.devices.models import DeviceModel, Installation
 from crowd.environment import DataFolderError
-from crowd.results import selectors
 from crowd.results.models import MeasurementSession
-from crowd.results.own_pages import path_of
+from crowd.results.privacy.own_page import path_of
+from crowd.results.reading import selectors
 from crowd.supervision import Child, Supervisor, alone
 
 START_PATIENCE_SECONDS = 60.0

@@ -5,7 +5,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd.results import recomputing, summarising
+from crowd.results.figures import recomputing, summarising
 from crowd.results.opendata import exports
 
 

@@ -7,7 +7,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.utils import timezone
 
 from crowd.devices import permits
-from crowd.results import recomputing
+from crowd.results.figures import recomputing
 from crowd.results.simulation import removing, sending
 
 EACH = 10

@@ -9,8 +9,8 @@ from typing import Any
 import msgspec
 
 from crowd.decoding import decoded
-from crowd.results import checks
-from crowd.results.schema import Run, Sample, Session, Submission
+from crowd.results.intake import checks
+from crowd.results.intake.schema import Run, Sample, Session, Submission
 
 MAX_BYTES = 4 << 10  # of one run, or of the submission itself
 MAX_SESSION_BYTES = 16 << 10  # with its samples

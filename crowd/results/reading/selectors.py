@@ -1,10 +1,10 @@
 """Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
 
-from crowd.results.reading.asked import UnknownFrontError, asked
 from crowd.results.reading.crowd import Speedups, breakdown, headline, place
 from crowd.results.reading.devices import device, devices, pending
 from crowd.results.reading.figures import version
 from crowd.results.reading.history import history
+from crowd.results.reading.parsing import UnknownFrontError, asked
 from crowd.results.reading.sessions import (
     LISTED_SESSIONS,
     latest_sessions,

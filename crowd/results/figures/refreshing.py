@@ -8,7 +8,7 @@ from uuid import UUID
 from django.db import transaction
 from django.db.models import Avg, Count, Max, Q, QuerySet
 
-from crowd.results import rules, statistics, summaries
+from crowd.results.figures import statistics, summaries
 from crowd.results.models import (
     Cohort,
     DeviceActivity,
@@ -17,6 +17,7 @@ from crowd.results.models import (
     SessionSummary,
     State,
 )
+from crowd.results.validity import rules
 
 FIGURE = (
     "baseline", "algorithm", "speedup", "low", "high", "repeat_low", "repeat_high", "sessions",

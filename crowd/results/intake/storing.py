@@ -16,10 +16,11 @@ from crowd.devices.services import choose_disclosure
 from crowd.disclosure import public
 from crowd.fronts import policy
 from crowd.fronts.policy import Policy
-from crowd.prepared import Hole, Query, insert, insert_keyed
+from crowd.prepared import Placeholder, Query, insert, insert_keyed
 from crowd.problems import Problem
-from crowd.results import extras, intake, judging, packing, schema
+from crowd.results.intake import checking, packing, schema, unknown_members
 from crowd.results.models import MeasurementSession, Run, Submission
+from crowd.results.validity import runs
 
 CLOSED_SECONDS = 3600
 TRIES = 3  # a request stored beside others of the same content
@@ -89,7 +90,7 @@ def _accept(installation: Installation, key: str, body: bytes, careful: bool) ->
 
 def _under_the_key() -> "QuerySet[Submission, tuple[str, str]]":
     rows = Submission.objects.filter(
-        installation=Hole("installation", UUIDField()), idempotency_key=Hole("key", CharField())
+        installation=Placeholder("installation", UUIDField()), idempotency_key=Placeholder("key", CharField())
     )
     return rows.order_by().values_list("body_sha256", "answer")
 
@@ -138,16 +139,16 @@ def _with(message: str, text: str) -> str:
     return f"{text} ({message})" if message else text
 
 
-def _checked(installation: Installation, body: bytes, holding: Policy, look: bool) -> intake.Intake:
+def _checked(installation: Installation, body: bytes, holding: Policy, look: bool) -> checking.Intake:
     submission = schema.submission(body)
     refuse_outdated(submission.app_version, holding)
     refuse_other_consent(submission.consent_version, holding)
-    checked = intake.check(submission, extras.of_submission(body), installation, look)
+    checked = checking.check(submission, unknown_members.of_submission(body), installation, look)
     checked.refuse_if_all_bad()
     return checked
 
 
-def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
+def _store(submission: Submission, checked: checking.Intake) -> tuple[int, ...]:
     """Write the new runs and their sessions; the primary keys of the sessions that got runs."""
     new = [item for item in checked.items if item.rejection is None and not item.duplicate]
     if not new:
@@ -173,7 +174,7 @@ def _store(submission: Submission, checked: intake.Intake) -> tuple[int, ...]:
 
 
 def _session(
-    submission: Submission, checked: intake.Intake, item: intake.Item, device: Recognised
+    submission: Submission, checked: checking.Intake, item: checking.Item, device: Recognised
 ) -> MeasurementSession:
     """A new session, that of ITEM's run."""
     session, beyond = item.session, item.beyond
@@ -206,7 +207,7 @@ def _text(raw: dict[str, Any], name: str) -> str:
     return value[:200] if isinstance(value, str) else ""
 
 
-def _row(item: intake.Item, session: MeasurementSession, front: intake.Front) -> Run:
+def _row(item: checking.Item, session: MeasurementSession, front: checking.Front) -> Run:
     run = item.run
     assert run is not None  # an item without a run is rejected
     names, stages_us = packing.pack_stages(run.stages_us or {})
@@ -234,5 +235,5 @@ def _row(item: intake.Item, session: MeasurementSession, front: intake.Front) ->
         trajectory_sha256=run.trajectory_sha256 or "",
         extra=item.extra,
     )
-    judging.judge(row, front.protocol)
+    runs.judge(row, front.protocol)
     return row

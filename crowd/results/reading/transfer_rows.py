@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.results.filters import SpeedupFilters
-from crowd.results.rows import Device
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.rows import Device
 from pareto.correlation import Estimate
 
 

@@ -11,9 +11,10 @@ from django.db.models import Q, QuerySet
 from django.utils import timezone
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.results import publication, refreshing, summarising
+from crowd.results.figures import refreshing, summarising
 from crowd.results.models import Cohort, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.opendata import exports
+from crowd.results.privacy import publication
 
 AT_ONCE = 1_000
 TRIES = 3

@@ -11,9 +11,10 @@ from crowd.api import Endpoint, answer, page
 from crowd.descriptions import PAGING
 from crowd.devices.vendors import VENDORS
 from crowd.problems import Problem, not_found
-from crowd.results import answers, correlations, selectors
-from crowd.results.filters import LONGEST, MOST, MOST_WORDS, InvalidFilterError, SpeedupFilters
-from crowd.results.rows import DeviceDetail
+from crowd.results.api import answers
+from crowd.results.reading import correlations, selectors
+from crowd.results.reading.filters import LONGEST, MOST, MOST_WORDS, InvalidFilterError, SpeedupFilters
+from crowd.results.reading.rows import DeviceDetail
 
 MOST_COMPARED = 6
 TEXT = {"type": "string", "maxLength": LONGEST}

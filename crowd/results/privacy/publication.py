@@ -13,7 +13,7 @@ from django.db.models import Min, Q, QuerySet
 from crowd.devices import recognition
 from crowd.devices.disclosure import Shown, columns, is_rare, published
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
-from crowd.results import refreshing, summarising
+from crowd.results.figures import refreshing, summarising
 from crowd.results.models import Cohort, MeasurementSession, SessionSummary
 from crowd.results.opendata import exports
 

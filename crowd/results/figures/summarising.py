@@ -8,10 +8,10 @@ from django.utils import timezone
 
 from crowd.devices.models import Installation
 from crowd.prepared import insert
-from crowd.results import batches, refreshing, statistics
-from crowd.results.batches import Group, Waiting
-from crowd.results.decisions import Decisions
+from crowd.results.figures import batches, refreshing, statistics
+from crowd.results.figures.batches import Group, Waiting
 from crowd.results.models import Cohort, DeviceActivity, MeasurementSession, SessionSummary, WorkerPulse
+from crowd.results.validity.decisions import Decisions
 
 # Sessions that one transaction works on: other writers wait for a fraction of a second at most.
 BATCH = 100

@@ -12,7 +12,7 @@ import msgspec
 from django.db.models import Model
 
 from crowd.devices.models import Installation
-from crowd.results import packing
+from crowd.results.intake import packing
 from crowd.results.models import Decision, MeasurementSession, Run, SessionSummary, Submission
 
 SESSIONS_AT_ONCE = 20

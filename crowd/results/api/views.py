@@ -14,8 +14,11 @@ from crowd.devices.authentication import OwnEndpoint, installation_asking
 from crowd.devices.services import enrol
 from crowd.fronts import policy
 from crowd.problems import Problem, not_found
-from crowd.results import answers, schema, selectors, services, tasks
-from crowd.results.own_pages import path_of
+from crowd.results import tasks
+from crowd.results.api import answers
+from crowd.results.intake import schema, storing
+from crowd.results.privacy.own_page import path_of
+from crowd.results.reading import selectors
 
 KEY = re.compile(r"[\x21-\x7e]{1,128}")
 
@@ -34,8 +37,8 @@ class EnrolView(Endpoint):
     def post(self, request: Request) -> HttpResponse:
         wish = schema.enrolment(body(request))
         holding = policy.current()
-        services.refuse_outdated(wish.app_version, holding)
-        services.refuse_other_consent(wish.consent_version, holding)
+        storing.refuse_outdated(wish.app_version, holding)
+        storing.refuse_other_consent(wish.consent_version, holding)
         if wish.simulated is not None and not permits.is_valid(wish.simulated):
             raise Problem(
                 403,
@@ -77,7 +80,7 @@ class SubmissionsView(OwnEndpoint):
                 "send Idempotency-Key: 1 to 128 printable characters, new for each body",
                 field="Idempotency-Key",
             )
-        acceptance = services.accept_submission(installation_asking(request), key, body(request))
+        acceptance = storing.accept_submission(installation_asking(request), key, body(request))
         tasks.announce(acceptance.sessions)
         status = 200 if acceptance.replayed else 202
         return HttpResponse(acceptance.answer, status=status, content_type="application/json")
@@ -95,7 +98,7 @@ class ValidationView(OwnEndpoint):
         responses={200: answers.Checked},
     )
     def post(self, request: Request) -> HttpResponse:
-        return answer({"items": services.validate_submission(installation_asking(request), body(request))})
+        return answer({"items": storing.validate_submission(installation_asking(request), body(request))})
 
 
 class SubmissionView(OwnEndpoint):

@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 
-class Kept(Generic[T]):
+class VersionedCache(Generic[T]):
     """At most so many answers, each under the version of the data that it was made of; the one that was asked
     for longest ago goes first.
     """

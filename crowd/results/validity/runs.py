@@ -13,11 +13,13 @@ from uuid import UUID
 import numpy as np
 from django.db import connection
 
-from crowd.results import packing, rules, statistics
-from crowd.results.checks import Protocol
-from crowd.results.decisions import Decisions
+from crowd.results.figures import statistics
+from crowd.results.intake import packing
+from crowd.results.intake.checks import Protocol
 from crowd.results.models import Decision, Run, State
-from crowd.results.rules import Rule
+from crowd.results.validity import rules
+from crowd.results.validity.decisions import Decisions
+from crowd.results.validity.rules import Rule
 
 DERIVED = ("mean_us", "fingerprint", "state", "reason")
 READ = (
@@ -57,7 +59,7 @@ class Front:
 
 
 @dataclass(frozen=True)
-class Around:
+class SessionContext:
     """What a run is judged by that its session knows."""
 
     installation: UUID
@@ -78,7 +80,7 @@ def judge(run: Run, protocol: Protocol) -> None:
     _set(run, broken)
 
 
-def judge_runs(sessions: Mapping[int, Around], decisions: Decisions) -> dict[int, list[StoredRun]]:
+def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> dict[int, list[StoredRun]]:
     """The runs of SESSIONS by the session's key and repeat, judged by all rules on runs and by DECISIONS.
 
     Stored where that changes anything. Four queries at most.
@@ -109,7 +111,7 @@ def judge_runs(sessions: Mapping[int, Around], decisions: Decisions) -> dict[int
     return judged
 
 
-def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, Around]) -> None:
+def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> None:
     """What `judge` does, for RUNS of SESSIONS: those alike in front, frames and stages at once."""
     alike: dict[Hashable, list[StoredRun]] = defaultdict(list)
     for run in runs:
@@ -184,7 +186,7 @@ def _broken(run: Run | StoredRun, frames: int, protocol: Protocol) -> Rule | Non
     return None
 
 
-def _copies(runs: Iterable[StoredRun], sessions: Mapping[int, Around]) -> set[int]:
+def _copies(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> set[int]:
     """Keys of the RUNS whose times another installation sent before. Two queries at most."""
     marked = {run.pk: run for run in runs if run.fingerprint is not None}
     known = Run.objects.filter(fingerprint__in={run.fingerprint for run in marked.values()}).order_by()

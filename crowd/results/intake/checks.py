@@ -10,8 +10,8 @@ import msgspec
 
 from crowd.devices.normalisation import RAW_STRINGS
 from crowd.problems import Problem
-from crowd.results import packing
-from crowd.results.schema import Run
+from crowd.results.intake import packing
+from crowd.results.intake.schema import Run
 from slam.protocol import VALID_BELOW
 
 MAX_RUNS = 50

@@ -9,7 +9,7 @@ from typing import Any
 
 from django.db.models import Avg, Count, F, Max, QuerySet, Sum
 
-from crowd.results import statistics
+from crowd.results.figures import statistics
 from crowd.results.models import SessionSummary, State
 
 

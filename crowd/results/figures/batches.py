@@ -8,12 +8,13 @@ from uuid import UUID
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.selectors import DEFAULT
-from crowd.results import comparing, judging
-from crowd.results.checks import Protocol
-from crowd.results.comparing import Compared
-from crowd.results.decisions import Decisions
-from crowd.results.judging import Around, Front
+from crowd.results.intake.checks import Protocol
 from crowd.results.models import MeasurementSession, SessionSummary
+from crowd.results.validity.decisions import Decisions
+from crowd.results.validity.runs import Front, SessionContext, judge_runs
+from crowd.results.validity.sessions import SessionInput, drifted
+from crowd.results.validity.sessions import drifts as drifts_of
+from crowd.results.validity.sessions import summaries as session_summaries
 
 # device, front, backend, processor: what makes a cohort
 Group = tuple[int, int, str, str]
@@ -52,17 +53,17 @@ def summaries(
     session's. The runs' states are stored, the summaries are not. Nine queries at most.
     """
     fronts = _fronts({row.front for row in sessions})
-    around = {row.key: Around(row.installation, fronts[row.front]) for row in sessions}
-    runs = judging.judge_runs(around, decisions)
+    around = {row.key: SessionContext(row.installation, fronts[row.front]) for row in sessions}
+    runs = judge_runs(around, decisions)
     first = {key: session.front.protocol.first_counted_frame for key, session in around.items()}
-    drifts = comparing.drifts(runs, first)
-    clocks = _clocks([key for key, values in drifts.items() if comparing.drifted(values)])
+    drifts = drifts_of(runs, first)
+    clocks = _clocks([key for key, values in drifts.items() if drifted(values)])
     emulators = _emulators({row.description for row in sessions})
     return [
         summary
         for row in sessions
-        for summary in comparing.summaries(
-            Compared(
+        for summary in session_summaries(
+            SessionInput(
                 key=row.key,
                 cohort=cohorts[row.key],
                 installation=row.installation,

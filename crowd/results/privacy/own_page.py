@@ -11,8 +11,8 @@ from django.core.signing import BadSignature, Signer
 from django.db.models import Count
 
 from crowd.devices.models import DeviceModel, Installation
-from crowd.results import selectors
-from crowd.results.rows import Device, SessionRow
+from crowd.results.reading import selectors
+from crowd.results.reading.rows import Device, SessionRow
 
 SALT = "own page"
 LISTED_SESSIONS = 50

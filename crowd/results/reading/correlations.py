@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.devices.models import DeviceModel
-from crowd.results.filters import SpeedupFilters
 from crowd.results.models import DeviceSpeedup, State
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.rows import Device
 from crowd.results.reading.tables import named, table
-from crowd.results.rows import Device
-from crowd.results.transfer import CorrelationMatrix, DeviceCorrelation
+from crowd.results.reading.transfer_rows import CorrelationMatrix, DeviceCorrelation
 from pareto.correlation import correlate
 
 LEAST_COMMON = 3  # below, two points always lie on a line

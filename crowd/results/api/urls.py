@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from crowd.results import own_views, public_views, views
+from crowd.results.api import own_views, public_views, views
 from crowd.results.opendata.views import ExportsView
 
 urlpatterns = [

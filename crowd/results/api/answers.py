@@ -6,7 +6,7 @@ from uuid import UUID
 
 import msgspec
 
-from crowd.results.rows import (
+from crowd.results.reading.rows import (
     Device,
     DeviceRow,
     Headline,
@@ -15,7 +15,7 @@ from crowd.results.rows import (
     Speedup,
     SubmissionRow,
 )
-from crowd.results.transfer import DeviceCorrelation
+from crowd.results.reading.transfer_rows import DeviceCorrelation
 
 
 class Enrolled(msgspec.Struct):

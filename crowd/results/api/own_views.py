@@ -12,8 +12,8 @@ from crowd.api import answer
 from crowd.devices.authentication import OwnEndpoint, installation_asking
 from crowd.devices.services import renew_token
 from crowd.problems import not_found
-from crowd.results import erasure
-from crowd.results.own_data import own_data
+from crowd.results.privacy import erasure
+from crowd.results.privacy.own_data import own_data
 
 PRIVATE = {"Cache-Control": "no-store"}
 

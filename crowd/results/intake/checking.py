@@ -9,8 +9,8 @@ from uuid import UUID
 from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.problems import Problem
-from crowd.results import checks, extras, schema
-from crowd.results.checks import Rejection
+from crowd.results.intake import checks, schema, unknown_members
+from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
 
 # Fronts by slug. Once released, a front is neither changed nor deleted, and measurements of it are taken.
@@ -34,7 +34,7 @@ class Item:
 
     id: str | None
     session: schema.Session
-    beyond: extras.SessionExtras
+    beyond: unknown_members.SessionExtras
     run: schema.Run | None = None
     extra: dict[str, Any] = field(default_factory=dict)
     rejection: Rejection | None = None
@@ -58,7 +58,7 @@ class Intake:
     """A checked request: its items in the request's order, the fronts and stored sessions that they name."""
 
     submission: schema.Submission
-    extras: extras.Extras
+    extras: unknown_members.Extras
     fronts: dict[str, Front]
     sessions: dict[UUID, MeasurementSession]
     items: list[Item]
@@ -75,7 +75,7 @@ class Intake:
 
 
 def check(
-    submission: schema.Submission, beyond: extras.Extras, installation: Installation, look: bool
+    submission: schema.Submission, beyond: unknown_members.Extras, installation: Installation, look: bool
 ) -> Intake:
     """SUBMISSION, with what came BEYOND its schema, with a verdict on each of its runs.
 
@@ -118,7 +118,7 @@ def _fronts(slugs: set[str]) -> dict[str, Front]:
 def _session_items(
     place: int,
     session: schema.Session,
-    beyond: extras.SessionExtras,
+    beyond: unknown_members.SessionExtras,
     front: Front | None,
     refusal: Rejection | None,
 ) -> Iterator[Item]:
@@ -129,7 +129,7 @@ def _session_items(
             where = f"{where}.runs[{number}]"
             try:
                 item.run = schema.run(raw)
-                item.extra = extras.of_run(raw)
+                item.extra = unknown_members.of_run(raw)
                 item.rejection = checks.check_run(item.run, front.configurations, front.protocol)
             except Problem as problem:
                 item.rejection = Rejection(problem.code, problem.detail, problem.field)

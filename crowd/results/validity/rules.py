@@ -7,7 +7,7 @@ Where several apply, the first in this order does.
 from dataclasses import dataclass
 from enum import StrEnum
 
-from crowd.results import statistics
+from crowd.results.figures import statistics
 from crowd.results.models import State
 from slam.protocol import VALID_BELOW
 

@@ -7,10 +7,12 @@ from datetime import UTC, datetime
 from typing import Any
 from uuid import UUID
 
-from crowd.results import packing, rules, statistics
-from crowd.results.judging import StoredRun
+from crowd.results.figures import statistics
+from crowd.results.intake import packing
 from crowd.results.models import SessionSummary, State
-from crowd.results.rules import Rule
+from crowd.results.validity import rules
+from crowd.results.validity.rules import Rule
+from crowd.results.validity.runs import StoredRun
 
 HIDDEN = frozenset({State.INVALID, State.QUARANTINED})
 
@@ -19,7 +21,7 @@ Drifts = Mapping[int, float | None]
 
 
 @dataclass(frozen=True)
-class Compared:
+class SessionInput:
     """What of a session its answers rest on, besides its runs; `baseline` is the key of a configuration.
     `released`: an administrator lets it count. `clock_mhz`: the readings, of a session whose runs drift.
     """
@@ -34,7 +36,7 @@ class Compared:
     clock_mhz: Sequence[float]
 
 
-def summaries(session: Compared, runs: Iterable[StoredRun], drifts: Drifts) -> list[SessionSummary]:
+def summaries(session: SessionInput, runs: Iterable[StoredRun], drifts: Drifts) -> list[SessionSummary]:
     """One summary for every configuration but the baseline; none where the baseline did not run.
 
     RUNS are judged and in order of their repeats, DRIFTS theirs. A released session counts where it has a
@@ -103,7 +105,7 @@ def _by_configuration(runs: Iterable[StoredRun]) -> dict[int, list[StoredRun]]:
 
 
 def _answer(
-    session: Compared, candidate: list[StoredRun], against: list[StoredRun], drifts: list[float | None]
+    session: SessionInput, candidate: list[StoredRun], against: list[StoredRun], drifts: list[float | None]
 ) -> dict[str, Any]:
     ratios = statistics.paired_log_ratios(_values(against), _values(candidate))
     drift = max((drift for drift in drifts if drift is not None), default=None)
@@ -135,7 +137,7 @@ def _without_pair(runs: list[StoredRun]) -> Rule:
     return next(iter(hidden + broken), rules.NO_PAIR)
 
 
-def _broken(session: Compared, reasons: set[str], drift: float | None) -> Rule | None:
+def _broken(session: SessionInput, reasons: set[str], drift: float | None) -> Rule | None:
     """The first rule that a session with a ratio breaks; REASONS are those of its runs."""
     if rules.IDENTICAL_SERIES.code in reasons:
         return rules.IDENTICAL_SERIES

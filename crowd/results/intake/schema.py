@@ -1,7 +1,7 @@
 """The shape of a submission. Types are checked strictly while JSON is read, values run by run.
 
 Runs stay undecoded at first, so that one with a wrong type costs nothing but itself. Unknown members are no
-error, a newer client may send more: `crowd.results.extras` keeps them.
+error, a newer client may send more: `crowd.results.intake.checking.unknown_members` keeps them.
 """
 
 from datetime import datetime

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from django.db.models import QuerySet
 
-from crowd.results import refreshing, summarising
+from crowd.results.figures import refreshing, summarising
 from crowd.results.models import MeasurementSession
 
 PART = 2_000
