@@ -14,6 +14,7 @@
 | FRONTRUNNER_LOGS | text | json writes one object a line |
 | DEBUG | 0 | Django's debug pages |
 | FRONTRUNNER_RARE_BELOW | 5 | a model that fewer installations measured is shown as its chip; 1 names all |
+| FRONTRUNNER_QUORUM | 3 | independent installations behind a confirmed figure; less for a private server |
 | FRONTRUNNER_ACCEPTING | 1 | 0 closes the intake of measurements: clients keep theirs and try later |
 | FRONTRUNNER_MINIMUM_APP_VERSION | 0.1.0 | older clients are told to update |
 | FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | submissions of one installation; 0: no limit, as below |
@@ -58,6 +59,7 @@ FRONTRUNNER_ENROLMENTS_PER_HOUR = integer("FRONTRUNNER_ENROLMENTS_PER_HOUR", 120
 FRONTRUNNER_READS_PER_MINUTE = integer("FRONTRUNNER_READS_PER_MINUTE", 600)
 FRONTRUNNER_CACHE_URL = matching("FRONTRUNNER_CACHE_URL", "", r"((rediss?|unix)://.+)?", "redis://host/1")
 FRONTRUNNER_CONSENT_VERSION = 1
+FRONTRUNNER_QUORUM = integer("FRONTRUNNER_QUORUM", 3, least=1)
 FRONTRUNNER_RARE_BELOW = integer("FRONTRUNNER_RARE_BELOW", 5, least=1)
 # Exports of the open data that can be had at a time, the newest ones.
 FRONTRUNNER_EXPORTS_KEPT = integer("FRONTRUNNER_EXPORTS_KEPT", 7, least=1)

@@ -41,6 +41,8 @@ def own_data_folder(settings: Any, tmp_path_factory: pytest.TempPathFactory) -> 
     settings.FRONTRUNNER_VAR = folder
     # Tests name the devices they measure, once each. What becomes of rare ones has tests of its own.
     settings.FRONTRUNNER_RARE_BELOW = 1
+    # And a single participant confirms a figure.
+    settings.FRONTRUNNER_QUORUM = 1
     settings.FRONTRUNNER_SEQUENCES = [folder / "sequences"]
     settings.STATIC_ROOT = folder / "static"
     settings.STATIC_ROOT.mkdir()

@@ -63,12 +63,13 @@ class DeviceModelAdmin(DecidingAdmin):
     """Models as derived from raw strings, with the strings."""
 
     list_display = (
-        "shown_name", "manufacturer", "soc", "gpu", "os", "kind", "rare", "canonical", "session_count",
-        "created_at",
+        "shown_name", "manufacturer", "soc", "gpu", "os", "kind", "named", "rare", "canonical",
+        "session_count", "created_at",
     )  # fmt: skip
     list_filter = (
         QueueFilter,
         "kind",
+        "named",
         "rare",
         "os",
         ("canonical", admin.EmptyFieldListFilter),

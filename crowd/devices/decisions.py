@@ -146,7 +146,7 @@ def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceM
     number = source.splits.count() + 2
     differs = identity.soc if identity.soc and identity.soc != source.soc else f"variant {number}"
     key = f"{source.key[:150]}|split {number}"
-    model = DeviceModel.objects.create(
+    return DeviceModel.objects.create(
         key=key,
         slug=normalisation.slug_of(source.manufacturer, source.name, key),
         manufacturer=source.manufacturer,
@@ -157,11 +157,10 @@ def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceM
         gpu=identity.gpu or source.gpu,
         os=identity.os or source.os,
         kind=source.kind,
+        named=source.named,
         rare=source.kind != DeviceModel.Kind.SIMULATED,
         examined=True,
     )
-    recognition.regroup([model])
-    return model
 
 
 @transaction.atomic
@@ -178,15 +177,14 @@ def undo_split(decision: DeviceSplit, by: str) -> None:
 
 @transaction.atomic
 def judge(models: Iterable[DeviceModel], kind: str, by: str) -> None:
-    """Set the kind of MODELS by hand; the rules leave it alone from then on. Figures are computed anew.
+    """Set the kind of MODELS by hand; the rules leave it alone from then on. Figures are computed again.
 
-    Groups and simulated models stay what they are.
+    A real, known device has a known name, too. Simulated models stay what they are.
     """
     keys = {model.pk for model in models}
-    fixed = [DeviceModel.Kind.GROUP, DeviceModel.Kind.SIMULATED]
-    chosen = DeviceModel.objects.filter(pk__in=keys).exclude(kind__in=fixed)
-    chosen.update(kind=kind, judged_by=by, judged_at=timezone.now())
-    recognition.regroup(DeviceModel.objects.filter(pk__in=keys).select_related("group"))
+    chosen = DeviceModel.objects.filter(pk__in=keys).exclude(kind=DeviceModel.Kind.SIMULATED)
+    named = {"named": True} if kind == DeviceModel.Kind.DEVICE else {}
+    chosen.update(kind=kind, judged_by=by, judged_at=timezone.now(), **named)
     recognition.announce(keys)
 
 
@@ -199,8 +197,6 @@ def leave_to_rules(models: Iterable[DeviceModel]) -> None:
 
 
 def _refuse_impossible(alias: DeviceModel, model: DeviceModel) -> None:
-    if DeviceModel.Kind.GROUP in (alias.kind, model.kind):
-        raise DecisionError("a group is no model: rare models leave it by themselves")
     if DeviceModel.Kind.SIMULATED in (alias.kind, model.kind) and alias.kind != model.kind:
         raise DecisionError(f"one of {alias} and {model} is simulated: it never merges with what people have")
     if not alias.manufacturer or alias.manufacturer.casefold() != model.manufacturer.casefold():

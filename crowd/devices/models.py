@@ -1,5 +1,6 @@
 """Who measures: an anonymous installation, its device as it described itself, the model derived from that."""
 
+import secrets
 import uuid
 
 from django.db import models
@@ -25,6 +26,7 @@ class Installation(models.Model):
     show_model = models.BooleanField(
         default=False, help_text="the participant agreed that the model is named, however rare it is"
     )
+    network = models.CharField(max_length=32, blank=True, db_index=True)
     created_at = models.DateTimeField(auto_now_add=True)
     revoked_at = models.DateTimeField(null=True, blank=True)
     simulated = models.BooleanField(
@@ -38,11 +40,16 @@ class Installation(models.Model):
         return f"{self.app} {str(self.id)[:8]}"
 
 
-class DeviceModel(models.Model):
-    """What people call the device, derived from its raw strings; or a group that rare models are shown under.
+def new_mask() -> str:
+    """What tells a masked model's address from others; it says nothing of the model."""
+    return secrets.token_hex(5)
 
-    Sessions and figures carry the row that the public sees: the model, or its group while it is rare. A
-    model that is another's alias (`canonical`) is shown as that one.
+
+class DeviceModel(models.Model):
+    """What people call the device, derived from its raw strings.
+
+    Sessions and figures are stored under it. A model that is another's alias (`canonical`) is shown as that
+    one; their sessions are stored under that one. `crowd.devices.disclosure` says what the public sees.
     """
 
     class Kind(models.TextChoices):
@@ -50,7 +57,6 @@ class DeviceModel(models.Model):
         UNKNOWN = normalisation.UNKNOWN_DEVICE, "unknown device"
         EMULATOR = normalisation.EMULATOR
         VIRTUAL = normalisation.VIRTUAL, "virtual machine"
-        GROUP = "group", "group of rare models"
         SIMULATED = normalisation.SIMULATED
 
     key = models.CharField(
@@ -71,8 +77,18 @@ class DeviceModel(models.Model):
         max_length=150, blank=True, help_text="who set the kind by hand; empty: the rules did"
     )
     judged_at = models.DateTimeField(null=True, blank=True)
-    rare = models.BooleanField(
-        default=True, help_text="measured by too few installations to be named; shown as its group"
+    named = models.BooleanField(
+        default=False, help_text="a rule, the catalogue or an administrator knows the name"
+    )
+    rare = models.BooleanField(default=True, help_text="measured by too few installations to be named")
+    consented = models.BooleanField(
+        default=False, help_text="everybody who measured it agreed that it is named, however rare it is"
+    )
+    mask = models.CharField(
+        max_length=12, unique=True, default=new_mask, editable=False, help_text="the end of a masked address"
+    )
+    published_slug = models.CharField(
+        max_length=120, blank=True, editable=False, help_text="the address in the open data written so far"
     )
     canonical = models.ForeignKey(
         "self",
@@ -82,11 +98,10 @@ class DeviceModel(models.Model):
         related_name="members",
         help_text="the model that this one is an alias of",
     )
-    group = models.ForeignKey(
-        "self", on_delete=models.PROTECT, null=True, blank=True, related_name="rare_models"
-    )
     changed = models.BooleanField(
-        default=True, editable=False, help_text="its sessions wait to be put under what the public sees"
+        default=True,
+        editable=False,
+        help_text="its descriptions or kind changed: sessions have to follow",
     )
     examined = models.BooleanField(default=False, editable=False, help_text="aliases were looked for")
     created_at = models.DateTimeField(auto_now_add=True)
@@ -112,6 +127,13 @@ class DeviceModel(models.Model):
         return self.canonical or self
 
 
+class ProcessorClass(models.TextChoices):
+    """What kind of chip computed: times of the two are never averaged."""
+
+    CPU = "cpu"
+    GPU = "gpu"
+
+
 class DeviceDescription(models.Model):
     """Raw strings exactly as sent, once per distinct content, so that a better rule can be run over them."""
 
@@ -123,6 +145,10 @@ class DeviceDescription(models.Model):
     model = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="descriptions")
     driver_name = models.CharField(max_length=50, blank=True)
     driver_version = models.CharField(max_length=50, blank=True)
+    processor = models.CharField(
+        max_length=200, blank=True, help_text="the chip that computed, as the rules call it"
+    )
+    processor_class = models.CharField(max_length=3, choices=ProcessorClass.choices, default="gpu")
     rules = models.PositiveSmallIntegerField(
         default=0, editable=False, help_text="version of the rules that derived the model"
     )
@@ -225,3 +251,10 @@ class CatalogueEntry(models.Model):
 
     def __str__(self) -> str:
         return f"{self.market_name} ({self.code or self.device})"
+
+
+class Revision(models.Model):
+    """One change of what pages show: `crowd.devices.revision` adds rows and counts them."""
+
+    def __str__(self) -> str:
+        return str(self.pk)

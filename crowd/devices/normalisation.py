@@ -55,6 +55,7 @@ class Identity:
     gpu: str
     os: str
     kind: str
+    named: bool = True
 
     @property
     def distinct_slug(self) -> str:

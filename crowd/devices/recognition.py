@@ -9,7 +9,7 @@ import msgspec
 from django.db import transaction
 from django.db.models import CharField, QuerySet
 
-from crowd.devices import catalogue, disclosure, drivers, normalisation
+from crowd.devices import catalogue, disclosure, drivers, normalisation, processors, revision
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.normalisation import Identity
 from crowd.devices.signals import models_changed
@@ -21,28 +21,25 @@ BATCH = 200
 
 @dataclass(frozen=True)
 class Recognised:
-    """What a new session needs of its device: the description's primary key, the model that it is shown as,
-    and the driver by name and version.
+    """What a new session needs of its device: primary keys of the description and of the model that it counts
+    for, whether that is named by consent alone, the driver by name and version, the chip that computed.
     """
 
     description: int
-    shown: disclosure.Shown
+    model: int
+    named_by_consent: bool
     driver: str
-
-    def public(self, show_model: bool) -> int:
-        """The primary key of what everybody sees of it (`crowd.devices.disclosure`)."""
-        key = self.shown.public(show_model)
-        assert key is not None  # recognition gives every model its group
-        return key
+    processor: str
+    processor_class: str
 
 
 def recognise(raw: dict[str, Any], simulated: bool = False) -> Recognised:
-    """The device behind RAW; its description, model and group are stored on first sight. One query else.
+    """The device behind RAW; its description and model are stored on first sight. One query else.
 
     A SIMULATED device has a description and a model of its own, whatever RAW says.
     """
     content = msgspec.json.encode(raw, order="sorted")
-    # No JSON begins so.
+    # JSON never begins so.
     digest = hashlib.sha256(b"simulated\n" + content if simulated else content).hexdigest()
     known = _recognised(digest)
     if known is None:
@@ -53,17 +50,19 @@ def recognise(raw: dict[str, Any], simulated: bool = False) -> Recognised:
 
 
 def _recognised(digest: str) -> Recognised | None:
-    """None before the model has its group."""
-    for key, driver, version, *model in _described.rows(digest=digest):
-        shown = disclosure.Shown.of(model)
-        if shown.group is not None:
-            return Recognised(key, shown, f"{driver} {version}".strip())
+    for key, driver, version, processor, kind, *models in _described.rows(digest=digest):
+        own, canonical = models[:3], models[3:]
+        model, rare, consented = own if canonical[0] is None else canonical
+        return Recognised(key, model, rare and consented, f"{driver} {version}".strip(), processor, kind)
     return None
 
 
 def _by_digest() -> "QuerySet[DeviceDescription, tuple[Any, ...]]":
     rows = DeviceDescription.objects.filter(digest=Placeholder("digest", CharField()))
-    return rows.order_by().values_list("pk", "driver_name", "driver_version", *disclosure.columns("model"))
+    shown = (f"model__{path}{name}" for path in ("", "canonical__") for name in ("pk", "rare", "consented"))
+    return rows.order_by().values_list(
+        "pk", "driver_name", "driver_version", "processor", "processor_class", *shown
+    )
 
 
 _described = Query(_by_digest)
@@ -71,22 +70,29 @@ _described = Query(_by_digest)
 
 @transaction.atomic
 def _describe(raw: dict[str, Any], digest: str, simulated: bool) -> None:
-    """Store the description of RAW with its model, and see that the model that is shown has a group."""
+    """Store the description of RAW with its model."""
     identity, entry = _derived(raw, simulated)
-    driver = drivers.driver(raw)
-    description, _ = DeviceDescription.objects.get_or_create(
+    DeviceDescription.objects.get_or_create(
         digest=digest,
         defaults={
             "raw": raw,
             "simulated": simulated,
             "model": _model(identity, entry),
-            "driver_name": driver.name,
-            "driver_version": driver.version[:50],
             "rules": normalisation.RULES,
+            **_computed_by(raw),
         },
     )
-    if description.model.shown.group is None:
-        _regroup(description.model.shown)
+
+
+def _computed_by(raw: dict[str, Any]) -> dict[str, str]:
+    """Driver and processor of a description, by the names of its columns."""
+    driver, processor = drivers.driver(raw), processors.processor_of(raw)
+    return {
+        "driver_name": driver.name,
+        "driver_version": driver.version[:50],
+        "processor": processor.name[:200],
+        "processor_class": processor.kind,
+    }
 
 
 def renormalise_waiting(limit: int = BATCH) -> int:
@@ -124,7 +130,7 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     derived = [(row, *_derived(row.raw, row.simulated)) for row in described]
     ruled = [identity for row, identity, _ in derived if row.split_id is None]
     keys = {identity.key for identity in ruled}
-    renamed = len(keys) == 1 and old.key not in keys and old.kind != DeviceModel.Kind.GROUP
+    renamed = len(keys) == 1 and old.key not in keys
     if renamed and not DeviceModel.objects.filter(key__in=keys).exists():
         old.key, old.manufacturer, old.name = ruled[0].key, ruled[0].manufacturer, ruled[0].name
         old.save(update_fields=["key", "manufacturer", "name"])
@@ -139,14 +145,13 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
             if model.kind != kind:
                 touched.add(model.pk)
         _complete(reset[model.pk], identity, entry)
-        if model.pk != row.model_id:
+        computed_by = _computed_by(row.raw)
+        if model.pk != row.model_id or row.processor != computed_by["processor"]:
             touched |= {model.pk, row.model_id}
-        driver = drivers.driver(row.raw)
         row.model, row.rules = reset[model.pk], normalisation.RULES
-        row.driver_name, row.driver_version = driver.name, driver.version[:50]
-        row.save(update_fields=["model", "rules", "driver_name", "driver_version"])
-    if old.kind == DeviceModel.Kind.GROUP:
-        touched.discard(old.pk)  # nobody measures a group: it is neither counted nor placed
+        for name, value in computed_by.items():
+            setattr(row, name, value)
+        row.save(update_fields=["model", "rules", *computed_by])
     return touched
 
 
@@ -165,20 +170,19 @@ def _model(identity: Identity, entry: catalogue.Entry) -> DeviceModel:
             "manufacturer": identity.manufacturer,
             "name": identity.name,
             "kind": identity.kind,
+            "named": identity.named or bool(entry.market_name),
             "rare": identity.kind != normalisation.SIMULATED and disclosure.is_rare(1),
             "changed": False,
             **_parts(identity, entry),
         },
     )
-    if new:
-        _regroup(model)
-    else:
+    if not new:
         _complete(model, identity, entry)
     return model
 
 
 def _parts(identity: Identity, entry: catalogue.Entry) -> dict[str, str]:
-    """What is told of the device itself; the catalogue fills in what the device kept to itself."""
+    """What the device tells of itself; the catalogue adds what the device leaves out."""
     return {
         "cpu": identity.cpu,
         "soc": identity.soc or entry.soc,
@@ -195,63 +199,31 @@ def _complete(model: DeviceModel, identity: Identity, entry: catalogue.Entry) ->
     if missing:
         for part, value in missing.items():
             setattr(model, part, value)
-        model.save(update_fields=list(missing))
-        _regroup(model)
+        model.named = model.named or bool(model.market_name)
+        model.save(update_fields=[*missing, "named"])
+        revision.bump()
 
 
 def _reset_parts(model: DeviceModel, identity: Identity, entry: catalogue.Entry) -> None:
-    """What older rules said of MODEL goes; its kind stays where an administrator set it."""
+    """Replace what older rules said of MODEL; its kind and name stay where an administrator judged them."""
     for part, value in _parts(identity, entry).items():
         setattr(model, part, value)
     if not model.judged_by:
         model.kind = identity.kind
-    model.save(update_fields=[*PARTS, "kind"])
-    _regroup(model)
-
-
-def regroup(models: Iterable[DeviceModel]) -> None:
-    """Give each of MODELS the group that its parts ask for."""
-    for model in models:
-        _regroup(model)
-
-
-def _regroup(model: DeviceModel) -> None:
-    group = disclosure.group_of(model)
-    if model.group is not None and model.group.key == group.key:
-        return
-    earlier = model.group_id
-    slug = normalisation.slug_of("", group.name)
-    if DeviceModel.objects.filter(slug=slug).exclude(key=group.key).exists():
-        slug = normalisation.slug_of("", group.name, group.key)
-    model.group, _ = DeviceModel.objects.get_or_create(
-        key=group.key,
-        defaults={
-            "slug": slug,
-            "name": group.name[:150],
-            "cpu": group.cpu,
-            "soc": group.soc,
-            "gpu": group.gpu,
-            "os": group.os,
-            "kind": DeviceModel.Kind.GROUP,
-            "rare": False,
-            "changed": False,
-            "examined": True,
-        },
-    )
-    model.save(update_fields=["group"])
-    if earlier is not None:
-        announce({model.pk})
+        model.named = identity.named or bool(entry.market_name)
+    model.save(update_fields=[*PARTS, "kind", "named"])
+    revision.bump()
 
 
 def announce(keys: Iterable[int]) -> None:
-    """Mark the models KEYS, and tell after the transaction that their sessions may have to move."""
+    """Mark the models KEYS, and send a signal after the transaction: their sessions have to follow."""
     changed = sorted(set(keys))
     DeviceModel.objects.filter(pk__in=changed).update(changed=True)
+    revision.bump()
     transaction.on_commit(lambda: models_changed.send(sender=DeviceModel, keys=changed))
 
 
 def mark_all() -> list[int]:
     """Mark every model for a new count of who measured it; their primary keys."""
-    models = DeviceModel.objects.exclude(kind=DeviceModel.Kind.GROUP)
-    models.update(changed=True)
-    return list(models.values_list("pk", flat=True))
+    DeviceModel.objects.update(changed=True)
+    return list(DeviceModel.objects.values_list("pk", flat=True))

@@ -4,10 +4,11 @@ import hashlib
 import secrets
 from typing import Any
 
+from django.conf import settings
 from django.db import DEFAULT_DB_ALIAS, transaction
 from django.db.models import CharField, Q, QuerySet
 
-from crowd.devices import recognition
+from crowd.devices import disclosure, revision
 from crowd.devices.models import DeviceModel, Installation
 from crowd.prepared import Placeholder, Query
 
@@ -15,7 +16,7 @@ COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
 
 def enrol(
-    app: str, app_version: str, consent_version: int, simulated: bool = False
+    app: str, app_version: str, consent_version: int, simulated: bool = False, network: str = ""
 ) -> tuple[Installation, str]:
     """A new installation and its token, which is told this once and then known by its digest alone. A
     SIMULATED one stays so.
@@ -27,6 +28,7 @@ def enrol(
         app_version=app_version,
         consent_version=consent_version,
         simulated=simulated,
+        network=network,
     )
     return installation, token
 
@@ -57,19 +59,45 @@ def installation_of(token: str) -> Installation | None:
 
 @transaction.atomic(savepoint=False)
 def choose_disclosure(installation: Installation, show_model: bool | None) -> None:
-    """Name the models of INSTALLATION however rare they are, or do not; None: as before.
+    """Agree that the models of INSTALLATION are named however rare they are, or do not; None: as before.
 
-    Its earlier sessions follow in a task.
+    It takes effect at once and changes no session.
     """
     if show_model is None or show_model == installation.show_model:
         return
     installation.show_model = show_model
     installation.save(update_fields=["show_model"])
-    recognition.announce(
-        DeviceModel.objects.filter(descriptions__sessions__installation=installation).values_list(
-            "pk", flat=True
-        )
-    )
+    for model in DeviceModel.objects.filter(sessions__installation=installation, rare=True).distinct():
+        refresh_disclosure(model.pk)
+
+
+@transaction.atomic
+def refresh_disclosure(key: int) -> bool:
+    """Count who measured the model KEY, and whether all of them agreed to its name; whether that changed what
+    the public sees.
+    """
+    # The last to count sees what those before stored.
+    model = DeviceModel.objects.select_for_update(no_key=True).filter(pk=key).first()
+    if model is None:
+        return False
+    enough = max(1, settings.FRONTRUNNER_RARE_BELOW)
+    sessions = model.sessions.order_by()
+    known = sessions.values_list("installation_id", flat=True).distinct()[:enough]
+    rare = model.kind != DeviceModel.Kind.SIMULATED and disclosure.is_rare(len(known))
+    consented = rare and len(known) > 0 and not sessions.filter(installation__show_model=False).exists()
+    if (rare, consented) == (model.rare, model.consented):
+        return False
+    before = disclosure.is_disclosed(model)
+    model.rare, model.consented = rare, consented
+    model.save(update_fields=["rare", "consented"])
+    revision.bump()
+    return before != disclosure.is_disclosed(model)
+
+
+def withdraw_consent(key: int) -> None:
+    """The model KEY was named because all agreed; now one does not."""
+    DeviceModel.objects.filter(pk=key).update(consented=False)
+    revision.bump()
 
 
 def _by_token() -> "QuerySet[Installation, tuple[Any, ...]]":

@@ -3,7 +3,7 @@
 from django.core.exceptions import ValidationError
 from django.db import transaction
 
-from crowd.results.figures import summarising
+from crowd.results.figures import sessions as session_figures
 from crowd.results.models import Decision, MeasurementSession, Run
 
 
@@ -11,17 +11,17 @@ from crowd.results.models import Decision, MeasurementSession, Run
 def decide(
     action: str, by: str, reason: str, session: MeasurementSession, run: Run | None = None
 ) -> Decision:
-    """Log the decision on SESSION, or on one RUN of it, and compute what rests on it anew.
+    """Log the decision on SESSION, or on one RUN of it, and compute what rests on it again.
 
     A quarantine hides until a later release; a release lifts suspicion and quarantine by the rules, never
     what makes a run invalid. Raises ValidationError for an unknown action or without a reason.
     """
     if action not in Decision.Action.values:
-        raise ValidationError(f"{action!r} is no action: {' or '.join(Decision.Action.values)} is")
+        raise ValidationError(f"{action!r} is not an action: {' or '.join(Decision.Action.values)} is")
     if not reason.strip():
         raise ValidationError("a decision needs a reason for the log")
     decision = Decision.objects.create(
         actor=by, action=action, reason=reason.strip(), session=session, run=run
     )
-    summarising.summarise_sessions([session.pk])
+    session_figures.summarise_sessions([session.pk])
     return decision

@@ -7,10 +7,11 @@ from celery import shared_task
 from celery.signals import worker_ready
 from kombu.exceptions import OperationalError
 
-from crowd.devices import decisions, recognition
-from crowd.results.figures import refreshing, summarising
+from crowd.devices import decisions, recognition, revision
+from crowd.results.figures import confirmation, reassigning
+from crowd.results.figures import sessions as session_figures
 from crowd.results.opendata import exports
-from crowd.results.privacy import publication
+from crowd.results.privacy import disclosure
 
 SWEEP_LIMIT = 2_000
 
@@ -20,29 +21,31 @@ log = logging.getLogger(__name__)
 @shared_task
 def summarise(session_id: int) -> None:
     """Turn one session into its summaries and its device's figures."""
-    publication.settle([session_id])
-    summarising.summarise_session(session_id)
-    summarising.pulse("summarise")
+    disclosure.after_arrival([session_id])
+    session_figures.summarise_session(session_id)
+    session_figures.pulse("summarise")
 
 
 @shared_task
 def sweep() -> None:
     """Summarise what no message reached: after a lost broker, a killed worker, a new algorithm. Then compute
-    the figures of devices with so many sessions that they are not computed for each.
+    the figures that are not computed for each session.
     """
     recognition.renormalise_waiting()
     decisions.propose_aliases()
-    publication.republish_waiting()
-    publication.settle(summarising.summarise_waiting(SWEEP_LIMIT))
-    refreshing.refresh_stale()
-    summarising.pulse("sweep")
+    disclosure.sync_disclosure(reassigning.reassign_sessions(reassigning.changed_models()))
+    disclosure.after_arrival(session_figures.summarise_waiting(SWEEP_LIMIT))
+    session_figures.refresh_stale()
+    confirmation.settle()
+    revision.prune()
+    session_figures.pulse("sweep")
 
 
 @shared_task
-def republish(models: list[int]) -> None:
-    """Put the sessions of MODELS under what the public sees of them now, and count them there."""
-    publication.republish(models)
-    summarising.summarise_waiting(SWEEP_LIMIT)
+def reassign(models: list[int]) -> None:
+    """Store the sessions of MODELS, which were renamed, merged or split, under the models they belong to."""
+    disclosure.sync_disclosure(reassigning.reassign_sessions(models))
+    session_figures.summarise_waiting(SWEEP_LIMIT)
 
 
 @shared_task
@@ -52,7 +55,7 @@ def export() -> None:
 
 
 def announce(sessions: Iterable[int]) -> None:
-    """Tell the workers of new sessions. Without a broker the sweep finds them later, so nothing is raised."""
+    """Send the workers a message for each of SESSIONS. Without a broker the sweep finds them later."""
     try:
         for key in sessions:
             summarise.apply_async(args=[key], retry=False)
@@ -61,9 +64,9 @@ def announce(sessions: Iterable[int]) -> None:
 
 
 def announce_models(keys: list[int], **_: object) -> None:
-    """Tell the workers of models that changed. Without a broker the sweep finds them later."""
+    """Send the workers a message about changed models. Without a broker the sweep finds them later."""
     try:
-        republish.apply_async(args=[keys], retry=False)
+        reassign.apply_async(args=[keys], retry=False)
     except (OperationalError, OSError) as error:
         log.warning("the broker does not answer (%s): the next sweep finds the changed models", error)
 

@@ -1,3 +1,4 @@
+import secrets
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,8 @@ def join(client: Client) -> Callable[[], Participant]:
     """Enrols one more participant."""
 
     def enrolled() -> Participant:
-        installation, token = enrol("client_kit", "0.1.0", 1)
+        # Each from a network of its own.
+        installation, token = enrol("client_kit", "0.1.0", 1, network=secrets.token_hex(16))
         return Participant(client, token, str(installation.pk))
 
     return enrolled

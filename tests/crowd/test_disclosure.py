@@ -16,7 +16,7 @@ from crowd.devices import disclosure, recognition
 from crowd.devices.disclosure import group_of
 from crowd.devices.models import DeviceModel, Installation
 from crowd.results import tasks
-from crowd.results.figures import summarising
+from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession
 from crowd.results.privacy import publication
 from crowd.results.privacy.own_page import path_of
@@ -52,7 +52,7 @@ def measure(who: Participant, best_us: int = 10_000, **changes: Any) -> dict[str
 def work() -> None:
     """What a worker does of what waits."""
     publication.republish_waiting()
-    summarising.summarise_waiting()
+    session_figures.summarise_waiting()
 
 
 def public(client: Client, session: dict[str, Any]) -> dict[str, str]:
@@ -243,7 +243,9 @@ def test_the_choice_holds_for_sessions_that_compare_nothing_too(
     assert [(row["slug"], row["sessions"]) for row in rows] == [(GROUP, 2)]
 
 
-@pytest.mark.parametrize(("module", "limit", "value"), [(publication, "BATCH", 2), (summarising, "LARGE", 3)])
+@pytest.mark.parametrize(
+    ("module", "limit", "value"), [(publication, "BATCH", 2), (session_figures, "LARGE", 3)]
+)
 def test_a_name_is_hidden_at_once_however_much_was_measured(
     client: Client,
     front: Any,

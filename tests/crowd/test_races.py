@@ -16,7 +16,7 @@ from django.db import OperationalError, connection
 from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.results import tasks
-from crowd.results.figures import summarising
+from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
 from crowd.results.privacy import erasure, publication
@@ -55,7 +55,7 @@ def at_once(*hands: Callable[[], Any]) -> list[Any]:
 def test_all_runs_erased_at_once_take_their_session_with_them(front: Any) -> None:
     who, session = enrolled(), session_document()
     send(who, session)
-    summarising.summarise_waiting()
+    session_figures.summarise_waiting()
     runs = [UUID(run["id"]) for run in session["runs"]]
 
     erased = at_once(*(partial(erasure.erase_run, who, run) for run in runs * 2))
@@ -82,7 +82,7 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
             keys = list(MeasurementSession.objects.values_list("pk", flat=True))
             with suppress(OperationalError):
                 publication.settle(keys)
-                summarising.summarise_sessions(keys)
+                session_figures.summarise_sessions(keys)
 
     def leave(who: Sequence[Installation]) -> None:
         for each in who:
@@ -115,6 +115,6 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
     assert set(Installation.objects.all()) == set(staying)
     assert MeasurementSession.objects.count() == 2
     assert Run.objects.filter(session__uuid=going_on["id"]).count() == 12
-    assert not summarising.waiting().exists()
+    assert not session_figures.waiting().exists()
     assert (DeviceActivity.objects.get().sessions, DeviceSpeedup.objects.get().sessions) == (2, 2)
     assert DeviceSpeedup.objects.get().device.kind == "group"

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from django.core.management import CommandError, call_command
 
-from crowd.results.figures import refreshing, summarising
+from crowd.results.figures import sessions as session_figures
 from crowd.results.models import (
     Cohort,
     DeviceActivity,
@@ -89,8 +89,8 @@ def test_an_interrupted_recomputation_goes_on_where_it_stopped(
     crowd: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = derived()
-    monkeypatch.setattr(summarising, "BATCH", 2)
-    real, parts = summarising.summarise_sessions, []
+    monkeypatch.setattr(session_figures, "BATCH", 2)
+    real, parts = session_figures.summarise_sessions, []
 
     def interrupted(keys: list[int], figures: bool = True) -> None:
         if len(parts) == 2:
@@ -98,11 +98,11 @@ def test_an_interrupted_recomputation_goes_on_where_it_stopped(
         parts.append(keys)
         real(keys, figures)
 
-    monkeypatch.setattr(summarising, "summarise_sessions", interrupted)
+    monkeypatch.setattr(session_figures, "summarise_sessions", interrupted)
     with pytest.raises(KeyboardInterrupt):
         call_command("results", "recompute", "--all")
-    monkeypatch.setattr(summarising, "summarise_sessions", real)
-    assert summarising.waiting().count() == 3
+    monkeypatch.setattr(session_figures, "summarise_sessions", real)
+    assert session_figures.waiting().count() == 3
     figures = derived()["DeviceSpeedup"]
     assert figures == before["DeviceSpeedup"]  # they hold meanwhile
 
@@ -117,12 +117,12 @@ def test_figures_of_a_device_with_many_sessions_come_with_the_sweep(
     participant: Participant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     participant.submit(submission_document())
-    monkeypatch.setattr(summarising, "LARGE", 0)
+    monkeypatch.setattr(session_figures, "LARGE", 0)
 
     participant.submit(submission_document(session_document(best_us=20_000)))
     assert DeviceSpeedup.objects.get().sessions == 1
 
-    refreshing.refresh_stale()
+    session_figures.refresh_stale()
     figure = DeviceSpeedup.objects.get()
     assert (figure.sessions, figure.speedup) == (2, pytest.approx((8 * 4) ** 0.5))
     assert DeviceActivity.objects.get().sessions == 2
@@ -136,8 +136,8 @@ def test_sessions_that_move_to_another_device_take_their_figures_along(participa
         device=MeasurementSession.objects.earliest("pk").device
     )
 
-    summarising.resummarise(MeasurementSession.objects.filter(pk=moved.pk))
-    summarising.summarise_waiting()
+    session_figures.resummarise(MeasurementSession.objects.filter(pk=moved.pk))
+    session_figures.summarise_waiting()
 
     assert DeviceSpeedup.objects.get().sessions == 2
     assert Cohort.objects.get().summaries.count() == 2
@@ -152,7 +152,7 @@ def test_what_one_more_session_asks_of_the_database_does_not_grow(
     session = MeasurementSession.objects.latest("pk")
 
     with django_assert_max_num_queries(32):
-        summarising.summarise_session(session.pk)
+        session_figures.summarise_session(session.pk)
 
 
 def test_a_sweep_takes_many_sessions_for_few_queries(
@@ -161,7 +161,7 @@ def test_a_sweep_takes_many_sessions_for_few_queries(
     participant.submit(submission_document(*(session_document() for _ in range(12))))
 
     with django_assert_max_num_queries(34):
-        summarising.summarise_waiting()
+        session_figures.summarise_waiting()
     assert SessionSummary.objects.count() == 12
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts.services import publish_content
-from crowd.results.figures import summarising
+from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
 from crowd.results.validity import rules
 from tests.crowd.documents import FRAMES, front_document, run_document, session_document, submission_document
@@ -80,7 +80,7 @@ def test_what_an_emulator_measures_is_suspect(participant: Participant) -> None:
     send(participant)
     DeviceModel.objects.update(kind=DeviceModel.Kind.EMULATOR)
 
-    summarising.summarise_sessions([MeasurementSession.objects.get().pk])
+    session_figures.summarise_sessions([MeasurementSession.objects.get().pk])
 
     assert states() == [("suspect", "emulator")]
 
@@ -150,7 +150,7 @@ def test_a_run_of_another_front_is_compared_with_nothing(
         configuration=version.configurations.get(name="accurate")
     )
 
-    summarising.summarise_session(MeasurementSession.objects.get().pk)
+    session_figures.summarise_session(MeasurementSession.objects.get().pk)
 
     assert [row.configuration.name for row in SessionSummary.objects.all()] == ["best"]
     assert SessionSummary.objects.get().pairs == 1
@@ -174,7 +174,7 @@ def test_one_installation_cannot_move_the_crowds_figure(
         ]
         assert participant.submit(submission_document(*sessions)).status_code == 202
 
-    summarising.summarise_waiting()
+    session_figures.summarise_waiting()
 
     figure = DeviceSpeedup.objects.get()
     assert figure.speedup == pytest.approx((8 * 8 * 80 / 7) ** (1 / 3))

@@ -11,7 +11,7 @@ from crowd.devices.models import Installation
 from crowd.devices.recognition import Recognised
 from crowd.fronts.models import FrontVersion
 from crowd.problems import Problem
-from crowd.results.figures import summarising
+from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
 from tests.crowd.documents import run_document, session_document, submission_document
@@ -101,14 +101,14 @@ def test_a_session_summarised_while_its_second_part_comes_is_summarised_again(
 
     def summarised_meanwhile(*device: Any) -> Recognised:
         """The second part is checked by now and not stored yet."""
-        summarising.summarise_waiting()
+        session_figures.summarise_waiting()
         return real(*device)
 
     monkeypatch.setattr(storing, "recognise", summarised_meanwhile)
     participant.submit(submission_document(session | {"runs": second}))
     assert SessionSummary.objects.get().pairs == 1
 
-    summarising.summarise_waiting()
+    session_figures.summarise_waiting()
 
     assert SessionSummary.objects.get().pairs == 2
 

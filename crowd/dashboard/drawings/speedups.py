@@ -8,6 +8,7 @@ from django.urls import reverse
 from crowd.dashboard import formats
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
+from crowd.devices import revision
 from crowd.results.reading import selectors as results
 from crowd.results.reading.rows import Speedup
 from crowd.results.reading.selectors import Speedups
@@ -39,7 +40,7 @@ def read(request: HttpRequest) -> Bars:
 
 def stamp(request: HttpRequest) -> tuple[str, str, str]:
     """What is asked for, and how the crowd is: two thousand bars take a while to draw."""
-    return results.asked(request.GET).query(), colour_of(request), results.version()
+    return results.asked(request.GET).query(), colour_of(request), revision.current()
 
 
 def colour_of(request: HttpRequest) -> str:

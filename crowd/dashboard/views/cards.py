@@ -12,6 +12,7 @@ from crowd.dashboard.choosing import measured, query
 from crowd.dashboard.drawings.serving import refusing
 from crowd.dashboard.figures.card import Card, png
 from crowd.dashboard.points import newest_figure
+from crowd.devices import revision
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST
 from crowd.results.reading import selectors as results
@@ -102,5 +103,5 @@ def _certainty(line: Headline) -> str:
 
 def _picture(request: HttpRequest, key: object, read: Callable[[], Card]) -> HttpResponseBase:
     """The picture of what READ answers, drawn once for all who ask for KEY while no figure changes."""
-    facts = (request.path, key, results.version())
+    facts = (request.path, key, revision.current())
     return conditional(request, kept(facts, lambda: png(read())), "image/png")

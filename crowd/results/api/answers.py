@@ -7,6 +7,7 @@ from uuid import UUID
 import msgspec
 
 from crowd.results.reading.rows import (
+    Attempts,
     Device,
     DeviceRow,
     Headline,
@@ -49,11 +50,13 @@ class Checked(msgspec.Struct):
 
 
 class SpeedupOfSession(msgspec.Struct):
-    """One session's speedup of one configuration; null where no pair of runs was valid."""
+    """One session's speedup of a configuration, with its own interval; null where no pair of runs was valid."""
 
     configuration: str
     baseline: str
     speedup: float | None
+    low: float | None
+    high: float | None
     pairs: int
     drift: float | None
     ate_max: float | None
@@ -90,7 +93,12 @@ class SubmissionState(msgspec.Struct):
 
 
 class SpeedupAnswer(msgspec.Struct):
-    """How much faster a configuration runs than the baseline on one device; `vendor`: whose chip computed."""
+    """How much faster a configuration runs than the baseline on one device.
+
+    `vendor`: the family of the chip that computed, `processor_class`: cpu or gpu. `state`: confirmed, where
+    enough independent installations agree, or unconfirmed. session_low and session_high: the session's own
+    interval where one session stands behind the figure. `masked`: shown by its chip.
+    """
 
     device: str
     manufacturer: str
@@ -100,23 +108,33 @@ class SpeedupAnswer(msgspec.Struct):
     os: str
     vendor: str
     simulated: bool
+    masked: bool
     front: str
     configuration: str
     baseline: str
     backend: str
     processor: str
+    processor_class: str
     speedup: float
     low: float | None
     high: float | None
+    session_low: float | None
+    session_high: float | None
     sessions: int
     installations: int
     ate_max: float | None
     last_session_at: datetime
+    state: str
     suspect: bool
 
 
 class Crowd(msgspec.Struct):
-    """The crowd in one line, over device models; low and high are the geometric mean's 95 % interval."""
+    """The crowd in one line, over device models with a confirmed figure.
+
+    low and high are the geometric mean's 95 % interval. `unconfirmed`: how many other models were measured.
+    Of all `attempted` models, `failing` did not finish and `losing` lost the camera in at least half of their
+    sessions.
+    """
 
     devices: int
     sessions: int
@@ -125,7 +143,10 @@ class Crowd(msgspec.Struct):
     high: float | None
     min: float | None
     max: float | None
-    suspect: bool
+    unconfirmed: int
+    attempted: int
+    failing: int
+    losing: int
 
 
 class SpeedupPage(msgspec.Struct):
@@ -150,6 +171,7 @@ class DeviceAnswer(msgspec.Struct):
     gpu: str
     os: str
     simulated: bool
+    masked: bool
     sessions: int
     installations: int
     last_session_at: datetime | None
@@ -176,6 +198,7 @@ class DeviceDetailAnswer(msgspec.Struct):
     gpu: str
     os: str
     simulated: bool
+    masked: bool
     session_count: int
     installations: int
     speedups: list[SpeedupAnswer]
@@ -221,33 +244,41 @@ def speedup(row: Speedup) -> SpeedupAnswer:
         os=row.device.os,
         vendor=row.vendor,
         simulated=row.device.simulated,
+        masked=row.device.masked,
         front=row.front,
         configuration=row.configuration,
         baseline=row.baseline,
         backend=row.backend,
         processor=row.processor,
+        processor_class=row.processor_class,
         speedup=row.speedup,
         low=row.low,
         high=row.high,
+        session_low=row.session_low,
+        session_high=row.session_high,
         sessions=row.sessions,
         installations=row.installations,
         ate_max=row.ate_max,
         last_session_at=row.last_session_at,
+        state=row.state,
         suspect=row.suspect,
     )
 
 
-def crowd(row: Headline) -> Crowd:
-    """The headline as JSON."""
+def crowd(row: Headline, fared: Attempts) -> Crowd:
+    """The headline as JSON, with how the configuration fared."""
     return Crowd(
-        row.devices,
-        row.sessions,
-        row.geometric_mean,
-        row.low,
-        row.high,
-        row.min,
-        row.max,
-        row.suspect,
+        devices=row.devices,
+        sessions=row.sessions,
+        geometric_mean=row.geometric_mean,
+        low=row.low,
+        high=row.high,
+        min=row.min,
+        max=row.max,
+        unconfirmed=row.unconfirmed,
+        attempted=fared.devices,
+        failing=fared.failing,
+        losing=fared.losing,
     )
 
 
@@ -319,7 +350,16 @@ def submission(row: SubmissionRow, page: str) -> SubmissionState:
 
 def _session_speedup(row: SessionSpeedup) -> SpeedupOfSession:
     return SpeedupOfSession(
-        row.configuration, row.baseline, row.speedup, row.pairs, row.drift, row.ate_max, row.state, row.reason
+        configuration=row.configuration,
+        baseline=row.baseline,
+        speedup=row.speedup,
+        low=row.low,
+        high=row.high,
+        pairs=row.pairs,
+        drift=row.drift,
+        ate_max=row.ate_max,
+        state=row.state,
+        reason=row.reason,
     )
 
 
@@ -333,4 +373,5 @@ def _device(row: Device) -> dict[str, Any]:
         "gpu": row.gpu,
         "os": row.os,
         "simulated": row.simulated,
+        "masked": row.masked,
     }

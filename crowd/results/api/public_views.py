@@ -33,8 +33,8 @@ class SpeedupsView(Endpoint):
         summary="Speedup of a configuration over the default on each device, fastest first",
         description=(
             "A speedup is a ratio of times on one device with one backend and processor. low and high are a "
-            "95 % interval over installations, null below three of them. The summary is over device models: "
-            "an unweighted geometric mean."
+            "95 % interval over independent installations, null below three of them. The summary rests on "
+            "confirmed figures: a random-effects mean over device models."
         ),
         parameters=[
             OpenApiParameter("front", TEXT, description="version; the newest measured one where absent"),
@@ -70,7 +70,7 @@ class SpeedupsView(Endpoint):
     def get(self, request: Request) -> HttpResponse:
         found = selectors.speedups(_filters(request))
         rows = page(request, found.rows, lambda row: row.key, answers.speedup)
-        return answer({"front": found.front, **rows, "summary": answers.crowd(found.headline)})
+        return answer({"front": found.front, **rows, "summary": answers.crowd(found.headline, found.fared)})
 
 
 class DevicesView(Endpoint):

@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 from django.db.models import QuerySet
 
-from crowd.results.figures import refreshing, summarising
+from crowd.results.figures import confirmation
+from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession
 
 PART = 2_000
@@ -30,7 +31,9 @@ def work(told: Callable[[int], None]) -> tuple[int, int]:
     TOLD hears after each part how many sessions are done.
     """
     sessions = 0
-    while done := summarising.summarise_waiting(PART, figures=False):
+    while done := session_figures.summarise_waiting(PART, figures=False):
         sessions += len(done)
         told(sessions)
-    return sessions, refreshing.refresh_stale()
+    cohorts = session_figures.refresh_stale()
+    confirmation.settle()
+    return sessions, cohorts

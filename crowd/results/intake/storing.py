@@ -12,7 +12,7 @@ from django.utils import timezone
 
 from crowd.devices.models import Installation
 from crowd.devices.recognition import Recognised, recognise
-from crowd.devices.services import choose_disclosure
+from crowd.devices.services import choose_disclosure, withdraw_consent
 from crowd.disclosure import public
 from crowd.fronts import policy
 from crowd.fronts.policy import Policy
@@ -154,6 +154,9 @@ def _store(submission: Submission, checked: checking.Intake) -> tuple[int, ...]:
     if not new:
         return ()
     device = recognise(checked.submission.device, submission.installation.simulated)
+    if device.named_by_consent and not submission.installation.show_model:
+        # Not everybody agrees any more; who measured it is counted again once it is stored.
+        withdraw_consent(device.model)
     named = {item.session.id: item for item in new}
     made = [
         _session(submission, checked, item, device)
@@ -178,19 +181,17 @@ def _session(
 ) -> MeasurementSession:
     """A new session, that of ITEM's run."""
     session, beyond = item.session, item.beyond
-    raw = checked.submission.device
     return MeasurementSession(
         uuid=session.id,
         installation_id=submission.installation_id,
         submission_id=submission.pk,
         description_id=device.description,
-        device_id=device.public(submission.installation.show_model),
+        device_id=device.model,
         front_id=checked.fronts[session.front_version].row.pk,
         protocol_version=session.protocol_version,
         backend=session.backend,
-        processor=_text(raw, "opencl_device"),
-        platform=_text(raw, "opencl_platform"),
-        # Not the whole string: with the digest of a phone's build in it, it would name a rare model.
+        processor=device.processor,
+        processor_class=device.processor_class,
         driver=device.driver,
         # A phone whose clock runs ahead must not be the latest for ever.
         started_at=min(session.started_at, timezone.now()),
@@ -200,11 +201,6 @@ def _session(
         ],
         extra=beyond.members,
     )
-
-
-def _text(raw: dict[str, Any], name: str) -> str:
-    value = raw.get(name)
-    return value[:200] if isinstance(value, str) else ""
 
 
 def _row(item: checking.Item, session: MeasurementSession, front: checking.Front) -> Run:

@@ -4,7 +4,7 @@ Submission, MeasurementSession and Run are raw; Cohort, SessionSummary, DeviceSp
 derived from them and from the Decisions of administrators.
 """
 
-from crowd.results.models.derived import Cohort, DeviceActivity, DeviceSpeedup, SessionSummary
+from crowd.results.models.derived import Cohort, DeviceActivity, DeviceSpeedup, Outcome, SessionSummary
 from crowd.results.models.measured import Decision, MeasurementSession, Run, State, Submission
 from crowd.results.models.records import Export, Tombstone, WorkerPulse
 
@@ -15,6 +15,7 @@ __all__ = [
     "DeviceSpeedup",
     "Export",
     "MeasurementSession",
+    "Outcome",
     "Run",
     "SessionSummary",
     "State",

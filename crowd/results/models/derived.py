@@ -2,13 +2,14 @@
 
 from django.db import models
 
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import DeviceModel, Installation, ProcessorClass
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.results.models.measured import MeasurementSession, State
 
 
 class Cohort(models.Model):
-    """Sessions that may be averaged with each other: of one device model, front, backend and processor.
+    """Sessions that may be averaged with each other: of one device model, front, backend, chip that computed
+    and class of that chip.
 
     Who writes summaries of its sessions, or figures from them, holds a lock on its row.
     """
@@ -16,12 +17,15 @@ class Cohort(models.Model):
     device = models.ForeignKey(DeviceModel, on_delete=models.CASCADE, related_name="cohorts")
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="cohorts")
     backend = models.CharField(max_length=32)
-    processor = models.CharField(max_length=200, blank=True, help_text="the OpenCL device that computed")
+    processor = models.CharField(max_length=200, blank=True, help_text="the chip that computed")
+    processor_class = models.CharField(max_length=3, choices=ProcessorClass.choices, default="gpu")
     stale = models.BooleanField(default=False, help_text="its figures do not know its newest sessions yet")
 
     class Meta:
         constraints = [
-            models.UniqueConstraint(fields=["device", "front", "backend", "processor"], name="cohort_key"),
+            models.UniqueConstraint(
+                fields=["device", "front", "backend", "processor", "processor_class"], name="cohort_key"
+            ),
         ]
         indexes = [
             models.Index(fields=["id"], name="cohort_stale", condition=models.Q(stale=True)),
@@ -43,15 +47,20 @@ class SessionSummary(models.Model):
     log_ratio = models.FloatField(
         null=True, help_text="natural logarithm of the speedup; empty where no pair is valid"
     )
+    low = models.FloatField(null=True, help_text="95 % interval of log_ratio over this session's pairs")
+    high = models.FloatField(null=True)
     pairs = models.PositiveSmallIntegerField()
+    runs = models.PositiveSmallIntegerField(default=0, help_text="of the configuration, whatever their state")
+    failed = models.PositiveSmallIntegerField(default=0, help_text="of these, how many did not finish")
+    lost = models.PositiveSmallIntegerField(default=0, help_text="of these, how many lost the camera")
     drift = models.FloatField(
-        null=True, help_text="largest ratio of the last repeat over the first, frame by frame"
+        null=True, help_text="ratio of the last repeat over the first, frame by frame: the farthest from 1"
     )
     ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration's runs, m")
     state = models.CharField(max_length=16, choices=State.choices)
     reason = models.CharField(max_length=64, blank=True, help_text="code of the rule that set the state")
     started_at = models.DateTimeField(help_text="the session's")
-    day = models.DateField(help_text="of started_at, UTC")
+    day = models.DateField(help_text="when the server received the session, UTC")
     counted = models.BooleanField(
         help_text="among the first sessions of its installation and day that have its state"
     )
@@ -96,10 +105,30 @@ class DeviceSpeedup(models.Model):
     baseline = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
     backend = models.CharField(max_length=32)
     processor = models.CharField(max_length=200, blank=True)
+    processor_class = models.CharField(max_length=3, choices=ProcessorClass.choices, default="gpu")
     algorithm = models.PositiveSmallIntegerField()
     speedup = models.FloatField()
-    low = models.FloatField(null=True, help_text="95 % interval over installations, from 3 of them on")
+    low = models.FloatField(null=True, help_text="95 % interval over units, from 3 of them on")
     high = models.FloatField(null=True)
+    session_low = models.FloatField(
+        null=True, help_text="95 % interval of the one session behind the figure, over its pairs"
+    )
+    session_high = models.FloatField(null=True)
+    deviation = models.FloatField(
+        null=True, help_text="standard deviation of the units' log ratios; empty for one unit"
+    )
+    units = models.PositiveIntegerField(
+        default=1, help_text="installations, those of one network counted once"
+    )
+    witnesses = models.PositiveIntegerField(
+        default=0, help_text="independent networks that agree with it, on this model"
+    )
+    chip_witnesses = models.PositiveIntegerField(
+        default=0, help_text="the same on all models with its chip, where this model alone has too few"
+    )
+    unsettled = models.BooleanField(
+        default=True, editable=False, help_text="other models with its chip were not asked since it changed"
+    )
     repeat_low = models.FloatField(
         null=True, help_text="repeatability on the one installation there is, from 3 sessions on"
     )
@@ -119,12 +148,36 @@ class DeviceSpeedup(models.Model):
         ordering = ["-speedup"]
         constraints = [
             models.UniqueConstraint(
-                fields=["front", "configuration", "device", "backend", "processor"], name="device_speedup_key"
+                fields=["front", "configuration", "device", "backend", "processor", "processor_class"],
+                name="device_speedup_key",
             ),
+        ]
+        indexes = [
+            models.Index(fields=["id"], name="speedup_unsettled", condition=models.Q(unsettled=True)),
+            models.Index(fields=["configuration", "witnesses", "speedup"], name="speedup_witnessed"),
+            models.Index(fields=["configuration", "processor"], name="speedup_chip"),
         ]
 
     def __str__(self) -> str:
         return f"{self.device_id} {self.configuration_id} {self.speedup:.2f}"
+
+
+class Outcome(models.Model):
+    """How often a configuration failed or lost the camera in a cohort, beside the mean of what went well."""
+
+    cohort = models.ForeignKey(Cohort, on_delete=models.CASCADE, related_name="outcomes")
+    configuration = models.ForeignKey(Configuration, on_delete=models.CASCADE, related_name="+")
+    sessions = models.PositiveIntegerField(help_text="that ran it")
+    failed = models.PositiveIntegerField(help_text="of these, in how many a run did not finish")
+    lost = models.PositiveIntegerField(help_text="of these, in how many a run lost the camera")
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["cohort", "configuration"], name="outcome_key"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.cohort_id} {self.configuration_id}: {self.failed} failed, {self.lost} lost"
 
 
 class DeviceActivity(models.Model):

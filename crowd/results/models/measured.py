@@ -7,7 +7,7 @@ import uuid
 
 from django.db import models
 
-from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation, ProcessorClass
 from crowd.fronts.models import Configuration, FrontVersion
 
 
@@ -59,12 +59,19 @@ class MeasurementSession(models.Model):
     description = models.ForeignKey(
         DeviceDescription, on_delete=models.PROTECT, related_name="sessions", db_index=False
     )
-    device = models.ForeignKey(DeviceModel, on_delete=models.PROTECT, related_name="sessions")
+    device = models.ForeignKey(
+        DeviceModel,
+        on_delete=models.PROTECT,
+        related_name="sessions",
+        help_text="the model it counts for: the description's, or the one that is an alias of",
+    )
     front = models.ForeignKey(FrontVersion, on_delete=models.PROTECT, related_name="sessions")
     protocol_version = models.PositiveSmallIntegerField()
     backend = models.CharField(max_length=32)
-    processor = models.CharField(max_length=200, blank=True, help_text="the OpenCL device that computed")
-    platform = models.CharField(max_length=200, blank=True)
+    processor = models.CharField(
+        max_length=200, blank=True, help_text="the chip that computed, as the rules call it"
+    )
+    processor_class = models.CharField(max_length=3, choices=ProcessorClass.choices, default="gpu")
     driver = models.CharField(max_length=200, blank=True)
     started_at = models.DateTimeField()
     received_at = models.DateTimeField(auto_now_add=True)

@@ -11,10 +11,11 @@ from django.db.models import Q, QuerySet
 from django.utils import timezone
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.results.figures import refreshing, summarising
+from crowd.results.figures import cohorts as cohort_figures
+from crowd.results.figures import sessions as session_figures
 from crowd.results.models import Cohort, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.opendata import exports
-from crowd.results.privacy import publication
+from crowd.results.privacy import disclosure
 
 AT_ONCE = 1_000
 TRIES = 3
@@ -25,16 +26,12 @@ T = TypeVar("T")
 
 def erase_installation(installation: Installation) -> None:
     """Delete everything of INSTALLATION, compute the figures that held it anew, withdraw such exports."""
-    _place(_persist(partial(_erase_installation, installation.pk)))
+    _persist(partial(_erase_installation, installation.pk))
 
 
 def erase_run(installation: Installation, uuid: UUID) -> bool:
     """Delete one run of INSTALLATION, and its session with the last one; False where there is none."""
-    rare = _persist(partial(_erase_run, installation.pk, uuid))
-    if rare is None:
-        return False
-    _place(rare)
-    return True
+    return _persist(partial(_erase_run, installation.pk, uuid))
 
 
 def _persist(erase: Callable[[], T]) -> T:
@@ -54,20 +51,11 @@ def _persist(erase: Callable[[], T]) -> T:
         return erase()
 
 
-def _place(models: Iterable[int]) -> None:
-    """Show MODELS as their groups. In transactions of their own: this changes what others sent, whose
-    installations would have to be locked before those that the erasure has locked.
-    """
-    for model in models:
-        _persist(partial(publication.place, model))
-
-
-def _erase_installation(key: UUID) -> list[int]:
-    """The models that are rare from now on."""
+def _erase_installation(key: UUID) -> None:
     # Nothing of it may come in meanwhile.
     installation = Installation.objects.select_for_update().filter(pk=key).first()
     if installation is None:
-        return []
+        return
     _lock_models(installation.sessions.all())
     sessions = list(installation.sessions.select_for_update().defer("samples").order_by("pk"))
     runs = Run.objects.filter(session__installation=installation).values_list("uuid", flat=True)
@@ -78,11 +66,11 @@ def _erase_installation(key: UUID) -> list[int]:
         _bury(Tombstone.Kind.SESSION, (session.uuid for session in sessions))
         Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
     installation.delete()
-    return _after(sessions, cohorts)
+    _after(sessions, cohorts)
 
 
-def _erase_run(key: UUID, uuid: UUID) -> list[int] | None:
-    """The models that are rare from now on; None where there is no such run."""
+def _erase_run(key: UUID, uuid: UUID) -> bool:
+    """Whether there was such a run."""
     # One request of an installation at a time: who asks for the last two runs at once erases the session.
     list(Installation.objects.select_for_update(no_key=True).filter(pk=key))
     holding = Run.objects.filter(uuid=uuid).values("session")
@@ -90,7 +78,7 @@ def _erase_run(key: UUID, uuid: UUID) -> list[int] | None:
     _lock_models(own)
     session = own.select_for_update(of=("self",)).select_related("installation").first()
     if session is None:
-        return None
+        return False
     public = not session.installation.simulated
     run = session.runs.get(uuid=uuid)
     if public:
@@ -98,16 +86,17 @@ def _erase_run(key: UUID, uuid: UUID) -> list[int] | None:
     run.delete()
     if session.runs.exists():
         exports.withdraw(session.received_at)
-        summarising.summarise_session(session.pk)
-        return []
+        session_figures.summarise_session(session.pk)
+        return True
     cohorts = _locked(session.summaries.all())
     places = set(session.summaries.values_list("cohort_id", "installation_id", "day"))
     if public:
         _bury(Tombstone.Kind.SESSION, [session.uuid])
     session.delete()
     # A later session of that day may count in its place.
-    refreshing.count_days_of(places)
-    return _after([session], cohorts)
+    cohort_figures.count_days_of(places)
+    _after([session], cohorts)
+    return True
 
 
 def _bury(kind: Tombstone.Kind, ids: Iterable[UUID]) -> None:
@@ -131,18 +120,18 @@ def _lock_models(sessions: QuerySet[MeasurementSession]) -> None:
 
 def _locked(summaries: QuerySet[SessionSummary]) -> list[Cohort]:
     """The cohorts of SUMMARIES, whose sessions are locked already."""
-    return refreshing.lock(Cohort.objects.filter(pk__in=summaries.values("cohort")))
+    return cohort_figures.lock(Cohort.objects.filter(pk__in=summaries.values("cohort")))
 
 
-def _after(sessions: list[MeasurementSession], cohorts: list[Cohort]) -> list[int]:
-    """Figures without the deleted SESSIONS; descriptions and models that nobody's session names go too. The
-    models that are rare from now on.
+def _after(sessions: list[MeasurementSession], cohorts: list[Cohort]) -> None:
+    """Figures without the deleted SESSIONS. Descriptions and models that no session names any more go, too;
+    who measured the others is counted again.
     """
     if not sessions:
-        return []
+        return
     descriptions = {session.description_id for session in sessions}
     models = set(DeviceDescription.objects.filter(pk__in=descriptions).values_list("model", flat=True))
     exports.withdraw(min(session.received_at for session in sessions))
-    refreshing.refresh(cohorts)
-    refreshing.count_activity({session.device_id for session in sessions})
-    return publication.after_erasure(models)
+    cohort_figures.refresh(cohorts)
+    session_figures.count_activity({session.device_id for session in sessions})
+    disclosure.after_erasure(models)

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 from django.db.models import Model
 
+from crowd.devices.disclosure import public_device
 from crowd.devices.models import Installation
 from crowd.results.intake import packing
 from crowd.results.models import Decision, MeasurementSession, Run, SessionSummary, Submission
@@ -61,7 +62,7 @@ def _session(session: MeasurementSession) -> dict[str, Any]:
         "device": description.raw,
         "device_first_seen_at": description.first_seen_at,
         "device_model": str(description.model),
-        "public_device": session.device.slug,
+        "public_device": public_device(session.device).slug,
         **_rest(session, *told),
         "runs": [_run(run) for run in session.runs.all()],
         "summaries": [_summary(summary) for summary in session.summaries.all()],

@@ -7,11 +7,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.devices.disclosure import find
 from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
-from crowd.results.reading.tables import named, table
+from crowd.results.reading.tables import table
 from crowd.results.reading.transfer_rows import CorrelationMatrix, DeviceCorrelation
 from pareto.correlation import correlate
 
@@ -30,7 +31,7 @@ def between(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
     are left out. Pearson is that of logarithms of time: a speedup is a ratio over the default, so log times
     differ from negated log speedups by a constant only, and the default itself is one more common
     configuration, at 0. A device measured on several processors stands by the one with the most sessions.
-    A simulated device has nothing in common with one that somebody has. One query.
+    A simulated device has nothing in common with one that somebody has. Two queries a device at most and one.
     """
     tables = _tables(slugs)
     found = (_pair(first, second, tables) for first, second in combinations(dict.fromkeys(slugs), 2))
@@ -39,23 +40,24 @@ def between(slugs: Sequence[str]) -> tuple[DeviceCorrelation, ...]:
 
 def matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatrix:
     """Every two of the MOST devices with the most sessions under FILTERS (whatever configuration they name)
-    that measured at least LEAST_COMMON configurations; by vendor, then by name. One query beside those of the
+    that measured at least LEAST_COMMON configurations; by vendor, then by name. No query beside those of the
     table.
     """
     found = table(filters, LEAST_COMMON)
-    popular = sorted(range(len(found.slugs)), key=lambda row: (-found.sessions[row], found.slugs[row]))[:most]
-    devices = named(found.slugs[row] for row in popular)
-    shown = sorted(popular, key=lambda row: _order(devices[found.slugs[row]]))
+    popular = sorted(
+        range(len(found.devices)), key=lambda row: (-found.sessions[row], found.devices[row].slug)
+    )[:most]
+    shown = sorted(popular, key=lambda row: _order(found.devices[row]))
     pearson, spearman, common = pairwise(-found.log_speedups[shown])
     return CorrelationMatrix(
         filters=filters,
         front=found.front,
-        devices=tuple(devices[found.slugs[row]] for row in shown),
+        devices=tuple(found.devices[row] for row in shown),
         sessions=tuple(found.sessions[row] for row in shown),
         pearson=pearson,
         spearman=spearman,
         common=common,
-        left_out=len(found.slugs) - len(shown),
+        left_out=len(found.devices) - len(shown),
     )
 
 
@@ -105,11 +107,12 @@ def _ranks(values: Array) -> Array:
 
 def _tables(slugs: Iterable[str]) -> dict[str, dict[Front, Logs]]:
     """Negated log speedups by device, front (newest first) and configuration."""
+    models = {model.pk: slug for slug in slugs if (model := find(slug)) is not None}
     rows = (
-        DeviceSpeedup.objects.filter(device__slug__in=slugs, state=State.VALID)
+        DeviceSpeedup.objects.filter(device__in=models, state=State.VALID)
         .order_by("-front__published_at", "-sessions", "processor")
         .values_list(
-            "device__slug",
+            "device_id",
             "device__kind",
             "front__slug",
             "backend",
@@ -121,7 +124,8 @@ def _tables(slugs: Iterable[str]) -> dict[str, dict[Front, Logs]]:
     )
     tables: dict[str, dict[Front, Logs]] = {}
     chosen: dict[tuple[str, Front], tuple[str, str]] = {}
-    for device, kind, slug, backend, processor, configuration, baseline, speedup in rows:
+    for key, kind, slug, backend, processor, configuration, baseline, speedup in rows:
+        device = models[key]
         front = (slug, kind == DeviceModel.Kind.SIMULATED)
         # The first row of a device and front is of the processor with the most sessions.
         if chosen.setdefault((device, front), (backend, processor)) == (backend, processor):

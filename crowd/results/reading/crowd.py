@@ -3,15 +3,17 @@
 Pure functions of rows.
 """
 
+import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from crowd.devices.models import ProcessorClass
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
 from crowd.results.reading.filters import ALL, SpeedupFilters
-from crowd.results.reading.rows import Headline, Place, Share, Speedup
+from crowd.results.reading.rows import Attempt, Attempts, Headline, Place, Share, Speedup
 
 PARTS = ("vendor", "soc", "os")
 
@@ -23,6 +25,7 @@ class Speedups:
     filters: SpeedupFilters
     front: str | None
     rows: tuple[Speedup, ...]
+    attempts: tuple[Attempt, ...]  # of every configuration, whatever came of it
 
     @cached_property
     def headline(self) -> Headline:
@@ -30,46 +33,87 @@ class Speedups:
         return headline(self.rows, self.filters.configuration)
 
     @cached_property
+    def fared(self) -> Attempts:
+        """How the leading configuration fared on all models that ran it."""
+        return attempts(self.attempts, self.filters.leading)
+
+    @cached_property
     def parts(self) -> Mapping[str, tuple[Share, ...]]:
         """The breakdown of that figure by each of PARTS."""
         return {by: breakdown(self.rows, by, self.filters.configuration) for by in PARTS}
 
 
-def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
-    """The crowd's figure over device models; a model measured on several processors counts once.
+def attempts(rows: Iterable[Attempt], configuration: str = BEST) -> Attempts:
+    """How CONFIGURATION fared on the device models of ROWS."""
+    sessions: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
+    for row in rows:
+        if row.configuration == configuration:
+            counts = sessions[row.device.slug]
+            for place, count in enumerate((row.sessions, row.failed, row.lost)):
+                counts[place] += count
+    return Attempts(
+        devices=len(sessions),
+        failing=sum(2 * failed >= all_of_them for all_of_them, failed, _ in sessions.values()),
+        losing=sum(2 * lost >= all_of_them for all_of_them, _, lost in sessions.values()),
+    )
 
-    The models of which no valid figure exists count only where there is none of any model.
-    """
-    counted = _counted(rows, configuration)
-    models = list(_by_model(counted).values())
-    crowd = statistics.crowd_speedup(models)
+
+def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
+    """The crowd's figure over models with a confirmed figure of CONFIGURATION (the best one for ALL)."""
+    shown = _of(rows, configuration)
+    counted = one_class([row for row in shown if row.counts])
+    models = _by_model(counted)
+    variances = statistics.figure_variances(
+        [row.units for row in counted], [row.deviation for row in counted]
+    ).tolist()
+    crowd = statistics.crowd_speedup(_estimates(counted, variances))
+    speedups = list(models.values())
     return Headline(
         devices=len(models),
         sessions=sum(row.sessions for row in counted),
         geometric_mean=crowd.value if crowd else None,
         low=crowd.low if crowd else None,
         high=crowd.high if crowd else None,
-        min=min(models, default=None),
-        max=max(models, default=None),
-        suspect=bool(counted) and counted[0].suspect,
+        min=min(speedups, default=None),
+        max=max(speedups, default=None),
+        unconfirmed=len({row.device.slug for row in shown} - models.keys()),
     )
 
 
+def one_class(rows: Sequence[Speedup]) -> list[Speedup]:
+    """Of each model in ROWS the figures of one processor class: its GPU's if it has any, else its CPU's."""
+    on_gpu = {row.device.slug for row in rows if row.processor_class == ProcessorClass.GPU}
+    return [row for row in rows if row.processor_class == ProcessorClass.GPU or row.device.slug not in on_gpu]
+
+
+def _estimates(rows: Sequence[Speedup], variances: Sequence[float]) -> list[tuple[float, float]]:
+    """Log ratio and variance of each model in ROWS: the mean over its figures where it has several."""
+    found: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for row, variance in zip(rows, variances, strict=True):
+        found[row.device.slug].append((math.log(row.speedup), variance))
+    return [
+        (
+            math.fsum(log for log, _ in each) / len(each),
+            math.fsum(variance for _, variance in each) / len(each) ** 2,
+        )
+        for each in found.values()
+    ]
+
+
 def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[Share, ...]:
-    """The headline of each group of ROWS, most devices first; BY is "vendor" (whose chip computed), "soc",
-    "gpu" or "os". A model measured on several vendors' chips counts with each; a figure that the headline of
-    all ROWS leaves out counts with none.
+    """The headline of each group of ROWS, most devices first; BY is "vendor" (of the chip that computed),
+    "soc", "gpu" or "os". A model measured on several vendors' chips counts with each.
     """
     groups: dict[str, list[Speedup]] = defaultdict(list)
-    for row in _counted(rows, configuration):
+    for row in _of(rows, configuration):
         groups[row.vendor if by == "vendor" else getattr(row.device, by)].append(row)
     shares = (Share(group, headline(members, configuration)) for group, members in groups.items())
     return tuple(sorted(shares, key=lambda share: (-share.figure.devices, share.group)))
 
 
 def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Place | None:
-    """Where the device SLUG stands in ROWS; None where no figure of it counts in their headline."""
-    counted = _counted(rows, configuration)
+    """Where the device SLUG stands among the models in the headline of ROWS; None where it is not in it."""
+    counted = one_class([row for row in _of(rows, configuration) if row.counts])
     devices = {row.device.slug: row.device for row in counted}
     models = _by_model(counted)
     if slug not in models:
@@ -86,11 +130,10 @@ def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Plac
     )
 
 
-def _counted(rows: Iterable[Speedup], configuration: str) -> list[Speedup]:
-    """Those of ROWS that a headline is made of."""
+def _of(rows: Iterable[Speedup], configuration: str) -> list[Speedup]:
+    """Those of ROWS that show CONFIGURATION, or the best one for ALL."""
     name = BEST if configuration == ALL else configuration
-    shown = [row for row in rows if row.configuration == name]
-    return [row for row in shown if not row.suspect] or shown
+    return [row for row in rows if row.configuration == name]
 
 
 def _by_model(rows: Iterable[Speedup]) -> dict[str, float]:

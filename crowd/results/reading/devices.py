@@ -1,21 +1,21 @@
 """Devices: all that somebody measured, and one with its configurations and sessions."""
 
-from django.db.models import Exists, OuterRef, Q
+from django.db.models import Exists, OuterRef
 
-from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.devices import revision
+from crowd.devices.disclosure import COLUMNS, find
+from crowd.devices.models import DeviceModel
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession
-from crowd.results.reading.figures import device_of, figures, hour, simulated_only, version
+from crowd.results.reading.figures import device_of, devices_of, figures, hour, simulated_only
 from crowd.results.reading.filters import SpeedupFilters
 from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_row, session_rows
 from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.reading.versioned_cache import VersionedCache
 
-LISTED_DESCRIPTIONS = 20
-
 # By their keys; of a few versions of the data.
-_named: VersionedCache[dict[int, Device]] = VersionedCache(2)
+_devices_cache: VersionedCache[dict[int, Device]] = VersionedCache(2)
 
 
 def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
@@ -25,7 +25,7 @@ def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> 
     """
     crowd = speedups(SpeedupFilters(simulated=simulated, application=application))
     best = {row.device.slug: row for row in reversed(crowd.rows)}
-    models = _named.get(version, None, _devices)
+    models = _devices_cache.get(revision.current, None, _devices)
     counts = DeviceActivity.objects.values_list("device_id", "sessions", "installations", "last_session_at")
     rows = (
         DeviceRow(device, sessions, installations, hour(last), best.get(device.slug))
@@ -38,31 +38,37 @@ def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> 
 
 
 def _devices() -> dict[int, Device]:
-    return {model.pk: device_of(model) for model in DeviceModel.objects.all()}
+    return {model.pk: device_of(model) for model in DeviceModel.objects.only(*COLUMNS)}
 
 
 def pending(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> tuple[DeviceRow, ...]:
-    """Devices with a summarised session of APPLICATION and no figure of `best` on its newest measured
-    front, by slug; of the SIMULATED ones, or of those that people measured; counted as `devices` does. Three
-    queries at most, whatever the number of devices.
+    """Devices with a summarised session of APPLICATION and no figure of `best` on its default front, by slug;
+    of the SIMULATED ones, or of those that people measured; counted as `devices` does. Four queries at most,
+    whatever the number of devices.
     """
     front = measured_front(application, simulated)
     figured = DeviceSpeedup.objects.filter(front__slug=front, configuration__name=BEST)
     measured = MeasurementSession.objects.filter(device=OuterRef("device"), front__application=application)
-    rows = DeviceActivity.objects.select_related("device").filter(simulated_only(simulated), Exists(measured))
-    return tuple(
-        DeviceRow(device_of(row.device), row.sessions, row.installations, hour(row.last_session_at), None)
-        for row in rows.exclude(device__in=figured.values("device")).order_by("device__slug")
+    rows = list(
+        DeviceActivity.objects.filter(simulated_only(simulated), Exists(measured)).exclude(
+            device__in=figured.values("device")
+        )
     )
+    found = devices_of(row.device_id for row in rows)
+    listed = (
+        DeviceRow(found[row.device_id], row.sessions, row.installations, hour(row.last_session_at), None)
+        for row in rows
+    )
+    return tuple(sorted(listed, key=lambda row: row.device.slug))
 
 
 def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     """One device: every configuration, newest front first; newest sessions; all of APPLICATION alone where
     one is given, but for the counts of sessions and installations, which are over all of them.
 
-    None for an unknown SLUG, and for a model of which nothing is shown under its own name.
+    None for an unknown SLUG, and for the name of a model that is masked.
     """
-    model = DeviceModel.objects.filter(slug=slug).first()
+    model = find(slug)
     if model is None:
         return None
     of_one = {} if application is None else {"front__application": application}
@@ -76,19 +82,8 @@ def device(slug: str, application: str | None = None) -> DeviceDetail | None:
         device=device_of(model),
         speedups=tuple(figures(rows)),
         sessions=tuple(session_row(row) for row in listed),
-        # Before the first summary of a device nothing has counted its sessions.
+        # Before the first summary of a device its sessions are not counted.
         session_count=activity.sessions if activity else len(listed),
         installations=activity.installations if activity else 0,
-        descriptions=_descriptions(model),
         latest=session_detail(listed[0]),
     )
-
-
-def _descriptions(model: DeviceModel) -> tuple[dict[str, object], ...]:
-    """Raw strings of MODEL's newest descriptions, of those that have a session under its name."""
-    public = MeasurementSession.objects.filter(description=OuterRef("pk"), device=model)
-    # By their keys: joined with models, all descriptions would be looked at.
-    models = DeviceModel.objects.filter(Q(pk=model.pk) | Q(canonical=model)).values("pk")
-    rows = DeviceDescription.objects.filter(Exists(public), model__in=models)
-    newest = rows.order_by("-first_seen_at")[:LISTED_DESCRIPTIONS]
-    return tuple(newest.values_list("raw", flat=True))

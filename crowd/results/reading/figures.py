@@ -1,25 +1,27 @@
 """Stored figures as rows: what every read of speedups and devices shares."""
 
-import hashlib
+from collections.abc import Iterable
+from dataclasses import asdict
 from datetime import datetime
 
-import msgspec
-from django.db.models import Count, F, Max, Q, QuerySet, Sum
+from django.conf import settings
+from django.db.models import F, Q, QuerySet
 
-from crowd.devices import names
+from crowd.devices.disclosure import COLUMNS, public_device
 from crowd.devices.models import DeviceModel
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading.rows import Device, Speedup
 
-DEVICE = ("slug", "manufacturer", "name", "market_name", "cpu", "soc", "gpu", "os", "kind")
+# As many keys as a query names one by one.
+FEW = 500
 FIGURE = (
-    "backend", "processor", "speedup", "low", "high", "repeat_low", "repeat_high", "sessions",
-    "installations", "ate_max",
+    "backend", "processor", "processor_class", "speedup", "low", "high", "session_low", "session_high",
+    "repeat_low", "repeat_high", "deviation", "units", "sessions", "installations", "ate_max",
 )  # fmt: skip
 
 
 def simulated_only(simulated: bool, device: str = "device__") -> Q:
-    """Of SIMULATED devices alone, or of those alone that people measured: the two are never mixed. DEVICE is
+    """Either SIMULATED devices alone, or those alone that people measured: the two are never mixed. DEVICE is
     the path to the model.
     """
     made_up = Q(**{f"{device}kind": DeviceModel.Kind.SIMULATED})
@@ -32,49 +34,35 @@ def hour(moment: datetime) -> datetime:
 
 
 def device_of(model: DeviceModel) -> Device:
-    """MODEL as a row."""
-    return Device(
-        slug=model.slug,
-        manufacturer=model.manufacturer,
-        name=model.shown_name,
-        cpu=model.cpu,
-        soc=model.soc,
-        gpu=model.gpu,
-        os=model.os,
-        kind=model.kind,
-    )
+    """MODEL as the public sees it."""
+    return Device(**asdict(public_device(model)))
 
 
-def version() -> str:
-    """Another text after every change of a stored figure, or of what a model is called and consists of; the
-    same in every process. Two queries.
-    """
-    stored = DeviceSpeedup.objects.aggregate(
-        Count("pk"), Max("pk"), Max("computed_at"), Sum("sessions"), Sum("speedup")
-    )
-    models = DeviceModel.objects.order_by("pk").values_list("pk", "rare", "canonical_id", *DEVICE)
-    facts = msgspec.json.encode([list(stored.values()), list(models)])
-    return hashlib.blake2b(facts, digest_size=16).hexdigest()
+def devices_of(keys: Iterable[int]) -> dict[int, Device]:
+    """The models KEYS as the public sees them. One query, a join for many of them."""
+    wanted = set(keys)
+    models = DeviceModel.objects.only(*COLUMNS)
+    if len(wanted) <= FEW:
+        models = models.filter(pk__in=wanted)
+    return {model.pk: device_of(model) for model in models if model.pk in wanted}
 
 
 def figures(rows: QuerySet[DeviceSpeedup]) -> list[Speedup]:
-    """ROWS in their order. One query, of the columns that are shown: fronts and configurations are large."""
-    found = rows.values(
-        *FIGURE,
-        "device_id",
-        "last_session_at",
-        "state",
-        *(f"device__{name}" for name in DEVICE),
-        front_name=F("front__slug"),
-        configuration_name=F("configuration__name"),
-        baseline_name=F("baseline__name"),
+    """ROWS in their order. Two queries, of the columns that are shown: fronts are large."""
+    found = list(
+        rows.values(
+            *FIGURE,
+            "device_id",
+            "witnesses",
+            "chip_witnesses",
+            "last_session_at",
+            "state",
+            front_name=F("front__slug"),
+            configuration_name=F("configuration__name"),
+            baseline_name=F("baseline__name"),
+        )
     )
-    devices: dict[int, Device] = {}
-    for row in found:
-        if row["device_id"] not in devices:
-            parts = {name: row[f"device__{name}"] for name in DEVICE}
-            parts["name"] = names.shown(parts["manufacturer"], parts["name"], parts.pop("market_name"))
-            devices[row["device_id"]] = Device(**parts)
+    devices = devices_of(row["device_id"] for row in found)
     return [
         Speedup(
             device=devices[row["device_id"]],
@@ -83,7 +71,13 @@ def figures(rows: QuerySet[DeviceSpeedup]) -> list[Speedup]:
             baseline=row["baseline_name"],
             last_session_at=hour(row["last_session_at"]),
             suspect=row["state"] == State.SUSPECT,
+            confirmed=is_confirmed(devices[row["device_id"]], row["witnesses"], row["chip_witnesses"]),
             **{name: row[name] for name in FIGURE},
         )
         for row in found
     ]
+
+
+def is_confirmed(device: Device, *witnesses: int) -> bool:
+    """Whether a quorum agrees with a figure of DEVICE; pages of simulated devices treat all as confirmed."""
+    return device.simulated or max(witnesses) >= settings.FRONTRUNNER_QUORUM

@@ -8,10 +8,12 @@ from typing import Any
 from django.db.models import Avg, Count, Max, Min
 from django.db.models.fields.json import KT
 
+from crowd.devices.disclosure import find, is_disclosed
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
+from crowd.results.reading.failures import public_os_version
 from crowd.results.reading.figures import hour
 from crowd.results.reading.rows import History, Release
 
@@ -19,15 +21,18 @@ from crowd.results.reading.rows import History, Release
 def history(slug: str, configuration: str = BEST, application: str | None = None) -> History | None:
     """CONFIGURATION on the device SLUG by driver and version of the system, of the newest front (of
     APPLICATION where one is given) and, of several processors, of the one with the most sessions. None
-    where it has no valid figure. Three queries.
+    where it has no valid figure. Five queries.
 
-    Of a group of rare models the system's version is left out, as all that they say of themselves.
+    The version of a masked model's system is left out.
     """
     of_one = {} if application is None else {"front__application": application}
+    model = find(slug)
+    if model is None:
+        return None
     figure = (
-        DeviceSpeedup.objects.filter(device__slug=slug, configuration__name=configuration, state=State.VALID)
+        DeviceSpeedup.objects.filter(device=model, configuration__name=configuration, state=State.VALID)
         .filter(**of_one)
-        .select_related("device", "front")
+        .select_related("front")
         .defer("front__provenance", "front__sequence", "front__protocol")
         .order_by("-front__published_at", "-sessions", "processor")
         .first()
@@ -35,7 +40,11 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
     if figure is None:
         return None
     cohorts = Cohort.objects.filter(
-        device=figure.device_id, front=figure.front_id, backend=figure.backend, processor=figure.processor
+        device=figure.device_id,
+        front=figure.front_id,
+        backend=figure.backend,
+        processor=figure.processor,
+        processor_class=figure.processor_class,
     )
     rows = list(
         SessionSummary.objects.filter(
@@ -45,7 +54,7 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
         .values("installation_id", "session__description_id", "session__driver")
         .annotate(mean=Avg("log_ratio"), count=Count("id"), first=Min("started_at"), last=Max("started_at"))
     )
-    versions = _versions(figure.device, {row["session__description_id"] for row in rows})
+    versions = _versions(model, {row["session__description_id"] for row in rows})
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = defaultdict(list)
     for row in rows:
         groups[row["session__driver"], versions.get(row["session__description_id"], "")].append(row)
@@ -60,11 +69,11 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
 
 
 def _versions(device: DeviceModel, descriptions: Iterable[int]) -> dict[int, str]:
-    """The system's version by the description's key; none of a group."""
-    if device.kind == DeviceModel.Kind.GROUP:
+    """The system's version by the description's key; none of a masked device."""
+    if not is_disclosed(device):
         return {}
     rows = DeviceDescription.objects.filter(pk__in=descriptions).values_list("pk", KT("raw__os_version"))
-    return {key: version for key, version in rows if isinstance(version, str)}
+    return {key: public_os_version(version) for key, version in rows if isinstance(version, str)}
 
 
 def _release(driver: str, os_version: str, rows: Iterable[Mapping[str, Any]]) -> Release:

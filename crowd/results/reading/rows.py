@@ -10,25 +10,15 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.devices.disclosure import PublicDevice
 from crowd.devices.normalisation import SIMULATED
 from crowd.devices.vendors import vendor
 from crowd.fronts.selectors import BEST
 
 
 @dataclass(frozen=True)
-class Device:
-    """A device model as people call it, with what is known of its parts ("" where nothing is); or a group of
-    rare ones, which is its `kind` then.
-    """
-
-    slug: str
-    manufacturer: str
-    name: str
-    cpu: str
-    soc: str
-    gpu: str
-    os: str
-    kind: str = "device"
+class Device(PublicDevice):
+    """A device model as the public sees it, with what is known of its parts ("" where nothing is)."""
 
     @property
     def title(self) -> str:
@@ -36,22 +26,23 @@ class Device:
 
     @property
     def simulated(self) -> bool:
-        """Whether nobody has this device, and its figures are made up."""
+        """Whether the device does not exist and its figures are made up."""
         return self.kind == SIMULATED
 
     @property
     def vendor(self) -> str:
-        """Whose graphics chip it has, one of crowd.devices.vendors.VENDORS."""
+        """The family of its graphics chip, one of crowd.devices.vendors.VENDORS."""
         return vendor("", self.gpu)
 
 
 @dataclass(frozen=True)
 class Speedup:
-    """One bar: a configuration against the baseline on one device model, backend and OpenCL device.
+    """One bar: a configuration against the baseline on one device model, backend and chip.
 
-    low and high are the 95 % interval over installations, None below three of them; repeat_low and
-    repeat_high the repeatability on the only installation there is, None below three sessions. suspect:
-    there is no valid session, the figure comes from suspect ones.
+    low and high are the 95 % interval over units, None below three of them; repeat_low and repeat_high the
+    repeatability on the only installation there is, None below three sessions; session_low and session_high
+    the own interval of the only session there is. confirmed: a quorum of independent networks agrees.
+    suspect: there are only suspect sessions.
     """
 
     device: Device
@@ -60,35 +51,84 @@ class Speedup:
     baseline: str
     backend: str
     processor: str
+    processor_class: str
     speedup: float
     low: float | None
     high: float | None
+    session_low: float | None
+    session_high: float | None
     repeat_low: float | None
     repeat_high: float | None
+    deviation: float | None
+    units: int
     sessions: int
     installations: int
     ate_max: float | None  # m
     last_session_at: datetime
     suspect: bool
+    confirmed: bool
 
     @property
     def vendor(self) -> str:
-        """Whose chip computed, one of crowd.devices.vendors.VENDORS."""
+        """The family of the chip that computed, one of crowd.devices.vendors.VENDORS."""
         return vendor(self.processor, self.device.gpu)
+
+    @property
+    def state(self) -> str:
+        """confirmed or unconfirmed."""
+        return "confirmed" if self.confirmed else "unconfirmed"
+
+    @property
+    def counts(self) -> bool:
+        """Whether headline, ranking and cards rest on it."""
+        return self.confirmed and not self.suspect
 
     @property
     def key(self) -> str:
         """What tells this bar from every other."""
-        return "|".join((self.front, self.configuration, self.device.slug, self.backend, self.processor))
+        parts = (self.front, self.configuration, self.device.slug, self.backend, self.processor)
+        return "|".join((*parts, self.processor_class))
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """How one configuration fared in the `sessions` of one device model, backend and chip that ran it: in how
+    many of these a run failed, or lost the camera.
+    """
+
+    device: Device
+    configuration: str
+    backend: str
+    processor: str
+    sessions: int
+    failed: int
+    lost: int
+
+    @property
+    def vendor(self) -> str:
+        """The family of the chip that computed, one of crowd.devices.vendors.VENDORS."""
+        return vendor(self.processor, self.device.gpu)
+
+
+@dataclass(frozen=True)
+class Attempts:
+    """How one configuration fared on the device models that ran it, besides the times of those that count.
+
+    A model is counted as failing, or as losing the camera, where at least half of its sessions did.
+    """
+
+    devices: int
+    failing: int
+    losing: int
 
 
 @dataclass(frozen=True)
 class Headline:
-    """The crowd in one line, over device models: None where there is no device.
+    """The crowd in one line, over device models with a confirmed figure: None where there are none.
 
-    low and high are a 95 % interval of the geometric mean over models, None below three of them.
-    Suspect figures are left out as long as one valid figure exists; `suspect` says that there is none. Where
-    ALL configurations are shown, the line is about the best one.
+    The mean is a random-effects mean that knows each figure's own uncertainty; low and high are its 95 %
+    interval, None below three models. `unconfirmed`: how many other models there are, in no figure of this
+    line. Where ALL configurations are shown, the line is about the best one.
     """
 
     devices: int
@@ -98,7 +138,7 @@ class Headline:
     high: float | None
     min: float | None
     max: float | None
-    suspect: bool
+    unconfirmed: int
 
 
 @dataclass(frozen=True)
@@ -166,11 +206,15 @@ class DeviceRow:
 
 @dataclass(frozen=True)
 class SessionSpeedup:
-    """One session's answer for one configuration; speedup is None where no pair of runs was valid."""
+    """One session's answer for one configuration; speedup is None where no pair of runs was valid, low and
+    high (95 %, over its pairs) are None where there is one pair alone.
+    """
 
     configuration: str
     baseline: str
     speedup: float | None
+    low: float | None
+    high: float | None
     pairs: int
     drift: float | None
     ate_max: float | None
@@ -231,7 +275,6 @@ class SessionDetail:
 
     session: SessionRow
     protocol: dict[str, object]
-    platform: str
     driver: str
     samples: list[dict[str, object]]
     runs: tuple[RunSeries, ...]
@@ -239,14 +282,13 @@ class SessionDetail:
 
 @dataclass(frozen=True)
 class DeviceDetail:
-    """One device's page: its speedups of every configuration, raw strings as sent, its newest sessions."""
+    """One device's page: its speedups of every configuration, its newest sessions."""
 
     device: Device
     speedups: tuple[Speedup, ...]
     sessions: tuple[SessionRow, ...]
     session_count: int
     installations: int
-    descriptions: tuple[dict[str, object], ...]
     latest: SessionDetail | None = field(repr=False)
 
 
@@ -257,7 +299,6 @@ class RunDetail:
     run: RunSeries
     session: SessionRow
     protocol: dict[str, object]
-    platform: str
     driver: str
     parameters: dict[str, object]
 

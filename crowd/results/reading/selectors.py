@@ -1,8 +1,7 @@
 """Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
 
-from crowd.results.reading.crowd import Speedups, breakdown, headline, place
+from crowd.results.reading.crowd import Speedups, attempts, breakdown, headline, place
 from crowd.results.reading.devices import device, devices, pending
-from crowd.results.reading.figures import version
 from crowd.results.reading.history import history
 from crowd.results.reading.parsing import UnknownFrontError, asked
 from crowd.results.reading.sessions import (
@@ -21,6 +20,7 @@ __all__ = [
     "Speedups",
     "UnknownFrontError",
     "asked",
+    "attempts",
     "breakdown",
     "device",
     "devices",
@@ -35,6 +35,5 @@ __all__ = [
     "session",
     "speedups",
     "submission",
-    "version",
     "winners",
 ]

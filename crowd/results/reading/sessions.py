@@ -11,7 +11,9 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.results.figures import statistics
 from crowd.results.intake import packing
 from crowd.results.intake.checking import REJECTED
+from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, SessionSummary, Submission
+from crowd.results.reading.failures import public_failure
 from crowd.results.reading.figures import device_of, hour, simulated_only
 from crowd.results.reading.rows import (
     RunDetail,
@@ -60,7 +62,6 @@ def run(uuid: UUID) -> RunDetail | None:
         run=_series(row),
         session=session_row(around),
         protocol=around.front.protocol,
-        platform=around.platform,
         driver=around.driver,
         parameters=row.configuration.parameters,
     )
@@ -116,6 +117,8 @@ def _session_speedup(row: SessionSummary) -> SessionSpeedup:
         configuration=row.configuration.name,
         baseline=row.baseline.name,
         speedup=None if row.log_ratio is None else statistics.ratio(row.log_ratio),
+        low=None if row.low is None else statistics.ratio(row.low),
+        high=None if row.high is None else statistics.ratio(row.high),
         pairs=row.pairs,
         drift=row.drift,
         ate_max=row.ate_max,
@@ -130,7 +133,6 @@ def session_detail(row: MeasurementSession) -> SessionDetail:
     return SessionDetail(
         session=session_row(row),
         protocol=row.front.protocol,
-        platform=row.platform,
         driver=row.driver,
         samples=row.samples,
         runs=tuple(_series(each) for each in runs),
@@ -144,6 +146,7 @@ def _series(row: Run) -> RunSeries:
         stage_seconds={
             name: packing.seconds(series)
             for name, series in packing.unpack_stages(row.stages, row.stages_us).items()
+            if name in STAGES
         },
         tracked=tuple(packing.unpack_tracked(row.tracked)),
     )
@@ -156,7 +159,7 @@ def _run(row: Run) -> RunRow:
         repeat=row.repeat,
         order=row.order,
         status=row.status,
-        failure=row.failure,
+        failure=public_failure(row.failure),
         mean_seconds=None if row.mean_us is None else row.mean_us * 1e-6,
         tracked_frames=row.tracked_frames,
         ate_max=row.ate_max,

@@ -1,33 +1,47 @@
 """The crowd's bars, under the filters of every page."""
 
+from collections.abc import Iterable
 from datetime import UTC, date, datetime, time, timedelta
-from functools import reduce
-from operator import or_
+from typing import Any
 
-from django.db.models import Q
+from django.db.models import QuerySet
 
+from crowd.devices import revision
 from crowd.fronts.models import FrontVersion
-from crowd.results.figures import summaries
-from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
+from crowd.results.figures import cohorts as figures_of
+from crowd.results.figures.confirmation import confirmed
+from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.reading.crowd import Speedups
-from crowd.results.reading.figures import device_of, figures, hour, simulated_only, version
+from crowd.results.reading.figures import devices_of, figures, hour, is_confirmed, simulated_only
 from crowd.results.reading.filters import ALL, SpeedupFilters, whole
-from crowd.results.reading.rows import Speedup
+from crowd.results.reading.rows import Attempt, Device, Speedup
 from crowd.results.reading.versioned_cache import VersionedCache
 
-CALLED = ("manufacturer", "name", "market_name")
 # A crowd of 2,000 devices takes 3 MB.
-_kept: VersionedCache[Speedups] = VersionedCache(8)
+_speedups_cache: VersionedCache[Speedups] = VersionedCache(8)
+_front_cache: VersionedCache[str | None] = VersionedCache(8)
 
 
 def measured_front(application: str, simulated: bool = False) -> str | None:
-    """Slug of the newest published front that is measured, by people or by SIMULATED devices; the newest of
-    all before anyone measured.
+    """Slug of the newest published front with a confirmed figure, of people or of SIMULATED devices; else of
+    the newest that was measured at all, else of the newest. Two queries; more after a change.
     """
-    published = FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
-    figured = DeviceSpeedup.objects.filter(simulated_only(simulated))
-    measured = published.filter(pk__in=figured.values("front_id"))
-    return measured.values_list("slug", flat=True).first() or published.values_list("slug", flat=True).first()
+    fronts = FrontVersion.objects.filter(application=application, state=FrontVersion.State.PUBLISHED)
+    published = dict(fronts.values_list("slug", "pk"))
+    key = (application, simulated, tuple(published))
+    return _front_cache.get(revision.current, key, lambda: _measured_front(published, simulated))
+
+
+def _measured_front(published: dict[str, int], simulated: bool) -> str | None:
+    """PUBLISHED: keys of fronts by their slugs, newest first."""
+    measured = DeviceSpeedup.objects.filter(simulated_only(simulated), front__in=published.values())
+    counting = measured if simulated else measured.filter(confirmed(), state=State.VALID)
+    for figured in (counting, measured):
+        keys = set(figured.order_by().values_list("front", flat=True).distinct())
+        for slug, key in published.items():
+            if key in keys:
+                return slug
+    return next(iter(published), None)
 
 
 def speedups(filters: SpeedupFilters) -> Speedups:
@@ -37,20 +51,41 @@ def speedups(filters: SpeedupFilters) -> Speedups:
     What a period's figures are made of changes together with stored figures, or waits to be worked into them.
     """
     front = filters.front or measured_front(filters.application, filters.simulated)
-    return _kept.get(version, (filters, front), lambda: _speedups(filters, front))
+    return _speedups_cache.get(revision.current, (filters, front), lambda: _speedups(filters, front))
 
 
 def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
     found = _of_period(filters, front) if filters.period else _stored(filters, front)
     rows = [
-        row for row in found if filters.vendor in ("", row.vendor) and (filters.suspect or not row.suspect)
+        row
+        for row in found
+        if matches(filters, row.device, row.vendor, row.backend) and (filters.suspect or not row.suspect)
     ]
     ordered = tuple(sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.configuration)))
-    return Speedups(filters, front, ordered)
+    return Speedups(filters, front, ordered, tuple(_attempts(filters, front)))
+
+
+def matches(filters: SpeedupFilters, device: Device, vendor: str, backend: str) -> bool:
+    """Whether FILTERS ask for what DEVICE measured with BACKEND on a chip of VENDOR.
+
+    They see what the public sees: a masked model is found by its chip alone.
+    """
+    called = f"{device.manufacturer} {device.name}".casefold()
+    return (
+        filters.vendor in ("", vendor)
+        and filters.backend in ("", backend)
+        and all(word in called for word in filters.device.casefold().split())
+        and all(_matches(getattr(filters, part), getattr(device, part)) for part in ("soc", "gpu", "os"))
+    )
+
+
+def _matches(asked: str, text: str) -> bool:
+    exact = whole(asked)
+    return asked.casefold() in text.casefold() if exact is None else exact == text
 
 
 def _stored(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
-    rows = DeviceSpeedup.objects.filter(of_devices(filters), front__slug=front)
+    rows = DeviceSpeedup.objects.filter(simulated_only(filters.simulated), front__slug=front)
     if filters.min_sessions > 1:
         rows = rows.filter(sessions__gte=filters.min_sessions)
     if filters.configuration != ALL:
@@ -58,55 +93,70 @@ def _stored(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
     return figures(rows)
 
 
-def of_devices(filters: SpeedupFilters) -> Q:
-    """Whose figures FILTERS ask for, of rows that carry a device and a backend."""
-    texts = {"soc": filters.soc, "gpu": filters.gpu, "os": filters.os}
-    asked = dict(_matching(f"device__{name}", text) for name, text in texts.items() if text)
-    if filters.backend:
-        asked["backend"] = filters.backend
-    return simulated_only(filters.simulated) & Q(**asked) & _called(filters.device)
-
-
-def _called(words: str) -> Q:
-    """Devices whose maker or name holds each of WORDS."""
-    found = Q()
-    for word in dict.fromkeys(words.split()):
-        places = (Q(**{f"device__{name}__icontains": word}) for name in CALLED)
-        found &= reduce(or_, places)
-    return found
-
-
-def _matching(field: str, text: str) -> tuple[str, str]:
-    """The look-up of TEXT in FIELD."""
-    exact = whole(text)
-    return (f"{field}__icontains", text) if exact is None else (field, exact)
+def cohorts_of(filters: SpeedupFilters, front: str | None) -> QuerySet[Cohort]:
+    """The cohorts of FRONT, of simulated devices or of those that people have."""
+    return Cohort.objects.filter(simulated_only(filters.simulated), front__slug=front)
 
 
 def _of_period(filters: SpeedupFilters, front: str | None) -> list[Speedup]:
-    """The same figures from the sessions of a period alone, which no stored row holds. Four queries."""
-    cohorts = Cohort.objects.filter(of_devices(filters), front__slug=front)
-    found = {cohort.pk: cohort for cohort in cohorts.select_related("device")}
-    version = FrontVersion.objects.filter(slug=front).prefetch_related("configurations").first()
-    called = {c.pk: c.name for c in version.configurations.all()} if version else {}
-    asked = [key for key, name in called.items() if filters.configuration in (ALL, name)]
+    """The same figures from the sessions of a period alone, which no stored row holds. Six queries."""
+    cohorts = cohorts_of(filters, front)
+    found = {cohort.pk: cohort for cohort in cohorts}
+    devices = devices_of(cohort.device_id for cohort in found.values())
+    names = _names(front)
+    asked = [key for key, name in names.items() if filters.configuration in (ALL, name)]
     rows = SessionSummary.objects.filter(
         configuration__in=asked, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
     )
     return [
         Speedup(
-            device=device_of(found[key.cohort].device),
+            device=devices[found[key.cohort].device_id],
             front=front or "",
-            configuration=called[key.configuration],
-            baseline=called[key.baseline],
+            configuration=names[key.configuration],
+            baseline=names[key.baseline],
             backend=found[key.cohort].backend,
             processor=found[key.cohort].processor,
-            **figure.numbers,
+            processor_class=found[key.cohort].processor_class,
+            **{name: value for name, value in figure.numbers.items() if name != "witnesses"},
             last_session_at=hour(figure.last_session_at),
             suspect=figure.state == State.SUSPECT,
+            confirmed=is_confirmed(devices[found[key.cohort].device_id], figure.witnesses),
         )
-        for key, figure in summaries.figures(rows).items()
+        for key, figure in figures_of.figures(rows).items()
         if figure.model.sessions >= filters.min_sessions
     ]
+
+
+def _attempts(filters: SpeedupFilters, front: str | None) -> Iterable[Attempt]:
+    """How each configuration fared under FILTERS. Three queries, four for a period."""
+    cohorts = cohorts_of(filters, front)
+    counts: Iterable[tuple[Any, ...]]
+    if filters.period:
+        rows = SessionSummary.objects.filter(
+            cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
+        )
+        counts = [(*key, *found) for key, found in figures_of.outcomes(rows).items()]
+    else:
+        counts = Outcome.objects.filter(cohort__in=cohorts.values("pk")).values_list(
+            "cohort_id", "configuration_id", "sessions", "failed", "lost"
+        )
+    places = {
+        key: (device, backend, processor)
+        for key, device, backend, processor in cohorts.values_list("pk", "device_id", "backend", "processor")
+    }
+    devices = devices_of(device for device, _, _ in places.values())
+    names = _names(front)
+    for cohort, configuration, sessions, failed, lost in counts:
+        device, backend, processor = places[cohort]
+        row = Attempt(devices[device], names[configuration], backend, processor, sessions, failed, lost)
+        if matches(filters, row.device, row.vendor, backend) and sessions >= filters.min_sessions:
+            yield row
+
+
+def _names(front: str | None) -> dict[int, str]:
+    """The names of FRONT's configurations by their keys."""
+    version = FrontVersion.objects.filter(slug=front).first()
+    return {} if version is None else dict(version.configurations.values_list("pk", "name"))
 
 
 def between(since: date | None, until: date | None) -> dict[str, datetime]:

@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.devices.models import DeviceModel
+from crowd.devices import revision
 from crowd.devices.vendors import vendor
 from crowd.fronts.models import Configuration
-from crowd.results.figures import summaries
-from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
-from crowd.results.reading.figures import device_of, version
+from crowd.results.figures.cohorts import valid_speedups
+from crowd.results.models import DeviceSpeedup, SessionSummary, State
+from crowd.results.reading.figures import devices_of, simulated_only
 from crowd.results.reading.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Device
-from crowd.results.reading.speedups import between, measured_front, of_devices
+from crowd.results.reading.speedups import between, cohorts_of, matches, measured_front
 from crowd.results.reading.versioned_cache import VersionedCache
 
-# device's slug, backend, processor, configuration, baseline, logarithm of the speedup, sessions
-Cell = tuple[str, str, str, str, str, float, int]
+# device, backend, processor, configuration, baseline, logarithm of the speedup, sessions
+Cell = tuple[Device, str, str, str, str, float, int]
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Table:
     """
 
     front: str | None
-    slugs: tuple[str, ...]  # of the devices, in order
+    devices: tuple[Device, ...]  # in the order of their slugs
     backends: tuple[str, ...]
     processors: tuple[str, ...]
     sessions: tuple[int, ...]  # of the configuration with the most
@@ -39,7 +39,7 @@ class Table:
 
 
 # Of 2,000 devices and twenty configurations one takes a megabyte.
-_kept: VersionedCache[Table] = VersionedCache(8)
+_cache: VersionedCache[Table] = VersionedCache(8)
 
 
 def table(filters: SpeedupFilters, least: int) -> Table:
@@ -51,7 +51,7 @@ def table(filters: SpeedupFilters, least: int) -> Table:
     """
     front = filters.front or measured_front(filters.application, filters.simulated)
     filters = replace(filters, front=front or "", configuration=ALL, suspect=False)
-    return _kept.get(version, (filters.query(), least), lambda: _table(filters, front, least))
+    return _cache.get(revision.current, (filters.query(), least), lambda: _table(filters, front, least))
 
 
 def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
@@ -68,7 +68,7 @@ def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
     rows = list(chosen.values())
     return Table(
         front=front,
-        slugs=tuple(chosen),
+        devices=tuple(row.device for row in rows),
         backends=tuple(row.backend for row in rows),
         processors=tuple(row.processor for row in rows),
         sessions=tuple(row.sessions for row in rows),
@@ -77,16 +77,9 @@ def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
     )
 
 
-def named(slugs: Iterable[str]) -> dict[str, Device]:
-    """The devices called SLUGS. One query for each thousand."""
-    return {
-        slug: device_of(model)
-        for slug, model in DeviceModel.objects.in_bulk(list(slugs), field_name="slug").items()
-    }
-
-
 @dataclass
 class _Row:
+    device: Device
     backend: str
     processor: str
     logs: dict[str, float]
@@ -96,42 +89,55 @@ class _Row:
 def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
     """Bare columns: a front has twenty configurations, and a crowd thousands of devices."""
     rows = DeviceSpeedup.objects.filter(
-        of_devices(filters), front__slug=front, state=State.VALID, sessions__gte=filters.min_sessions
+        simulated_only(filters.simulated),
+        front__slug=front,
+        state=State.VALID,
+        sessions__gte=filters.min_sessions,
     ).order_by()
-    found = rows.values_list(
-        "device__slug", "backend", "processor", "configuration__name", "baseline__name", "speedup",
-        "sessions", "device__gpu",
-    )  # fmt: skip
-    return (
-        (*row[:5], math.log(row[5]), row[6])
-        for row in found
-        if filters.vendor in ("", vendor(row[2], row[7]))
+    found = list(
+        rows.values_list(
+            "device_id",
+            "backend",
+            "processor",
+            "configuration__name",
+            "baseline__name",
+            "speedup",
+            "sessions",
+        )
     )
+    devices = devices_of(row[0] for row in found)
+    for key, backend, processor, configuration, baseline, speedup, sessions in found:
+        device = devices[key]
+        if matches(filters, device, vendor(processor, device.gpu), backend):
+            yield device, backend, processor, configuration, baseline, math.log(speedup), sessions
 
 
 def _of_period(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
-    """The same from the sessions of a period. Three queries."""
-    cohorts = Cohort.objects.filter(of_devices(filters), front__slug=front)
-    found = cohorts.values_list("pk", "device__slug", "backend", "processor", "device__gpu")
-    places = {key: place for key, *place, gpu in found if filters.vendor in ("", vendor(place[2], gpu))}
+    """The same from the sessions of a period. Five queries."""
+    cohorts = cohorts_of(filters, front)
+    found = {key: rest for key, *rest in cohorts.values_list("pk", "device_id", "backend", "processor")}
+    devices = devices_of(device for device, _, _ in found.values())
     names = dict(Configuration.objects.filter(front__slug=front).values_list("pk", "name"))
     rows = SessionSummary.objects.filter(
         configuration__in=names, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
     )
-    for key, (log, sessions) in summaries.valid_speedups(rows).items():
-        if key.cohort in places and sessions >= filters.min_sessions:
-            slug, backend, processor = places[key.cohort]
-            yield slug, backend, processor, names[key.configuration], names[key.baseline], log, sessions
+    for key, (log, sessions) in valid_speedups(rows).items():
+        device_key, backend, processor = found[key.cohort]
+        device = devices[device_key]
+        if sessions >= filters.min_sessions and matches(
+            filters, device, vendor(processor, device.gpu), backend
+        ):
+            yield device, backend, processor, names[key.configuration], names[key.baseline], log, sessions
 
 
 def _chosen(cells: Iterable[Cell], least: int) -> dict[str, _Row]:
     """One row a device with enough configurations, by its slug and in the order of slugs."""
     rows: dict[tuple[str, str, str], _Row] = {}
-    for slug, backend, processor, configuration, baseline, log, sessions in cells:
-        key = (slug, backend, processor)
+    for device, backend, processor, configuration, baseline, log, sessions in cells:
+        key = (device.slug, backend, processor)
         row = rows.get(key)
         if row is None:
-            row = rows[key] = _Row(backend, processor, {baseline: 0.0})
+            row = rows[key] = _Row(device, backend, processor, {baseline: 0.0})
         row.logs[configuration] = log
         row.sessions = max(row.sessions, sessions)
     chosen: dict[str, _Row] = {}

@@ -8,7 +8,7 @@ import numpy as np
 from crowd.fronts.selectors import BEST
 from crowd.results.reading.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
-from crowd.results.reading.tables import Table, named, table
+from crowd.results.reading.tables import Table, table
 from crowd.results.reading.transfer_rows import Winner, Winners
 
 LEAST_CONFIGURATIONS = 3
@@ -18,11 +18,10 @@ NEAR = 1.1
 
 def winners(filters: SpeedupFilters) -> Winners:
     """The fastest valid configuration of each device that measured at least LEAST_CONFIGURATIONS of them, the
-    default among them; in the order of slugs. One query beside those of the table.
+    default among them; in the order of slugs. No query beside those of the table.
     """
     found = table(filters, LEAST_CONFIGURATIONS)
-    devices = named(found.slugs)
-    rows = tuple(_winner(found, place, devices[slug]) for place, slug in enumerate(found.slugs))
+    rows = tuple(_winner(found, place, device) for place, device in enumerate(found.devices))
     regrets = [row.regret for row in rows if row.regret is not None]
     counts = Counter(row.winner for row in rows)
     return Winners(

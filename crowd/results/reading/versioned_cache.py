@@ -19,7 +19,7 @@ class VersionedCache(Generic[T]):
         self._lock = Lock()
 
     def get(self, version: Callable[[], str], key: Hashable, make: Callable[[], T]) -> T:
-        """What MAKE answers for KEY, made anew where VERSION is another one than then.
+        """What MAKE answers for KEY, made again once VERSION answers another text.
 
         What was read while the version changed may be of either and is not kept.
         """

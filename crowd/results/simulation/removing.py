@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from django.db import transaction
 from django.db.models import QuerySet
 
+from crowd.devices import revision
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.results.models import Decision, MeasurementSession, Run, SessionSummary
 
@@ -56,10 +57,7 @@ def _remove_devices() -> int:
     DeviceDescription.objects.filter(simulated=True, sessions=None).delete()
     models.update(canonical=None)
     unused = models.filter(sessions=None, descriptions=None)
-    groups = {key for key in unused.values_list("group", flat=True) if key is not None}
     count = unused.count()
     unused.delete()
-    DeviceModel.objects.filter(
-        pk__in=groups, kind=DeviceModel.Kind.GROUP, rare_models=None, sessions=None
-    ).delete()
+    revision.bump()
     return count

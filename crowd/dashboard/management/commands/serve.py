@@ -16,7 +16,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
 from crowd import first_run
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import Installation
 from crowd.environment import DataFolderError
 from crowd.results.models import MeasurementSession
 from crowd.results.privacy.own_page import path_of
@@ -190,7 +190,7 @@ class Command(BaseCommand):
                     f"Speedup of {answer.configuration} over {answer.baseline} on this device: {value}{note}"
                 )
             lines.append(f"Device page: {self._address()}devices/{row.device.slug}/")
-            if row.device.kind == DeviceModel.Kind.GROUP:
+            if row.device.masked:
                 lines.append("  (few people have measured this model: everybody sees it as its chip)")
         lines.append(f"Your own page: {self._address().rstrip('/')}{path_of(installation)}")
         return lines

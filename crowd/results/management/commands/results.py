@@ -5,7 +5,8 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd.results.figures import recomputing, summarising
+from crowd.results.figures import recomputing
+from crowd.results.figures import sessions as session_figures
 from crowd.results.opendata import exports
 
 
@@ -29,8 +30,8 @@ class Command(BaseCommand):
 
     def _recompute(self, device: str | None, front: str | None, **options: Any) -> None:
         if options["all"] or device is not None or front is not None:
-            marked = summarising.resummarise(recomputing.chosen(device, front))
-            self.stdout.write(f"{marked} sessions to summarise anew")
+            marked = session_figures.resummarise(recomputing.chosen(device, front))
+            self.stdout.write(f"{marked} sessions to summarise again")
             if not marked and not options["all"]:
                 raise CommandError("no session is of that device and front")
         sessions, cohorts = recomputing.work(lambda done: self.stdout.write(f"{done} sessions summarised"))

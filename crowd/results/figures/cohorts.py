@@ -1,0 +1,401 @@
+"""Summaries become figures: one for each configuration of a cohort, with what hides a session from it."""
+
+import math
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime
+from itertools import groupby
+from operator import itemgetter
+from statistics import fmean
+from typing import Any
+from uuid import UUID
+
+from django.conf import settings
+from django.db.models import Avg, Count, F, Max, Min, Q, QuerySet, Sum
+
+from crowd.devices import revision
+from crowd.devices.models import Installation
+from crowd.fronts.models import Configuration
+from crowd.fronts.selectors import DEFAULT
+from crowd.results.figures import statistics
+from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
+from crowd.results.validity import plausibility, rules
+from crowd.results.validity.measures import AGREEMENT
+from crowd.results.validity.version import ALGORITHM
+
+STORED = (
+    "baseline", "algorithm", "speedup", "low", "high", "session_low", "session_high", "repeat_low",
+    "repeat_high", "deviation", "units", "witnesses", "unsettled", "sessions", "installations", "ate_max",
+    "state", "last_session_at", "computed_at",
+)  # fmt: skip
+# Summaries whose state depends on others of their cohort; each time all of them are looked at again.
+DEPENDING = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code)
+
+# As many keys as a query names one by one.
+FEW = 500
+
+# An installation's key, or that of its network where it is known: what counts once.
+Unit = UUID | str
+
+
+@dataclass(frozen=True)
+class Key:
+    """What one figure is about, as primary keys."""
+
+    cohort: int
+    configuration: int
+    baseline: int
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A device model's speedup with its counts. Suspect when no valid session stands behind it.
+
+    `session`: the interval (log ratios) of the one session behind it, None for several, or where it has none.
+    """
+
+    model: statistics.ModelSpeedup
+    witnesses: int
+    session: tuple[float, float] | None
+    ate_max: float | None
+    state: State
+    last_session_at: datetime
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """Ratios, intervals, counts and error by the names under which they are stored and shown."""
+        model = self.model
+        low, high = (None, None) if self.session is None else map(math.exp, self.session)
+        return {
+            "speedup": model.speedup.value,
+            "low": model.speedup.low,
+            "high": model.speedup.high,
+            "session_low": low,
+            "session_high": high,
+            "repeat_low": model.repeat.low if model.repeat else None,
+            "repeat_high": model.repeat.high if model.repeat else None,
+            "deviation": model.deviation,
+            "units": model.units,
+            "witnesses": self.witnesses,
+            "sessions": model.sessions,
+            "installations": model.installations,
+            "ate_max": self.ate_max,
+        }
+
+
+@dataclass(frozen=True)
+class _Installation:
+    value: statistics.InstallationValue
+    session: tuple[float, float] | None
+    ate_max: float | None
+    last_session_at: datetime
+
+
+def lock(cohorts: QuerySet[Cohort]) -> list[Cohort]:
+    """COHORTS, locked until the transaction ends.
+
+    Taken in one order, and after the locks on sessions, so that no two writers wait for each other.
+    """
+    return list(cohorts.select_for_update().order_by("pk"))
+
+
+def refresh(cohorts: Iterable[Cohort]) -> None:
+    """Compute the figures of COHORTS, which the caller has locked. Cohorts without sessions are deleted."""
+    for cohort in cohorts:
+        own = SessionSummary.objects.filter(cohort=cohort)
+        judge_among_others(cohort, own)
+        found = figures(own)
+        _store(cohort, found)
+        _store_outcomes(cohort, own)
+        if not found and not own.exists():
+            cohort.delete()
+        elif cohort.stale:
+            Cohort.objects.filter(pk=cohort.pk).update(stale=False)
+        revision.bump()
+
+
+def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
+    """The figure of every key that SUMMARIES hold a usable session of.
+
+    Two queries, which answer a row for each installation, however many sessions it sent. Valid sessions make
+    the figure; suspect ones do only where there is no valid session. Others never count.
+    """
+    groups: dict[Key, dict[str, list[_Installation]]] = defaultdict(lambda: defaultdict(list))
+    rows = list(_by_installation(summaries))
+    networks = _networks({row["installation_id"] for row in rows})
+    for row in rows:
+        key = Key(row["cohort_id"], row["configuration_id"], row["baseline_id"])
+        only = row["sessions"] == 1 and row["low"] is not None
+        groups[key][row["state"]].append(
+            _Installation(
+                statistics.InstallationValue(
+                    row["mean"],
+                    _deviation(row["mean"], row["mean_square"], row["sessions"]),
+                    row["sessions"],
+                    networks.get(row["installation_id"]),
+                ),
+                (row["low"], row["high"]) if only else None,
+                row["error"],
+                row["last"],
+            )
+        )
+    return {
+        key: _figure(states[state], state)
+        for key, states in groups.items()
+        for state in [State.VALID if State.VALID in states else State.SUSPECT]
+    }
+
+
+def valid_speedups(summaries: QuerySet[SessionSummary]) -> dict[Key, tuple[float, int]]:
+    """What the figure of every key says that SUMMARIES hold a valid session of: the logarithm of the speedup,
+    and from how many sessions. Two queries, and no interval.
+    """
+    return {
+        key: (math.log(figure.model.speedup.value), figure.model.sessions)
+        for key, figure in figures(summaries.filter(state=State.VALID)).items()
+    }
+
+
+def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], tuple[int, int, int]]:
+    """By cohort and configuration: how many sessions ran it, in how many of these a run failed, or lost the
+    camera. All of SUMMARIES, whatever their state. One query.
+    """
+    rows = (
+        summaries.order_by()
+        .values_list("cohort_id", "configuration_id")
+        .annotate(
+            sessions=Count("pk"),
+            failures=Count("pk", filter=Q(failed__gt=0)),
+            losses=Count("pk", filter=Q(lost__gt=0)),
+        )
+    )
+    return {(cohort, configuration): (n, failed, lost) for cohort, configuration, n, failed, lost in rows}
+
+
+def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> None:
+    """Give the valid sessions of COHORT, whose SUMMARIES these are, the states that others decide.
+
+    Outside the usual range of its units a session is an outlier, outside of what the front and other models
+    make plausible it is suspect; in both cases until a session of another unit agrees. All of them are looked
+    at, whatever was decided before, so that the outcome does not depend on it.
+    """
+    judged = summaries.filter(Q(state=State.VALID) | Q(reason__in=DEPENDING)).exclude(log_ratio=None)
+    means = list(
+        judged.order_by("configuration_id")
+        .values_list("configuration_id", "installation_id")
+        .annotate(mean=Avg("log_ratio"), hidden=Count("pk", filter=Q(reason__in=DEPENDING)))
+    )
+    networks = _networks({who for _, who, _, _ in means})
+    predicted = _predicted(cohort.front_id)
+    wanted: dict[tuple[State, str], list[int]] = defaultdict(list)
+    for configuration, rows in groupby(means, key=itemgetter(0)):
+        own = list(rows)
+        units: dict[Unit, list[float]] = defaultdict(list)
+        for _, who, mean, _ in own:
+            units[networks.get(who, who)].append(mean)
+        usual = statistics.usual_range([fmean(logs) for logs in units.values()])
+        ranges = Ranges(usual or (-math.inf, math.inf), _plausible(cohort, configuration, predicted))
+        near = Q(log_ratio__lt=ranges.low + AGREEMENT) | Q(log_ratio__gt=ranges.high - AGREEMENT)
+        if any(hidden for *_, hidden in own):
+            near |= Q(reason__in=DEPENDING)
+        candidates = judged.filter(near, configuration=configuration).order_by("pk")
+        found = list(candidates.values_list("pk", "installation_id", "log_ratio", "state", "reason"))
+        sessions = [(networks.get(who), who, log) for _, who, log, _, _ in found]
+        for (key, _, _, *present), rule in zip(found, _broken(sessions, ranges), strict=True):
+            verdict = (State.VALID, "") if rule is None else (rule.state, rule.code)
+            if present[1] != rules.RELEASED.code and verdict != tuple(present):
+                wanted[verdict].append(key)
+    for (state, reason), keys in wanted.items():
+        change(summaries, keys, state, reason)
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Between which log ratios a session is usual for its cohort, and plausible at all."""
+
+    usual: tuple[float, float]
+    plausible: tuple[float, float]
+
+    @property
+    def low(self) -> float:
+        return max(self.usual[0], self.plausible[0])
+
+    @property
+    def high(self) -> float:
+        return min(self.usual[1], self.plausible[1])
+
+
+def _broken(sessions: Sequence[tuple[str | None, UUID, float]], ranges: Ranges) -> list[rules.Rule | None]:
+    """The rule that each of SESSIONS (network, installation, log ratio) breaks beside the others.
+
+    SESSIONS hold all of their cohort that lie outside RANGES or within AGREEMENT of their ends.
+    """
+    alone = statistics.without_agreement([(network or who, log) for network, who, log in sessions])
+    backed = plausibility.corroborated([(network, log) for network, _, log in sessions])
+    found: list[rules.Rule | None] = []
+    for (_, _, log), lonely, supported in zip(sessions, alone, backed, strict=True):
+        if lonely and not ranges.usual[0] <= log <= ranges.usual[1]:
+            found.append(rules.OUTLIER)
+        elif not supported and not ranges.plausible[0] <= log <= ranges.plausible[1]:
+            found.append(rules.IMPLAUSIBLE_SPEEDUP)
+        else:
+            found.append(None)
+    return found
+
+
+def _plausible(cohort: Cohort, configuration: int, predicted: Mapping[int, float]) -> plausibility.Bounds:
+    """Between which log ratios a session of COHORT with CONFIGURATION is plausible. One query."""
+    others = DeviceSpeedup.objects.filter(
+        configuration=configuration, witnesses__gte=settings.FRONTRUNNER_QUORUM, state=State.VALID
+    ).exclude(device=cohort.device_id)
+    reached = others.order_by().aggregate(low=Min("speedup"), high=Max("speedup"))
+    return plausibility.plausible_range(
+        predicted.get(configuration),
+        [math.log(speedup) for speedup in reached.values() if speedup],
+    )
+
+
+def _predicted(front: int) -> dict[int, float]:
+    """How many times faster than the default each configuration of FRONT was on its reference device, by the
+    configuration's key.
+    """
+    rows = Configuration.objects.filter(front=front).values_list("pk", "name", "predicted")
+    runtimes = {key: predicted.get("runtime") for key, _, predicted in rows}
+    default = next((runtimes[key] for key, name, _ in rows if name == DEFAULT), None)
+    return {key: default / runtime for key, runtime in runtimes.items() if default and runtime}
+
+
+def change(summaries: QuerySet[SessionSummary], keys: Collection[int], state: State, reason: str) -> None:
+    """Give the summaries KEYS a state, and find again which of their days' sessions count."""
+    if not keys:
+        return
+    changed = summaries.filter(pk__in=keys)
+    days = list(changed.values_list("installation_id", "day").distinct())
+    changed.update(state=state, reason=reason)
+    count_days(
+        summaries.filter(installation_id__in={who for who, _ in days}, day__in={day for _, day in days})
+    )
+
+
+def count_days_of(places: Iterable[tuple[int, UUID, date]]) -> None:
+    """Find again which sessions count on the days of PLACES: cohort, installation and day."""
+    found = set(places)
+    if found:
+        cohorts, installations, days = zip(*found, strict=True)
+        count_days(
+            SessionSummary.objects.filter(cohort__in=cohorts, installation__in=installations, day__in=days)
+        )
+
+
+def count_days(cohort_days: QuerySet[SessionSummary]) -> None:
+    """Mark which of those sessions count: the first few of each installation, day, cohort and state.
+
+    COHORT_DAYS holds whole days.
+    """
+    rows = list(
+        cohort_days.order_by("session_id").values_list(
+            "pk", "counted", "cohort_id", "configuration_id", "installation_id", "day", "state", "log_ratio"
+        )
+    )
+    usable = [row for row in rows if row[-1] is not None]
+    limited = statistics.within_daily_limit(row[2:7] for row in usable)
+    counted = {row[0] for row, first in zip(usable, limited, strict=True) if first}
+    for value in (True, False):
+        wrong = [row[0] for row in rows if (row[0] in counted) is value and row[1] is not value]
+        if wrong:
+            SessionSummary.objects.filter(pk__in=wrong).update(counted=value)
+
+
+def _store(cohort: Cohort, found: Mapping[Key, Figure]) -> None:
+    group = {
+        "device_id": cohort.device_id,
+        "front_id": cohort.front_id,
+        "backend": cohort.backend,
+        "processor": cohort.processor,
+        "processor_class": cohort.processor_class,
+    }
+    old = DeviceSpeedup.objects.filter(**group)
+    old.exclude(configuration_id__in=[key.configuration for key in found]).delete()
+    DeviceSpeedup.objects.bulk_create(
+        [
+            DeviceSpeedup(
+                **group,
+                configuration_id=key.configuration,
+                baseline_id=key.baseline,
+                algorithm=ALGORITHM,
+                **figure.numbers,
+                unsettled=True,
+                state=figure.state,
+                last_session_at=figure.last_session_at,
+            )
+            for key, figure in found.items()
+        ],
+        update_conflicts=True,
+        unique_fields=["front", "configuration", "device", "backend", "processor", "processor_class"],
+        update_fields=STORED,
+    )
+
+
+def _store_outcomes(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> None:
+    found = outcomes(summaries)
+    Outcome.objects.filter(cohort=cohort).exclude(configuration__in=[key for _, key in found]).delete()
+    Outcome.objects.bulk_create(
+        [
+            Outcome(
+                cohort=cohort, configuration_id=configuration, sessions=sessions, failed=failed, lost=lost
+            )
+            for (_, configuration), (sessions, failed, lost) in found.items()
+        ],
+        update_conflicts=True,
+        unique_fields=["cohort", "configuration"],
+        update_fields=["sessions", "failed", "lost"],
+    )
+
+
+def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[str, Any]]:
+    return (
+        summaries.filter(counted=True, state__in=[State.VALID, State.SUSPECT])
+        .order_by("configuration_id", "cohort_id", "installation_id")
+        .values("cohort_id", "configuration_id", "baseline_id", "installation_id", "state")
+        .annotate(
+            mean=Avg("log_ratio"),
+            mean_square=Sum(F("log_ratio") * F("log_ratio")) / Count("id"),
+            sessions=Count("id"),
+            low=Min("low"),
+            high=Max("high"),
+            error=Max("ate_max"),
+            last=Max("started_at"),
+        )
+    )
+
+
+def _networks(installations: Collection[UUID]) -> dict[UUID, str]:
+    """The networks from which INSTALLATIONS, at least, were enrolled; of those for which it is known."""
+    if not installations:
+        return {}
+    rows = Installation.objects.exclude(network="")
+    if len(installations) <= FEW:
+        rows = rows.filter(pk__in=installations)
+    return dict(rows.order_by().values_list("pk", "network"))
+
+
+def _deviation(mean: float, mean_square: float, count: int) -> float:
+    """Standard deviation of a sample; 0 for a single value."""
+    if count < 2:
+        return 0.0
+    return math.sqrt(max(mean_square - mean * mean, 0.0) * count / (count - 1))
+
+
+def _figure(installations: Sequence[_Installation], state: State) -> Figure:
+    values = [each.value for each in installations]
+    return Figure(
+        model=statistics.model_speedup(values),
+        witnesses=statistics.witnesses(
+            [value.network for value in values], [value.log_ratio for value in values], [True] * len(values)
+        ),
+        session=installations[0].session if len(installations) == 1 else None,
+        ate_max=max((each.ate_max for each in installations if each.ate_max is not None), default=None),
+        state=state,
+        last_session_at=max(each.last_session_at for each in installations),
+    )

@@ -1,0 +1,91 @@
+"""Who agrees with a figure beyond its own model: independent installations of other models with its chip.
+
+A figure is confirmed by a quorum of independent networks. Those of its own model are counted when the figure
+is computed; here the models with the same chip, backend and processor class are asked, where those are few.
+"""
+
+from collections.abc import Iterable
+from uuid import UUID
+
+from django.conf import settings
+from django.db import transaction
+from django.db.models import Avg, Q
+
+from crowd.devices import revision
+from crowd.devices.disclosure import UNKNOWN_CHIP
+from crowd.devices.models import Installation
+from crowd.results.figures import statistics
+from crowd.results.models import DeviceSpeedup, SessionSummary, State
+
+# configuration, backend, processor, processor class: what models share with one chip
+Chip = tuple[int, str, str, str]
+CHIP = ("configuration_id", "backend", "processor", "processor_class")
+# More installations of one chip than this are not asked for: those of the figure's own model are enough then.
+MOST = 20_000
+
+
+def confirmed() -> Q:
+    """Figures that a quorum of independent networks agrees with."""
+    quorum = settings.FRONTRUNNER_QUORUM
+    return Q(witnesses__gte=quorum) | Q(chip_witnesses__gte=quorum)
+
+
+def settle(limit: int | None = None) -> int:
+    """Ask the models with the same chip about figures that changed, at most LIMIT chips; how many."""
+    unsettled = DeviceSpeedup.objects.filter(unsettled=True)
+    chips = list(unsettled.order_by(*CHIP).values_list(*CHIP).distinct()[:limit])
+    for chip in chips:
+        _settle(chip)
+    return len(chips)
+
+
+@transaction.atomic
+def _settle(chip: Chip) -> None:
+    rows = DeviceSpeedup.objects.filter(**dict(zip(CHIP, chip, strict=True)))
+    figures = list(rows.select_for_update().order_by("pk"))
+    doubtful = [figure for figure in figures if figure.witnesses < settings.FRONTRUNNER_QUORUM]
+    pool = _pool(chip) if doubtful and len(figures) > 1 and chip[2] not in ("", UNKNOWN_CHIP) else []
+    changed = False
+    for figure in figures:
+        witnesses = _witnesses(figure, pool) if figure in doubtful else 0
+        if figure.unsettled or figure.chip_witnesses != witnesses:
+            changed |= figure.chip_witnesses != witnesses
+            rows.filter(pk=figure.pk).update(chip_witnesses=witnesses, unsettled=False)
+    if changed:
+        revision.bump()
+
+
+def _witnesses(figure: DeviceSpeedup, pool: Iterable[tuple[int, str, float]]) -> int:
+    """How many independent networks of POOL (device, network, log ratio) agree with FIGURE."""
+    values = list(pool)
+    if figure.state != State.VALID or not values:
+        return 0
+    return statistics.witnesses(
+        [network or None for _, network, _ in values],
+        [log for _, _, log in values],
+        [device == figure.device_id for device, _, _ in values],
+    )
+
+
+def _pool(chip: Chip) -> list[tuple[int, str, float]]:
+    """Device, network and mean log ratio of each installation that measured CHIP; none where too many did."""
+    configuration, backend, processor, processor_class = chip
+    rows = SessionSummary.objects.filter(
+        configuration=configuration,
+        cohort__backend=backend,
+        cohort__processor=processor,
+        cohort__processor_class=processor_class,
+        counted=True,
+        state=State.VALID,
+    )
+    means = list(
+        rows.order_by()
+        .values_list("cohort__device_id", "installation_id")
+        .annotate(mean=Avg("log_ratio"))[: MOST + 1]
+    )
+    if len(means) > MOST:
+        return []
+    networks: dict[UUID, str] = dict(
+        Installation.objects.filter(sessions__processor=processor).distinct().values_list("pk", "network")
+    )
+    return [(device, networks.get(who, ""), mean) for device, who, mean in means]

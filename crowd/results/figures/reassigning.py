@@ -1,0 +1,57 @@
+"""Sessions follow what their description says: its model, its driver, the chip that computed.
+
+Rules get better and administrators merge or split models. Everything here can be run again at any time.
+"""
+
+from collections.abc import Iterable
+
+from django.db import transaction
+from django.db.models import Q, QuerySet
+
+from crowd.devices.models import DeviceDescription, DeviceModel
+from crowd.results.figures import sessions as session_figures
+from crowd.results.models import MeasurementSession
+
+BATCH = 500
+
+
+def changed_models(limit: int = BATCH) -> list[int]:
+    """Keys of models that are marked as changed, at most LIMIT."""
+    return list(DeviceModel.objects.filter(changed=True).order_by("pk").values_list("pk", flat=True)[:limit])
+
+
+def reassign_sessions(keys: Iterable[int]) -> set[int]:
+    """Store the sessions of the models KEYS, and of those shown as the same, as their descriptions say, and
+    have them summarised again; keys of the models that they count for now.
+    """
+    models = DeviceModel.objects.filter(pk__in=list(keys)).select_related("canonical")
+    shown = {model.shown.pk for model in models}
+    for key in sorted(shown):
+        _reassign(key)
+    return shown
+
+
+@transaction.atomic
+def _reassign(key: int) -> None:
+    """The sessions of the model KEY and of its aliases."""
+    sessions = MeasurementSession.objects.filter(description__in=_descriptions(key))
+    session_figures.lock_installations(sessions)
+    left = set(sessions.exclude(device=key).values_list("device", flat=True).distinct())
+    for description in _descriptions(key).only(
+        "processor", "processor_class", "driver_name", "driver_version"
+    ):
+        columns = {
+            "device": key,
+            "processor": description.processor,
+            "processor_class": description.processor_class,
+            "driver": description.driver,
+        }
+        description.sessions.exclude(**columns).update(**columns)
+    session_figures.resummarise(sessions)
+    session_figures.count_activity(left | {key})
+    DeviceModel.objects.filter(Q(pk=key) | Q(canonical=key)).update(changed=False)
+
+
+def _descriptions(key: int) -> QuerySet[DeviceDescription]:
+    """Descriptions of the model KEY or of an alias of it."""
+    return DeviceDescription.objects.filter(Q(model=key) | Q(model__canonical=key))

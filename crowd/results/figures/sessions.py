@@ -1,0 +1,283 @@
+"""Sessions become summaries: many at once, few queries, arrays instead of rows.
+
+Everything here can be run again at any time, beside others that do the same.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from typing import NamedTuple
+from uuid import UUID
+
+from django.db import transaction
+from django.db.models import Count, Max, Q, QuerySet
+from django.utils import timezone
+
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.fronts.models import Configuration, FrontVersion
+from crowd.fronts.selectors import DEFAULT
+from crowd.prepared import insert
+from crowd.results.figures import cohorts
+from crowd.results.intake.checks import Protocol
+from crowd.results.models import (
+    Cohort,
+    DeviceActivity,
+    MeasurementSession,
+    SessionSummary,
+    WorkerPulse,
+)
+from crowd.results.validity import sessions as session_validity
+from crowd.results.validity.decisions import Decisions
+from crowd.results.validity.runs import Front, SessionContext, judge_runs
+from crowd.results.validity.sessions import SessionInput
+from crowd.results.validity.version import ALGORITHM
+
+# Sessions that one transaction works on: other writers wait for a fraction of a second at most.
+BATCH = 100
+MARKED = 5_000
+# A device with more sessions gets its figures from the sweep, for many new sessions at once: what one more
+# session costs does not grow with those that are there.
+LARGE = 1_000
+# In place of the version of the statistics that has seen a session: to be summarised again.
+AGAIN = 0
+
+# device, front, backend, processor, processor class: what makes a cohort
+Group = tuple[int, int, str, str, str]
+READ = (
+    "pk", "installation_id", "device_id", "front_id", "backend", "processor", "processor_class", "started_at",
+    "received_at", "description_id",
+)  # fmt: skip
+
+
+class Waiting(NamedTuple):
+    """The columns READ of a session."""
+
+    key: int
+    installation: UUID
+    device: int
+    front: int
+    backend: str
+    processor: str
+    processor_class: str
+    started_at: datetime
+    received_at: datetime
+    description: int
+
+    @property
+    def group(self) -> Group:
+        return self.device, self.front, self.backend, self.processor, self.processor_class
+
+
+def waiting() -> QuerySet[MeasurementSession]:
+    """Sessions that these statistics have not seen: new ones, and all after a change of algorithm."""
+    return MeasurementSession.objects.filter(
+        Q(summary_algorithm=None) | Q(summary_algorithm__lt=ALGORITHM)
+    ).order_by("id")
+
+
+def resummarise(sessions: QuerySet[MeasurementSession]) -> int:
+    """Let SESSIONS wait for a summary from their raw runs; how many. Their old ones hold until then."""
+    last, marked = 0, 0
+    seen = sessions.exclude(summary_algorithm=None).order_by("pk")
+    while keys := list(seen.filter(pk__gt=last).values_list("pk", flat=True)[:MARKED]):
+        MeasurementSession.objects.filter(pk__in=keys).update(summary_algorithm=AGAIN)
+        last, marked = keys[-1], marked + len(keys)
+    return marked
+
+
+def summarise_waiting(limit: int | None = None, figures: bool = True) -> list[int]:
+    """Summarise sessions that wait, at most LIMIT, new ones first and then oldest first; their keys.
+
+    Without FIGURES, those stay as they are until `cohorts.refresh_stale`.
+    """
+    done: list[int] = []
+    for sessions in (waiting().filter(summary_algorithm=None), waiting().exclude(summary_algorithm=None)):
+        last = 0
+        while room := BATCH if limit is None else min(BATCH, limit - len(done)):
+            keys = list(sessions.filter(pk__gt=last).values_list("pk", flat=True)[:room])
+            if not keys:
+                break
+            summarise_sessions(keys, figures)
+            last = keys[-1]
+            done += keys
+    return done
+
+
+def pulse(task: str) -> None:
+    """Note that TASK ran now."""
+    WorkerPulse.objects.update_or_create(task=task, defaults={"at": timezone.now()})
+
+
+@transaction.atomic
+def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
+    """Judge the runs of the sessions KEYS, summarise them and, with FIGURES, compute what rests on them.
+
+    Sessions that are gone are left out. The figures of large devices wait for `cohorts.refresh_stale`.
+    """
+    lock_installations(MeasurementSession.objects.filter(pk__in=keys))
+    sessions = _locked(keys)
+    present = [session.key for session in sessions]
+    earlier = SessionSummary.objects.filter(session__in=present)
+    places = set(earlier.values_list("cohort_id", "installation_id", "day"))
+    # A session whose device was renamed or merged leaves its cohort for another.
+    groups = _cohorts(sessions, {cohort for cohort, _, _ in places})
+    if places:
+        earlier.delete()
+    made = _summaries(sessions, {row.key: groups[row.group].pk for row in sessions}, Decisions.on(present))
+    insert(made)
+    # Where a session has left, a later one may count in its place.
+    cohorts.count_days_of(places | {(row.cohort_id, row.installation_id, row.day) for row in made})
+    MeasurementSession.objects.filter(pk__in=present).update(summary_algorithm=ALGORITHM)
+    small = _small(groups.values(), sessions) if figures else set()
+    cohorts.refresh([cohort for cohort in groups.values() if cohort.device_id in small])
+    count_activity(small)
+    later = [row.pk for row in groups.values() if row.device_id not in small and not row.stale]
+    if later:
+        Cohort.objects.filter(pk__in=later).update(stale=True)
+
+
+def summarise_session(key: int) -> None:
+    """Compute the session's summaries and its device's figures; nothing for a session that is gone."""
+    summarise_sessions([key])
+
+
+def refresh_stale(limit: int | None = None) -> int:
+    """Compute the figures of at most LIMIT cohorts that do not know their newest sessions; how many."""
+    keys = list(Cohort.objects.filter(stale=True).order_by("pk").values_list("pk", flat=True)[:limit])
+    for key in keys:
+        with transaction.atomic():
+            found = cohorts.lock(Cohort.objects.filter(pk=key))
+            cohorts.refresh(found)
+            count_activity({cohort.device_id for cohort in found})
+    return len(keys)
+
+
+def lock_installations(sessions: QuerySet[MeasurementSession]) -> None:
+    """Keep the installations of SESSIONS from being erased until the transaction ends.
+
+    Writers lock installations first, then models, sessions and cohorts, each in the order of their keys, so
+    that no two wait for each other. `no_key`: rows that only refer to them may be stored meanwhile.
+    """
+    rows = Installation.objects.filter(pk__in=sessions.order_by().values("installation"))
+    list(rows.select_for_update(no_key=True).order_by("pk").values_list("pk"))
+
+
+def count_activity(devices: Iterable[int]) -> None:
+    """Count the sessions and installations of DEVICES again; a device without sessions has no row."""
+    found = (
+        MeasurementSession.objects.filter(device_id__in=set(devices))
+        .order_by("device_id")
+        .values("device_id")
+        .annotate(
+            sessions=Count("id"), installations=Count("installation", distinct=True), last=Max("started_at")
+        )
+    )
+    rows = [
+        DeviceActivity(
+            device_id=row["device_id"],
+            sessions=row["sessions"],
+            installations=row["installations"],
+            last_session_at=row["last"],
+        )
+        for row in found
+    ]
+    gone = set(devices) - {row.device_id for row in rows}
+    DeviceActivity.objects.filter(device_id__in=gone).delete()
+    DeviceActivity.objects.bulk_create(
+        rows,
+        update_conflicts=True,
+        unique_fields=["device"],
+        update_fields=["sessions", "installations", "last_session_at"],
+    )
+
+
+def _locked(keys: Sequence[int]) -> list[Waiting]:
+    """Those of the sessions KEYS that are there, in order, locked until the transaction ends."""
+    rows = MeasurementSession.objects.select_for_update().filter(pk__in=keys).order_by("pk")
+    return [Waiting(*row) for row in rows.values_list(*READ)]
+
+
+def _summaries(
+    sessions: Sequence[Waiting], groups: Mapping[int, int], decisions: Decisions
+) -> list[SessionSummary]:
+    """Judge the runs of SESSIONS and compare them. GROUPS has the keys of cohorts by the session's. The runs'
+    states are stored, the summaries are not. Nine queries at most.
+    """
+    fronts = _fronts({row.front for row in sessions})
+    context = {row.key: SessionContext(row.installation, fronts[row.front]) for row in sessions}
+    runs = judge_runs(context, decisions)
+    emulators = _emulators({row.description for row in sessions})
+    inputs = [
+        SessionInput(
+            key=row.key,
+            cohort=groups[row.key],
+            installation=row.installation,
+            started_at=row.started_at,
+            # A client's clock may say anything; the server's limits how many sessions a day count.
+            day=row.received_at.astimezone(UTC).date(),
+            front=fronts[row.front],
+            emulated=row.description in emulators,
+            released=decisions.released(row.key),
+        )
+        for row in sessions
+    ]
+    return session_validity.summarise(inputs, runs, _clocks)
+
+
+def _fronts(keys: Collection[int]) -> dict[int, Front]:
+    protocols = dict(FrontVersion.objects.filter(pk__in=keys).values_list("pk", "protocol"))
+    names: dict[int, dict[str, int]] = {key: {} for key in protocols}
+    rows = Configuration.objects.filter(front__in=keys).order_by()
+    for front, name, configuration in rows.values_list("front_id", "name", "pk"):
+        names[front][name] = configuration
+    return {
+        key: Front(key, Protocol.of(protocol), frozenset(names[key].values()), names[key].get(DEFAULT))
+        for key, protocol in protocols.items()
+    }
+
+
+def _clocks(keys: Sequence[int]) -> dict[int, list[float]]:
+    """The readings of the processor's clock in the sessions KEYS; samples are large and rarely needed."""
+    if not keys:
+        return {}
+    rows = MeasurementSession.objects.filter(pk__in=keys).order_by().values_list("pk", "samples")
+    return {key: [sample["cpu_mhz"] for sample in samples if sample.get("cpu_mhz")] for key, samples in rows}
+
+
+def _emulators(descriptions: Collection[int]) -> set[int]:
+    """Which of DESCRIPTIONS, keys all, are those of emulators."""
+    rows = DeviceDescription.objects.filter(pk__in=descriptions, model__kind=DeviceModel.Kind.EMULATOR)
+    return set(rows.values_list("pk", flat=True))
+
+
+def _small(found: Iterable[Cohort], sessions: Iterable[Waiting]) -> set[int]:
+    """Keys of the devices of FOUND and SESSIONS whose figures are quickly computed."""
+    devices = {cohort.device_id for cohort in found} | {session.device for session in sessions}
+    large = DeviceActivity.objects.filter(device__in=devices, sessions__gt=LARGE)
+    return devices - set(large.values_list("device_id", flat=True))
+
+
+def _group(cohort: Cohort) -> Group:
+    return cohort.device_id, cohort.front_id, cohort.backend, cohort.processor, cohort.processor_class
+
+
+def _cohorts(sessions: Iterable[Waiting], left: set[int]) -> dict[Group, Cohort]:
+    """The cohorts of SESSIONS, made on first sight, and those with the keys LEFT; all locked."""
+    groups = {session.group for session in sessions}
+    of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group[0] for group in groups}))
+    found = {
+        _group(cohort): cohort
+        for cohort in cohorts.lock(of_devices)
+        if cohort.pk in left or _group(cohort) in groups
+    }
+    for group in sorted(groups - found.keys()):
+        device, front, backend, processor, processor_class = group
+        made, _ = Cohort.objects.get_or_create(
+            device_id=device,
+            front_id=front,
+            backend=backend,
+            processor=processor,
+            processor_class=processor_class,
+        )
+        # Another writer may have made it just now.
+        [found[group]] = cohorts.lock(Cohort.objects.filter(pk=made.pk))
+    return found

@@ -1,0 +1,14 @@
+"""temporary"""
+
+STAGES = frozenset(
+    {
+        "acquisition",
+        "preprocessing",
+        "tracking",
+        "integration",
+        "raycasting",
+        "computation",
+        "total",
+        "rendering",
+    }
+)

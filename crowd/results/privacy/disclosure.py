@@ -1,0 +1,60 @@
+"""Which models the public sees by name, kept up to date as installations come and go.
+
+`crowd.devices.disclosure` says what a mask is and applies it to rows as they are read. Nothing here moves a
+session or changes a figure.
+"""
+
+from collections.abc import Iterable
+
+from django.db import transaction
+
+from crowd.devices.disclosure import is_disclosed, public_device
+from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
+from crowd.devices.services import refresh_disclosure
+from crowd.results.opendata import exports
+
+DECIDED = (DeviceAlias.State.ACCEPTED, DeviceAlias.State.REFUSED, DeviceAlias.State.UNDONE)
+
+
+def after_arrival(sessions: Iterable[int]) -> None:
+    """Count again who measured the rare models among SESSIONS, which came just now. One query where none is
+    rare.
+    """
+    rare = DeviceModel.objects.filter(sessions__in=list(sessions), rare=True).order_by("pk").distinct()
+    sync_disclosure(rare.values_list("pk", flat=True))
+
+
+def sync_disclosure(keys: Iterable[int]) -> None:
+    """Count again who measured the models KEYS. Open data mask those that are masked now."""
+    for key in list(keys):
+        refresh_disclosure(key)
+        _sync_open_data(key)
+
+
+@transaction.atomic
+def _sync_open_data(key: int) -> None:
+    model = DeviceModel.objects.select_for_update(no_key=True).filter(pk=key).first()
+    slug = "" if model is None else public_device(model).slug
+    if model is None or model.published_slug == slug:
+        return
+    if model.published_slug and not is_disclosed(model):
+        exports.hide_device(model.published_slug, slug)
+    DeviceModel.objects.filter(pk=key).update(published_slug=slug)
+
+
+@transaction.atomic
+def after_erasure(keys: Iterable[int]) -> None:
+    """Forget what no session refers to any more, of the models KEYS (those of the descriptions), and count
+    again who measured the others. Decisions are kept, and so are their models.
+    """
+    models = list(DeviceModel.objects.filter(pk__in=list(keys)).select_related("canonical"))
+    DeviceDescription.objects.filter(model__in=models, sessions=None, split=None).delete()
+    unused = (
+        DeviceModel.objects.filter(
+            sessions=None, descriptions=None, members=None, splits=None, split_from=None
+        )
+        .exclude(aliases__state__in=DECIDED)
+        .exclude(alias_of__state__in=DECIDED)
+    )
+    unused.filter(pk__in=[model.pk for model in models]).delete()
+    sync_disclosure(sorted({model.shown.pk for model in models}))
