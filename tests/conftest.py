@@ -8,6 +8,7 @@ import pytest
 from xdist.scheduler import LoadScopeScheduling
 
 from crowd.celery import app
+from crowd.results.reading.versioned_cache import VersionedCache
 
 # How fast a loaded machine makes up examples says nothing of the code.
 hypothesis.settings.register_profile(
@@ -56,3 +57,13 @@ def own_data_folder(settings: Any, tmp_path_factory: pytest.TempPathFactory) -> 
 def no_front_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each test has a database of its own, where other fronts go by the same names."""
     monkeypatch.setattr("crowd.results.intake.checking._released", {})
+
+
+CACHES = ("speedups._speedups_cache", "speedups._front_cache", "tables._cache", "devices._devices_cache")
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_cached(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And revisions of another test's database mean other figures."""
+    for cache in CACHES:
+        monkeypatch.setattr(f"crowd.results.reading.{cache}", VersionedCache(8))

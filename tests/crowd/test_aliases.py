@@ -14,9 +14,9 @@ from crowd.devices import decisions
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel, DeviceSplit
 from crowd.devices.proposals import Candidate, propose
 from crowd.devices.recognition import renormalise
+from crowd.results.figures import reassigning
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession
-from crowd.results.privacy import publication
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import Participant
 from tests.crowd.recognised import described
@@ -111,7 +111,7 @@ def two(front: Any, join: Join) -> tuple[DeviceModel, DeviceModel]:
 
 def figures() -> list[tuple[str, float, int]]:
     """Slug, speedup and installations of every figure, once what waited is done."""
-    publication.republish_waiting()
+    reassigning.reassign_sessions(reassigning.changed_models())
     session_figures.summarise_waiting()
     rows = DeviceSpeedup.objects.select_related("device").order_by("device__slug")
     return [(row.device.slug, round(row.speedup, 6), row.installations) for row in rows]

@@ -30,14 +30,24 @@ def wide(pack: dict[str, Any], participant: Participant) -> FrontVersion:
     document = front_document(pack, version="wide")
     extra = document["configurations"][-1]
     document["configurations"] += [
-        extra | {"name": name, "parameters": extra["parameters"] | {"integration_rate": 3 + number}}
+        extra
+        | {
+            "name": name,
+            "parameters": extra["parameters"] | {"integration_rate": 3 + number},
+            "predicted": extra["predicted"] | {"runtime": 0.02},
+        }
         for number, name in enumerate(NAMES[2:])
     ]
     return publish_content(document)[0]
 
 
 def measure(participant: Participant, front: FrontVersion, model: str, times: dict[str, int]) -> None:
-    runs = [run_document(name, 0, order, frame_us) for order, (name, frame_us) in enumerate(times.items())]
+    """Each configuration twice, forwards and back."""
+    there_and_back = [*times.items(), *reversed(times.items())]
+    runs = [
+        run_document(name, order // len(times), order, frame_us)
+        for order, (name, frame_us) in enumerate(there_and_back)
+    ]
     document = submission_document(session_document(front.slug, runs=runs), device=device_document(model))
     assert participant.submit(document).status_code == 202
 

@@ -1,33 +1,32 @@
 """What the public sees of a model that few people have: its chip, everywhere; its owner sees the name."""
 
-import importlib
 import json
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import quote
 
 import pytest
-from django.apps import apps
 from django.core.management import call_command
 from django.test import Client
 from django.utils import timezone
 
-from crowd.devices import disclosure, recognition
-from crowd.devices.disclosure import group_of
+from crowd.devices import revision
+from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceModel, Installation
 from crowd.results import tasks
+from crowd.results.figures import reassigning
 from crowd.results.figures import sessions as session_figures
-from crowd.results.models import DeviceSpeedup, MeasurementSession
-from crowd.results.privacy import publication
+from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
+from crowd.results.privacy import disclosure
 from crowd.results.privacy.own_page import path_of
+from crowd.results.validity.version import ALGORITHM
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
 
 Join = Callable[[], Participant]
 
-GROUP = "google-tensor-g3-device"
 NAMED = "google-pixel-8"
-CALLED_A_GROUP = {"manufacturer": "group", "model": "Google Tensor G3 device", "os": "Android 14", "cpu": "x"}
+CHIP = "Google Tensor G3 device"
 # What of a phone's own strings may be nowhere in public while the phone is rare.
 TELLING = ("Pixel 8", "pixel-8", "husky-build-77", "3a7f")
 
@@ -50,26 +49,33 @@ def measure(who: Participant, best_us: int = 10_000, **changes: Any) -> dict[str
 
 
 def work() -> None:
-    """What a worker does of what waits."""
-    publication.republish_waiting()
+    """A worker does what waits."""
+    disclosure.sync_disclosure(reassigning.reassign_sessions(reassigning.changed_models()))
     session_figures.summarise_waiting()
+
+
+def masked() -> str:
+    """The public address of the phone, which has a mask."""
+    device = public_device(DeviceModel.objects.get(slug=NAMED))
+    assert device.masked
+    return device.slug
 
 
 def public(client: Client, session: dict[str, Any]) -> dict[str, str]:
     """Every page and answer that may speak of SESSION, by its address."""
-    run = session["runs"][0]["id"]
+    run, mask = session["runs"][0]["id"], masked()
     addresses = [
         "/",
         "/devices/",
-        f"/devices/{GROUP}/",
+        f"/devices/{mask}/",
         f"/sessions/{session['id']}/",
         f"/runs/{run}/",
-        f"/compare/?devices={GROUP},other",
+        f"/compare/?devices={mask},other",
         "/fronts/kfusion-test/",
         "/figures/speedups.json",
         f"/figures/sessions/{session['id']}/frames.json",
         f"{API}/devices",
-        f"{API}/devices/{GROUP}",
+        f"{API}/devices/{mask}",
         f"{API}/speedups",
         f"{API}/speedups?since=2020-01-01",
         f"{API}/speedups?configuration=all",
@@ -88,8 +94,8 @@ def test_a_rare_model_is_named_nowhere(client: Client, front: Any, join: Join) -
         assert not [text for text in TELLING if text in content], address
     assert client.get(f"/devices/{NAMED}/").status_code == 404
     assert client.get(f"{API}/devices/{NAMED}").status_code == 404
-    assert "Google Tensor G3 device" in client.get(f"/devices/{GROUP}/").content.decode()
-    assert client.get(f"{API}/devices/{GROUP}").json()["name"] == "Google Tensor G3 device"
+    assert CHIP in client.get(f"/devices/{masked()}/").content.decode()
+    assert client.get(f"{API}/devices/{masked()}").json()["name"] == CHIP
 
 
 @pytest.mark.parametrize("period", ["", "&since=2020-01-01"])
@@ -102,64 +108,35 @@ def test_nobody_finds_a_rare_model_by_its_own_name(
         answer = client.get(f"{API}/speedups?device={quote(name)}{period}").json()
         assert (answer["results"], answer["summary"]["devices"]) == ([], 0), name
     (row,) = client.get(f"{API}/speedups?device=Tensor{period}").json()["results"]
-    assert row["device"] == GROUP
+    assert row["device"] == masked()
 
 
-def test_a_group_pools_the_rare_models_of_one_chip(client: Client, front: Any, join: Join) -> None:
+def test_rare_models_of_one_chip_keep_figures_of_their_own(client: Client, front: Any, join: Join) -> None:
+    """Labels are masked after the computation: pooling models by their label would change the figure."""
     measure(join(), best_us=20_000)
     join().submit(submission_document(session_document(best_us=5_000), device=device_document("Pixel 8 Pro")))
 
-    (row,) = client.get(f"{API}/speedups").json()["results"]
+    rows = client.get(f"{API}/speedups").json()["results"]
 
-    # 4 and 16 times faster, on two models.
-    assert (row["device"], round(row["speedup"], 6), row["installations"]) == (GROUP, 8.0, 2)
+    assert [(row["name"], round(row["speedup"], 6), row["masked"]) for row in rows] == [
+        (CHIP, 16.0, True),
+        (CHIP, 4.0, True),
+    ]
+    assert len({row["device"] for row in rows}) == 2
 
 
 def test_the_fifth_installation_names_the_model(client: Client, front: Any, join: Join) -> None:
     for _ in range(4):
         measure(join())
-    assert [row["device"] for row in client.get(f"{API}/speedups").json()["results"]] == [GROUP]
+    mask = masked()
+    assert [row["device"] for row in client.get(f"{API}/speedups").json()["results"]] == [mask]
 
     session = measure(join())
 
     (row,) = client.get(f"{API}/speedups").json()["results"]
     assert (row["device"], row["installations"]) == (NAMED, 5)
-    assert client.get(f"/devices/{GROUP}/").status_code == 404
+    assert client.get(f"/devices/{mask}/").status_code == 404
     assert "Pixel 8" in client.get(f"/sessions/{session['id']}/").content.decode()
-
-
-def test_no_device_can_call_itself_a_group(client: Client, front: Any, join: Join) -> None:
-    measure(join())
-
-    answer = join().submit(submission_document(session_document(), device=CALLED_A_GROUP))
-
-    assert answer.status_code == 202
-    group = DeviceModel.objects.get(slug=GROUP)
-    assert (group.kind, group.cpu, group.descriptions.count()) == (DeviceModel.Kind.GROUP, "", 0)
-    assert not MeasurementSession.objects.filter(description__model__slug=GROUP).exists()
-
-
-def test_a_device_that_had_taken_a_groups_place_gets_its_own(
-    front: Any, join: Join, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as before:
-        before.setattr(disclosure, "PREFIX", "group|")
-        measure(join())
-        join().submit(submission_document(session_document(), device=CALLED_A_GROUP))
-    group = DeviceModel.objects.get(slug=GROUP)
-    assert group.descriptions.count() == 1
-
-    migration = importlib.import_module("crowd.devices.migrations.0004_keys_of_groups")
-    migration.apart(apps, None)
-    recognition.renormalise_waiting()
-    work()
-
-    group.refresh_from_db()
-    assert (group.kind, group.group, group.rare) == (DeviceModel.Kind.GROUP, None, False)
-    assert group.key.startswith(disclosure.PREFIX)
-    assert group.descriptions.count() == 0
-    assert group.rare_models.get().slug == NAMED
-    assert DeviceModel.objects.get(manufacturer="Group").descriptions.count() == 1
 
 
 def test_one_eager_installation_names_nothing(client: Client, front: Any, join: Join) -> None:
@@ -167,7 +144,7 @@ def test_one_eager_installation_names_nothing(client: Client, front: Any, join: 
     for _ in range(6):
         measure(who)
 
-    assert [row["device"] for row in client.get(f"{API}/speedups").json()["results"]] == [GROUP]
+    assert [row["device"] for row in client.get(f"{API}/speedups").json()["results"]] == [masked()]
 
 
 def test_an_erasure_makes_a_model_rare_again(client: Client, front: Any, join: Join) -> None:
@@ -179,7 +156,7 @@ def test_an_erasure_makes_a_model_rare_again(client: Client, front: Any, join: J
     assert crowd[0].delete("/me").status_code == 204
 
     (row,) = client.get(f"{API}/speedups").json()["results"]
-    assert (row["device"], row["installations"]) == (GROUP, 4)
+    assert (row["device"], row["installations"]) == (masked(), 4)
     assert client.get(f"{API}/devices/{NAMED}").status_code == 404
 
 
@@ -193,18 +170,31 @@ def test_nothing_remains_of_a_model_that_nobody_measures(client: Client, front: 
     assert client.get(f"{API}/devices").json()["results"] == []
 
 
-def test_who_agrees_is_named_alone(client: Client, front: Any, join: Join) -> None:
-    measure(join(), best_us=20_000)
+def test_a_rare_model_is_named_once_all_agree(client: Client, front: Any, join: Join) -> None:
+    measure(join(), best_us=20_000, show_model=True)
     measure(join(), best_us=5_000, show_model=True)
 
-    rows = client.get(f"{API}/speedups").json()["results"]
+    (row,) = client.get(f"{API}/speedups").json()["results"]
 
-    assert [(row["device"], round(row["speedup"], 6)) for row in rows] == [(NAMED, 16.0), (GROUP, 4.0)]
+    assert (row["device"], row["installations"]) == (NAMED, 2)
 
 
-def test_raw_strings_of_others_do_not_show_with_who_agrees(client: Client, front: Any, join: Join) -> None:
+def test_one_who_does_not_agree_masks_the_model_at_once(
+    client: Client, front: Any, join: Join, no_worker: None
+) -> None:
+    """Before any task has run."""
+    measure(join(), show_model=True)
+    tasks.sweep()
+    assert client.get(f"{API}/devices/{NAMED}").status_code == 200
+
     measure(join())
-    join().submit(submission_document(show_model=True))
+
+    assert client.get(f"{API}/devices/{NAMED}").status_code == 404
+    assert client.get(f"{API}/devices/{masked()}").status_code == 200
+
+
+def test_raw_strings_are_never_shown(client: Client, front: Any, join: Join) -> None:
+    measure(join(), show_model=True)
 
     page = client.get(f"/devices/{NAMED}/").content.decode()
 
@@ -224,7 +214,7 @@ def test_the_choice_may_be_taken_back(
 
     assert client.get(f"{API}/devices/{NAMED}").status_code == 404
     (row,) = client.get(f"{API}/speedups").json()["results"]
-    assert (row["device"], row["sessions"]) == (GROUP, 2)
+    assert (row["device"], row["sessions"]) == (masked(), 2)
 
 
 def test_the_choice_holds_for_sessions_that_compare_nothing_too(
@@ -240,34 +230,21 @@ def test_the_choice_holds_for_sessions_that_compare_nothing_too(
         measure(who, show_model=False)
 
     rows = client.get(f"{API}/devices").json()["results"]
-    assert [(row["slug"], row["sessions"]) for row in rows] == [(GROUP, 2)]
+    assert [(row["slug"], row["sessions"]) for row in rows] == [(masked(), 2)]
 
 
-@pytest.mark.parametrize(
-    ("module", "limit", "value"), [(publication, "BATCH", 2), (session_figures, "LARGE", 3)]
-)
-def test_a_name_is_hidden_at_once_however_much_was_measured(
-    client: Client,
-    front: Any,
-    join: Join,
-    monkeypatch: pytest.MonkeyPatch,
-    module: Any,
-    limit: str,
-    value: int,
-) -> None:
-    """What takes long waits for the sweep; what may no longer be seen does not."""
-    crowd = [join() for _ in range(5)]
-    for who in crowd:
-        measure(who)
-    monkeypatch.setattr(module, limit, value)
+def test_a_choice_moves_no_session(client: Client, front: Any, join: Join) -> None:
+    """It costs the server nothing, however often somebody changes their mind."""
+    who = join()
+    measure(who)
+    before = list(SessionSummary.objects.values_list("pk", "cohort"))
 
-    crowd[0].delete("/me")
+    for choice in (True, False, True):
+        who.submit(submission_document(session_document(), show_model=choice))
 
-    for address in ("devices", "speedups", "speedups?since=2020-01-01"):
-        assert NAMED not in client.get(f"{API}/{address}").content.decode(), address
-    tasks.sweep()
-    (row,) = client.get(f"{API}/speedups").json()["results"]
-    assert (row["device"], row["installations"]) == (GROUP, 4)
+    assert list(SessionSummary.objects.values_list("pk", "cohort"))[: len(before)] == before
+    assert not MeasurementSession.objects.filter(summary_algorithm__lt=ALGORITHM).exists()
+    assert client.get(f"{API}/devices/{NAMED}").status_code == 200
 
 
 def test_a_submission_that_says_nothing_changes_no_choice(front: Any, join: Join) -> None:
@@ -277,7 +254,7 @@ def test_a_submission_that_says_nothing_changes_no_choice(front: Any, join: Join
     measure(who)
     work()
 
-    assert {row.device.slug for row in MeasurementSession.objects.select_related("device")} == {NAMED}
+    assert Installation.objects.get().show_model
 
 
 def test_the_own_link_shows_the_own_model(client: Client, front: Any, join: Join) -> None:
@@ -287,7 +264,7 @@ def test_the_own_link_shows_the_own_model(client: Client, front: Any, join: Join
 
     page = client.get(state["page"])
 
-    assert state["device"] == GROUP
+    assert state["device"] == masked()
     assert page.status_code == 200
     assert page["X-Robots-Tag"] == "noindex"
     content = page.content.decode()
@@ -357,12 +334,12 @@ def test_own_data_name_the_own_device(front: Any, join: Join) -> None:
     assert "husky-build-77" in json.dumps(json.loads(content))
 
 
-def test_settling_twice_changes_nothing(front: Any, join: Join) -> None:
+def test_counting_twice_changes_nothing(front: Any, join: Join) -> None:
     for _ in range(5):
         measure(join())
     before = list(DeviceSpeedup.objects.values_list("device__slug", "speedup", "sessions"))
 
-    publication.settle(list(MeasurementSession.objects.values_list("pk", flat=True)))
+    disclosure.after_arrival(list(MeasurementSession.objects.values_list("pk", flat=True)))
     work()
 
     assert list(DeviceSpeedup.objects.values_list("device__slug", "speedup", "sessions")) == before
@@ -373,14 +350,29 @@ def test_settling_twice_changes_nothing(front: Any, join: Join) -> None:
     [
         ({"os": "Android", "soc": "Google Tensor G3", "gpu": "Mali-G715"}, "Google Tensor G3 device"),
         ({"os": "Android", "gpu": "Adreno 506"}, "Adreno 506 device"),
-        ({"os": "Android", "cpu": "ARMv7"}, "Other Android device"),
+        ({"os": "Android", "cpu": "ARMv7"}, "Android device, unknown chip"),
         ({"os": "Linux", "cpu": "AMD EPYC", "gpu": "NVIDIA H100"}, "AMD EPYC PC"),
         ({"os": "Windows", "gpu": "AMD Radeon RX 480"}, "AMD Radeon RX 480 PC"),
         ({"os": "macOS", "cpu": "Apple M1"}, "Apple M1 Mac"),
-        ({"os": "Linux"}, "Other Linux PC"),
-        ({}, "Other device"),
+        ({"os": "Linux"}, "Linux PC, unknown chip"),
+        ({}, "Device, unknown chip"),
         ({"os": "Android", "soc": "ranchu", "kind": "emulator"}, "Android emulator"),
     ],
 )
-def test_a_group_is_named_after_its_chip(parts: dict[str, str], name: str) -> None:
-    assert group_of(DeviceModel(**parts)).name == name
+def test_a_mask_says_the_chip(parts: dict[str, str], name: str) -> None:
+    device = public_device(DeviceModel(**parts))
+
+    assert (device.name, device.manufacturer, device.masked) == (name, "", True)
+
+
+def test_a_name_that_no_rule_knows_stays_masked_however_many_measured_it(
+    client: Client, front: Any, join: Join
+) -> None:
+    for _ in range(6):
+        measure(join())
+    DeviceModel.objects.update(named=False)
+    revision.bump()
+
+    (row,) = client.get(f"{API}/speedups").json()["results"]
+
+    assert (row["name"], row["masked"]) == (CHIP, True)

@@ -97,7 +97,7 @@ def test_erasing_takes_only_ones_own_and_the_figures_follow(
 
     speedup = DeviceSpeedup.objects.get()
     assert (speedup.installations, speedup.speedup) == (1, pytest.approx(4.0))
-    assert DeviceModel.objects.exclude(kind=DeviceModel.Kind.GROUP).count() == 1
+    assert DeviceModel.objects.count() == 1
 
 
 def test_erasing_one_run_leaves_the_others_and_the_figures_follow(participant: Participant) -> None:

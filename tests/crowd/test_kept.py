@@ -3,6 +3,7 @@
 import pytest
 from django.test import Client
 
+from crowd.devices import revision
 from crowd.devices.models import DeviceModel
 from crowd.results.models import MeasurementSession
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -54,6 +55,7 @@ def test_new_sessions_names_and_erasures_are_seen_at_once(
     assert names(client, path) == ["Pixel 8", "Pixel 9"]
 
     DeviceModel.objects.filter(slug="google-pixel-9").update(name="Pixel Nine")
+    revision.bump()
     assert names(client, path) == ["Pixel 8", "Pixel Nine"]
 
     participant.submit(submission_document(session_document(best_us=20_000)))

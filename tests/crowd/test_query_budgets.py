@@ -4,9 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from django.db import connection
 from django.test import Client
-from django.test.utils import CaptureQueriesContext
 
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
@@ -94,17 +92,3 @@ def test_an_enrolment_costs_at_most(client: Client, db: None, django_assert_max_
 
     with django_assert_max_num_queries(ENROLMENT):
         assert client.post(f"{API}/enrol", wish, content_type="application/json").status_code == 201
-
-
-def test_a_devices_descriptions_are_found_without_going_through_its_sessions(
-    crowd: Participant, client: Client
-) -> None:
-    with CaptureQueriesContext(connection) as asked:
-        client.get(f"{API}/devices/google-pixel-8")
-
-    (query,) = [each["sql"] for each in asked if 'FROM "devices_devicedescription"' in each["sql"]]
-    with connection.cursor() as cursor:
-        cursor.execute(f"EXPLAIN QUERY PLAN {query}")
-        plan = "\n".join(row[-1] for row in cursor.fetchall())
-    assert "session_description (description_id=? AND device_id=?)" in plan
-    assert "SCAN" not in plan

@@ -19,7 +19,7 @@ from crowd.results import tasks
 from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
-from crowd.results.privacy import erasure, publication
+from crowd.results.privacy import disclosure, erasure
 from tests.crowd.documents import run_document, session_document, submission_document
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -81,7 +81,7 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
         while not over.is_set():
             keys = list(MeasurementSession.objects.values_list("pk", flat=True))
             with suppress(OperationalError):
-                publication.settle(keys)
+                disclosure.after_arrival(keys)
                 session_figures.summarise_sessions(keys)
 
     def leave(who: Sequence[Installation]) -> None:

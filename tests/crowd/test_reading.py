@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from crowd.devices import revision
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import FrontVersion
 from crowd.results.models import DeviceSpeedup
 from crowd.results.reading import correlations, selectors
 from crowd.results.reading.correlations import pairwise
 from crowd.results.reading.filters import SpeedupFilters
-from crowd.results.reading.rows import Device, Speedup
+from crowd.results.reading.rows import Attempt, Attempts, Device, Speedup
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
@@ -23,18 +24,26 @@ WIDE = ("fast", "faster", "fastest")
 
 def bar(slug: str, speedup: float, **changes: Any) -> Speedup:
     parts = {"manufacturer": "", "cpu": "", "soc": "", "gpu": "Adreno 750", "os": "Android"}
-    device = Device(slug=slug, name=slug, **{name: changes.pop(name, text) for name, text in parts.items()})
+    device = Device(
+        slug=slug,
+        name=slug,
+        kind="device",
+        masked=False,
+        **{name: changes.pop(name, text) for name, text in parts.items()},
+    )
     values: dict[str, Any] = {
         "front": "kfusion-test", "configuration": "best", "baseline": "default", "backend": "opencl",
-        "processor": device.gpu, "speedup": speedup, "low": None, "high": None, "repeat_low": None,
-        "repeat_high": None, "sessions": 1, "installations": 1, "ate_max": 0.01,
-        "last_session_at": datetime(2026, 11, 20, tzinfo=UTC), "suspect": False,
+        "processor": device.gpu, "processor_class": "gpu", "speedup": speedup, "low": None, "high": None,
+        "session_low": None, "session_high": None, "repeat_low": None, "repeat_high": None,
+        "deviation": None, "units": 1, "sessions": 1, "installations": 1, "ate_max": 0.01,
+        "last_session_at": datetime(2026, 11, 20, tzinfo=UTC), "suspect": False, "confirmed": True,
     }  # fmt: skip
     return Speedup(device=device, **(values | changes))
 
 
 def test_the_crowd_is_broken_down_by_who_made_the_chip_that_computed() -> None:
-    rows = [bar("a", 2.0), bar("b", 8.0), bar("c", 3.0, gpu="Mali-G78"), bar("a", 5.0, processor="pthread")]
+    on_cpu = bar("a", 5.0, processor="AMD EPYC", processor_class="cpu")
+    rows = [bar("a", 2.0), bar("b", 8.0), bar("c", 3.0, gpu="Mali-G78"), on_cpu]
 
     shares = {share.group: share.figure for share in selectors.breakdown(rows, "vendor")}
 
@@ -45,13 +54,38 @@ def test_the_crowd_is_broken_down_by_who_made_the_chip_that_computed() -> None:
 
 
 def test_a_breakdown_is_of_the_figures_that_the_headline_is_of() -> None:
-    rows = [bar("a", 2.0), bar("b", 8.0, suspect=True), bar("c", 9.0, gpu="Mali-G78", suspect=True)]
+    rows = [bar("a", 2.0), bar("b", 8.0, suspect=True), bar("c", 9.0, gpu="Mali-G78", confirmed=False)]
 
-    (share,) = selectors.breakdown(rows, "vendor")
-    suspect = selectors.breakdown(rows[1:], "vendor")
+    adreno, mali = selectors.breakdown(rows, "vendor")
 
-    assert (share.group, share.figure) == ("Adreno", selectors.headline(rows))
-    assert [(share.group, share.figure.suspect) for share in suspect] == [("Adreno", True), ("Mali", True)]
+    assert (adreno.group, adreno.figure.devices, adreno.figure.unconfirmed) == ("Adreno", 1, 1)
+    assert (mali.group, mali.figure.geometric_mean, mali.figure.unconfirmed) == ("Mali", None, 1)
+
+
+def test_the_headline_rests_on_confirmed_figures_and_counts_the_others() -> None:
+    rows = [bar("a", 2.0), bar("b", 8.0), bar("c", 400.0, confirmed=False), bar("d", 9.0, suspect=True)]
+
+    found = selectors.headline(rows)
+
+    assert (found.devices, found.unconfirmed, found.max) == (2, 2, pytest.approx(8.0))
+    assert found.geometric_mean == pytest.approx(4.0)
+    assert selectors.headline(rows[2:]).geometric_mean is None
+
+
+def test_a_models_gpu_and_its_cpu_are_never_averaged() -> None:
+    rows = [bar("a", 4.0), bar("a", 16.0, processor="AMD EPYC", processor_class="cpu")]
+
+    assert selectors.headline(rows).geometric_mean == pytest.approx(4.0)
+    assert selectors.headline(rows[1:]).geometric_mean == pytest.approx(16.0)
+
+
+def test_failures_and_lost_cameras_are_counted_by_models() -> None:
+    def ran(slug: str, sessions: int, failed: int, lost: int, configuration: str = "best") -> Attempt:
+        return Attempt(bar(slug, 1.0).device, configuration, "opencl", "Mali-G78", sessions, failed, lost)
+
+    rows = [ran("a", 4, 1, 2), ran("b", 1, 1, 0), ran("c", 3, 0, 1), ran("d", 1, 1, 1, "accurate")]
+
+    assert selectors.attempts(rows) == Attempts(devices=3, failing=1, losing=1)
 
 
 def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> None:
@@ -61,6 +95,7 @@ def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> 
         bar("b", 2.0, processor="x"),
         bar("c", 9.0),
         bar("d", 99, suspect=True),
+        bar("e", 99, confirmed=False),
     ]
 
     place = selectors.place(rows, "b")
@@ -69,6 +104,7 @@ def test_a_devices_place_counts_models_once_and_leaves_suspect_figures_out() -> 
     assert (place.rank, place.speedup, place.slower) == (2, pytest.approx(4.0), 0.5)
     assert [device.slug for device, _ in place.models] == ["c", "b", "a"]
     assert selectors.place(rows, "d") is None
+    assert selectors.place(rows, "e") is None
 
 
 def test_an_only_device_has_no_share_of_slower_ones() -> None:
@@ -115,21 +151,22 @@ def measured(front: FrontVersion) -> None:
         ("simulated-d", "simulated", 4.0, 9.0, 30),
         ("only-best", "device", 4.0, None, 50),
     ):
-        device = DeviceModel.objects.create(key=slug, slug=slug, name=slug, kind=kind)
+        device = DeviceModel.objects.create(key=slug, slug=slug, name=slug, kind=kind, named=True, rare=False)
         for name, speedup in (("best", best), ("accurate", accurate)):
             if speedup is not None:
                 DeviceSpeedup.objects.create(
                     device=device, front=front, configuration=configurations[name],
                     baseline=configurations["default"], backend="opencl", processor="Mali-G78", algorithm=2,
                     speedup=speedup, sessions=sessions, installations=1, state="valid",
-                    last_session_at=datetime(2026, 11, 20, tzinfo=UTC),
+                    last_session_at=datetime(2026, 11, 20, tzinfo=UTC), witnesses=3,
                 )  # fmt: skip
+    revision.bump()
 
 
 def test_the_winner_of_each_device_and_what_the_references_best_costs_there(
     measured: None, django_assert_max_num_queries: Any
 ) -> None:
-    with django_assert_max_num_queries(7):
+    with django_assert_max_num_queries(9):
         found = selectors.winners(SpeedupFilters())
 
     assert [(row.device.slug, row.winner, row.best_rank, row.configurations) for row in found.rows] == [
@@ -187,7 +224,7 @@ def test_the_history_of_a_device_by_driver_and_version_of_the_system(
         ]  # fmt: skip
         join().submit(submission_document(sent, device=device))
 
-    with django_assert_max_num_queries(3):
+    with django_assert_max_num_queries(6):
         found = selectors.history("google-pixel-8")
 
     assert found is not None

@@ -77,7 +77,7 @@ def test_only_the_sessions_of_one_device_are_computed_again(
 ) -> None:
     call_command("results", "recompute", "--device", "google-pixel-9")
 
-    assert "2 sessions to summarise anew" in capsys.readouterr().out
+    assert "2 sessions to summarise again" in capsys.readouterr().out
 
 
 def test_a_device_or_front_that_nobody_measured_is_named(crowd: None) -> None:
@@ -160,7 +160,7 @@ def test_a_sweep_takes_many_sessions_for_few_queries(
 ) -> None:
     participant.submit(submission_document(*(session_document() for _ in range(12))))
 
-    with django_assert_max_num_queries(34):
+    with django_assert_max_num_queries(39):
         session_figures.summarise_waiting()
     assert SessionSummary.objects.count() == 12
 

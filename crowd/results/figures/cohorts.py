@@ -123,7 +123,7 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
     """
     groups: dict[Key, dict[str, list[_Installation]]] = defaultdict(lambda: defaultdict(list))
     rows = list(_by_installation(summaries))
-    networks = _networks({row["installation_id"] for row in rows})
+    networks = networks_of({row["installation_id"] for row in rows})
     for row in rows:
         key = Key(row["cohort_id"], row["configuration_id"], row["baseline_id"])
         only = row["sessions"] == 1 and row["low"] is not None
@@ -186,7 +186,7 @@ def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> N
         .values_list("configuration_id", "installation_id")
         .annotate(mean=Avg("log_ratio"), hidden=Count("pk", filter=Q(reason__in=DEPENDING)))
     )
-    networks = _networks({who for _, who, _, _ in means})
+    networks = networks_of({who for _, who, _, _ in means})
     predicted = _predicted(cohort.front_id)
     wanted: dict[tuple[State, str], list[int]] = defaultdict(list)
     for configuration, rows in groupby(means, key=itemgetter(0)):
@@ -370,7 +370,7 @@ def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[st
     )
 
 
-def _networks(installations: Collection[UUID]) -> dict[UUID, str]:
+def networks_of(installations: Collection[UUID]) -> dict[UUID, str]:
     """The networks from which INSTALLATIONS, at least, were enrolled; of those for which it is known."""
     if not installations:
         return {}

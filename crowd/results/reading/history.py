@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from datetime import datetime
 from typing import Any
+from uuid import UUID
 
 from django.db.models import Avg, Count, Max, Min
 from django.db.models.fields.json import KT
@@ -12,6 +13,7 @@ from crowd.devices.disclosure import find, is_disclosed
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
+from crowd.results.figures.cohorts import networks_of
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.reading.failures import public_os_version
 from crowd.results.reading.figures import hour
@@ -21,7 +23,7 @@ from crowd.results.reading.rows import History, Release
 def history(slug: str, configuration: str = BEST, application: str | None = None) -> History | None:
     """CONFIGURATION on the device SLUG by driver and version of the system, of the newest front (of
     APPLICATION where one is given) and, of several processors, of the one with the most sessions. None
-    where it has no valid figure. Five queries.
+    where it has no valid figure. Six queries.
 
     The version of a masked model's system is left out.
     """
@@ -58,7 +60,10 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = defaultdict(list)
     for row in rows:
         groups[row["session__driver"], versions.get(row["session__description_id"], "")].append(row)
-    releases = [_release(driver, version, members) for (driver, version), members in groups.items()]
+    networks = networks_of({row["installation_id"] for row in rows})
+    releases = [
+        _release(driver, version, members, networks) for (driver, version), members in groups.items()
+    ]
     return History(
         front=figure.front.slug,
         configuration=configuration,
@@ -76,26 +81,33 @@ def _versions(device: DeviceModel, descriptions: Iterable[int]) -> dict[int, str
     return {key: public_os_version(version) for key, version in rows if isinstance(version, str)}
 
 
-def _release(driver: str, os_version: str, rows: Iterable[Mapping[str, Any]]) -> Release:
-    """Of ROWS, an installation's sessions with one description each; installations weigh the same."""
-    logs: dict[Any, float] = defaultdict(float)
-    counts: dict[Any, int] = defaultdict(int)
+def _release(
+    driver: str, os_version: str, rows: Iterable[Mapping[str, Any]], networks: Mapping[UUID, str]
+) -> Release:
+    """ROWS: an installation's sessions with one description each; installations weigh the same, and those of
+    one of NETWORKS count once.
+    """
+    logs: dict[UUID, float] = defaultdict(float)
+    counts: dict[UUID, int] = defaultdict(int)
     moments: list[datetime] = []
     for row in rows:
         logs[row["installation_id"]] += row["mean"] * row["count"]
         counts[row["installation_id"]] += row["count"]
         moments += [row["first"], row["last"]]
-    speedup = statistics.geometric_interval(
-        [logs[who] / counts[who] for who in logs], statistics.LEAST_INSTALLATIONS
+    found = statistics.model_speedup(
+        [
+            statistics.InstallationValue(logs[who] / counts[who], 0.0, counts[who], networks.get(who))
+            for who in logs
+        ]
     )
     return Release(
         driver=driver,
         os_version=os_version,
-        speedup=speedup.value,
-        low=speedup.low,
-        high=speedup.high,
-        sessions=sum(counts.values()),
-        installations=len(counts),
+        speedup=found.speedup.value,
+        low=found.speedup.low,
+        high=found.speedup.high,
+        sessions=found.sessions,
+        installations=found.installations,
         first_at=hour(min(moments)),
         last_at=hour(max(moments)),
     )

@@ -11,7 +11,7 @@ Bounds = tuple[float, float]
 # Where nothing is known of a configuration.
 WIDEST: Bounds = (math.log(1 / 4), math.log(64))
 # How far beyond what is known a speedup may lie.
-REACH_RATIO = 2.0
+REACH_RATIO = 4.0
 REACH = math.log(REACH_RATIO)
 
 
