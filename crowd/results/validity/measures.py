@@ -1,0 +1,148 @@
+"""What is computed of runs and sessions: pure functions over NumPy arrays, one run or session a row."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT
+
+CONFIDENCE = 0.95
+# Two speedups agree that differ by no more than two repeats may.
+AGREEMENT = math.log(MAX_DRIFT)
+# The clocks of the stages and of the frame are read separately: 5 % and 50 us of a frame may lie between them.
+STAGE_TOLERANCE = 1.05
+STAGE_SLACK_US = 50
+# The stages' sum is compared with the computation; these lie outside it.
+OUTSIDE_COMPUTATION = frozenset({"acquisition", "rendering", "total", "computation"})
+# 20,000 frames a second: launching a frame's kernels alone takes longer.
+SHORTEST_MEAN_US = 50.0
+# So many different times do not come twice in the same order by chance.
+LEAST_DISTINCT_TIMES = 20
+# Each third of a session needs two readings of the clock before a fall can be seen.
+LEAST_READINGS = 6
+
+
+def mean_times(
+    frame_us: NDArray[np.generic], first_counted_frame: int = FIRST_COUNTED_FRAME
+) -> NDArray[np.float64]:
+    """Arithmetic mean (n,) over the counted frames of each row of FRAME_US (n, frames), in the unit given.
+
+    The mean and not the median: some configurations do periodic work, such as integrating every 24th frame,
+    that a median would drop. Raises ValueError where no frame is left.
+    """
+    counted = frame_us[:, first_counted_frame:]
+    if counted.shape[1] == 0:
+        raise ValueError(f"no frame is left from frame {first_counted_frame} on")
+    means: NDArray[np.float64] = counted.mean(axis=1, dtype=np.float64)
+    return means
+
+
+def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, float]) -> NDArray[np.float64]:
+    """log(baseline / candidate) of each repeat that both have, (n,), in the order of the repeats.
+
+    In the order default, best, best, default the drift of a device that warms up steadily enters the two
+    ratios with opposite signs, so that it cancels in their mean.
+    """
+    repeats = sorted(set(baseline) & set(candidate))
+    return np.array([math.log(baseline[repeat] / candidate[repeat]) for repeat in repeats])
+
+
+def drifts(
+    first_us: NDArray[np.generic],
+    last_us: NDArray[np.generic],
+    first_counted_frame: int = FIRST_COUNTED_FRAME,
+) -> list[float | None]:
+    """Median over the counted frames of last / first repeat, for each row of FIRST_US and LAST_US (n, frames).
+
+    Frames without a time on either side are left out; None where none is left. Like is compared with like:
+    the first and the last third of one run would confound the scene with the heat.
+    """
+    first = first_us[:, first_counted_frame:].astype(np.float64)
+    last = last_us[:, first_counted_frame:].astype(np.float64)
+    timed = (first > 0) & (last > 0)
+    whole, some = timed.all(axis=1), timed.any(axis=1)
+    found: list[float | None] = [None] * len(first)
+    if first.size:
+        medians = np.median(last[whole] / first[whole], axis=1)
+        for row, median in zip(np.flatnonzero(whole).tolist(), medians.tolist(), strict=True):
+            found[row] = median
+    for row in np.flatnonzero(some & ~whole).tolist():
+        kept = timed[row]
+        found[row] = float(np.median(last[row, kept] / first[row, kept]))
+    return found
+
+
+def has_drifted(drift: float | None) -> bool:
+    """Whether the last repeat took much longer, or much less time, than the first."""
+    return drift is not None and abs(math.log(drift)) > math.log(MAX_DRIFT)
+
+
+def clock_fall(readings_mhz: Sequence[float]) -> float | None:
+    """Median clock of the first third of the readings over that of the last; None for too few readings."""
+    if len(readings_mhz) < LEAST_READINGS:
+        return None
+    third = len(readings_mhz) // 3
+    first, last = np.median(readings_mhz[:third]), np.median(readings_mhz[-third:])
+    return float(first / last) if last > 0 else None
+
+
+def stages_exceed_frames(
+    frame_us: NDArray[np.generic], names: Sequence[str], stages_us: NDArray[np.generic]
+) -> NDArray[np.bool_]:
+    """Whether the computation's stages take longer than the computation, beyond the clocks' tolerance, (n,).
+
+    FRAME_US is (n, frames). STAGES_US (n, stages * frames) holds the series of the stages called NAMES one
+    after another.
+    """
+    inside = [place for place, name in enumerate(names) if name not in OUTSIDE_COMPUTATION]
+    if not inside:
+        return np.zeros(len(frame_us), dtype=bool)
+    series = stages_us.reshape(len(frame_us), len(names), -1)
+    slack = STAGE_SLACK_US * series.shape[2]
+    total = series[:, inside].sum(axis=(1, 2), dtype=np.float64)
+    exceeding: NDArray[np.bool_] = total > frame_us.sum(axis=1, dtype=np.float64) * STAGE_TOLERANCE + slack
+    return exceeding
+
+
+def distinct_times(frame_us: NDArray[np.generic]) -> NDArray[np.int64]:
+    """How many different times each row of FRAME_US (n, frames) has."""
+    ordered = np.sort(frame_us, axis=1)
+    changes = np.count_nonzero(ordered[:, 1:] != ordered[:, :-1], axis=1)
+    return changes + min(frame_us.shape[1], 1)
+
+
+def complete_pairs(baseline: Mapping[int, int], candidate: Mapping[int, int], planned_repeats: int) -> bool:
+    """Whether the repeats that both have are 0, 1, 2, ... and at least PLANNED_REPEATS.
+
+    BASELINE and CANDIDATE give, of the runs that count, the place in the session by the repeat. The baseline
+    may have more repeats: a client goes on with those configurations alone whose interval is still wide.
+    """
+    raise NotImplementedError
+
+
+def balanced_order(baseline: Mapping[int, int], candidate: Mapping[int, int]) -> bool:
+    """Whether a steady drift cancels in the mean over the pairs: both have the same mean place in the session.
+
+    BASELINE and CANDIDATE as in `complete_pairs`. An odd number of pairs cannot be balanced: they may be
+    apart by as many places as one pair is.
+    """
+    raise NotImplementedError
+
+
+def t_quantile(degrees: int, alpha: float) -> float:
+    """The two-sided quantile of Student's t that leaves ALPHA outside."""
+    # scipy.stats takes a second to import, and the web process has no other use of it.
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees, 1 - alpha / 2))
+
+
+def session_interval(log_ratios: ArrayLike, planned_repeats: int) -> tuple[float, float] | None:
+    """A session's own 95 % interval (low, high) of its mean log ratio over its pairs; None for one pair.
+
+    A client repeats until its interval is narrow. It may stop after PLANNED_REPEATS pairs and after every two
+    further ones, and each look is another chance to be wrong.
+    """
+    raise NotImplementedError

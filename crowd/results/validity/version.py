@@ -1,0 +1,4 @@
+"""The version of the rules and of the statistics, stored on every summary and figure."""
+
+# Raise it with any change of a rule or a figure: everything stored is then computed again.
+ALGORITHM = 3
