@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from crowd.dashboard.protocols import first_counted_frame
 from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.figures.statistics import OUTSIDE_COMPUTATION
 from crowd.results.reading.rows import RunSeries, SessionDetail
+from crowd.results.validity.measures import OUTSIDE_COMPUTATION
 
 # The pipeline's order; a stage of another system comes after these, by name.
 ORDER = ("acquisition", "preprocessing", "tracking", "integration", "raycasting")

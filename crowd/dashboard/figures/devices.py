@@ -11,8 +11,8 @@ from crowd.dashboard.drift import Readings, Step
 from crowd.dashboard.figures import layout
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST
-from crowd.results.figures.statistics import MAX_DRIFT
 from crowd.results.reading.rows import Place, Release, Speedup
+from slam.protocol import MAX_DRIFT
 
 ROW = 28  # pixels of a bar
 SENSOR = 130  # pixels of a sensor

@@ -10,9 +10,9 @@ from django import template
 from crowd.dashboard import formats
 from crowd.dashboard.protocols import first_counted_frame, max_ate
 from crowd.disclosure import public
-from crowd.results.figures.statistics import MAX_DRIFT
 from crowd.results.reading.rows import Device, Speedup
 from crowd.results.validity.rules import RULES
+from slam.protocol import MAX_DRIFT
 
 register = template.Library()
 

@@ -1,7 +1,7 @@
 """Many sessions that wait for their summaries, worked on at once: few queries, arrays instead of rows."""
 
 from collections.abc import Collection, Mapping, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import NamedTuple
 from uuid import UUID
 
@@ -12,9 +12,7 @@ from crowd.results.intake.checks import Protocol
 from crowd.results.models import MeasurementSession, SessionSummary
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.runs import Front, SessionContext, judge_runs
-from crowd.results.validity.sessions import SessionInput, drifted
-from crowd.results.validity.sessions import drifts as drifts_of
-from crowd.results.validity.sessions import summaries as session_summaries
+from crowd.results.validity.sessions import SessionInput, summarise
 
 # device, front, backend, processor: what makes a cohort
 Group = tuple[int, int, str, str]
@@ -55,28 +53,22 @@ def summaries(
     fronts = _fronts({row.front for row in sessions})
     around = {row.key: SessionContext(row.installation, fronts[row.front]) for row in sessions}
     runs = judge_runs(around, decisions)
-    first = {key: session.front.protocol.first_counted_frame for key, session in around.items()}
-    drifts = drifts_of(runs, first)
-    clocks = _clocks([key for key, values in drifts.items() if drifted(values)])
     emulators = _emulators({row.description for row in sessions})
-    return [
-        summary
-        for row in sessions
-        for summary in session_summaries(
-            SessionInput(
-                key=row.key,
-                cohort=cohorts[row.key],
-                installation=row.installation,
-                started_at=row.started_at,
-                baseline=fronts[row.front].baseline,
-                emulated=row.description in emulators,
-                released=decisions.released(row.key),
-                clock_mhz=clocks.get(row.key, ()),
-            ),
-            runs.get(row.key, ()),
-            drifts.get(row.key, {}),
+    inputs = [
+        SessionInput(
+            key=row.key,
+            cohort=cohorts[row.key],
+            installation=row.installation,
+            started_at=row.started_at,
+            day=row.started_at.astimezone(UTC).date(),
+            front=fronts[row.front],
+            emulated=row.description in emulators,
+            released=decisions.released(row.key),
+            plausible={},
         )
+        for row in sessions
     ]
+    return summarise(inputs, runs, _clocks)
 
 
 def _fronts(keys: Collection[int]) -> dict[int, Front]:
@@ -93,8 +85,6 @@ def _fronts(keys: Collection[int]) -> dict[int, Front]:
 
 def _clocks(keys: Sequence[int]) -> dict[int, list[float]]:
     """The readings of the processor's clock in the sessions KEYS; samples are large and rarely looked at."""
-    if not keys:
-        return {}
     rows = MeasurementSession.objects.filter(pk__in=keys).order_by().values_list("pk", "samples")
     return {key: [sample["cpu_mhz"] for sample in samples if sample.get("cpu_mhz")] for key, samples in rows}
 

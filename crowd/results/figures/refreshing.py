@@ -17,7 +17,7 @@ from crowd.results.models import (
     SessionSummary,
     State,
 )
-from crowd.results.validity import rules
+from crowd.results.validity import measures, rules, version
 
 FIGURE = (
     "baseline", "algorithm", "speedup", "low", "high", "repeat_low", "repeat_high", "sessions",
@@ -72,7 +72,7 @@ def _store(cohort: Cohort, found: dict[summaries.Key, summaries.Figure]) -> None
                 **group,
                 configuration_id=key.configuration,
                 baseline_id=key.baseline,
-                algorithm=statistics.ALGORITHM,
+                algorithm=version.ALGORITHM,
                 **figure.numbers,
                 state=figure.state,
                 last_session_at=figure.last_session_at,
@@ -119,7 +119,7 @@ def _outliers(judged: QuerySet[SessionSummary], low: float, high: float) -> list
 
     Those that an administrator released are none.
     """
-    outside = Q(log_ratio__lt=low + statistics.AGREEMENT) | Q(log_ratio__gt=high - statistics.AGREEMENT)
+    outside = Q(log_ratio__lt=low + measures.AGREEMENT) | Q(log_ratio__gt=high - measures.AGREEMENT)
     found = judged.filter(outside).values_list("pk", "installation_id", "log_ratio", "reason")
     rows = [(key, who, value, reason) for key, who, value, reason in found if value is not None]
     alone = statistics.without_agreement([(who, value) for _, who, value, _ in rows])

@@ -1,9 +1,9 @@
 """From sessions to the crowd's figure: pure functions over NumPy arrays.
 
-The chain, each level averaged before the next so that nobody counts twice: session (mean of paired log ratios)
--> installation (mean) -> network (mean) -> device model (robust location, t interval over networks) -> crowd
-(random-effects mean over models). Frames are not replicates of a run, and sessions are not replicates of an
-installation: an interval over either covers the truth far too rarely.
+The chain, each level averaged before the next so that nobody counts twice: session (mean of paired log
+ratios) -> installation (mean) -> network (mean) -> device model (robust location, t interval over networks)
+-> crowd (random-effects mean over models). Frames are not replicates of a run, and sessions are not
+replicates of an installation: an interval over either covers the truth far too rarely.
 """
 
 import math
@@ -14,19 +14,32 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd.results.validity.measures import AGREEMENT, CONFIDENCE, t_quantile
+from crowd.results.validity.measures import AGREEMENT, CONFIDENCE, OUTLIER_DEVIATIONS, t_quantile
+from crowd.results.validity.plausibility import corroborated
 
-# Independent networks that have to agree before a figure is confirmed; FRONTRUNNER_QUORUM sets another number.
+# Independent networks that have to agree before a figure is confirmed; FRONTRUNNER_QUORUM sets another
+# number.
 QUORUM = 3
 LEAST_UNITS = 3
 LEAST_SESSIONS = 3
 LEAST_MODELS = 3
 SESSIONS_PER_DAY = 5
-OUTLIER_DEVIATIONS = 5.0
 # The median absolute deviation of normal values, times this, estimates their standard deviation.
 NORMAL_MAD = 1.4826
 # Installations of one model differ by a tenth without any fault, and of few the deviation may be 0 by chance.
 LEAST_DEVIATION = math.log(1.1)
+# Huber's limit: values farther than this many standard deviations from the centre pull as if they were that
+# far. Of normal values the estimate keeps 95 % of the mean's efficiency.
+HUBER = 1.345
+HUBER_EFFICIENCY = 0.950
+# The mean of min(z^2, HUBER^2) over standard normal z.
+HUBER_SQUARE = 0.7102
+# Limits of the iterations below: enough for six digits of a ratio.
+HUBER_STEPS, CONVERGED = 30, 1e-9
+BISECTIONS = 30
+TINY = 1e-12
+# A scale below this is chance: repeats of one device differ by more.
+LEAST_SCALE = 0.02
 
 
 def ratio(log_ratio: float) -> float:
@@ -41,17 +54,25 @@ def geometric_mean(ratios: Sequence[float]) -> float:
 
 @dataclass(frozen=True)
 class Interval:
-    """A ratio with its confidence interval; low and high are None where no interval is due."""
+    """A ratio with its confidence interval; low and high are None where there are too few values for one."""
 
     value: float
     low: float | None
     high: float | None
 
 
-def within_daily_limit(keys: Iterable[Hashable]) -> list[bool]:
-    """Of each key, in the given order, whether it is among the first SESSIONS_PER_DAY of its kind.
+def _interval(centre: float, deviation: float, count: int, least: int) -> Interval:
+    """exp of CENTRE, with a two-sided t interval from LEAST values on, of which COUNT have DEVIATION."""
+    if count < max(least, 2):
+        return Interval(math.exp(centre), None, None)
+    half = t_quantile(count - 1, 1 - CONFIDENCE) * deviation / math.sqrt(count)
+    return Interval(math.exp(centre), math.exp(centre - half), math.exp(centre + half))
 
-    A key says whose session it is, of which day, and what for.
+
+def within_daily_limit(keys: Iterable[Hashable]) -> list[bool]:
+    """Of each key, in the given order, whether it is among the first SESSIONS_PER_DAY equal ones.
+
+    A key holds the session's installation, its day by the server's clock, its configuration and state.
     """
     seen: Counter[Hashable] = Counter()
     counted = []
@@ -85,13 +106,64 @@ class Unit:
 
 
 def units(installations: Iterable[InstallationValue]) -> list[Unit]:
-    """INSTALLATIONS of one figure by network, each the mean over its installations; in order of appearance."""
-    raise NotImplementedError
+    """INSTALLATIONS of one figure by network, each the mean over its installations.
+
+    An installation without a known network is a unit of its own. Known networks come first.
+    """
+    known: dict[Hashable, list[InstallationValue]] = {}
+    unknown = []
+    for each in installations:
+        if each.network is None:
+            unknown.append([each])
+        else:
+            known.setdefault(each.network, []).append(each)
+    return [
+        Unit(
+            log_ratio=math.fsum(each.log_ratio for each in members) / len(members),
+            network=members[0].network,
+            installations=len(members),
+            sessions=sum(each.sessions for each in members),
+        )
+        for members in [*known.values(), *unknown]
+    ]
 
 
-def location(logs: ArrayLike) -> float:
-    """A robust mean of LOGS (n,), which one hostile value among few cannot pull far. ValueError for none."""
-    raise NotImplementedError
+def location(unit_logs: ArrayLike) -> NDArray[np.float64]:
+    """Huber's robust mean over the last axis of UNIT_LOGS (..., n): (...). ValueError for no values.
+
+    The scale is the median absolute deviation (Huber 1964). Of four values one cannot pull the figure far,
+    and not even two of five can; a Hodges-Lehmann estimate would follow those two.
+    """
+    values = np.asarray(unit_logs, dtype=np.float64)
+    if values.shape[-1] == 0:
+        raise ValueError("a location of no values")
+    if values.shape[-1] < LEAST_UNITS:
+        return np.asarray(values.mean(axis=-1))
+    deviation = robust_deviation(values)
+    scale = np.broadcast_to(np.maximum(deviation, LEAST_SCALE)[..., None], values.shape)
+    return _huber_mean(values, 1 / scale**2)[..., 0]
+
+
+def robust_deviation(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The standard deviation over the last axis of VALUES (..., n), from the median absolute deviation."""
+    median = np.median(values, axis=-1, keepdims=True)
+    found: NDArray[np.float64] = NORMAL_MAD * np.median(np.abs(values - median), axis=-1)
+    return found
+
+
+def _huber_mean(values: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weighted mean over the last axis, kept: values more than HUBER standard deviations away pull as if they
+    were that far. WEIGHTS are inverse variances. By iterated reweighting from the median.
+    """
+    limit = HUBER / np.sqrt(weights)
+    centre = np.median(values, axis=-1, keepdims=True)
+    for _ in range(HUBER_STEPS):
+        kept = weights * np.minimum(1.0, limit / np.maximum(np.abs(values - centre), TINY))
+        following = (kept * values).sum(axis=-1, keepdims=True) / kept.sum(axis=-1, keepdims=True)
+        step, centre = float(np.abs(following - centre).max()), following
+        if step < CONVERGED:
+            break
+    return centre
 
 
 @dataclass(frozen=True)
@@ -117,12 +189,36 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
 
     Raises ValueError for no installation.
     """
-    raise NotImplementedError
+    repeat = None
+    if len(installations) == 1 and installations[0].sessions >= LEAST_SESSIONS:
+        only = installations[0]
+        repeat = _interval(only.log_ratio, only.deviation, only.sessions, LEAST_SESSIONS)
+    found = units(installations)
+    logs = np.array([unit.log_ratio for unit in found])
+    deviation = float(logs.std(ddof=1)) if len(found) > 1 else None
+    return ModelSpeedup(
+        speedup=_interval(float(location(logs)), deviation or 0.0, len(found), LEAST_UNITS),
+        repeat=repeat,
+        sessions=sum(unit.sessions for unit in found),
+        installations=len(installations),
+        units=len(found),
+        networks=sum(unit.network is not None for unit in found),
+        deviation=deviation,
+    )
 
 
 def usual_range(unit_logs: ArrayLike) -> tuple[float, float] | None:
-    """Between which log ratios a session is not an outlier, given UNIT_LOGS (n,); None for too few units."""
-    raise NotImplementedError
+    """Between which log ratios a session is not an outlier, given UNIT_LOGS (n,) of its model.
+
+    OUTLIER_DEVIATIONS robust standard deviations around the median (Leys et al. 2013): unlike mean and
+    standard deviation, neither follows the outlier. None for fewer than LEAST_UNITS units.
+    """
+    values = np.asarray(unit_logs, dtype=np.float64)
+    if values.size < LEAST_UNITS:
+        return None
+    median = float(np.median(values))
+    reach = OUTLIER_DEVIATIONS * max(float(robust_deviation(values)), LEAST_DEVIATION)
+    return median - reach, median + reach
 
 
 def without_agreement(sessions: Sequence[tuple[Hashable, float]]) -> list[bool]:
@@ -130,7 +226,7 @@ def without_agreement(sessions: Sequence[tuple[Hashable, float]]) -> list[bool]:
 
     The unit is the key of the network, or of the installation where the network is unknown.
     """
-    raise NotImplementedError
+    return [not agreed for agreed in corroborated(sessions)]
 
 
 def confirmed(
@@ -138,13 +234,30 @@ def confirmed(
 ) -> bool:
     """Whether QUORUM independent networks agree with a figure, by the outlier rule.
 
-    One entry for each installation of the pool: of the figure's own model (OWN true), and where wanted of
+    One entry for each installation of the pool: of the figure's own model (OWN true) and, where wanted, of
     other models with the same chip, backend and processor class. NETWORKS: its network's key, None where
-    unknown, which counts towards the range and not towards the quorum. LOG_RATIOS (n,): its mean. The
-    figure itself, the location of the own units, has to lie within the usual range of the pool, together with
-    units of at least QUORUM known networks.
+    unknown, which counts towards the range and not towards the quorum. LOG_RATIOS (n,): its mean.
+
+    The figure itself, the location of the own units, has to lie within the usual range of the pool, and so
+    do units of at least QUORUM known networks. A pool of fewer than LEAST_UNITS has no usual range: there
+    the figure and the others have to lie within AGREEMENT of the median.
     """
-    raise NotImplementedError
+    values, is_own = np.asarray(log_ratios, dtype=np.float64), np.asarray(own, dtype=np.bool_)
+    entries = [
+        InstallationValue(value, 0.0, 1, network)
+        for value, network in zip(values.tolist(), networks, strict=True)
+    ]
+    # A network that measured this model and others is a unit in each of the two groups.
+    own_units = units(entry for entry, mine in zip(entries, is_own, strict=True) if mine)
+    if not own_units:
+        return False
+    pool = [*own_units, *units(entry for entry, mine in zip(entries, is_own, strict=True) if not mine)]
+    logs = [unit.log_ratio for unit in pool]
+    median = float(np.median(logs))
+    low, high = usual_range(logs) or (median - AGREEMENT, median + AGREEMENT)
+    agreeing = {unit.network for unit in pool if low <= unit.log_ratio <= high} - {None}
+    figure = float(location([unit.log_ratio for unit in own_units]))
+    return low <= figure <= high and len(agreeing) >= quorum
 
 
 def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> NDArray[np.float64]:
@@ -153,12 +266,53 @@ def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> ND
     UNITS (n,) and DEVIATIONS are those of each figure's `ModelSpeedup`. Three values estimate a variance
     badly; the pooled one has the degrees of freedom of all. 0 where no figure has two units.
     """
-    raise NotImplementedError
+    counts = np.asarray(units, dtype=np.float64)
+    squares = np.array([(deviation or 0.0) ** 2 for deviation in deviations])
+    freedom = float((counts - 1).sum())
+    pooled = float(((counts - 1) * squares).sum()) / freedom if freedom > 0 else 0.0
+    return pooled / counts
 
 
 def crowd_speedup(figures: Sequence[tuple[float, float]]) -> Interval | None:
-    """Random-effects mean over device models of FIGURES (log ratio, variance); None for none.
-
-    With an interval from LEAST_MODELS on.
+    """Random-effects mean over device models of FIGURES (log ratio, variance), with an interval from
+    LEAST_MODELS on; None for none.
     """
-    raise NotImplementedError
+    if not figures:
+        return None
+    logs, variances = np.array(figures, dtype=np.float64).T
+    if len(figures) < LEAST_MODELS:
+        return Interval(math.exp(float(logs.mean())), None, None)
+    mean, error = random_effects(logs, variances)
+    half = t_quantile(len(figures) - 1, 1 - CONFIDENCE) * float(error)
+    return Interval(math.exp(float(mean)), math.exp(float(mean) - half), math.exp(float(mean) + half))
+
+
+def random_effects(
+    logs: NDArray[np.float64], variances: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Random-effects mean over the last axis of LOGS (..., n) with their VARIANCES (..., n), n > 1, and its
+    standard error: two arrays (...).
+
+    Weights are inverse variances 1 / (v + tau^2). tau^2, the variance between models, is Paule and Mandel's
+    (1982); the error is Knapp and Hartung's (2003) with the factor max(1, q) (Roever et al. 2015). Residuals
+    beyond HUBER standard deviations count as HUBER in all three, so that a few invented models move little
+    (Huber 1964, proposal 2).
+    """
+    count = logs.shape[-1]
+    low = np.zeros((*logs.shape[:-1], 1))
+    high = count * np.ptp(logs, axis=-1, keepdims=True) ** 2 + TINY
+    for _ in range(BISECTIONS):
+        between = (low + high) / 2
+        excess = _squares(logs, 1 / (variances + between + TINY)) > (count - 1) * HUBER_SQUARE
+        low, high = np.where(excess, between, low), np.where(excess, high, between)
+    weights = 1 / (variances + low + TINY)
+    q = _squares(logs, weights) / ((count - 1) * HUBER_SQUARE)
+    variance = np.maximum(1.0, q) / (HUBER_EFFICIENCY * weights.sum(axis=-1, keepdims=True))
+    return _huber_mean(logs, weights)[..., 0], np.sqrt(variance)[..., 0]
+
+
+def _squares(logs: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum over the last axis, kept, of the squared standardised residuals, each at most HUBER^2."""
+    residuals = (logs - _huber_mean(logs, weights)) ** 2 * weights
+    total: NDArray[np.float64] = np.minimum(residuals, HUBER**2).sum(axis=-1, keepdims=True)
+    return total

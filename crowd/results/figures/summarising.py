@@ -8,9 +8,10 @@ from django.utils import timezone
 
 from crowd.devices.models import Installation
 from crowd.prepared import insert
-from crowd.results.figures import batches, refreshing, statistics
+from crowd.results.figures import batches, refreshing
 from crowd.results.figures.batches import Group, Waiting
 from crowd.results.models import Cohort, DeviceActivity, MeasurementSession, SessionSummary, WorkerPulse
+from crowd.results.validity import version
 from crowd.results.validity.decisions import Decisions
 
 # Sessions that one transaction works on: other writers wait for a fraction of a second at most.
@@ -26,7 +27,7 @@ AGAIN = 0
 def waiting() -> QuerySet[MeasurementSession]:
     """Sessions that the present statistics have not seen: new ones, and all after a change of algorithm."""
     return MeasurementSession.objects.filter(
-        Q(summary_algorithm=None) | Q(summary_algorithm__lt=statistics.ALGORITHM)
+        Q(summary_algorithm=None) | Q(summary_algorithm__lt=version.ALGORITHM)
     ).order_by("id")
 
 
@@ -85,7 +86,7 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     # Where a session has left, a later one may count in its place.
     refreshing.count_days_of(places | {(row.cohort_id, row.installation_id, row.day) for row in made})
     done = MeasurementSession.objects.filter(pk__in=present)
-    done.update(summary_algorithm=statistics.ALGORITHM)
+    done.update(summary_algorithm=version.ALGORITHM)
     small = _small(cohorts.values(), sessions) if figures else set()
     refreshing.refresh([cohort for cohort in cohorts.values() if cohort.device_id in small])
     refreshing.count_activity(small)

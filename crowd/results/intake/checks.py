@@ -40,12 +40,13 @@ class Rejection:
 
 @dataclass(frozen=True)
 class Protocol:
-    """What of a front's protocol concerns the server."""
+    """The parts of a front's protocol that the server uses. Every configuration runs `repeats` times."""
 
     version: int
     frames: int
     first_counted_frame: int
     max_ate: float
+    repeats: int
 
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
@@ -55,6 +56,8 @@ class Protocol:
             frames=protocol["frames"],
             first_counted_frame=protocol["first_counted_frame"],
             max_ate=protocol.get("max_ate", VALID_BELOW),
+            # An order such as default, best, best, default spells its repeats out.
+            repeats=max(protocol["repeats"], list(protocol["order"]).count("default")),
         )
 
 

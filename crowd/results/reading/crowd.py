@@ -3,6 +3,7 @@
 Pure functions of rows.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -42,7 +43,7 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
     """
     counted = _counted(rows, configuration)
     models = list(_by_model(counted).values())
-    crowd = statistics.crowd_speedup(models)
+    crowd = statistics.crowd_speedup([(math.log(speedup), 0.0) for speedup in models])
     return Headline(
         devices=len(models),
         sessions=sum(row.sessions for row in counted),

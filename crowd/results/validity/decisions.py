@@ -7,8 +7,8 @@ from typing import Protocol
 from crowd.results.models import Decision
 
 
-class OfSession(Protocol):
-    """A run, read as one likes."""
+class RunOfSession(Protocol):
+    """A run: a model instance, or the columns of one."""
 
     pk: int
     session_id: int
@@ -16,14 +16,14 @@ class OfSession(Protocol):
 
 @dataclass(frozen=True)
 class Decisions:
-    """The newest decision on each session as a whole, and on each single run, by their keys."""
+    """The newest decision on each session as a whole, and on each single run, by key."""
 
     sessions: dict[int, Decision]
     runs: dict[int, Decision]
 
     @classmethod
     def on(cls, sessions: Collection[int]) -> "Decisions":
-        """What was decided on the sessions with the keys SESSIONS and on their runs. One query."""
+        """The decisions on the sessions with the keys SESSIONS, and on their runs. One query."""
         whole: dict[int, Decision] = {}
         single: dict[int, Decision] = {}
         for decision in Decision.objects.filter(session__in=sessions).order_by("pk"):
@@ -34,11 +34,11 @@ class Decisions:
         return cls(whole, single)
 
     def released(self, session: int) -> bool:
-        """Whether the session with that key counts as a whole, whatever rules on sessions and models say."""
+        """Whether an administrator lets SESSION (a key) count, against the rules on sessions and models."""
         decision = self.sessions.get(session)
         return decision is not None and decision.action == Decision.Action.RELEASE
 
-    def on_run(self, run: OfSession) -> str | None:
+    def on_run(self, run: RunOfSession) -> str | None:
         """The action that holds for RUN: the newest on itself or on its session; None where there is none."""
         both = [self.sessions.get(run.session_id), self.runs.get(run.pk)]
         newest = max((decision for decision in both if decision), key=lambda each: each.pk, default=None)

@@ -11,7 +11,7 @@ from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT
 CONFIDENCE = 0.95
 # Two speedups agree that differ by no more than two repeats may.
 AGREEMENT = math.log(MAX_DRIFT)
-# The clocks of the stages and of the frame are read separately: 5 % and 50 us of a frame may lie between them.
+# The clocks of the stages and of the frame are read separately: 5 % and 50 us of a frame may lie between.
 STAGE_TOLERANCE = 1.05
 STAGE_SLACK_US = 50
 # The stages' sum is compared with the computation; these lie outside it.
@@ -20,6 +20,8 @@ OUTSIDE_COMPUTATION = frozenset({"acquisition", "rendering", "total", "computati
 SHORTEST_MEAN_US = 50.0
 # So many different times do not come twice in the same order by chance.
 LEAST_DISTINCT_TIMES = 20
+# A session that is farther from the median of its model is an outlier, in robust standard deviations.
+OUTLIER_DEVIATIONS = 5.0
 # Each third of a session needs two readings of the clock before a fall can be seen.
 LEAST_READINGS = 6
 
@@ -54,7 +56,7 @@ def drifts(
     last_us: NDArray[np.generic],
     first_counted_frame: int = FIRST_COUNTED_FRAME,
 ) -> list[float | None]:
-    """Median over the counted frames of last / first repeat, for each row of FIRST_US and LAST_US (n, frames).
+    """Median over the counted frames of last / first repeat, by row of FIRST_US and LAST_US (n, frames).
 
     Frames without a time on either side are left out; None where none is left. Like is compared with like:
     the first and the last third of one run would confound the scene with the heat.
@@ -114,35 +116,47 @@ def distinct_times(frame_us: NDArray[np.generic]) -> NDArray[np.int64]:
 
 
 def complete_pairs(baseline: Mapping[int, int], candidate: Mapping[int, int], planned_repeats: int) -> bool:
-    """Whether the repeats that both have are 0, 1, 2, ... and at least PLANNED_REPEATS.
+    """Whether the repeats that both have are 0, 1, 2, ... without a gap, and at least PLANNED_REPEATS.
 
-    BASELINE and CANDIDATE give, of the runs that count, the place in the session by the repeat. The baseline
-    may have more repeats: a client goes on with those configurations alone whose interval is still wide.
+    BASELINE and CANDIDATE hold the place in the session by the repeat, for the runs that count. One of the
+    two may have more repeats: a client goes on only with configurations whose interval is still wide, and an
+    interrupted session ends anywhere.
     """
-    raise NotImplementedError
+    both = baseline.keys() & candidate.keys()
+    return len(both) >= planned_repeats and both == set(range(len(both)))
 
 
 def balanced_order(baseline: Mapping[int, int], candidate: Mapping[int, int]) -> bool:
-    """Whether a steady drift cancels in the mean over the pairs: both have the same mean place in the session.
+    """Whether a steady drift cancels in the mean over the pairs of BASELINE and CANDIDATE.
 
-    BASELINE and CANDIDATE as in `complete_pairs`. An odd number of pairs cannot be balanced: they may be
-    apart by as many places as one pair is.
+    Both as in `complete_pairs`. An even number of pairs has to have the same mean place in the session on
+    both sides. An odd number cannot: there one pair may be left over.
     """
-    raise NotImplementedError
+    distances = [candidate[repeat] - baseline[repeat] for repeat in baseline.keys() & candidate.keys()]
+    left_over = max(map(abs, distances), default=0) if len(distances) % 2 else 0
+    return abs(sum(distances)) <= left_over
 
 
 def t_quantile(degrees: int, alpha: float) -> float:
     """The two-sided quantile of Student's t that leaves ALPHA outside."""
-    # scipy.stats takes a second to import, and the web process has no other use of it.
+    # scipy.stats takes a second to import, and the web process does not use it otherwise.
     from scipy.special import stdtrit
 
     return float(stdtrit(degrees, 1 - alpha / 2))
 
 
 def session_interval(log_ratios: ArrayLike, planned_repeats: int) -> tuple[float, float] | None:
-    """A session's own 95 % interval (low, high) of its mean log ratio over its pairs; None for one pair.
+    """A session's own 95 % interval (low, high) of its mean log ratio over its pairs (n,); None for one.
 
-    A client repeats until its interval is narrow. It may stop after PLANNED_REPEATS pairs and after every two
-    further ones, and each look is another chance to be wrong.
+    A client repeats until its interval is narrow: it may stop after PLANNED_REPEATS pairs and after every two
+    more. Each of these looks is another chance to be wrong, so alpha is divided by their number plus one
+    (Bonferroni; divided by their number alone the interval covers the truth in 93.3 % at worst).
     """
-    raise NotImplementedError
+    values = np.asarray(log_ratios, dtype=np.float64)
+    if values.size < 2:
+        return None
+    looks = 1 + max(values.size - planned_repeats, 0) // 2
+    quantile = t_quantile(values.size - 1, (1 - CONFIDENCE) / (looks + 1))
+    half = quantile * float(values.std(ddof=1)) / math.sqrt(values.size)
+    mean = float(values.mean())
+    return mean - half, mean + half

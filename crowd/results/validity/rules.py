@@ -1,15 +1,15 @@
 """The rules that decide whether a measurement counts: one registry for the server, its pages and its docs.
 
-A run and a session's summary each have a state and, unless no rule applies, the code of the rule that set it.
-Where several apply, the first in this order does.
+A run and a session's summary each have a state and, where a rule applies, the code of the rule that set it.
+Where several apply, the first in this order sets the state.
 """
 
 from dataclasses import dataclass
 from enum import StrEnum
 
-from crowd.results.figures import statistics
 from crowd.results.models import State
-from slam.protocol import VALID_BELOW
+from crowd.results.validity import measures, plausibility
+from slam.protocol import MAX_DRIFT, VALID_BELOW
 
 
 class Level(StrEnum):
@@ -23,7 +23,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule: the state it sets, at which threshold (None: it has none), and a sentence for people."""
+    """A rule: the state it sets, its threshold (None: it has none), and a sentence for readers."""
 
     code: str
     state: State
@@ -38,14 +38,14 @@ FRAME_COUNT = Rule(
     State.INVALID,
     Level.RUN,
     None,
-    "it has another number of frames than the protocol asks for",
+    "its number of frames is not the one that the protocol asks for",
 )
 ATE_MISSING = Rule(
     "ate_missing",
     State.INVALID,
     Level.RUN,
     None,
-    "the client told no trajectory error, so nothing shows that tracking held",
+    "the client reported no trajectory error, so nothing shows that tracking held",
 )
 ATE_ABOVE_LIMIT = Rule(
     "ate_above_limit",
@@ -58,17 +58,17 @@ IMPLAUSIBLE_TIME = Rule(
     "implausible_time",
     State.INVALID,
     Level.RUN,
-    statistics.SHORTEST_MEAN_US,
+    measures.SHORTEST_MEAN_US,
     "its mean time a frame is shorter than any device can compute one: the clock did not run as it should",
 )
 MODERATED = Rule(
-    "moderated", State.QUARANTINED, Level.DECISION, None, "an administrator has taken it out of the figures"
+    "moderated", State.QUARANTINED, Level.DECISION, None, "an administrator removed it from the figures"
 )
 IDENTICAL_SERIES = Rule(
     "identical_series",
     State.QUARANTINED,
     Level.RUN,
-    statistics.LEAST_DISTINCT_TIMES,
+    measures.LEAST_DISTINCT_TIMES,
     "its frames took exactly as long, to the microsecond, as those that another installation sent before",
 )
 NO_PAIR = Rule(
@@ -79,7 +79,7 @@ NO_PAIR = Rule(
     "no repeat of the configuration has a repeat of the default to be compared with",
 )
 RELEASED = Rule(
-    "released", State.VALID, Level.DECISION, None, "an administrator has looked at it and lets it count"
+    "released", State.VALID, Level.DECISION, None, "an administrator reviewed it and lets it count"
 )
 EMULATOR = Rule(
     "emulator",
@@ -88,46 +88,71 @@ EMULATOR = Rule(
     None,
     "its device describes itself as an emulator, whose times are those of another machine",
 )
+INCOMPLETE_PAIRS = Rule(
+    "incomplete_pairs",
+    State.SUSPECT,
+    Level.SESSION,
+    None,
+    "a repeat of the configuration or of the default is missing or does not count, so that a drift of the "
+    "device does not cancel",
+)
+UNBALANCED_ORDER = Rule(
+    "unbalanced_order",
+    State.SUSPECT,
+    Level.SESSION,
+    None,
+    "the configuration ran earlier or later in the session than the default on average, or two runs claim "
+    "the same place, so that a drift of the device does not cancel",
+)
 THROTTLING = Rule(
     "throttling",
     State.SUSPECT,
     Level.SESSION,
-    statistics.MAX_DRIFT,
+    MAX_DRIFT,
     "the last repeat of a configuration was much slower than the first, and the processor's clock fell",
 )
 DRIFT = Rule(
     "drift",
     State.SUSPECT,
     Level.SESSION,
-    statistics.MAX_DRIFT,
-    "the last repeat of a configuration was much slower than the first: the device slowed down",
+    MAX_DRIFT,
+    "the last repeat of a configuration was much slower, or much faster, than the first",
 )
 TRAJECTORY_MISSING = Rule(
     "trajectory_missing",
     State.SUSPECT,
     Level.RUN,
     None,
-    "the client told no digest of the trajectory, so its error cannot be compared with anything",
+    "the client reported no digest of the trajectory, so its error cannot be compared with anything",
 )
 STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",
     State.SUSPECT,
     Level.RUN,
-    statistics.STAGE_TOLERANCE,
+    measures.STAGE_TOLERANCE,
     "its stages take longer together than the computation they are part of",
+)
+IMPLAUSIBLE_SPEEDUP = Rule(
+    "implausible_speedup",
+    State.SUSPECT,
+    Level.SESSION,
+    plausibility.REACH_RATIO,
+    "its speedup is far from what the front predicts and from what other devices reach, and no session from "
+    "another network agrees yet",
 )
 OUTLIER = Rule(
     "outlier",
     State.QUARANTINED,
     Level.MODEL,
-    statistics.OUTLIER_DEVIATIONS,
-    "it lies far from what the other installations of its device model measured, and none of them agrees yet",
+    measures.OUTLIER_DEVIATIONS,
+    "it is far from what the other networks measured on its device model, and none of them agrees yet",
 )
 
 RULES: dict[str, Rule] = {
     rule.code: rule
     for rule in (
         FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, IMPLAUSIBLE_TIME, MODERATED, IDENTICAL_SERIES,
-        NO_PAIR, RELEASED, EMULATOR, THROTTLING, DRIFT, TRAJECTORY_MISSING, STAGES_EXCEED_FRAMES, OUTLIER,
+        NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, THROTTLING, DRIFT,
+        TRAJECTORY_MISSING, STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
     )
 }  # fmt: skip

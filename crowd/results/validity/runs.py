@@ -1,7 +1,7 @@
-"""Whether a run counts, and what else is derived of it: its value and its fingerprint.
+"""The first step, from stored runs to judged ones: whether each counts, its mean time and its fingerprint.
 
-A run that comes in is judged by itself; of stored ones many are judged at once, as arrays, with the same
-outcome to the last bit: times are whole microseconds, whose sums are exact in any order.
+Runs of one shape are judged at once, as arrays. Times are whole microseconds, whose sums are exact in any
+order: a run is judged alike, alone or among many.
 """
 
 import hashlib
@@ -10,21 +10,19 @@ from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from uuid import UUID
 
-import numpy as np
 from django.db import connection
 
-from crowd.results.figures import statistics
 from crowd.results.intake import packing
 from crowd.results.intake.checks import Protocol
 from crowd.results.models import Decision, Run, State
-from crowd.results.validity import rules
+from crowd.results.validity import measures, rules
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.rules import Rule
 
 DERIVED = ("mean_us", "fingerprint", "state", "reason")
 READ = (
-    "pk", "session_id", "configuration_id", "repeat", "status", "frame_us", "stages", "stages_us", "ate_max",
-    "trajectory_sha256", *DERIVED,
+    "pk", "session_id", "configuration_id", "repeat", "order", "status", "frame_us", "stages", "stages_us",
+    "ate_max", "trajectory_sha256", *DERIVED,
 )  # fmt: skip
 
 
@@ -36,6 +34,7 @@ class StoredRun:
     session_id: int
     configuration_id: int
     repeat: int
+    order: int
     status: str
     frame_us: bytes
     stages: list[str]
@@ -50,7 +49,7 @@ class StoredRun:
 
 @dataclass(frozen=True)
 class Front:
-    """What of a front version runs are judged and compared by; configurations by their keys."""
+    """The parts of a front version by which runs are judged and compared; configurations by their keys."""
 
     key: int
     protocol: Protocol
@@ -60,7 +59,7 @@ class Front:
 
 @dataclass(frozen=True)
 class SessionContext:
-    """What a run is judged by that its session knows."""
+    """The parts of a session by which its runs are judged."""
 
     installation: UUID
     front: Front
@@ -68,20 +67,15 @@ class SessionContext:
 
 def judge(run: Run, protocol: Protocol) -> None:
     """Fill RUN's derived columns from what was sent with it; nothing is stored."""
-    frames = packing.unpack(run.frame_us)
-    first = protocol.first_counted_frame
-    run.mean_us = statistics.run_value(frames, first) if frames.size > first else None
-    distinct = np.unique(frames).size >= statistics.LEAST_DISTINCT_TIMES
-    run.fingerprint = fingerprint(run.frame_us) if distinct else None
-    broken = _broken(run, frames.size, protocol)
-    stages = packing.unpack_stages(run.stages, run.stages_us)
-    if broken is None and statistics.stages_exceed_frames(frames, stages):
-        broken = rules.STAGES_EXCEED_FRAMES
-    _set(run, broken)
+    columns = {name: getattr(run, name) for name in READ}
+    alone = StoredRun(**columns)
+    _judge_alike([alone], protocol)
+    run.mean_us, run.fingerprint, run.state, run.reason = _derived(alone)
 
 
 def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> dict[int, list[StoredRun]]:
-    """The runs of SESSIONS by the session's key and repeat, judged by all rules on runs and by DECISIONS.
+    """The runs of SESSIONS by the session's key, in the order of their repeats, judged by all rules on runs
+    and by DECISIONS.
 
     Stored where that changes anything. Four queries at most.
     """
@@ -89,7 +83,7 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
     runs = [
         run
         for run in (StoredRun(*row) for row in rows)
-        # A run of another front has nothing to be compared with.
+        # A run of another front cannot be compared with any of this one.
         if run.configuration_id in sessions[run.session_id].front.configurations
     ]
     # Not by the database, which would carry the times along.
@@ -112,7 +106,7 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
 
 
 def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> None:
-    """What `judge` does, for RUNS of SESSIONS: those alike in front, frames and stages at once."""
+    """Judge RUNS of SESSIONS by themselves: those alike in front, frames and stages at once."""
     alike: dict[Hashable, list[StoredRun]] = defaultdict(list)
     for run in runs:
         alike[
@@ -126,11 +120,11 @@ def _judge_alike(runs: Sequence[StoredRun], protocol: Protocol) -> None:
     """RUNS have the same front, the same number of frames and the same stages."""
     frames = packing.unpack_many([run.frame_us for run in runs])
     first, size = protocol.first_counted_frame, frames.shape[1]
-    means = frames[:, first:].mean(axis=1, dtype=np.float64).tolist() if size > first else [None] * len(runs)
-    distinct = statistics.distinct_times(frames) >= statistics.LEAST_DISTINCT_TIMES
+    means = measures.mean_times(frames, first).tolist() if size > first else [None] * len(runs)
+    distinct = measures.distinct_times(frames) >= measures.LEAST_DISTINCT_TIMES
     names = runs[0].stages
     stages = packing.unpack_many([run.stages_us for run in runs]) if names else frames[:, :0]
-    exceeding = statistics.all_stages_exceed_frames(frames, names, stages)
+    exceeding = measures.stages_exceed_frames(frames, names, stages)
     for run, mean, enough, exceeds in zip(runs, means, distinct.tolist(), exceeding.tolist(), strict=True):
         run.mean_us = mean
         run.fingerprint = fingerprint(run.frame_us) if enough else None
@@ -152,8 +146,8 @@ def _store(runs: Sequence[StoredRun]) -> None:
 
 
 def fingerprint(frame_us: bytes | memoryview) -> int:
-    """64 bits of the SHA-256 of the packed times. Only of those that vary enough to be nobody else's: a
-    coarse clock gives many devices the same few values.
+    """64 bits of the SHA-256 of the packed times. Only for times that vary enough: a coarse clock gives many
+    devices the same few values.
     """
     return int.from_bytes(hashlib.sha256(frame_us).digest()[:8], "big", signed=True)
 
@@ -168,9 +162,7 @@ def _derived(run: StoredRun) -> tuple[float | None, int | None, str, str]:
 
 
 def _broken(run: Run | StoredRun, frames: int, protocol: Protocol) -> Rule | None:
-    """The first rule that RUN, of so many FRAMES, breaks by itself; the last of them, on stages, not looked
-    at.
-    """
+    """The first rule that RUN, of so many FRAMES, breaks by itself, except the last one, on stages."""
     if run.status == Run.Status.FAILED:
         return rules.FAILED
     if frames != protocol.frames or run.mean_us is None:
@@ -179,7 +171,7 @@ def _broken(run: Run | StoredRun, frames: int, protocol: Protocol) -> Rule | Non
         return rules.ATE_MISSING
     if run.ate_max >= protocol.max_ate:
         return rules.ATE_ABOVE_LIMIT
-    if run.mean_us < statistics.SHORTEST_MEAN_US:
+    if run.mean_us < measures.SHORTEST_MEAN_US:
         return rules.IMPLAUSIBLE_TIME
     if not run.trajectory_sha256:
         return rules.TRAJECTORY_MISSING

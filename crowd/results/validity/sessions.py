@@ -1,100 +1,184 @@
-"""Sessions' answers: each configuration's runs against those of the baseline."""
+"""The second step, from judged runs to sessions: each configuration's runs against those of the baseline."""
 
+import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import date, datetime
 from typing import Any
 from uuid import UUID
 
-from crowd.results.figures import statistics
 from crowd.results.intake import packing
 from crowd.results.models import SessionSummary, State
-from crowd.results.validity import rules
-from crowd.results.validity.rules import Rule
-from crowd.results.validity.runs import StoredRun
+from crowd.results.validity import measures, plausibility, rules, version
+from crowd.results.validity.plausibility import Bounds
+from crowd.results.validity.rules import RULES, Level, Rule
+from crowd.results.validity.runs import Front, StoredRun
+from slam.protocol import MAX_DRIFT
 
 HIDDEN = frozenset({State.INVALID, State.QUARANTINED})
+# Reasons of runs that are reasons of their session, too.
+PASSED_ON = frozenset(
+    rule.code for rule in RULES.values() if rule.level == Level.RUN and rule.state == State.SUSPECT
+) | {rules.IDENTICAL_SERIES.code}
 
-# Configuration -> drift of its runs; a configuration that was not repeated has none.
-Drifts = Mapping[int, float | None]
+# By session, then by configuration; None where a configuration has no two runs to compare.
+Drifts = Mapping[int, Mapping[int, float | None]]
+# The readings of the processor's clock (MHz) of the sessions with the given keys.
+ReadClocks = Callable[[Sequence[int]], Mapping[int, Sequence[float]]]
 
 
 @dataclass(frozen=True)
 class SessionInput:
-    """What of a session its answers rest on, besides its runs; `baseline` is the key of a configuration.
-    `released`: an administrator lets it count. `clock_mhz`: the readings, of a session whose runs drift.
+    """What the summaries of a session rest on, besides its runs.
+
+    `day`: the server's day (UTC) on which the session counts. `emulated`: its device is an emulator.
+    `released`: an administrator lets it count. `plausible`: bounds of the log ratio by the configuration's
+    key; a configuration without an entry has the widest ones.
     """
 
     key: int
     cohort: int
     installation: UUID
     started_at: datetime
-    baseline: int | None
+    day: date
+    front: Front
     emulated: bool
     released: bool
-    clock_mhz: Sequence[float]
+    plausible: Mapping[int, Bounds]
 
 
-def summaries(session: SessionInput, runs: Iterable[StoredRun], drifts: Drifts) -> list[SessionSummary]:
-    """One summary for every configuration but the baseline; none where the baseline did not run.
+def summarise(
+    sessions: Sequence[SessionInput], runs: Mapping[int, Sequence[StoredRun]], read_clocks: ReadClocks
+) -> list[SessionSummary]:
+    """One summary for every configuration of every session but the baseline; none where that did not run.
 
-    RUNS are judged and in order of their repeats, DRIFTS theirs. A released session counts where it has a
-    pair of runs at all. Nothing is stored.
+    RUNS by the session's key: judged, in the order of their repeats. READ_CLOCKS is called once, with the
+    keys of the sessions that drift. A released session counts where it has any pair of runs. Nothing is
+    stored.
     """
+    drifts = _drifts(sessions, runs)
+    drifting = [
+        key for key, values in drifts.items() if any(measures.has_drifted(value) for value in values.values())
+    ]
+    clocks = read_clocks(drifting) if drifting else {}
+    return [
+        summary
+        for session in sessions
+        for summary in _summaries(
+            session, runs.get(session.key, ()), drifts.get(session.key, {}), clocks.get(session.key, ())
+        )
+    ]
+
+
+def _drifts(sessions: Iterable[SessionInput], runs: Mapping[int, Sequence[StoredRun]]) -> Drifts:
+    """The last repeat of each configuration against its first. Those of one length are computed at once."""
+    pairs: dict[tuple[int, int], list[tuple[int, int, StoredRun, StoredRun]]] = defaultdict(list)
+    for session in sessions:
+        for configuration, repeats in _by_configuration(runs.get(session.key, ())).items():
+            timed = [run for run in repeats if run.mean_us]
+            if len(timed) > 1:
+                first, last = timed[0], timed[-1]
+                size = min(len(first.frame_us), len(last.frame_us))
+                alike = (session.front.protocol.first_counted_frame, size)
+                pairs[alike].append((session.key, configuration, first, last))
+    found: dict[int, dict[int, float | None]] = defaultdict(dict)
+    for (first_counted, size), group in pairs.items():
+        values = measures.drifts(
+            packing.unpack_many([first.frame_us[:size] for _, _, first, _ in group]),
+            packing.unpack_many([last.frame_us[:size] for _, _, _, last in group]),
+            first_counted,
+        )
+        for (key, configuration, _, _), value in zip(group, values, strict=True):
+            found[key][configuration] = value
+    return found
+
+
+def _summaries(
+    session: SessionInput,
+    runs: Sequence[StoredRun],
+    drifts: Mapping[int, float | None],
+    clock_mhz: Sequence[float],
+) -> list[SessionSummary]:
     by_configuration = _by_configuration(runs)
-    if session.baseline is None or session.baseline not in by_configuration:
+    baseline = session.front.baseline
+    if baseline is None or baseline not in by_configuration:
         return []
-    against = by_configuration.pop(session.baseline)
-    started_at = session.started_at.astimezone(UTC)
+    against = by_configuration.pop(baseline)
+    in_order = len({run.order for run in runs}) == len(runs)
+
+    def largest(key: int) -> float | None:
+        """The drift that is farthest from 1, in either direction."""
+        found = (drifts.get(key), drifts.get(baseline))
+        return max((drift for drift in found if drift), key=lambda drift: abs(math.log(drift)), default=None)
+
     return [
         SessionSummary(
             cohort_id=session.cohort,
             installation_id=session.installation,
             session_id=session.key,
             configuration_id=key,
-            baseline_id=session.baseline,
-            algorithm=statistics.ALGORITHM,
-            started_at=started_at,
-            day=started_at.date(),
+            baseline_id=baseline,
+            algorithm=version.ALGORITHM,
+            started_at=session.started_at,
+            day=session.day,
             counted=True,  # until its day's sessions are counted
             ate_max=max((run.ate_max for run in candidate if run.ate_max is not None), default=None),
-            **_answer(session, candidate, against, [drifts.get(key), drifts.get(session.baseline)]),
+            **_comparison(
+                session,
+                candidate,
+                against,
+                _largest(drifts.get(key), drifts.get(baseline)),
+                clock_mhz,
+                in_order,
+            ),
         )
         for key, candidate in by_configuration.items()
     ]
 
 
-def drifts(
-    sessions: Mapping[int, Iterable[StoredRun]], first_counted_frames: Mapping[int, int]
-) -> dict[int, dict[int, float | None]]:
-    """The last repeat of each configuration against its first, of SESSIONS: key -> judged runs in order of
-    their repeats. FIRST_COUNTED_FRAMES by the same keys.
+def _comparison(
+    session: SessionInput,
+    candidate: list[StoredRun],
+    against: list[StoredRun],
+    drift: float | None,
+    clock_mhz: Sequence[float],
+    in_order: bool,
+) -> dict[str, Any]:
+    """What a summary says of the runs CANDIDATE and those of the baseline AGAINST.
+
+    IN_ORDER: no two runs of the session claim the same place.
     """
-    pairs: dict[tuple[int, int], list[tuple[int, int, StoredRun, StoredRun]]] = defaultdict(list)
-    for session, runs in sessions.items():
-        for configuration, repeats in _by_configuration(runs).items():
-            timed = [run for run in repeats if run.mean_us]
-            if len(timed) > 1:
-                first, last = timed[0], timed[-1]
-                frames = min(len(first.frame_us), len(last.frame_us))
-                alike = (first_counted_frames[session], frames)
-                pairs[alike].append((session, configuration, first, last))
-    found: dict[int, dict[int, float | None]] = defaultdict(dict)
-    for (first_counted, frames), group in pairs.items():
-        values = statistics.drifts(
-            packing.unpack_many([first.frame_us[:frames] for _, _, first, _ in group]),
-            packing.unpack_many([last.frame_us[:frames] for _, _, _, last in group]),
-            first_counted,
-        )
-        for (session, configuration, _, _), value in zip(group, values, strict=True):
-            found[session][configuration] = value
-    return found
-
-
-def drifted(drifts: Drifts) -> bool:
-    """Whether one of DRIFTS is too large: then the readings of the clock tell which rule is broken."""
-    return any(drift is not None and drift > statistics.MAX_DRIFT for drift in drifts.values())
+    runs = [*candidate, *against]
+    counted, baseline = _counted(candidate), _counted(against)
+    ratios = measures.paired_log_ratios(_times(baseline), _times(counted))
+    log_ratio = float(ratios.mean()) if len(ratios) else None
+    if log_ratio is None:
+        rule: Rule | None = _without_pair(runs)
+    elif session.released:
+        rule = rules.RELEASED
+    else:
+        low, high = session.plausible.get(candidate[0].configuration_id, plausibility.WIDEST)
+        broken = {
+            rules.EMULATOR: session.emulated,
+            rules.INCOMPLETE_PAIRS: not measures.complete_pairs(
+                _places(baseline), _places(counted), session.front.protocol.repeats
+            ),
+            rules.UNBALANCED_ORDER: not in_order
+            or not measures.balanced_order(_places(baseline), _places(counted)),
+            _drift_rule(drift, clock_mhz): measures.has_drifted(drift),
+            rules.IMPLAUSIBLE_SPEEDUP: not low <= log_ratio <= high,
+        }
+        reasons = {run.reason for run in runs} & PASSED_ON
+        reasons |= {rule.code for rule, is_broken in broken.items() if is_broken}
+        rule = next((rule for rule in RULES.values() if rule.code in reasons), None)
+    return {
+        "log_ratio": log_ratio,
+        "pairs": len(ratios),
+        "drift": drift,
+        "state": State.VALID if rule is None else rule.state,
+        "reason": "" if rule is None else rule.code,
+    }
 
 
 def _by_configuration(runs: Iterable[StoredRun]) -> dict[int, list[StoredRun]]:
@@ -104,51 +188,29 @@ def _by_configuration(runs: Iterable[StoredRun]) -> dict[int, list[StoredRun]]:
     return found
 
 
-def _answer(
-    session: SessionInput, candidate: list[StoredRun], against: list[StoredRun], drifts: list[float | None]
-) -> dict[str, Any]:
-    ratios = statistics.paired_log_ratios(_values(against), _values(candidate))
-    drift = max((drift for drift in drifts if drift is not None), default=None)
-    runs = [*candidate, *against]
-    if not len(ratios):
-        rule: Rule | None = _without_pair(runs)
-    elif session.released:
-        rule = rules.RELEASED
-    else:
-        rule = _broken(session, {run.reason for run in runs}, drift)
-    return {
-        "log_ratio": float(ratios.mean()) if len(ratios) else None,
-        "pairs": len(ratios),
-        "drift": drift,
-        "state": State.VALID if rule is None else rule.state,
-        "reason": "" if rule is None else rule.code,
-    }
+def _counted(runs: Iterable[StoredRun]) -> list[StoredRun]:
+    return [run for run in runs if run.mean_us and run.state not in HIDDEN]
 
 
-def _values(runs: list[StoredRun]) -> dict[int, float]:
-    """Mean microseconds by repeat, of the runs that count."""
-    return {run.repeat: run.mean_us for run in runs if run.mean_us and run.state not in HIDDEN}
+def _times(runs: Iterable[StoredRun]) -> dict[int, float]:
+    """Mean microseconds by repeat."""
+    return {run.repeat: run.mean_us for run in runs if run.mean_us}
+
+
+def _places(runs: Iterable[StoredRun]) -> dict[int, int]:
+    """The place among all runs of the session, by repeat."""
+    return {run.repeat: run.order for run in runs}
 
 
 def _without_pair(runs: list[StoredRun]) -> Rule:
     """Why RUNS give no ratio: what hides one of them, or else the rule that the first of them broke."""
-    broken = [rules.RULES[run.reason] for run in runs if run.state in HIDDEN]
+    broken = [RULES[run.reason] for run in runs if run.state in HIDDEN]
     hidden = [rule for rule in broken if rule.state == State.QUARANTINED]
     return next(iter(hidden + broken), rules.NO_PAIR)
 
 
-def _broken(session: SessionInput, reasons: set[str], drift: float | None) -> Rule | None:
-    """The first rule that a session with a ratio breaks; REASONS are those of its runs."""
-    if rules.IDENTICAL_SERIES.code in reasons:
-        return rules.IDENTICAL_SERIES
-    if session.emulated:
-        return rules.EMULATOR
-    if drift is not None and drift > statistics.MAX_DRIFT:
-        return rules.THROTTLING if _clock_fell(session.clock_mhz) else rules.DRIFT
-    suspicions = (rule for rule in rules.RULES.values() if rule.state == State.SUSPECT)
-    return next((rule for rule in suspicions if rule.code in reasons), None)
-
-
-def _clock_fell(clock_mhz: Sequence[float]) -> bool:
-    fall = statistics.clock_fall(clock_mhz)
-    return fall is not None and fall > statistics.MAX_DRIFT
+def _drift_rule(drift: float | None, clock_mhz: Sequence[float]) -> Rule:
+    """THROTTLING for a device that slowed down while its processor's clock fell, DRIFT for any other."""
+    fall = measures.clock_fall(clock_mhz)
+    slower = drift is not None and drift > 1
+    return rules.THROTTLING if slower and fall is not None and fall > MAX_DRIFT else rules.DRIFT
