@@ -124,14 +124,7 @@ def _summaries(
             day=session.day,
             counted=True,  # until its day's sessions are counted
             ate_max=max((run.ate_max for run in candidate if run.ate_max is not None), default=None),
-            **_comparison(
-                session,
-                candidate,
-                against,
-                _largest(drifts.get(key), drifts.get(baseline)),
-                clock_mhz,
-                in_order,
-            ),
+            **_comparison(session, candidate, against, largest(key), clock_mhz, in_order),
         )
         for key, candidate in by_configuration.items()
     ]
