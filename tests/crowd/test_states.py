@@ -62,6 +62,13 @@ def test_a_run_that_breaks_a_rule_says_which(
     assert states() == [(state, rule.code)]
 
 
+def test_half_a_session_on_a_device_that_slows_down_is_suspect(participant: Participant) -> None:
+    """Each run takes 14 % longer than the one before: without the way back 2.00 becomes 1.76."""
+    send(participant, runs=[run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 45_600)])
+
+    assert states() == [("suspect", "incomplete_pairs")]
+
+
 def test_a_clock_that_falls_with_the_speed_is_throttling(participant: Participant) -> None:
     runs = [
         run_document("default", 0, 0, 80_000),
