@@ -124,7 +124,10 @@ HONEST = {
     "interrupted before the last run": ([*ABBA, "default", "best", "best"], 2),
     "the whole front": (ALL, 2),
     "the whole front, further rounds of one": ([*ALL, *ABBA, *ABBA], 2),
-    "three repeats, forwards, back and forwards": (["default", "best", "best", "default", "default", "best"], 3),
+    "three repeats, forwards, back and forwards": (
+        ["default", "best", "best", "default", "default", "best"],
+        3,
+    ),
     "one repeat": (["default", "best"], 1),
 }
 
@@ -177,7 +180,7 @@ def test_each_look_at_the_interval_widens_it() -> None:
 
 
 def stopped(logs: NDArray[np.float64], planned: int) -> list[NDArray[np.float64]]:
-    """The pairs of each session (n, pairs) of LOGS when the client stops: at 5 % to either side, or at all."""
+    """The pairs of the sessions LOGS (n, most) when the client stops: at 5 % to either side, or at the end."""
     found = []
     for count in range(planned, logs.shape[1] + 1, 2):
         pairs = logs[:, :count]

@@ -38,6 +38,8 @@ HUBER_SQUARE = 0.7102
 HUBER_STEPS, CONVERGED = 30, 1e-9
 BISECTIONS = 30
 TINY = 1e-12
+# Of normal values, the variance of three exceeds this multiple of its median once in 64 times.
+LARGEST_VARIANCE = 6.0
 # A scale below this is chance: repeats of one device differ by more.
 LEAST_SCALE = 0.02
 
@@ -131,16 +133,17 @@ def units(installations: Iterable[InstallationValue]) -> list[Unit]:
 def location(unit_logs: ArrayLike) -> NDArray[np.float64]:
     """Huber's robust mean over the last axis of UNIT_LOGS (..., n): (...). ValueError for no values.
 
-    The scale is the median absolute deviation (Huber 1964). Of four values one cannot pull the figure far,
-    and not even two of five can; a Hodges-Lehmann estimate would follow those two.
+    The scale is the median absolute deviation (Huber 1964), and a value more than AGREEMENT away never pulls
+    harder than one that agrees. So one value of four cannot move the figure far, and not even two of five
+    can; a Hodges-Lehmann estimate would follow those two.
     """
     values = np.asarray(unit_logs, dtype=np.float64)
     if values.shape[-1] == 0:
         raise ValueError("a location of no values")
     if values.shape[-1] < LEAST_UNITS:
         return np.asarray(values.mean(axis=-1))
-    deviation = robust_deviation(values)
-    scale = np.broadcast_to(np.maximum(deviation, LEAST_SCALE)[..., None], values.shape)
+    deviation = np.clip(robust_deviation(values), LEAST_SCALE, AGREEMENT / HUBER)
+    scale = np.broadcast_to(deviation[..., None], values.shape)
     return _huber_mean(values, 1 / scale**2)[..., 0]
 
 
@@ -264,12 +267,17 @@ def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> ND
     """The variance of each figure's log ratio (n,), from the variance within models, pooled over all of them.
 
     UNITS (n,) and DEVIATIONS are those of each figure's `ModelSpeedup`. Three values estimate a variance
-    badly; the pooled one has the degrees of freedom of all. 0 where no figure has two units.
+    badly; the pooled one has the degrees of freedom of all. One model counts with LARGEST_VARIANCE times
+    the median variance at most, so that a hostile one cannot make all others look uncertain. 0 where no
+    figure has two units.
     """
     counts = np.asarray(units, dtype=np.float64)
-    squares = np.array([(deviation or 0.0) ** 2 for deviation in deviations])
-    freedom = float((counts - 1).sum())
-    pooled = float(((counts - 1) * squares).sum()) / freedom if freedom > 0 else 0.0
+    squares = np.array([0.0 if deviation is None else deviation**2 for deviation in deviations])
+    measured = counts > 1
+    if not measured.any():
+        return np.zeros(counts.shape)
+    limited = np.minimum(squares, LARGEST_VARIANCE * np.median(squares[measured]))
+    pooled = float(((counts - 1) * limited).sum() / (counts - 1).sum())
     return pooled / counts
 
 
