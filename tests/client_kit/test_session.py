@@ -6,12 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from scipy import stats
 
 from client_kit import repeats
 from client_kit.manifest import Manifest
 from client_kit.schedule import Schedule
 from client_kit.session import Run, Session
-from crowd.results.figures import statistics
 from tests.client_kit import documents
 
 PROTOCOL = Manifest.parse(documents.manifest()).protocol
@@ -71,20 +71,20 @@ def test_a_run_whose_trajectory_is_off_makes_no_speedup(ate_max: float | None) -
     assert value(session_of(base, bad, good, run_of("default", 1, [40] * 12))) == pytest.approx(2)
 
 
-def test_the_interval_is_the_one_that_the_server_computes() -> None:
+def test_the_interval_is_students_t_over_the_pairs() -> None:
     speedup = session_of(*pairs((40, 10), (41, 10), (39, 10.5), (40, 9.9))).speedup("best", PROTOCOL)
     logs = [math.log(base / other) for base, other in [(40, 10), (41, 10), (39, 10.5), (40, 9.9)]]
 
-    theirs = statistics.geometric_interval(logs, 2)
+    mean = sum(logs) / len(logs)
+    low, high = stats.t.interval(0.95, 3, loc=mean, scale=stats.sem(logs))
 
     assert speedup is not None
     assert speedup.pairs == 4
-    assert speedup.value == pytest.approx(theirs.value, rel=1e-4)
+    assert speedup.value == pytest.approx(math.exp(mean), rel=1e-4)
     assert (speedup.low, speedup.high) == (
-        pytest.approx(theirs.low, rel=1e-3), pytest.approx(theirs.high, rel=1e-3),
+        pytest.approx(math.exp(low), rel=1e-3), pytest.approx(math.exp(high), rel=1e-3),
     )  # fmt: skip
-    assert theirs.high is not None
-    assert speedup.half_width == pytest.approx(theirs.high / theirs.value - 1, rel=1e-2)
+    assert speedup.half_width == pytest.approx(math.exp(high - mean) - 1, rel=1e-2)
 
 
 def test_one_pair_has_no_interval() -> None:

@@ -43,7 +43,7 @@ def crowd(participant: Participant, join: Any) -> None:
         participant.submit(submission_document(session_document(best_us=best_us)))
     join().submit(submission_document(session_document(best_us=11_000)))
     join().submit(submission_document(session_document(best_us=11_500)))
-    join().submit(submission_document(session_document(best_us=800)))
+    join().submit(submission_document(session_document(best_us=2_000)))
     hot = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 10_000)]
     hot.append(run_document("best", 1, 2, 20_000))
     lost = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 9_000, ate_max=0.3)]

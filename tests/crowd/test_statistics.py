@@ -1,86 +1,74 @@
 """The statistics against figures that can be worked out by hand, and against simulation."""
 
 import math
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy import stats
 
 from crowd.results.figures import statistics
 from crowd.results.figures.statistics import InstallationValue
+from crowd.results.validity import measures
 
-TIMES = st.lists(st.integers(1, 10**6), min_size=100, max_size=100)
 TRUTH = math.log(5.0)
+# Standard deviations of log ratios, between installations of one model and between sessions of one.
+NOISE = [(0.05, 0.03), (0.15, 0.03), (0.02, 0.10)]
 
 
-def installations(*sessions: list[float]) -> list[InstallationValue]:
-    """Installations with the log ratios of their sessions, a list for each."""
+def installations(*sessions: Sequence[float], networks: Sequence[Hashable] = ()) -> list[InstallationValue]:
+    """Installations with the log ratios of their sessions, a list for each; each in a network of its own
+    unless NETWORKS says otherwise.
+    """
     return [
         InstallationValue(
-            float(np.mean(logs)), float(np.std(logs, ddof=1)) if len(logs) > 1 else 0.0, len(logs)
+            float(np.mean(logs)),
+            float(np.std(logs, ddof=1)) if len(logs) > 1 else 0.0,
+            len(logs),
+            networks[place] if networks else place,
         )
-        for logs in sessions
+        for place, logs in enumerate(sessions)
     ]
 
 
-def test_the_first_ten_frames_do_not_count() -> None:
-    assert statistics.run_value([10**6] * 10 + [3] * 90) == 3
+def test_the_installations_of_one_network_are_one_unit() -> None:
+    found = statistics.units(installations([1.0], [2.0] * 9, [5.0], networks=["lab", "lab", "home"]))
+
+    assert [(unit.log_ratio, unit.installations, unit.sessions) for unit in found] == [
+        (1.5, 2, 10), (5.0, 1, 1),
+    ]  # fmt: skip
 
 
-def test_periodic_work_counts_in_full() -> None:
-    """A median would say 1 of a configuration that works 100 every tenth frame."""
-    assert statistics.run_value(([1] * 9 + [100]) * 10) == pytest.approx(10.9)
+def test_an_installation_without_a_known_network_is_a_unit_of_its_own() -> None:
+    found = statistics.units(installations([1.0], [2.0], [3.0], networks=[None, None, "home"]))
+
+    assert sorted(unit.log_ratio for unit in found) == [1.0, 2.0, 3.0]
 
 
-def test_a_run_without_counted_frames_has_no_value() -> None:
-    with pytest.raises(ValueError, match="from frame 10 on"):
-        statistics.run_value([1] * 10)
+def test_a_hundred_installations_behind_one_address_weigh_as_one() -> None:
+    honest = installations([1.0], [1.05], [0.95])
+    flood = [InstallationValue(1.4, 0.0, 5, "flood")] * 100
+
+    figure = statistics.model_speedup([*honest, *flood])
+
+    assert (figure.units, figure.networks, figure.installations, figure.sessions) == (4, 4, 103, 503)
+    assert math.log(figure.speedup.value) < 1.05
 
 
-def test_a_steady_drift_cancels_in_the_order_default_best_best_default() -> None:
-    warm = [1.0, 1.1, 1.21, 1.331]  # each run 10 % slower than the one before
-
-    ratios = statistics.paired_log_ratios(
-        {0: 80 * warm[0], 1: 80 * warm[3]}, {0: 10 * warm[1], 1: 10 * warm[2]}
-    )
-
-    assert math.exp(ratios.mean()) == pytest.approx(8.0)
-
-
-def test_only_repeats_that_both_have_are_paired() -> None:
-    assert statistics.paired_log_ratios({0: 4.0, 1: 4.0}, {1: 2.0, 2: 1.0}) == pytest.approx([math.log(2)])
-    assert statistics.paired_log_ratios({0: 4.0}, {1: 2.0}).size == 0
-
-
-def test_drift_is_the_median_of_like_frames() -> None:
-    first = np.arange(1, 101)
-    second = first * 1.2
-    second[50:60] *= 50  # a hiccup is no drift
-
-    assert statistics.drift(first, second) == pytest.approx(1.2)
-    assert statistics.drift([0] * 100, second) is None
-
-
-def test_stages_may_not_take_longer_than_the_frame() -> None:
-    frame = [1000] * 100
-
-    assert not statistics.stages_exceed_frames(frame, {"tracking": [500] * 100, "raycasting": [500] * 100})
-    assert not statistics.stages_exceed_frames(frame, {"acquisition": [9000] * 100, "tracking": [900] * 100})
-    assert not statistics.stages_exceed_frames(frame, {})
-    assert statistics.stages_exceed_frames(frame, {"tracking": [800] * 100, "raycasting": [800] * 100})
-
-
-def test_no_interval_below_three_installations() -> None:
+def test_no_interval_below_three_networks() -> None:
     figure = statistics.model_speedup(installations([1.0] * 50, [2.0] * 50))
 
     assert (figure.speedup.low, figure.speedup.high) == (None, None)
     assert figure.speedup.value == pytest.approx(math.exp(1.5))
+    lab = statistics.model_speedup(installations([1.0], [1.1], [1.2], networks=["lab"] * 3))
+    assert (lab.units, lab.speedup.low) == (1, None)
 
 
-def test_the_interval_is_students_t_over_installations() -> None:
-    means = [1.9, 2.0, 2.2, 2.1]
+def test_the_interval_is_students_t_over_units() -> None:
+    means = [2.0, 2.03, 2.05, 2.02]  # none is far from the others: the location is the mean
 
     figure = statistics.model_speedup(installations(*([mean - 0.1, mean + 0.1] for mean in means)))
 
@@ -88,6 +76,7 @@ def test_the_interval_is_students_t_over_installations() -> None:
     assert figure.speedup.low == pytest.approx(math.exp(low))
     assert figure.speedup.high == pytest.approx(math.exp(high))
     assert (figure.sessions, figure.installations, figure.repeat) == (8, 4, None)
+    assert figure.deviation == pytest.approx(np.std(means, ddof=1))
 
 
 def test_one_installation_gets_a_repeatability_and_no_interval() -> None:
@@ -100,12 +89,15 @@ def test_one_installation_gets_a_repeatability_and_no_interval() -> None:
     assert figure.repeat is not None
     assert figure.repeat.low == pytest.approx(math.exp(low))
     assert figure.repeat.high == pytest.approx(math.exp(high))
+    assert figure.deviation is None
 
 
 def test_an_eager_installation_weighs_as_much_as_any_other() -> None:
-    figure = statistics.model_speedup(installations([1.0], [1.0], [3.0] * 400))
+    once = statistics.model_speedup(installations([1.0], [1.02], [1.04]))
+    eager = statistics.model_speedup(installations([1.0], [1.02], [1.04] * 400))
 
-    assert figure.speedup.value == pytest.approx(math.exp(5 / 3))
+    assert once.speedup.low == pytest.approx(eager.speedup.low)
+    assert once.speedup.value == pytest.approx(math.exp(1.02))
 
 
 def test_at_most_five_sessions_of_an_installation_and_day_count() -> None:
@@ -114,26 +106,51 @@ def test_at_most_five_sessions_of_an_installation_and_day_count() -> None:
     assert statistics.within_daily_limit(keys) == [True] * 5 + [False] * 2 + [True] * 3
 
 
-def test_the_crowds_figure_is_the_geometric_mean_over_models() -> None:
-    assert statistics.crowd_speedup([2.0, 8.0]) == statistics.Interval(pytest.approx(4.0), None, None)
-    assert statistics.crowd_speedup([]) is None
+def test_the_location_of_values_that_agree_is_their_mean() -> None:
+    assert statistics.location([1.0, 1.01, 1.03, 1.02, 1.0]) == pytest.approx(1.012)
+    assert statistics.location([1.0, 3.0]) == pytest.approx(2.0)
 
 
-def test_the_crowds_interval_is_students_t_over_models() -> None:
-    speedups = [2.0, 4.0, 5.0, 9.0]
+def test_two_hostile_units_among_five_do_not_carry_the_location_away() -> None:
+    """They agree with each other, so that no rule hides them. The mean moves by 1.2, the median of the Walsh
+    averages (Hodges and Lehmann) by 1.5.
+    """
+    honest = [-0.05, 0.0, 0.05]
 
-    crowd = statistics.crowd_speedup(speedups)
-
-    logs = np.log(speedups)
-    low, high = stats.t.interval(0.95, 3, loc=logs.mean(), scale=stats.sem(logs))
-    assert crowd is not None
-    assert (crowd.low, crowd.high) == (pytest.approx(math.exp(low)), pytest.approx(math.exp(high)))
+    assert 0 <= statistics.location([*honest, 3.0, 3.0]) < 0.15
 
 
-def test_a_clock_that_falls_is_told_from_one_that_wavers() -> None:
-    assert statistics.clock_fall([2400.0] * 3 + [1200.0] * 3) == pytest.approx(2.0)
-    assert statistics.clock_fall([2400.0, 1200.0] * 6) == pytest.approx(1.0)
-    assert statistics.clock_fall([2400.0, 1200.0]) is None
+def test_a_location_of_nothing_is_refused() -> None:
+    with pytest.raises(ValueError, match="no values"):
+        statistics.location([])
+
+
+def hostile_move(honest: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far one more unit moves the location of each row of HONEST (m, n) at most, with any value that the
+    outlier rule lets pass.
+    """
+    furthest = np.zeros(len(honest))
+    before = statistics.location(honest)
+    for value in np.linspace(-2, 2, 81):
+        every = np.column_stack([honest, np.full(len(honest), value)])
+        median = np.median(every, axis=1)
+        reach = measures.OUTLIER_DEVIATIONS * np.maximum(
+            statistics.robust_deviation(every), statistics.LEAST_DEVIATION
+        )
+        agreed = (np.abs(honest - value) <= measures.AGREEMENT).any(axis=1)
+        passes = (np.abs(value - median) <= reach) | agreed
+        moved = np.abs(statistics.location(every) - before)
+        furthest = np.maximum(furthest, np.where(passes, moved, 0.0))
+    return furthest
+
+
+def test_one_hostile_unit_in_four_moves_a_figure_by_less_than_five_per_cent() -> None:
+    """4,000 models, seed 5, installations with a standard deviation of 0.05 around their model: 3.3 % in the
+    mean, where a plain mean moves by 14 %. docs/research/coverage.md has other noise.
+    """
+    random = np.random.default_rng(5)
+
+    assert math.expm1(hostile_move(random.normal(0.0, 0.05, (4_000, 3))).mean()) < 0.05
 
 
 def test_the_usual_range_does_not_follow_an_outlier() -> None:
@@ -146,73 +163,101 @@ def test_the_usual_range_does_not_follow_an_outlier() -> None:
     assert statistics.usual_range([2.0, 9.0]) is None
 
 
-def test_installations_that_agree_to_the_last_digit_leave_room_for_a_tenth() -> None:
+def test_units_that_agree_to_the_last_digit_leave_room_for_a_tenth() -> None:
     usual = statistics.usual_range([2.0] * 20)
 
     assert usual == (pytest.approx(2 - 5 * math.log(1.1)), pytest.approx(2 + 5 * math.log(1.1)))
 
 
 @given(st.lists(st.tuples(st.integers(0, 4), st.floats(-1, 1)), max_size=30))
-def test_agreement_takes_another_installation(sessions: list[tuple[int, float]]) -> None:
+def test_agreement_takes_another_unit(sessions: list[tuple[int, float]]) -> None:
     expected = [
-        not any(other != who and abs(their - mine) <= statistics.AGREEMENT for other, their in sessions)
+        not any(other != who and abs(their - mine) <= measures.AGREEMENT for other, their in sessions)
         for who, mine in sessions
     ]
 
     assert statistics.without_agreement(sessions) == expected
 
 
-@given(TIMES, TIMES)
-def test_swapping_default_and_best_inverts_the_speedup(default: list[int], best: list[int]) -> None:
-    runs = {0: statistics.run_value(default)}, {0: statistics.run_value(best)}
+def test_three_networks_that_agree_confirm_a_figure() -> None:
+    own = [True] * 3
 
-    there, back = statistics.paired_log_ratios(*runs), statistics.paired_log_ratios(*reversed(runs))
-
-    assert there.mean() == pytest.approx(-back.mean())
-
-
-def covered(logs: list[InstallationValue]) -> bool:
-    interval = statistics.model_speedup(logs).speedup
-    assert interval.low is not None
-    assert interval.high is not None
-    return interval.low <= 5.0 <= interval.high
+    assert statistics.confirmed(["a", "b", "c"], [1.0, 1.1, 0.95], own)
+    assert not statistics.confirmed(["a", "b", "b"], [1.0, 1.1, 0.95], own)
+    assert not statistics.confirmed(["a", "b", None], [1.0, 1.1, 0.95], own)
+    assert not statistics.confirmed(["a", "b", "c"], [1.0, 1.1, 3.0], own)
 
 
-@pytest.mark.parametrize(("people", "each"), [(3, 1), (3, 20), (5, 5), (20, 3)])
-@pytest.mark.parametrize(("between", "within"), [(0.05, 0.03), (0.15, 0.03), (0.02, 0.10)])
+def test_a_figure_is_confirmed_by_other_models_with_its_chip() -> None:
+    networks, own = ["a", "b", "c", "d"], [True, False, False, False]
+
+    assert statistics.confirmed(networks, [1.1, 1.0, 1.05, 0.95], own)
+    assert not statistics.confirmed(networks, [2.0, 1.0, 1.05, 0.95], own)
+    assert not statistics.confirmed(networks, [1.0] * 4, [False] * 4)  # nothing to confirm
+
+
+def test_one_network_that_measured_several_models_agrees_once() -> None:
+    assert not statistics.confirmed(["a", "a", "a", "b"], [1.0] * 4, [True, False, False, False])
+
+
+def test_one_bad_unit_does_not_unconfirm_a_figure() -> None:
+    assert statistics.confirmed(["a", "b", "c", "bad"], [1.0, 1.1, 0.95, 4.0], [True] * 4)
+
+
+def test_a_private_instance_may_lower_the_quorum() -> None:
+    assert statistics.confirmed(["a"], [1.0], [True], quorum=1)
+    assert statistics.confirmed(["a", "b"], [1.0, 1.1], [True] * 2, quorum=2)
+    assert not statistics.confirmed(["a", "b"], [1.0, 2.0], [True] * 2, quorum=2)
+    assert not statistics.confirmed([None], [1.0], [True], quorum=1)
+
+
+def covered(means: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Of each row of MEANS (m, n), whether the interval of a model with these units covers TRUTH."""
+    half = stats.t.ppf(0.975, means.shape[1] - 1) * stats.sem(means, axis=1)
+    return np.abs(statistics.location(means) - TRUTH) <= half
+
+
+def test_the_simulations_below_test_the_interval_of_a_model() -> None:
+    random = np.random.default_rng(6)
+
+    for means in random.normal(TRUTH, 0.05, (50, 5)):
+        interval = statistics.model_speedup(installations(*means[:, None])).speedup
+        assert interval.low is not None
+        assert interval.high is not None
+        assert (interval.low <= math.exp(TRUTH) <= interval.high) == covered(means[None])[0]
+
+
+@pytest.mark.parametrize(("people", "each"), [(3, 1), (3, 20), (5, 5), (10, 3), (20, 3)])
+@pytest.mark.parametrize(("between", "within"), NOISE)
 def test_the_interval_covers_the_truth_as_often_as_it_says(
     people: int, each: int, between: float, within: float
 ) -> None:
-    """Installations differ, and so do the sessions of each. Pooling 5 by 5 sessions would cover 62 %."""
+    """Installations differ, and so do the sessions of each. Pooling 5 by 5 sessions would cover 62 %.
+
+    20,000 models each, seed 7: 94.0 to 95.3 %.
+    """
     random = np.random.default_rng(7)
-    centres = random.normal(TRUTH, between, (2000, people, 1))
-    logs = random.normal(centres, within, (2000, people, each))
+    centres = random.normal(TRUTH, between, (20_000, people, 1))
+    means = random.normal(centres, within / math.sqrt(each), (20_000, people, 1))[..., 0]
 
-    hits = [
-        covered([InstallationValue(value, 0.0, each) for value in means])
-        for means in logs.mean(axis=2).tolist()
-    ]
-
-    assert 0.93 <= np.mean(hits) <= 0.98
+    assert 0.93 <= covered(means).mean() <= 0.98
 
 
 def test_one_eager_installation_does_not_spoil_the_interval() -> None:
     """One sends 400 sessions, four send two each: an interval over all sessions would cover a fifth."""
     random = np.random.default_rng(8)
-    counts = np.array([400, 2, 2, 2, 2])
-    hits = []
-    for _ in range(2000):
-        means = random.normal(TRUTH, 0.05, 5) + random.normal(0, 0.03, 5) / np.sqrt(counts)
-        hits.append(covered([InstallationValue(mean, 0.0, 1) for mean in means.tolist()]))
+    deviations = 0.03 / np.sqrt([400, 2, 2, 2, 2])
+    means = random.normal(TRUTH, 0.05, (2000, 5)) + random.normal(0, 1, (2000, 5)) * deviations
 
-    assert 0.93 <= np.mean(hits) <= 0.98
+    assert 0.93 <= covered(means).mean() <= 0.98
 
 
-def test_hiding_outliers_leaves_the_interval_honest() -> None:
+@pytest.mark.parametrize("people", [3, 5, 6, 10, 20])
+def test_hiding_outliers_leaves_the_interval_honest(people: int) -> None:
     """Noise alone is hardly ever hidden, and of what is not, the interval covers the truth as before."""
     random = np.random.default_rng(9)
-    hits, hidden = [], 0
-    for means in random.normal(TRUTH, 0.08, (2000, 6)).tolist():
+    untouched, hits, hidden = [], [], 0
+    for means in random.normal(TRUTH, 0.08, (2000, people)).tolist():
         usual = statistics.usual_range(means)
         assert usual is not None
         alone = statistics.without_agreement(list(enumerate(means)))
@@ -221,11 +266,14 @@ def test_hiding_outliers_leaves_the_interval_honest() -> None:
             for mean, lonely in zip(means, alone, strict=True)
             if not lonely or usual[0] <= mean <= usual[1]
         ]
-        hidden += len(means) - len(kept)
-        hits.append(covered([InstallationValue(mean, 0.0, 1) for mean in kept]))
+        if len(kept) == people:
+            untouched.append(kept)
+        else:
+            hidden += people - len(kept)
+            hits.append(bool(covered(np.array([kept]))[0]))
 
-    assert hidden < 12  # of 12,000
-    assert 0.93 <= np.mean(hits) <= 0.98
+    assert hidden < people * 2  # of 2,000 times as many
+    assert 0.93 <= np.mean([*hits, *covered(np.array(untouched))]) <= 0.98
 
 
 def test_a_fake_ten_times_as_fast_moves_nothing() -> None:

@@ -4,8 +4,8 @@ import pytest
 from django.core.management import call_command
 
 from crowd.results import tasks
-from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
+from crowd.results.validity import version
 from tests.crowd.documents import session_document, submission_document
 from tests.crowd.participant import Participant
 
@@ -44,12 +44,12 @@ def test_a_new_algorithm_computes_everything_anew(
     participant: Participant, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     participant.submit(submission_document())
-    monkeypatch.setattr(statistics, "ALGORITHM", statistics.ALGORITHM + 1)
+    monkeypatch.setattr(version, "ALGORITHM", version.ALGORITHM + 1)
 
     tasks.sweep.delay()
 
-    assert SessionSummary.objects.get().algorithm == statistics.ALGORITHM
-    assert DeviceSpeedup.objects.get().algorithm == statistics.ALGORITHM
+    assert SessionSummary.objects.get().algorithm == version.ALGORITHM
+    assert DeviceSpeedup.objects.get().algorithm == version.ALGORITHM
 
 
 def test_everything_can_be_computed_again_from_raw_runs(

@@ -50,7 +50,7 @@ class Checked(msgspec.Struct):
 
 
 class SpeedupOfSession(msgspec.Struct):
-    """One session's speedup of a configuration, with its own interval; null where no pair of runs was valid."""
+    """One session's speedup of a configuration and its own interval; null where no pair of runs was valid."""
 
     configuration: str
     baseline: str

@@ -201,7 +201,7 @@ def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> N
             near |= Q(reason__in=DEPENDING)
         candidates = judged.filter(near, configuration=configuration).order_by("pk")
         found = list(candidates.values_list("pk", "installation_id", "log_ratio", "state", "reason"))
-        sessions = [(networks.get(who), who, log) for _, who, log, _, _ in found]
+        sessions = [(networks.get(who), who, log) for _, who, log, _, _ in found if log is not None]
         for (key, _, _, *present), rule in zip(found, _broken(sessions, ranges), strict=True):
             verdict = (State.VALID, "") if rule is None else (rule.state, rule.code)
             if present[1] != rules.RELEASED.code and verdict != tuple(present):

@@ -1,9 +1,9 @@
 """From sessions to the crowd's figure: pure functions over NumPy arrays.
 
-The chain, each level averaged before the next so that nobody counts twice: session (mean of paired log ratios)
--> installation (mean) -> network (mean) -> device model (robust location, t interval over networks) -> crowd
-(random-effects mean over models). Frames are not replicates of a run, and sessions are not replicates of an
-installation: an interval over either covers the truth far too rarely.
+The chain, each level averaged before the next so that nobody counts twice: session (mean of paired log
+ratios) -> installation (mean) -> network (mean) -> device model (robust location, t interval over networks)
+-> crowd (random-effects mean over models). Frames are not replicates of a run, and sessions are not
+replicates of an installation: an interval over either covers the truth far too rarely.
 """
 
 import math
@@ -35,6 +35,8 @@ HUBER_SQUARE = 0.7102
 HUBER_STEPS, CONVERGED = 30, 1e-9
 BISECTIONS = 30
 TINY = 1e-12
+# Of normal values, the variance of three exceeds this multiple of its median once in 64 times.
+LARGEST_VARIANCE = 6.0
 # A scale below this is chance: repeats of one device differ by more.
 LEAST_SCALE = 0.02
 
@@ -128,14 +130,17 @@ def units(installations: Iterable[InstallationValue]) -> list[Unit]:
 def location(unit_logs: ArrayLike) -> NDArray[np.float64]:
     """Huber's robust mean over the last axis of UNIT_LOGS (..., n): (...). ValueError for no values.
 
-    The scale is the median absolute deviation (Huber 1964, proposal of a fixed scale). Of four values one
-    cannot pull the figure far, and not even two of five can; a mean or a Hodges-Lehmann estimate follows them.
+    The scale is the median absolute deviation (Huber 1964), and a value more than AGREEMENT away never pulls
+    harder than one that agrees. So one value of four cannot move the figure far, and not even two of five
+    can; a Hodges-Lehmann estimate would follow those two.
     """
     values = np.asarray(unit_logs, dtype=np.float64)
     if values.shape[-1] == 0:
         raise ValueError("a location of no values")
-    deviation = robust_deviation(values)
-    scale = np.broadcast_to(np.maximum(deviation, LEAST_SCALE)[..., None], values.shape)
+    if values.shape[-1] < LEAST_UNITS:
+        return np.asarray(values.mean(axis=-1))
+    deviation = np.clip(robust_deviation(values), LEAST_SCALE, AGREEMENT / HUBER)
+    scale = np.broadcast_to(deviation[..., None], values.shape)
     return _huber_mean(values, 1 / scale**2)[..., 0]
 
 
@@ -154,11 +159,9 @@ def _huber_mean(values: NDArray[np.float64], weights: NDArray[np.float64]) -> ND
     centre = np.median(values, axis=-1, keepdims=True)
     for _ in range(HUBER_STEPS):
         kept = weights * np.minimum(1.0, limit / np.maximum(np.abs(values - centre), TINY))
-        before, centre = (
-            centre,
-            (kept * values).sum(axis=-1, keepdims=True) / kept.sum(axis=-1, keepdims=True),
-        )
-        if np.abs(centre - before).max() < CONVERGED:
+        following = (kept * values).sum(axis=-1, keepdims=True) / kept.sum(axis=-1, keepdims=True)
+        step, centre = float(np.abs(following - centre).max()), following
+        if step < CONVERGED:
             break
     return centre
 
@@ -227,42 +230,49 @@ def without_agreement(sessions: Sequence[tuple[Hashable, float]]) -> list[bool]:
 
 
 def witnesses(networks: Sequence[Hashable | None], log_ratios: ArrayLike, own: ArrayLike) -> int:
-    """How many independent networks agree with a figure, by the outlier rule; it is confirmed by a quorum.
+    """How many independent networks agree with a figure, by the outlier rule.
 
     One entry for each installation of the pool: of the figure's own model (OWN true) and, where wanted, of
     other models with the same chip, backend and processor class. NETWORKS: its network's key, None where
-    unknown, which counts towards the range and not as a witness. LOG_RATIOS (n,): its mean.
+    unknown, which counts towards the range and is not a witness. LOG_RATIOS (n,): its mean.
 
     The figure itself, the location of the own units, has to lie within the usual range of the pool; each
     known network with a unit in that range is a witness. A pool of fewer than LEAST_UNITS has no usual range:
-    there the figure and the others have to lie within AGREEMENT of the median. 0 for a figure without units.
+    there the figure and the others have to lie within AGREEMENT of the median. 0 without own units.
     """
     values, is_own = np.asarray(log_ratios, dtype=np.float64), np.asarray(own, dtype=np.bool_)
-    if not is_own.any():
-        return 0
     entries = [
-        InstallationValue(value, 0.0, 1, None if network is None else (network, mine))
-        for network, value, mine in zip(networks, values.tolist(), is_own.tolist(), strict=True)
+        InstallationValue(value, 0.0, 1, network)
+        for value, network in zip(values.tolist(), networks, strict=True)
     ]
-    own_logs = [unit.log_ratio for unit in units(e for e, mine in zip(entries, is_own, strict=True) if mine)]
-    pool = units(entries)
+    # A network that measured this model and others is a unit in each of the two groups.
+    own_units = units(entry for entry, mine in zip(entries, is_own, strict=True) if mine)
+    if not own_units:
+        return 0
+    pool = [*own_units, *units(entry for entry, mine in zip(entries, is_own, strict=True) if not mine)]
     logs = [unit.log_ratio for unit in pool]
     median = float(np.median(logs))
     low, high = usual_range(logs) or (median - AGREEMENT, median + AGREEMENT)
-    agreeing = {unit.network[0] for unit in pool if unit.network and low <= unit.log_ratio <= high}
-    return len(agreeing) if low <= float(location(own_logs)) <= high else 0
+    agreeing = {unit.network for unit in pool if low <= unit.log_ratio <= high} - {None}
+    figure = float(location([unit.log_ratio for unit in own_units]))
+    return len(agreeing) if low <= figure <= high else 0
 
 
 def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> NDArray[np.float64]:
     """The variance of each figure's log ratio (n,), from the variance within models, pooled over all of them.
 
     UNITS (n,) and DEVIATIONS are those of each figure's `ModelSpeedup`. Three values estimate a variance
-    badly; the pooled one has the degrees of freedom of all. 0 where no figure has two units.
+    badly; the pooled one has the degrees of freedom of all. One model counts with LARGEST_VARIANCE times
+    the median variance at most, so that a hostile one cannot make all others look uncertain. 0 where no
+    figure has two units.
     """
     counts = np.asarray(units, dtype=np.float64)
-    squares = np.array([(deviation or 0.0) ** 2 for deviation in deviations])
-    freedom = float((counts - 1).sum())
-    pooled = float(((counts - 1) * squares).sum()) / freedom if freedom > 0 else 0.0
+    squares = np.array([0.0 if deviation is None else deviation**2 for deviation in deviations])
+    measured = counts > 1
+    if not measured.any():
+        return np.zeros(counts.shape)
+    limited = np.minimum(squares, LARGEST_VARIANCE * np.median(squares[measured]))
+    pooled = float(((counts - 1) * limited).sum() / (counts - 1).sum())
     return pooled / counts
 
 

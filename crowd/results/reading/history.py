@@ -61,9 +61,7 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
     for row in rows:
         groups[row["session__driver"], versions.get(row["session__description_id"], "")].append(row)
     networks = networks_of({row["installation_id"] for row in rows})
-    releases = [
-        _release(driver, version, members, networks) for (driver, version), members in groups.items()
-    ]
+    releases = [_release(driver, version, members, networks) for (driver, version), members in groups.items()]
     return History(
         front=figure.front.slug,
         configuration=configuration,

@@ -115,7 +115,8 @@ def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
 def _of_period(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
     """The same from the sessions of a period. Five queries."""
     cohorts = cohorts_of(filters, front)
-    found = {key: rest for key, *rest in cohorts.values_list("pk", "device_id", "backend", "processor")}
+    columns = cohorts.values_list("pk", "device_id", "backend", "processor")
+    found = {key: (device, backend, processor) for key, device, backend, processor in columns}
     devices = devices_of(device for device, _, _ in found.values())
     names = dict(Configuration.objects.filter(front__slug=front).values_list("pk", "name"))
     rows = SessionSummary.objects.filter(

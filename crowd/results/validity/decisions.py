@@ -34,7 +34,7 @@ class Decisions:
         return cls(whole, single)
 
     def released(self, session: int) -> bool:
-        """Whether an administrator lets SESSION (a key) count, whatever the rules on sessions and models say."""
+        """Whether an administrator lets SESSION (a key) count, against the rules on sessions and models."""
         decision = self.sessions.get(session)
         return decision is not None and decision.action == Decision.Action.RELEASE
 

@@ -11,7 +11,7 @@ from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT
 CONFIDENCE = 0.95
 # Two speedups agree that differ by no more than two repeats may.
 AGREEMENT = math.log(MAX_DRIFT)
-# The clocks of the stages and of the frame are read separately: 5 % and 50 us of a frame may lie between them.
+# The clocks of the stages and of the frame are read separately: 5 % and 50 us of a frame may lie between.
 STAGE_TOLERANCE = 1.05
 STAGE_SLACK_US = 50
 # The stages' sum is compared with the computation; these lie outside it.
@@ -56,7 +56,7 @@ def drifts(
     last_us: NDArray[np.generic],
     first_counted_frame: int = FIRST_COUNTED_FRAME,
 ) -> list[float | None]:
-    """Median over the counted frames of last / first repeat, for each row of FIRST_US and LAST_US (n, frames).
+    """Median over the counted frames of last / first repeat, by row of FIRST_US and LAST_US (n, frames).
 
     Frames without a time on either side are left out; None where none is left. Like is compared with like:
     the first and the last third of one run would confound the scene with the heat.
@@ -146,7 +146,7 @@ def t_quantile(degrees: int, alpha: float) -> float:
 
 
 def session_interval(log_ratios: ArrayLike, planned_repeats: int) -> tuple[float, float] | None:
-    """A session's own 95 % interval (low, high) of its mean log ratio, over its pairs (n,); None for one pair.
+    """A session's own 95 % interval (low, high) of its mean log ratio over its pairs (n,); None for one.
 
     A client repeats until its interval is narrow: it may stop after PLANNED_REPEATS pairs and after every two
     more. Each of these looks is another chance to be wrong, so alpha is divided by their number plus one

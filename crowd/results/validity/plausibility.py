@@ -21,8 +21,8 @@ def plausible_range(
     """Between which log ratios a session of one configuration is plausible: (low, high).
 
     PREDICTED_RATIO is the default's predicted runtime over the configuration's on the front's reference
-    device; None where the front does not say. From half of the smallest of 1, the prediction and what other
-    models reached, to twice the largest of them. WIDEST where nothing is known.
+    device; None where the front does not say. From a quarter of the smallest of 1, the prediction and what
+    other models reached, to four times the largest of them. WIDEST where nothing is known.
     Raises ValueError for a predicted ratio that is not above 0.
     """
     if predicted_ratio is not None and not predicted_ratio > 0:

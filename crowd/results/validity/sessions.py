@@ -103,6 +103,12 @@ def _summaries(
         return []
     against = by_configuration.pop(baseline)
     in_order = len({run.order for run in runs}) == len(runs)
+
+    def largest(key: int) -> float | None:
+        """The drift that is farthest from 1, in either direction."""
+        found = (drifts.get(key), drifts.get(baseline))
+        return max((drift for drift in found if drift), key=lambda drift: abs(math.log(drift)), default=None)
+
     return [
         SessionSummary(
             cohort_id=session.cohort,
@@ -115,14 +121,7 @@ def _summaries(
             day=session.day,
             counted=True,  # until its day's sessions are counted
             ate_max=max((run.ate_max for run in candidate if run.ate_max is not None), default=None),
-            **_comparison(
-                session,
-                candidate,
-                against,
-                _largest(drifts.get(key), drifts.get(baseline)),
-                clock_mhz,
-                in_order,
-            ),
+            **_comparison(session, candidate, against, largest(key), clock_mhz, in_order),
         )
         for key, candidate in by_configuration.items()
     ]
@@ -195,11 +194,6 @@ def _times(runs: Iterable[StoredRun]) -> dict[int, float]:
 def _places(runs: Iterable[StoredRun]) -> dict[int, int]:
     """The place among all runs of the session, by repeat."""
     return {run.repeat: run.order for run in runs}
-
-
-def _largest(*drifts: float | None) -> float | None:
-    """The drift that is farthest from 1, in either direction."""
-    return max((drift for drift in drifts if drift), key=lambda drift: abs(math.log(drift)), default=None)
 
 
 def _without_pair(runs: list[StoredRun]) -> Rule:

@@ -1,0 +1,162 @@
+"""From judged runs to the state and the reason of a session. No database in here."""
+
+import math
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+from uuid import UUID
+
+import numpy as np
+import pytest
+
+from crowd.results.intake import packing
+from crowd.results.intake.checks import Protocol
+from crowd.results.models import SessionSummary, State
+from crowd.results.validity import rules
+from crowd.results.validity.runs import Front, StoredRun
+from crowd.results.validity.sessions import SessionInput, summarise
+
+FRAMES = 20
+DEFAULT, BEST, KNEE = 1, 2, 3
+PROTOCOL = Protocol(version=1, frames=FRAMES, first_counted_frame=10, max_ate=0.05, repeats=2)
+FRONT = Front(1, PROTOCOL, {DEFAULT, BEST, KNEE}, DEFAULT)
+ABBA = [DEFAULT, BEST, BEST, DEFAULT]
+TIMES = {DEFAULT: 80_000, BEST: 40_000, KNEE: 20_000}
+STARTED = datetime(2026, 11, 20, 10, 17, tzinfo=UTC)
+
+
+def runs(order: Sequence[int], *, slower: float = 1.0, **changes: Any) -> list[StoredRun]:
+    """The runs of a session in ORDER, each SLOWER times the one before, by repeat as they are judged."""
+    found, seen = [], dict.fromkeys(TIMES, 0)
+    for place, configuration in enumerate(order):
+        frames = np.full(FRAMES, round(TIMES[configuration] * slower**place))
+        columns: dict[str, Any] = {
+            "pk": place, "session_id": 1, "configuration_id": configuration, "repeat": seen[configuration],
+            "order": place, "status": "ok", "frame_us": packing.pack(frames.tolist()), "stages": [],
+            "stages_us": b"", "ate_max": 0.01, "trajectory_sha256": "0" * 64, "mean_us": float(frames[0]),
+            "fingerprint": None, "state": State.VALID, "reason": "",
+        }  # fmt: skip
+        found.append(StoredRun(**columns | changes))
+        seen[configuration] += 1
+    return sorted(found, key=lambda run: run.repeat)
+
+
+def summaries(
+    session: Sequence[StoredRun], clock_mhz: Sequence[float] = (), **changes: Any
+) -> dict[int, SessionSummary]:
+    """The summaries of one session, by configuration."""
+    values: dict[str, Any] = {
+        "key": 1, "cohort": 1, "installation": UUID(int=1), "started_at": STARTED, "day": STARTED.date(),
+        "front": FRONT, "emulated": False, "released": False, "plausible": {},
+    }  # fmt: skip
+
+    def read_clocks(keys: Sequence[int]) -> Mapping[int, Sequence[float]]:
+        return dict.fromkeys(keys, clock_mhz)
+
+    found = summarise([SessionInput(**values | changes)], {1: session}, read_clocks)
+    return {summary.configuration_id: summary for summary in found}
+
+
+def reason(session: Sequence[StoredRun], **changes: Any) -> str:
+    [summary] = summaries(session, **changes).values()
+    return summary.reason
+
+
+def test_a_whole_session_is_valid() -> None:
+    [summary] = summaries(runs(ABBA, slower=1.03)).values()
+
+    assert (summary.state, summary.reason, summary.pairs) == (State.VALID, "", 2)
+    assert summary.log_ratio == pytest.approx(math.log(2), abs=1e-4)
+
+
+def test_half_a_session_on_a_device_that_slows_down_is_suspect() -> None:
+    """Each run takes 14 % longer than the one before: without the way back 2.00 becomes 1.76."""
+    [summary] = summaries(runs([DEFAULT, BEST], slower=1.14)).values()
+
+    assert math.exp(summary.log_ratio or 0) == pytest.approx(2 / 1.14, rel=1e-3)
+    assert (summary.state, summary.reason) == (State.SUSPECT, "incomplete_pairs")
+
+
+@pytest.mark.parametrize("dropped", [0, 1, 2, 3])
+def test_a_session_without_one_of_its_runs_is_suspect(dropped: int) -> None:
+    left = [run for run in runs(ABBA) if run.order != dropped]
+
+    assert reason(left) == "incomplete_pairs"
+
+
+def test_a_run_that_does_not_count_is_missing() -> None:
+    session = runs(ABBA)
+    session[-1].state, session[-1].reason = State.INVALID, "ate_above_limit"
+
+    assert reason(session) == "incomplete_pairs"
+
+
+def test_default_first_and_best_last_is_suspect() -> None:
+    assert reason(runs([DEFAULT, DEFAULT, BEST, BEST])) == "unbalanced_order"
+
+
+def test_two_runs_in_one_place_are_suspect() -> None:
+    session = runs(ABBA)
+    for run in session:
+        run.order = 0
+
+    assert reason(session) == "unbalanced_order"
+
+
+def test_further_rounds_of_one_configuration_leave_the_others_valid() -> None:
+    found = summaries(runs([DEFAULT, BEST, KNEE, KNEE, BEST, DEFAULT, *ABBA]))
+
+    assert {key: (row.pairs, row.reason) for key, row in found.items()} == {BEST: (4, ""), KNEE: (2, "")}
+
+
+@pytest.mark.parametrize("slower", [1.06, 1 / 1.06])
+def test_a_device_that_slows_down_or_speeds_up_is_suspect(slower: float) -> None:
+    [summary] = summaries(runs(ABBA, slower=slower)).values()
+
+    assert summary.reason == "drift"
+    assert summary.drift == pytest.approx(slower**3, rel=1e-3)
+
+
+def test_a_clock_that_falls_explains_a_device_that_slows_down_and_no_other() -> None:
+    falling = [2400.0] * 3 + [1200.0] * 3
+
+    assert reason(runs(ABBA, slower=1.06), clock_mhz=falling) == "throttling"
+    assert reason(runs(ABBA, slower=1 / 1.06), clock_mhz=falling) == "drift"
+
+
+@pytest.mark.parametrize("bounds", [(math.log(2.5), math.log(9)), (math.log(0.1), math.log(1.5))])
+def test_a_speedup_beyond_its_bounds_is_suspect(bounds: tuple[float, float]) -> None:
+    assert reason(runs(ABBA), plausible={BEST: bounds}) == "implausible_speedup"
+
+
+def test_without_bounds_the_widest_hold() -> None:
+    session = runs(ABBA)
+    for run in session:
+        if run.configuration_id == BEST:
+            run.mean_us = 1_000.0  # 80 times faster
+
+    assert reason(session) == "implausible_speedup"
+
+
+def test_implausible_is_the_last_suspicion() -> None:
+    """What is suspect for being implausible alone counts as soon as another network agrees."""
+    suspicions = [rule for rule in rules.RULES.values() if rule.state == State.SUSPECT]
+
+    assert suspicions[-1] == rules.IMPLAUSIBLE_SPEEDUP
+    assert reason(runs([DEFAULT, BEST]), plausible={BEST: (3.0, 4.0)}) == "incomplete_pairs"
+
+
+def test_a_suspicion_on_a_run_is_one_on_its_session() -> None:
+    session = runs(ABBA, state=State.SUSPECT, reason="trajectory_missing")
+
+    assert reason(session) == "trajectory_missing"
+    assert reason(session, emulated=True) == "emulator"
+
+
+def test_an_administrator_releases_a_session_with_any_pair() -> None:
+    assert reason(runs([DEFAULT, BEST]), released=True) == "released"
+    assert reason(runs([DEFAULT, BEST], state=State.INVALID, reason="failed"), released=True) == "failed"
+
+
+def test_a_session_without_the_default_has_no_summary() -> None:
+    assert summaries(runs([BEST, BEST])) == {}
