@@ -47,7 +47,7 @@ def summaries(
     """The summaries of one session, by configuration."""
     values: dict[str, Any] = {
         "key": 1, "cohort": 1, "installation": UUID(int=1), "started_at": STARTED, "day": STARTED.date(),
-        "front": FRONT, "emulated": False, "released": False, "plausible": {},
+        "front": FRONT, "emulated": False, "released": False,
     }  # fmt: skip
 
     def read_clocks(keys: Sequence[int]) -> Mapping[int, Sequence[float]]:
@@ -124,26 +124,21 @@ def test_a_clock_that_falls_explains_a_device_that_slows_down_and_no_other() -> 
     assert reason(runs(ABBA, slower=1 / 1.06), clock_mhz=falling) == "drift"
 
 
-@pytest.mark.parametrize("bounds", [(math.log(2.5), math.log(9)), (math.log(0.1), math.log(1.5))])
-def test_a_speedup_beyond_its_bounds_is_suspect(bounds: tuple[float, float]) -> None:
-    assert reason(runs(ABBA), plausible={BEST: bounds}) == "implausible_speedup"
+def test_a_session_has_an_interval_of_its_own() -> None:
+    [summary] = summaries(runs(ABBA, slower=1.03)).values()
+
+    assert summary.low < summary.log_ratio < summary.high
 
 
-def test_without_bounds_the_widest_hold() -> None:
+def test_runs_that_fail_or_lose_the_camera_are_counted() -> None:
     session = runs(ABBA)
-    for run in session:
-        if run.configuration_id == BEST:
-            run.mean_us = 1_000.0  # 80 times faster
+    first, second = (run for run in session if run.configuration_id == BEST)
+    first.state, first.reason = State.INVALID, rules.FAILED.code
+    second.state, second.reason = State.INVALID, rules.ATE_ABOVE_LIMIT.code
 
-    assert reason(session) == "implausible_speedup"
+    [summary] = summaries(session).values()
 
-
-def test_implausible_is_the_last_suspicion() -> None:
-    """What is suspect for being implausible alone counts as soon as another network agrees."""
-    suspicions = [rule for rule in rules.RULES.values() if rule.state == State.SUSPECT]
-
-    assert suspicions[-1] == rules.IMPLAUSIBLE_SPEEDUP
-    assert reason(runs([DEFAULT, BEST]), plausible={BEST: (3.0, 4.0)}) == "incomplete_pairs"
+    assert (summary.runs, summary.failed, summary.lost) == (2, 1, 1)
 
 
 def test_a_suspicion_on_a_run_is_one_on_its_session() -> None:

@@ -179,36 +179,36 @@ def test_agreement_takes_another_unit(sessions: list[tuple[int, float]]) -> None
     assert statistics.without_agreement(sessions) == expected
 
 
-def test_three_networks_that_agree_confirm_a_figure() -> None:
+def test_each_network_that_agrees_is_a_witness() -> None:
     own = [True] * 3
 
-    assert statistics.confirmed(["a", "b", "c"], [1.0, 1.1, 0.95], own)
-    assert not statistics.confirmed(["a", "b", "b"], [1.0, 1.1, 0.95], own)
-    assert not statistics.confirmed(["a", "b", None], [1.0, 1.1, 0.95], own)
-    assert not statistics.confirmed(["a", "b", "c"], [1.0, 1.1, 3.0], own)
+    assert statistics.witnesses(["a", "b", "c"], [1.0, 1.1, 0.95], own) == 3
+    assert statistics.witnesses(["a", "b", "b"], [1.0, 1.1, 0.95], own) == 2
+    assert statistics.witnesses(["a", "b", None], [1.0, 1.1, 0.95], own) == 2
+    assert statistics.witnesses(["a", "b", "c"], [1.0, 1.1, 3.0], own) == 2
 
 
-def test_a_figure_is_confirmed_by_other_models_with_its_chip() -> None:
+def test_other_models_with_the_chip_are_witnesses() -> None:
     networks, own = ["a", "b", "c", "d"], [True, False, False, False]
 
-    assert statistics.confirmed(networks, [1.1, 1.0, 1.05, 0.95], own)
-    assert not statistics.confirmed(networks, [2.0, 1.0, 1.05, 0.95], own)
-    assert not statistics.confirmed(networks, [1.0] * 4, [False] * 4)  # nothing to confirm
+    assert statistics.witnesses(networks, [1.1, 1.0, 1.05, 0.95], own) == 4
+    assert statistics.witnesses(networks, [2.0, 1.0, 1.05, 0.95], own) == 0
+    assert statistics.witnesses(networks, [1.0] * 4, [False] * 4) == 0  # nothing to confirm
 
 
 def test_one_network_that_measured_several_models_agrees_once() -> None:
-    assert not statistics.confirmed(["a", "a", "a", "b"], [1.0] * 4, [True, False, False, False])
+    assert statistics.witnesses(["a", "a", "a", "b"], [1.0] * 4, [True, False, False, False]) == 2
 
 
-def test_one_bad_unit_does_not_unconfirm_a_figure() -> None:
-    assert statistics.confirmed(["a", "b", "c", "bad"], [1.0, 1.1, 0.95, 4.0], [True] * 4)
+def test_one_bad_unit_takes_no_witness_away() -> None:
+    assert statistics.witnesses(["a", "b", "c", "bad"], [1.0, 1.1, 0.95, 4.0], [True] * 4) == 3
 
 
-def test_a_private_instance_may_lower_the_quorum() -> None:
-    assert statistics.confirmed(["a"], [1.0], [True], quorum=1)
-    assert statistics.confirmed(["a", "b"], [1.0, 1.1], [True] * 2, quorum=2)
-    assert not statistics.confirmed(["a", "b"], [1.0, 2.0], [True] * 2, quorum=2)
-    assert not statistics.confirmed([None], [1.0], [True], quorum=1)
+def test_one_or_two_networks_have_to_agree_with_their_median() -> None:
+    assert statistics.witnesses(["a"], [1.0], [True]) == 1
+    assert statistics.witnesses(["a", "b"], [1.0, 1.1], [True] * 2) == 2
+    assert statistics.witnesses(["a", "b"], [1.0, 2.0], [True] * 2) == 0
+    assert statistics.witnesses([None], [1.0], [True]) == 0
 
 
 def covered(means: NDArray[np.float64]) -> NDArray[np.bool_]:
