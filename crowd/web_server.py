@@ -16,7 +16,7 @@ OPTIONS = (
 )
 
 
-def command(host: str, port: int, *more: str) -> list[str]:
+def command(host: str, port: int | str, *more: str) -> list[str]:
     """The command line of one web server process at HOST and PORT, with MORE of granian's options."""
     address = ("--host", host, "--port", str(port))
     return [sys.executable, "-m", "granian", *OPTIONS, *address, *more, APPLICATION]
