@@ -1,5 +1,6 @@
 """Slow clients cost the others nothing: with `manage.py serve` alone, behind nginx and behind Caddy."""
 
+import gzip
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -105,6 +106,26 @@ def test_downloads_resume(address: Address) -> None:
 
     assert (part.status, len(part.content)) == (206, 100_000)
     assert part.headers["Content-Range"].startswith("bytes 10-100009/")
+
+
+def test_answers_are_compressed_and_known_ones_are_not_sent_again(address: Address) -> None:
+    packed = {"Accept-Encoding": "gzip"}
+    page = address.ask("GET", "/", **packed)
+    style = gzip.decompress(page.content).decode().split('rel="stylesheet" href="')[1].split('"')[0]
+    file = address.ask("GET", style, **packed)
+    manifest = address.ask("GET", "/api/v1/manifest", **packed)
+    again = address.ask("GET", "/api/v1/manifest", **packed, **{"If-None-Match": manifest.headers["ETag"]})
+
+    assert [each.headers["Content-Encoding"] for each in (page, file)] == ["gzip", "gzip"]
+    assert "immutable" in file.headers["Cache-Control"]
+    assert (manifest.status, again.status, again.content) == (200, 304, b"")
+
+
+def test_a_client_cannot_forge_what_a_proxy_reports(address: Address) -> None:
+    forged = address.ask("GET", "/about/", **{"X-Forwarded-Proto": "http", "X-Forwarded-For": "127.0.0.1"})
+
+    assert forged.status == 200
+    assert ("Strict-Transport-Security" in forged.headers) is (address.tls is not None)
 
 
 def test_monitoring_is_not_for_strangers(address: Address) -> None:
