@@ -72,8 +72,8 @@ def answer(content: Any, status: int = 200, headers: dict[str, str] | None = Non
 def body(request: Request) -> bytes:
     """The request's JSON, inflated where it is gzipped.
 
-    Raises Problem 415 for another type or encoding, 411 for a length that is none, 413 for more bytes than
-    the server takes, before or after inflating, 400 for damaged gzip or a body that broke off.
+    Raises Problem 415 for another type or encoding, 411 for an invalid or missing length, 413 for more bytes
+    than the server takes, before or after inflating, 400 for damaged or incomplete content.
     """
     kind = request.headers.get("Content-Type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
@@ -84,38 +84,27 @@ def body(request: Request) -> bytes:
     http: HttpRequest = request._request
     if content_length(http) > settings.FRONTRUNNER_MAX_BODY_BYTES:
         raise _too_large()
+    if "HTTP_TRANSFER_ENCODING" in http.META:
+        # crowd.asgi_handler reads chunks. Under another server, reading on could wait for ever.
+        raise Problem(411, "length_required", "send Content-Length: this server reads no body in chunks")
     try:
-        content = http.body if "CONTENT_LENGTH" in http.META else _without_length(http)
+        content = http.body
     except OSError as error:
         raise Problem(400, "body_incomplete", "the connection ended before the body did") from error
     return _inflated(content) if encoding == "gzip" else content
 
 
 def has_body(http: HttpRequest) -> bool:
-    """Whether the request says that it has one. Raises Problem 411."""
+    """Whether the request has a body. Raises Problem 411."""
     return content_length(http) > 0 or "HTTP_TRANSFER_ENCODING" in http.META
 
 
 def content_length(http: HttpRequest) -> int:
-    """How many bytes the request says that its body has; 0 where it does not say. Raises Problem 411."""
+    """The Content-Length of the request, 0 where it has none. Raises Problem 411 for an invalid one."""
     text = str(http.META.get("CONTENT_LENGTH") or "0")
     if not WHOLE_NUMBER.fullmatch(text):
         raise Problem(411, "length_required", f"Content-Length: {text:.20}: send a number of bytes")
     return int(text)
-
-
-def _without_length(http: HttpRequest) -> bytes:
-    """A body sent in chunks, as some proxies pass it on. Raises OSError, and Problem 411 and 413."""
-    if "HTTP_TRANSFER_ENCODING" in http.META and not http.META.get("wsgi.input_terminated"):
-        # To read on would wait for more on a connection that stays open.
-        raise Problem(411, "length_required", "send Content-Length: this server reads no body in chunks")
-    stream = http.META["wsgi.input"]
-    limit, content = settings.FRONTRUNNER_MAX_BODY_BYTES, bytearray()
-    while more := stream.read(limit + 1 - len(content)):
-        content += more
-        if len(content) > limit:
-            raise _too_large()
-    return bytes(content)
 
 
 def _too_large() -> Problem:

@@ -3,6 +3,7 @@
 import os
 import re
 import secrets
+from ipaddress import IPv4Network, IPv6Network, ip_network
 from pathlib import Path
 
 
@@ -44,6 +45,15 @@ def matching(name: str, default: str, pattern: str, example: str) -> str:
     if not re.fullmatch(pattern, text):
         raise SettingError(f"{name}={text}: give a text such as {example}")
     return text
+
+
+def networks(name: str) -> tuple[IPv4Network | IPv6Network, ...]:
+    """The environment variable NAME as networks, separated by commas. Raises SettingError otherwise."""
+    texts = [text.strip() for text in os.environ.get(name, "").split(",") if text.strip()]
+    try:
+        return tuple(ip_network(text) for text in texts)
+    except ValueError as error:
+        raise SettingError(f"{name}: {error}; give networks such as 10.0.0.5/32,fd00::/8") from error
 
 
 def prepared(folder: Path) -> Path:

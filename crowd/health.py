@@ -1,19 +1,25 @@
-"""For those who run the server: is it alive, can it work, how much has it done, what waits."""
+"""For monitoring: does the server run, can it work, how much has it done, what waits.
+
+`/healthz` is public. `/readyz` and `/metrics` answer direct requests of this machine and the networks that
+FRONTRUNNER_WATCHERS names; others get 404.
+"""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import datetime
+from functools import wraps
 from pathlib import Path
 
 from django.conf import settings
 from django.db import Error, connection
 from django.db.models import Min
-from django.http import HttpRequest, HttpResponse, JsonResponse
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.utils import timezone
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 from kombu.exceptions import KombuError, OperationalError
 
+from crowd import limits
 from crowd import metrics as exposition
 from crowd.celery import app
 from crowd.devices.models import DeviceModel, Installation
@@ -24,21 +30,36 @@ from crowd.results.models import MeasurementSession, Run, Submission, WorkerPuls
 
 BROKER_PATIENCE_SECONDS = 2
 
+View = Callable[[HttpRequest], HttpResponse]
+
+
+def for_watchers(view: View) -> View:
+    """VIEW for those who may watch the server; 404 for everybody else."""
+
+    @wraps(view)
+    def answer(request: HttpRequest) -> HttpResponse:
+        if not limits.may_watch(request):
+            raise Http404
+        return view(request)
+
+    return answer
+
 
 @require_safe
 @never_cache
 def healthz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """200 while the process answers; asks nothing of the database or the broker."""
+    """200 while the process answers; needs neither the database nor the broker."""
     return HttpResponse("ok\n", content_type="text/plain")
 
 
 @require_safe
 @never_cache
+@for_watchers
 def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """200 when database and broker answer, else 503; since when no worker ran a task; what disk is left.
+    """200 when database and broker answer, else 503; seconds since a worker ran a task; free disk.
 
-    A late worker does not make the server unready: what is sent is stored, and summarised when a worker
-    is back. Neither does a full disk: everything can still be read.
+    A late worker does not make the server unready: it stores submissions, and a worker summarises them later.
+    Neither does a full disk: everything can still be read.
     """
     state: dict[str, object] = {"database": _database(), "broker": _broker()}
     if state["database"] == "ok":
@@ -52,8 +73,9 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
 
 @require_safe
 @never_cache
+@for_watchers
 def metrics(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
-    """Prometheus' text format: requests always, what the database knows while it answers."""
+    """Prometheus' text format: requests always, rows and queues while the database answers."""
     lines = [exposition.histogram(exposition.requests.rows()), *_disk()]
     try:
         lines += [*_stored(), *_waiting(), gauge("database_up", "Whether the database answers", {"": 1})]
@@ -74,7 +96,7 @@ def _stored() -> Iterator[str]:
     yield gauge("submissions", "Accepted submissions", {"": Submission.objects.count()})
     yield gauge("sessions", "Measurement sessions", {"": MeasurementSession.objects.count()})
     yield gauge("runs", "Runs", {"": Run.objects.count()})
-    yield gauge("database_bytes", "What the database takes on its disk", {"": _database_bytes()})
+    yield gauge("database_bytes", "Size of the database on its disk", {"": _database_bytes()})
 
 
 def _waiting() -> Iterator[str]:
@@ -84,7 +106,7 @@ def _waiting() -> Iterator[str]:
     yield gauge("oldest_waiting_session_seconds", "Age of the oldest of them", {"": _age(oldest)})
     pending = Evaluation.objects.filter(state=Evaluation.State.PENDING)
     oldest = pending.order_by().aggregate(at=Min("created_at"))["at"]
-    yield gauge("evaluations_pending", "Evaluations that nobody measures yet", {"": pending.count()})
+    yield gauge("evaluations_pending", "Evaluations that no worker has yet", {"": pending.count()})
     yield gauge("oldest_pending_evaluation_seconds", "Age of the oldest of them", {"": _age(oldest)})
     pulses = {label("task", pulse.task): _age(pulse.at) for pulse in WorkerPulse.objects.order_by("task")}
     yield gauge("task_age_seconds", "Since a worker last ran this task", pulses)

@@ -1,6 +1,6 @@
-"""How often one may ask: by installation where there is a token, else by address, which is never stored.
+"""Rate limits: by installation where there is a token, else by address, which is never stored.
 
-The answers tell it in the fields RateLimit-Policy and RateLimit of the IETF's draft "RateLimit header fields
+Answers report them in the fields RateLimit-Policy and RateLimit of the IETF's draft "RateLimit header fields
 for HTTP" (draft-ietf-httpapi-ratelimit-headers-10): quota q in a window of w seconds, r left for t seconds.
 """
 
@@ -21,13 +21,17 @@ from crowd import counters
 A_MINUTE, AN_HOUR = 60, 3600
 # Some proxies add the port: 198.51.100.1:4711, [2001:db8::1]:4711.
 WITH_PORT = re.compile(r"^(?:\[(.+)\]|([0-9.]+))(?::[0-9]+)?$")
+# Proxies add one of these: a request that has none comes from the connection's other end.
+FORWARDING = ("HTTP_X_FORWARDED_FOR", "HTTP_FORWARDED", "HTTP_X_REAL_IP")
+
+Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Usage:
-    """Where the one who asks stands under the limit NAME: `quota` requests in `seconds`, `used` so far."""
+    """How far the limit NAME is used: `quota` requests in `seconds`, `used` so far."""
 
     name: str
     quota: int
@@ -65,22 +69,28 @@ class Limit(BaseThrottle):
         """How many requests there may be in the window; 0: no limit."""
         return int(getattr(settings, self.setting))
 
-    def whose(self, request: Request) -> str:
-        """What tells the one who asks from all others, with nothing in it that names them."""
+    def key(self, request: Request | HttpRequest) -> str:
+        """What requests are counted by; it names nobody."""
         raise NotImplementedError
 
-    def allow_request(self, request: Request, view: Any) -> bool:
-        """Count this request; `view.usage` becomes what its answer tells."""
+    def count(self, request: Request | HttpRequest) -> bool:
+        """Count this request, and say whether it may be answered; `usage` is what its answer reports."""
         if not (quota := self.quota):
             return True
         try:
-            count = counters.count(f"{self.name}:{self.whose(request)}", self.seconds)
+            count = counters.count(f"{self.name}:{self.key(request)}", self.seconds)
         except counters.CountingError as error:
             # A full disk or an absent Redis must not close the server.
             log.warning("requests are not counted now: %s", error)
             return True
-        self.usage = view.usage = Usage(self.name, quota, self.seconds, count.used, count.resets_in)
+        self.usage = Usage(self.name, quota, self.seconds, count.used, count.resets_in)
         return not self.usage.exceeded
+
+    def allow_request(self, request: Request, view: Any) -> bool:
+        """`count`, as Django REST framework calls it: `view.usage` is for the answer."""
+        allowed = self.count(request)
+        view.usage = self.usage or view.usage
+        return allowed
 
     def wait(self) -> float | None:
         """Seconds until the next request may be made."""
@@ -88,32 +98,37 @@ class Limit(BaseThrottle):
 
 
 class ByAddress(Limit):
-    """Counts by the client's address, as a keyed hash that nobody can undo the day after."""
+    """Counts by the client's address, as a keyed hash whose key is deleted the day after."""
 
-    def whose(self, request: Request) -> str:
+    def key(self, request: Request | HttpRequest) -> str:
         return counters.disguised(address_of(request))
 
 
 class ByInstallation(Limit):
-    """Counts by whose token it is."""
+    """Counts by the installation that the token belongs to."""
 
-    def whose(self, request: Request) -> str:
-        return str(request.auth.pk)
+    def key(self, request: Request | HttpRequest) -> str:
+        return str(cast(Request, request).auth.pk)
 
 
 class Reads(ByAddress):
-    """Requests without a token, or with one that is none."""
+    """API requests without a valid token."""
 
-    what = "other requests of an address"
-
+    what = "other API requests of an address"
     name, setting, seconds = "reads", "FRONTRUNNER_READS_PER_MINUTE", A_MINUTE
+
+
+class Pages(ByAddress):
+    """Pages, and the tables, cards and exports that they link to."""
+
+    what = "pages, tables, cards and exports read from an address"
+    name, setting, seconds = "pages", "FRONTRUNNER_PAGES_PER_MINUTE", A_MINUTE
 
 
 class Enrolments(ByAddress):
     """New installations."""
 
     what = "enrolments of an address"
-
     name, setting, seconds = "enrolments", "FRONTRUNNER_ENROLMENTS_PER_HOUR", AN_HOUR
 
 
@@ -121,7 +136,6 @@ class Submissions(ByInstallation):
     """Submissions and dry runs."""
 
     what = "submissions and dry runs of an installation"
-
     name, setting, seconds = "submissions", "FRONTRUNNER_SUBMISSIONS_PER_MINUTE", A_MINUTE
 
 
@@ -129,13 +143,12 @@ class OwnRequests(ByInstallation):
     """What an installation asks about itself."""
 
     what = "other requests of an installation"
-
     name, setting, seconds = "own", "FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", A_MINUTE
 
 
 def in_force() -> list[Limit]:
     """The limits of this deployment, for people to read."""
-    kinds = (Submissions, OwnRequests, Enrolments, Reads)
+    kinds = (Submissions, OwnRequests, Enrolments, Reads, Pages)
     return [limit for limit in (kind() for kind in kinds) if limit.quota]
 
 
@@ -144,13 +157,31 @@ def address_of(request: Request | HttpRequest) -> str:
 
     Of an IPv6 address the network alone (/64): one machine has all addresses in it.
     """
-    text = str(BaseThrottle().get_ident(cast(Request, request)))
+    text = _text_of(request)
+    address = _parsed(text)
+    if isinstance(address, ipaddress.IPv6Address):
+        return str(ipaddress.IPv6Network((int(address), 64), strict=False))
+    return text if address is None else str(address)
+
+
+def may_watch(request: HttpRequest) -> bool:
+    """Whether REQUEST may read the server's state: from this machine itself, or from FRONTRUNNER_WATCHERS."""
+    connected = _parsed(request.META.get("REMOTE_ADDR", ""))
+    forwarded = any(name in request.META for name in FORWARDING)
+    if connected is not None and connected.is_loopback and not forwarded:
+        return True
+    address = _parsed(_text_of(request))
+    return address is not None and any(address in network for network in settings.FRONTRUNNER_WATCHERS)
+
+
+def _text_of(request: Request | HttpRequest) -> str:
+    return str(BaseThrottle().get_ident(cast(Request, request)))
+
+
+def _parsed(text: str) -> Address | None:
+    """TEXT, with or without a port, as an address; an IPv4 address also where a socket maps it to IPv6."""
     try:
         address = ipaddress.ip_address(WITH_PORT.sub(r"\1\2", text))
     except ValueError:
-        return text
-    if isinstance(address, ipaddress.IPv4Address):
-        return str(address)
-    if address.ipv4_mapped is not None:  # what a socket for both versions calls an IPv4 address
-        return str(address.ipv4_mapped)
-    return str(ipaddress.IPv6Network((int(address), 64), strict=False))
+        return None
+    return getattr(address, "ipv4_mapped", None) or address

@@ -1,33 +1,42 @@
-"""Around every request: an id that the client, the log and the tasks share; a line in the log; a count; no
-NUL in an address.
+"""Around every request: an id that the client, the log and the tasks share; a line in the log; a count.
+
+Refused before any view runs: a body that the server could not read, an address with the character NUL, too
+many reads of pages.
 """
 
 import logging
+import math
 import re
 import time
 import uuid
 from collections.abc import Callable
 
+from django.conf import settings
 from django.http import HttpRequest, HttpResponse
 
-from crowd import logs, metrics
+from crowd import limits, logs, metrics
 from crowd.problems import Problem
 
 HEADER = "X-Request-ID"
 # What a proxy or a client may choose: nothing that could forge a line of the log.
 CHOSEN = re.compile(r"[A-Za-z0-9._-]{8,64}")
 METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
-# Asked every few seconds by those who watch: their lines would hide the others.
+# Monitoring asks for these every few seconds: their lines would hide the others.
 WATCHING = frozenset({"healthz", "readyz", "metrics"})
+# Where the ASGI handler leaves the Problem of a body that it refused, in `request.META`.
+BODY_REFUSAL = "frontrunner.body_refusal"
+# Files that never change; monitoring; the API, whose endpoints have limits of their own.
+NOT_PAGES = ("/sequences/", "/healthz", "/readyz", "/metrics", "/api/")
+DOCUMENTATION = "/api/v1/docs"
 
 log = logging.getLogger("crowd.requests")
 
 
 class RequestMiddleware:
-    """The outermost one, so that whatever another answers is seen too.
+    """The outermost middleware: it also sees what the other ones answer.
 
-    What is logged and counted is the pattern of the address, never the address itself, its query or whose it
-    was: an address may hold the key of a submission.
+    It logs and counts the pattern of the address, never the address itself, its query or the client: an
+    address may hold the key of a submission.
     """
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
@@ -47,8 +56,50 @@ class RequestMiddleware:
         return response
 
 
+class BodyRefusalMiddleware:
+    """Answers for a body that the ASGI handler refused: too slow, too large, incomplete, too many at once.
+
+    The answer is made here and not in the handler, so that it has a request id, is logged and is counted.
+    """
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
+        self.get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponse:
+        refusal: Problem | None = request.META.get(BODY_REFUSAL)
+        return self.get_response(request) if refusal is None else refusal.response()
+
+
+class PageLimitMiddleware:
+    """Limits how often one address reads pages, tables, cards and exports: 429 with Retry-After."""
+
+    def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
+        self.get_response = get_response
+
+    def __call__(self, request: HttpRequest) -> HttpResponse:
+        if not _is_page(request.path):
+            return self.get_response(request)
+        limit = limits.Pages()
+        allowed = limit.count(request)
+        response = self.get_response(request) if allowed else _too_many(limit)
+        for name, value in (limit.usage.headers if limit.usage else {}).items():
+            response[name] = value
+        return response
+
+
+def _is_page(path: str) -> bool:
+    return path == DOCUMENTATION or not path.startswith((settings.STATIC_URL, *NOT_PAGES))
+
+
+def _too_many(limit: limits.Pages) -> HttpResponse:
+    wait = math.ceil(limit.wait() or 1)
+    text = f"too many requests: wait {wait} s\n"
+    headers = {"Retry-After": str(wait)}
+    return HttpResponse(text, status=429, content_type="text/plain; charset=utf-8", headers=headers)
+
+
 class NoNullMiddleware:
-    """Refuses an address that holds the character NUL with 400: PostgreSQL knows none in text."""
+    """Refuses an address that holds the character NUL with 400: text in PostgreSQL cannot hold it."""
 
     def __init__(self, get_response: Callable[[HttpRequest], HttpResponse]) -> None:
         self.get_response = get_response

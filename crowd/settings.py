@@ -27,6 +27,12 @@
 | FRONTRUNNER_CACHE_URL | (none) | a Redis where several machines count requests together; else a file |
 | FRONTRUNNER_MAX_BODY_BYTES | 1048576 | the largest body of a request, as sent |
 | FRONTRUNNER_MAX_INFLATED_BYTES | 8388608 | the largest body of a request after gzip |
+| FRONTRUNNER_MAX_BODIES_BYTES | 67108864 | all bodies that one process holds, beyond 64 KiB of each |
+| FRONTRUNNER_BODY_SECONDS | 20 | the longest time that a body may take to arrive |
+| FRONTRUNNER_SEND_SECONDS | 60 | a client that reads nothing of an answer for so long is dropped |
+| FRONTRUNNER_WEB_THREADS | 4 | requests that one web server process works on at a time |
+| FRONTRUNNER_PAGES_PER_MINUTE | 600 | pages, tables, cards and exports read from one address |
+| FRONTRUNNER_WATCHERS | (none) | networks that may read /metrics and /readyz, such as 10.0.0.5/32,fd00::/8 |
 | FRONTRUNNER_LEASE_SECONDS | 90 | after so long without a heartbeat a measurement's worker counts as dead |
 | FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement, less than a lease |
 | FRONTRUNNER_REAP_SECONDS | 60 | between two searches for what dead workers and lost messages left behind |
@@ -39,7 +45,7 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
-from crowd.environment import choice, integer, matching, prepared, secret_key, switch
+from crowd.environment import choice, integer, matching, networks, prepared, secret_key, switch
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 
@@ -57,6 +63,8 @@ FRONTRUNNER_SUBMISSIONS_PER_MINUTE = integer("FRONTRUNNER_SUBMISSIONS_PER_MINUTE
 FRONTRUNNER_OWN_REQUESTS_PER_MINUTE = integer("FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", 120)
 FRONTRUNNER_ENROLMENTS_PER_HOUR = integer("FRONTRUNNER_ENROLMENTS_PER_HOUR", 120)
 FRONTRUNNER_READS_PER_MINUTE = integer("FRONTRUNNER_READS_PER_MINUTE", 600)
+FRONTRUNNER_PAGES_PER_MINUTE = integer("FRONTRUNNER_PAGES_PER_MINUTE", 600)
+FRONTRUNNER_WATCHERS = networks("FRONTRUNNER_WATCHERS")
 FRONTRUNNER_CACHE_URL = matching("FRONTRUNNER_CACHE_URL", "", r"((rediss?|unix)://.+)?", "redis://host/1")
 FRONTRUNNER_CONSENT_VERSION = 1
 FRONTRUNNER_QUORUM = integer("FRONTRUNNER_QUORUM", 3, least=1)
@@ -78,6 +86,13 @@ FRONTRUNNER_MAX_INFLATED_BYTES = integer(
     "FRONTRUNNER_MAX_INFLATED_BYTES", 8 << 20, least=FRONTRUNNER_MAX_BODY_BYTES
 )
 DATA_UPLOAD_MAX_MEMORY_SIZE = FRONTRUNNER_MAX_BODY_BYTES
+# What slow clients may cost: docs/decisions/serving.md.
+FRONTRUNNER_MAX_BODIES_BYTES = integer(
+    "FRONTRUNNER_MAX_BODIES_BYTES", 64 << 20, least=max(FRONTRUNNER_MAX_BODY_BYTES, 8 << 20)
+)
+FRONTRUNNER_BODY_SECONDS = integer("FRONTRUNNER_BODY_SECONDS", 20, least=1)
+FRONTRUNNER_SEND_SECONDS = integer("FRONTRUNNER_SEND_SECONDS", 60, least=1)
+FRONTRUNNER_WEB_THREADS = integer("FRONTRUNNER_WEB_THREADS", 4, least=1, most=64)
 
 DEBUG = switch("DEBUG")
 SECRET_KEY = os.environ.get("FRONTRUNNER_SECRET_KEY") or secret_key(FRONTRUNNER_VAR)
@@ -110,7 +125,9 @@ MIDDLEWARE = [
     "crowd.middleware.RequestMiddleware",
     "django.middleware.security.SecurityMiddleware",
     "csp.middleware.CSPMiddleware",
+    "crowd.middleware.BodyRefusalMiddleware",
     "crowd.middleware.NoNullMiddleware",
+    "crowd.middleware.PageLimitMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
     "django.contrib.sessions.middleware.SessionMiddleware",
     "django.middleware.common.CommonMiddleware",
@@ -189,7 +206,7 @@ CELERY_WORKER_PREFETCH_MULTIPLIER = 1
 CELERY_WORKER_HIJACK_ROOT_LOGGER = False
 CELERY_WORKER_ENABLE_REMOTE_CONTROL = False
 CELERY_TIMEZONE = "UTC"
-CELERY_BEAT_SCHEDULE = {
+CELERY_BEAT_SCHEDULE: dict[str, dict[str, object]] = {
     "summarise what no message reached": {"task": "crowd.results.tasks.sweep", "schedule": 30.0},
     "write the open data when it is due": {"task": "crowd.results.tasks.export", "schedule": 300.0},
     "measure what no message reached": {
@@ -197,6 +214,9 @@ CELERY_BEAT_SCHEDULE = {
         "schedule": FRONTRUNNER_REAP_SECONDS,
     },
 }
+# A message lives until the next one: a worker that was away finds one of each, not hundreds.
+for _entry in CELERY_BEAT_SCHEDULE.values():
+    _entry["options"] = {"expires": _entry["schedule"]}
 
 AUTH_PASSWORD_VALIDATORS = [
     {"NAME": "django.contrib.auth.password_validation.UserAttributeSimilarityValidator"},

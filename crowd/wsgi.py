@@ -1,4 +1,4 @@
-"""The WSGI application that granian serves."""
+"""The WSGI application; `crowd.asgi` serves it. Each process that loads it shares its counts of requests."""
 
 import os
 

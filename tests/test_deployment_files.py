@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from crowd import web_server
+
 ROOT = Path(__file__).resolve().parents[1]
 DEPLOY = ROOT / "deploy"
 UNITS = sorted(path.name for path in DEPLOY.iterdir() if path.suffix in {".service", ".timer"})
@@ -40,6 +42,15 @@ def test_every_variable_of_the_example_is_a_setting() -> None:
     described = set(re.findall(r"^\| ([A-Z_]+) \|", (ROOT / "crowd/settings.py").read_text(), re.MULTILINE))
     assert len(named) > 5
     assert named <= described
+
+
+def test_the_unit_starts_the_web_server_as_serve_does() -> None:
+    unit = (DEPLOY / "frontrunner-web.service").read_text()
+    (line,) = re.findall(r"^ExecStart=(.*granian.*)$", unit, re.MULTILINE)
+    options = ("--workers", "2", "--workers-kill-timeout", "10")
+
+    _, *expected = web_server.command("127.0.0.1", "${FRONTRUNNER_PORT}", *options)
+    assert line.split()[1:] == expected
 
 
 def test_caddy_asks_by_the_name_that_it_serves() -> None:

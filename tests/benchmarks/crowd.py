@@ -35,7 +35,10 @@ from tests.services.serving import Services, Serving, command
 
 PARTS = ("intake", "growth", "explorations", "watching")
 DATABASES = ("sqlite", "postgresql")
-PEER = {"application": "tests.benchmarks.plain.wsgi", "settings": "tests.benchmarks.plain.settings"}
+PEER = {
+    "application": "tests.benchmarks.plain.wsgi:application",
+    "settings": "tests.benchmarks.plain.settings",
+}
 TURNS = 3
 SUBMISSIONS, MANIFESTS = 400, 2000
 RESULTS = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var")) / "benchmarks" / "crowd.json"

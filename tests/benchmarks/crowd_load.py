@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from crowd import web_server
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.services.intake import LIMITS
 from tests.services.program import ROOT, Program, free_port
@@ -26,19 +27,25 @@ STAGES = {"preprocessing": 0.1, "tracking": 0.2, "integration": 0.2, "raycasting
 
 
 class Web(Program):
-    """granian alone, as `manage.py serve` starts it, with any WSGI APPLICATION; nobody summarises."""
+    """granian alone, as `manage.py serve` starts it, or with another WSGI APPLICATION; no worker runs."""
 
     def __init__(
-        self, var: Path, services: Services, application: str = "crowd.wsgi", settings: str = "crowd.settings"
+        self,
+        var: Path,
+        services: Services,
+        application: str = web_server.APPLICATION,
+        settings: str = "crowd.settings",
     ) -> None:
         self.var, self.services, self.application, self.settings = var, services, application, settings
         self.port, self.folder, self.log = free_port(), ROOT, var / "web.txt"
 
     def command(self) -> Sequence[str]:
+        if self.application == web_server.APPLICATION:
+            return web_server.command("127.0.0.1", self.port, "--workers", "1")
         return [
             *(sys.executable, "-m", "granian", "--interface", "wsgi", "--host", "127.0.0.1"),
             *("--port", str(self.port), "--workers", "1", "--blocking-threads", str(THREADS)),
-            *("--no-ws", "--log-level", "warning", f"{self.application}:application"),
+            *("--no-ws", "--log-level", "warning", self.application),
         ]
 
     def environment(self) -> Mapping[str, str]:

@@ -42,7 +42,10 @@ def measure() -> dict[str, dict[str, float]]:
     """Milliseconds by what is asked for: median and 95th percentile, warm and after a change."""
     with tempfile.TemporaryDirectory() as folder:
         var = Path(folder) / "var"
-        services = exploring.SETTINGS | {"FRONTRUNNER_READS_PER_MINUTE": "0"}
+        services = exploring.SETTINGS | {
+            "FRONTRUNNER_READS_PER_MINUTE": "0",
+            "FRONTRUNNER_PAGES_PER_MINUTE": "0",
+        }
         done = command(var, "migrate", **services)
         assert done.returncode == 0, done.stderr
         key = exploring.start_large(var, services, MEASUREMENTS, MEASUREMENTS + CHANGES * len(PATHS))

@@ -1,4 +1,4 @@
-"""How often one may ask, and what the answers tell of it."""
+"""Rate limits, and how answers report them."""
 
 import sqlite3
 import subprocess
@@ -168,6 +168,51 @@ def test_tokens_that_are_none_are_limited_by_address(
 
     assert [answer.json()["code"] for answer in tries] == ["token_invalid", "too_many_requests"]
     assert participant.get("/me/data").status_code == 200
+
+
+PAGES = [
+    "/",
+    "/devices/",
+    "/tables/speedups.csv",
+    "/card.png",
+    "/data/",
+    "/nowhere",
+    "/admin/login/",
+    "/api/v1/docs",
+]
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_pages_tables_and_cards_are_limited_by_address(
+    client: Client, front: Any, settings: Any, path: str
+) -> None:
+    settings.FRONTRUNNER_PAGES_PER_MINUTE = 1
+    client.get("/about/")
+
+    refused = client.get(path)
+
+    assert refused.status_code == 429
+    assert 0 < int(refused.headers["Retry-After"]) <= 60
+    assert refused.headers["RateLimit-Policy"] == '"pages";q=1;w=60'
+    assert client.get(path, REMOTE_ADDR="192.0.2.5").status_code != 429
+
+
+@pytest.mark.parametrize(
+    "path", ["/healthz", "/metrics", "/static/none.css", f"/sequences/{'0' * 64}", f"{API}/fronts"]
+)
+def test_what_is_not_a_page_does_not_count_as_one(
+    client: Client, front: Any, settings: Any, path: str
+) -> None:
+    settings.FRONTRUNNER_PAGES_PER_MINUTE = 1
+    client.get("/about/")
+
+    assert client.get(path).status_code in {200, 404}
+
+
+def test_pages_without_a_limit(client: Client, front: Any, settings: Any) -> None:
+    settings.FRONTRUNNER_PAGES_PER_MINUTE = 0
+
+    assert "RateLimit" not in client.get("/about/").headers
 
 
 def test_the_docs_page_tells_this_servers_limits(client: Client, db: None, settings: Any) -> None:

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from datetime import timedelta
+from ipaddress import ip_network
 from pathlib import Path
+from typing import Any
 
 import pytest
 from django.db import OperationalError
 from django.test import Client
 from django.utils import timezone
+from rest_framework.settings import api_settings
 
 from crowd import metrics
 from crowd.results.models import MeasurementSession
@@ -121,3 +124,53 @@ def test_without_a_database_the_rest_is_still_told(
     assert found["frontrunner_database_up"] == 0
     assert "frontrunner_runs" not in found
     assert found["frontrunner_disk_free_bytes"] > 0
+
+
+WATCHED = pytest.mark.parametrize("path", ["/metrics", "/readyz"])
+STRANGER, MONITORING = "198.51.100.9", "10.0.0.5"
+
+
+@WATCHED
+@pytest.mark.parametrize("loopback", ["127.0.0.1", "127.1.2.3", "::1", "::ffff:127.0.0.1"])
+def test_a_direct_request_of_this_machine_may_watch(
+    client: Client, db: None, path: str, loopback: str
+) -> None:
+    assert client.get(path, REMOTE_ADDR=loopback).status_code == 200
+
+
+@WATCHED
+@pytest.mark.parametrize("header", ["X-Forwarded-For", "Forwarded", "X-Real-IP"])
+def test_what_a_proxy_of_this_machine_passes_on_may_not(
+    client: Client, db: None, path: str, header: str
+) -> None:
+    assert client.get(path, headers={header: "127.0.0.1"}).status_code == 404
+
+
+@WATCHED
+def test_strangers_find_nothing_there(client: Client, db: None, path: str) -> None:
+    assert client.get(path, REMOTE_ADDR=STRANGER).status_code == 404
+    assert client.get("/healthz", REMOTE_ADDR=STRANGER).status_code == 200
+
+
+@WATCHED
+def test_networks_that_are_named_may_watch(client: Client, db: None, settings: Any, path: str) -> None:
+    settings.FRONTRUNNER_WATCHERS = (ip_network("10.0.0.0/24"), ip_network("fd00::/8"))
+
+    asked = {
+        address: client.get(path, REMOTE_ADDR=address).status_code
+        for address in (MONITORING, "fd00::1", STRANGER)
+    }
+
+    assert asked == {MONITORING: 200, "fd00::1": 200, STRANGER: 404}
+
+
+@WATCHED
+def test_only_a_trusted_proxy_names_who_watches(
+    client: Client, db: None, settings: Any, monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    settings.FRONTRUNNER_WATCHERS = (ip_network(MONITORING),)
+    headers = {"X-Forwarded-For": MONITORING}
+
+    assert client.get(path, headers=headers, REMOTE_ADDR=STRANGER).status_code == 404
+    monkeypatch.setattr(api_settings, "NUM_PROXIES", 1)
+    assert client.get(path, headers=headers, REMOTE_ADDR="10.0.0.1").status_code == 200

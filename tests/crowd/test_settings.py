@@ -112,6 +112,13 @@ def test_times_of_leases_that_cannot_work_are_one_clear_line(
     assert (done.returncode, done.stderr.strip()) == (1, f"manage.py: {complaint}")
 
 
+def test_a_network_that_cannot_be_read_is_one_clear_line(tmp_path: Path) -> None:
+    done = run("manage.py", "serve", var=tmp_path, FRONTRUNNER_WATCHERS="10.0.0.1/8")
+
+    assert done.returncode == 1
+    assert done.stderr.startswith("manage.py: FRONTRUNNER_WATCHERS: 10.0.0.1/8 has host bits set; give")
+
+
 def test_a_data_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
 

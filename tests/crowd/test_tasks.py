@@ -3,6 +3,7 @@
 import pytest
 from django.core.management import call_command
 
+from crowd.celery import app
 from crowd.results import tasks
 from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
 from crowd.results.validity import version
@@ -65,3 +66,8 @@ def test_everything_can_be_computed_again_from_raw_runs(
 
     assert "2 sessions summarised in all" in capsys.readouterr().out
     assert list(DeviceSpeedup.objects.values("speedup", "sessions", "installations", "state")) == before
+
+
+def test_a_worker_that_was_away_finds_one_message_of_each_periodic_task() -> None:
+    for entry in app.conf.beat_schedule.values():
+        assert 0 < entry["options"]["expires"] <= entry["schedule"]

@@ -21,12 +21,13 @@ from tests.services.serving import Services, Serving, command
 
 SUBMISSIONS = "/api/v1/submissions"
 DISCONNECTS = 0.4
-# Nobody shall be refused for being many.
+# No test reaches a rate limit by its many requests.
 LIMITS = {
     "FRONTRUNNER_SUBMISSIONS_PER_MINUTE": "0",
     "FRONTRUNNER_OWN_REQUESTS_PER_MINUTE": "0",
     "FRONTRUNNER_ENROLMENTS_PER_HOUR": "0",
     "FRONTRUNNER_READS_PER_MINUTE": "0",
+    "FRONTRUNNER_PAGES_PER_MINUTE": "0",
     "FRONTRUNNER_RARE_BELOW": "1",
 }
 

@@ -1,9 +1,9 @@
-"""Files of the open data over HTTP: an ETag that is the file's digest, and ranges, so that downloads resume
-and readers of Parquet fetch only the columns they want.
+"""Files of the open data over HTTP: an ETag that is the file's digest, and ranges of bytes.
+
+With ranges, downloads resume and readers of Parquet fetch only the columns they need.
 """
 
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -13,7 +13,6 @@ from django.http import (
     HttpResponse,
     HttpResponseBase,
     HttpResponseNotModified,
-    StreamingHttpResponse,
 )
 from django.views.decorators.http import require_safe
 
@@ -31,7 +30,6 @@ TYPES = {
 }
 # Numbers that no file reaches are no range: the whole file is sent.
 RANGE = re.compile(r"bytes=(?P<first>[0-9]{0,18})-(?P<last>[0-9]{0,18})")
-AT_ONCE = 1 << 16
 
 
 @require_safe
@@ -94,13 +92,12 @@ def _part(path: Path, size: int, wanted: str, kind: str, headers: dict[str, str]
     first, last = _bounds(wanted, size)
     if first > last:
         return HttpResponse(status=416, headers=headers | {"Content-Range": f"bytes */{size}"})
-    return StreamingHttpResponse(
-        _bytes(path.open("rb"), first, last - first + 1),
-        status=206,
-        content_type=kind,
-        headers=headers
-        | {"Content-Range": f"bytes {first}-{last}/{size}", "Content-Length": str(last - first + 1)},
-    )
+    response = FileResponse(_Part(path.open("rb"), first, last - first + 1), status=206, content_type=kind)
+    for name, value in headers.items():
+        response[name] = value
+    response["Content-Range"] = f"bytes {first}-{last}/{size}"
+    response["Content-Length"] = str(last - first + 1)
+    return response
 
 
 def _bounds(wanted: str, size: int) -> tuple[int, int]:
@@ -113,9 +110,18 @@ def _bounds(wanted: str, size: int) -> tuple[int, int]:
     return max(size - int(last or 0), 0), size - 1
 
 
-def _bytes(file: BinaryIO, first: int, count: int) -> Iterator[bytes]:
-    with file:
+class _Part:
+    """COUNT bytes of FILE from FIRST on, for a FileResponse."""
+
+    def __init__(self, file: BinaryIO, first: int, count: int) -> None:
         file.seek(first)
-        while count > 0 and (block := file.read(min(count, AT_ONCE))):
-            count -= len(block)
-            yield block
+        self._file, self._left = file, count
+
+    def read(self, size: int) -> bytes:
+        """At most SIZE of the bytes that are left; empty at the end."""
+        block = self._file.read(min(size, self._left))
+        self._left -= len(block)
+        return block
+
+    def close(self) -> None:
+        self._file.close()

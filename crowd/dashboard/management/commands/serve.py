@@ -15,7 +15,7 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
-from crowd import first_run
+from crowd import first_run, web_server
 from crowd.devices.models import Installation
 from crowd.environment import DataFolderError
 from crowd.results.models import MeasurementSession
@@ -25,7 +25,6 @@ from crowd.supervision import Child, Supervisor, alone
 
 START_PATIENCE_SECONDS = 60.0
 SUMMARY_PATIENCE_SECONDS = 60.0
-BLOCKING_THREADS = 4
 
 
 class Stopped(BaseException):
@@ -93,12 +92,7 @@ class Command(BaseCommand):
                 ) from error
 
     def _children(self) -> list[Child]:
-        web = [
-            *(sys.executable, "-m", "granian", "--interface", "wsgi", "--host", self.host),
-            *("--port", str(self.port), "--workers", "1", "--blocking-threads", str(BLOCKING_THREADS)),
-            *("--respawn-failed-workers", "--workers-kill-timeout", "5", "--no-ws", "--log-level", "warning"),
-            "crowd.wsgi:application",
-        ]
+        web = web_server.command(self.host, self.port, "--workers", "1", "--workers-kill-timeout", "5")
         schedule = str(Path(settings.FRONTRUNNER_VAR) / "beat")
         return [
             self._child("web server", "web.log", web),

@@ -1,0 +1,22 @@
+"""The web server's command line, for `manage.py serve`, the benchmark and the test of deploy/."""
+
+import sys
+
+APPLICATION = "crowd.asgi:application"
+# The longest wait for a request's first line and headers, and for the next request of a kept connection.
+HEADER_MILLISECONDS = 15_000
+# Connections that one process keeps at a time; more wait until one ends.
+CONNECTIONS = 4096
+OPTIONS = (
+    *("--interface", "asgi", "--no-ws"),
+    # With HTTP/2 allowed, granian waits for ever for the first byte of a connection.
+    *("--http", "1", "--http1-header-read-timeout", str(HEADER_MILLISECONDS)),
+    *("--backpressure", str(CONNECTIONS)),
+    *("--respawn-failed-workers", "--log-level", "warning"),
+)
+
+
+def command(host: str, port: int | str, *more: str) -> list[str]:
+    """The command line of one web server process at HOST and PORT, with MORE of granian's options."""
+    address = ("--host", host, "--port", str(port))
+    return [sys.executable, "-m", "granian", *OPTIONS, *address, *more, APPLICATION]

@@ -1,0 +1,179 @@
+"""What Django is given of an ASGI request, and what becomes of its answer."""
+
+import asyncio
+import io
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from django.db import OperationalError
+from django.http import FileResponse, HttpRequest, HttpResponse, HttpResponseBase, StreamingHttpResponse
+from django.test import Client
+
+from crowd import asgi_handler
+from crowd.asgi_handler import Handler, environ_of
+from crowd.fronts.contents import LARGEST_FILE_BYTES
+from crowd.middleware import BODY_REFUSAL
+from crowd.problems import Problem
+
+View = Callable[[HttpRequest], HttpResponseBase]
+
+
+def scope(method: str = "GET", path: bytes = b"/", **changes: Any) -> dict[str, Any]:
+    return {
+        "type": "http",
+        "method": method,
+        "raw_path": path,
+        "query_string": b"a=%20b",
+        "http_version": "1.1",
+        "scheme": "http",
+        "server": ("127.0.0.1", 8000),
+        "client": ("192.0.2.7", 4711),
+        "headers": [],
+    } | changes
+
+
+def wsgi(view: Callable[[dict[str, Any]], HttpResponseBase]) -> Callable[..., HttpResponseBase]:
+    """VIEW of the environment, called as Django's WSGI handler is."""
+
+    def application(environ: dict[str, Any], start_response: Callable[..., Any]) -> HttpResponseBase:
+        response = view(environ)
+        start_response(f"{response.status_code} {response.reason_phrase}", list(response.items()))
+        return response
+
+    return application
+
+
+def served(
+    view: Callable[[dict[str, Any]], HttpResponseBase], request: dict[str, Any], body: bytes = b""
+) -> tuple[int, dict[bytes, bytes], list[bytes]]:
+    """Status, headers and pieces of the answer to REQUEST."""
+    messages = [{"type": "http.request", "body": body, "more_body": False}]
+    answered: list[dict[str, Any]] = []
+
+    async def receive() -> dict[str, Any]:
+        if not messages:
+            await asyncio.Event().wait()
+        return messages.pop(0)
+
+    async def send(message: Any) -> None:
+        answered.append(message)
+
+    asyncio.run(Handler(wsgi(view))(request, receive, send))
+    start, *rest = answered
+    assert [message.get("more_body", False) for message in rest] == [True] * (len(rest) - 1) + [False]
+    return start["status"], dict(start["headers"]), [message["body"] for message in rest]
+
+
+def test_a_request_becomes_the_environment_of_wsgi() -> None:
+    headers = [
+        (b"host", b"a.example"),
+        (b"x-one", b"1"),
+        (b"x-one", b"2"),
+        (b"cookie", b"a=1"),
+        (b"cookie", b"b=2"),
+    ]
+    environ = environ_of(scope("POST", b"/caf%C3%A9/%FF", headers=headers))
+
+    assert environ["PATH_INFO"].encode("latin-1") == b"/caf\xc3\xa9/\xff"
+    assert (environ["REQUEST_METHOD"], environ["QUERY_STRING"]) == ("POST", "a=%20b")
+    assert (environ["REMOTE_ADDR"], environ["SERVER_PORT"]) == ("192.0.2.7", "8000")
+    assert (environ["HTTP_X_ONE"], environ["HTTP_COOKIE"]) == ("1,2", "a=1; b=2")
+
+
+def test_a_header_with_an_underscore_cannot_pass_for_a_proxys() -> None:
+    environ = environ_of(scope(headers=[(b"x_forwarded_for", b"198.51.100.1")]))
+
+    assert "HTTP_X_FORWARDED_FOR" not in environ
+
+
+@pytest.mark.parametrize("framing", [(b"content-length", b"5"), (b"transfer-encoding", b"chunked")])
+def test_django_reads_a_complete_body(framing: tuple[bytes, bytes]) -> None:
+    def view(environ: dict[str, Any]) -> HttpResponse:
+        assert "HTTP_TRANSFER_ENCODING" not in environ
+        assert environ["CONTENT_LENGTH"] == "5"
+        return HttpResponse(environ["wsgi.input"].read())
+
+    assert served(view, scope("POST", headers=[framing]), b"hello")[2] == [b"hello"]
+
+
+def test_a_refused_body_is_left_to_the_middleware(settings: Any) -> None:
+    settings.FRONTRUNNER_MAX_BODY_BYTES = 1000
+
+    def view(environ: dict[str, Any]) -> HttpResponse:
+        assert (environ["CONTENT_LENGTH"], environ["wsgi.input"].read()) == ("0", b"")
+        refusal: Problem = environ[BODY_REFUSAL]
+        return refusal.response()
+
+    large = b"a" * (1001 + asgi_handler.ROOM_BYTES)
+    assert served(view, scope("POST", headers=[(b"content-length", b"1")]), large)[0] == 413
+
+
+def test_the_middleware_answers_for_a_refused_body(client: Client, db: None) -> None:
+    refusal = Problem(408, "body_too_slow", "too slow")
+
+    answer = client.post("/api/v1/enrol", **{BODY_REFUSAL: refusal})
+
+    assert (answer.status_code, answer.json()["code"]) == (408, "body_too_slow")
+    assert answer.json()["request_id"] == answer.headers["X-Request-ID"]
+
+
+def test_the_administration_takes_the_largest_front() -> None:
+    assert asgi_handler.ADMINISTRATION_BYTES > LARGEST_FILE_BYTES + asgi_handler.ROOM_BYTES
+
+    form = b"a" * LARGEST_FILE_BYTES
+    request = scope("POST", b"/admin/fronts/", headers=[(b"content-length", b"1")])
+    _, _, pieces = served(lambda environ: HttpResponse(environ["CONTENT_LENGTH"]), request, form)
+    assert pieces == [str(len(form)).encode()]
+
+
+def test_a_large_page_is_sent_in_pieces() -> None:
+    page = bytes(range(256)) * 1024
+
+    _, _, pieces = served(lambda _: HttpResponse(page), scope())
+
+    assert b"".join(pieces) == page
+    assert max(map(len, pieces)) <= asgi_handler.PIECE_BYTES
+
+
+def test_a_file_is_read_while_it_is_sent_and_closed_then(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"x" * 200_000)
+    opened = path.open("rb")
+
+    _, headers, pieces = served(lambda _: FileResponse(opened), scope())
+
+    assert (headers[b"Content-Length"], sum(map(len, pieces))) == (b"200000", 200_000)
+    assert opened.closed
+
+
+def test_a_stream_is_complete_before_it_is_sent() -> None:
+    def view(_: object) -> StreamingHttpResponse:
+        return StreamingHttpResponse(iter([b"one", b"two"]))
+
+    _, headers, pieces = served(view, scope())
+
+    assert headers[b"Content-Length"] == b"6"
+    assert b"".join(pieces) == b"onetwo"
+
+
+def test_a_stream_that_fails_is_refused_as_a_whole() -> None:
+    def failing() -> Iterator[bytes]:
+        yield b"one"
+        raise OperationalError("the database is away")
+
+    request = scope(path=b"/api/v1/me/data")
+    status, headers, pieces = served(lambda _: StreamingHttpResponse(failing()), request)
+
+    assert (status, headers[b"Content-Type"]) == (503, b"application/problem+json")
+    assert b"database_unavailable" in b"".join(pieces)
+
+
+def test_head_has_the_headers_alone() -> None:
+    opened = io.BytesIO(b"x" * 100)
+
+    _, headers, pieces = served(lambda _: FileResponse(opened), scope("HEAD"))
+
+    assert (headers[b"Content-Length"], pieces) == (b"100", [b""])
+    assert opened.closed

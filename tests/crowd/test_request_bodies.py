@@ -1,0 +1,103 @@
+"""Bodies are read with a deadline, a limit each and a limit together."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+
+from crowd.problems import Problem
+from crowd.request_bodies import DISCARDED, UNCOUNTED_BYTES, Pool, Share, read
+
+LIMIT = 1000
+Receive = Callable[[], Awaitable[dict[str, Any]]]
+
+
+def sent(*pieces: bytes, ended: bool = True, hung_up: bool = False) -> Receive:
+    """What a client sends piece by piece; without an end it goes on for ever, in silence."""
+    messages: list[dict[str, Any]] = [
+        {"type": "http.request", "body": piece, "more_body": True} for piece in pieces
+    ]
+    if hung_up:
+        messages.append({"type": "http.disconnect"})
+    elif ended:
+        messages.append({"type": "http.request", "body": b"", "more_body": False})
+
+    async def receive() -> dict[str, Any]:
+        if not messages:
+            await asyncio.Event().wait()
+        return messages.pop(0)
+
+    receive.left = messages  # type: ignore[attr-defined]
+    return receive
+
+
+def content(receive: Receive, share: Share, seconds: float = 60.0) -> bytes:
+    return asyncio.run(read(receive, share, LIMIT, seconds))
+
+
+def refusal(receive: Receive, share: Share, seconds: float = 60.0) -> tuple[int, str]:
+    with pytest.raises(Problem) as raised:
+        content(receive, share, seconds)
+    return raised.value.status, raised.value.code
+
+
+@pytest.fixture
+def pool() -> Pool:
+    return Pool(1 << 20)
+
+
+def test_pieces_make_the_body(pool: Pool) -> None:
+    assert content(sent(b"a" * 500, b"b" * 500), Share(pool)) == b"a" * 500 + b"b" * 500
+
+
+def test_one_byte_too_many_is_refused_when_the_client_has_sent_all(pool: Pool) -> None:
+    receive = sent(b"a" * LIMIT, b"b", b"c" * LIMIT)
+
+    assert refusal(receive, Share(pool)) == (413, "body_too_large")
+    assert receive.left == []  # type: ignore[attr-defined]
+
+
+def test_an_endless_body_is_not_read_to_its_end(pool: Pool) -> None:
+    receive = sent(*[b"a" * LIMIT] * 100, ended=False)
+
+    assert refusal(receive, Share(pool)) == (413, "body_too_large")
+    assert len(receive.left) == 100 - DISCARDED - 1  # type: ignore[attr-defined]
+
+
+def test_a_body_that_stops_is_refused_after_the_deadline(pool: Pool) -> None:
+    assert refusal(sent(b"a", ended=False), Share(pool), seconds=0.01) == (408, "body_too_slow")
+
+
+def test_a_client_that_hangs_up_left_an_incomplete_body(pool: Pool) -> None:
+    assert refusal(sent(b"a", hung_up=True), Share(pool)) == (400, "body_incomplete")
+
+
+def test_large_bodies_share_one_limit_and_small_ones_always_pass() -> None:
+    pool = Pool(UNCOUNTED_BYTES)
+    first, second, third = (Share(pool) for _ in range(3))
+
+    assert first.grow(2 * UNCOUNTED_BYTES)
+    assert not second.grow(UNCOUNTED_BYTES + 1)
+    assert third.grow(UNCOUNTED_BYTES)
+    first.release()
+    assert second.grow(UNCOUNTED_BYTES + 1)
+
+
+def test_a_body_that_finds_no_room_is_asked_to_come_again() -> None:
+    full = Pool(0)
+    large = [b"a" * UNCOUNTED_BYTES, b"b"]
+
+    with pytest.raises(Problem) as raised:
+        asyncio.run(read(sent(*large), Share(full), 2 * UNCOUNTED_BYTES, 60.0))
+    assert (raised.value.status, raised.value.code) == (503, "server_busy")
+    assert raised.value.retry_after
+
+
+def test_a_refused_body_holds_nothing(pool: Pool) -> None:
+    share = Share(pool)
+    limit = 2 * UNCOUNTED_BYTES
+
+    with pytest.raises(Problem):
+        asyncio.run(read(sent(b"a" * limit, b"b"), share, limit, 60.0))
+    assert pool.free == 1 << 20
