@@ -57,17 +57,18 @@ def _front(row: FrontVersion) -> Front:
         protocol=row.protocol,
         sequence=row.sequence,
         provenance=row.provenance,
-        points=tuple(
-            Point(
-                name=configuration.name,
-                parameters=configuration.parameters,
-                runtime=configuration.predicted.get("runtime"),
-                ate_max=configuration.predicted.get("ate_max"),
-                ate_mean=configuration.predicted.get("ate_mean"),
-                predicted=configuration.predicted,
-            )
-            for configuration in row.configurations.all()
-        ),
+        points=tuple(_point(one.name, one.parameters, one.predicted) for one in row.configurations.all()),
+    )
+
+
+def _point(name: str, parameters: dict[str, Any], predicted: dict[str, Any]) -> Point:
+    return Point(
+        name=name,
+        parameters=parameters,
+        runtime=predicted.get("runtime"),
+        ate_max=predicted.get("ate_max"),
+        ate_mean=predicted.get("ate_mean"),
+        predicted=predicted,
     )
 
 
@@ -96,6 +97,26 @@ def any_front(key: int) -> Front:
     Raises FrontVersion.DoesNotExist.
     """
     return _front(FrontVersion.objects.prefetch_related("configurations").get(pk=key))
+
+
+def front_of(document: Mapping[str, Any]) -> Front:
+    """The front that DOCUMENT, a front's checked file, would become; it is not stored."""
+    application, version = document["application"], str(document["version"])
+    return Front(
+        slug=f"{application}-{version}",
+        application=application,
+        version=version,
+        state=FrontVersion.State.DRAFT,
+        digest="",
+        published_at=None,
+        protocol=document["protocol"],
+        sequence=document["sequence"],
+        provenance=document["provenance"],
+        points=tuple(
+            _point(point["name"], point["parameters"], point["predicted"])
+            for point in document["configurations"]
+        ),
+    )
 
 
 def document(front: Front) -> dict[str, Any]:

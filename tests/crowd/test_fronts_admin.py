@@ -9,8 +9,9 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.test import Client
 from django.urls import reverse
 
+from crowd.audit.models import AuditEntry
 from crowd.fronts import services
-from crowd.fronts.models import AuditEntry, FrontVersion
+from crowd.fronts.models import FrontVersion
 from tests.crowd.documents import front_document
 from tests.crowd.roles import browser_of
 
@@ -152,7 +153,7 @@ def test_the_log_is_shown_and_never_edited(log_in: LogIn, draft: FrontVersion) -
     publisher = log_in("publisher")
     entry = AuditEntry.objects.get()
 
-    assert "drafted" in publisher.get(reverse("admin:fronts_auditentry_changelist")).content.decode()
-    change = reverse("admin:fronts_auditentry_change", args=[entry.pk])
+    assert "drafted" in publisher.get(reverse("admin:audit_auditentry_changelist")).content.decode()
+    change = reverse("admin:audit_auditentry_change", args=[entry.pk])
     assert publisher.post(change, {"actor": "nobody"}).status_code == 403
     assert AuditEntry.objects.get().actor == "command line"

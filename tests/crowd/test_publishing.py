@@ -13,14 +13,16 @@ from django.db import IntegrityError, connection, transaction
 from django.db.models import ProtectedError
 from django.test import Client
 
+from crowd.audit import guards as audit_guards
+from crowd.audit.models import AppendOnlyError, AuditEntry
 from crowd.fronts import contents, guards, manifests, policy, selectors, sequences, services
-from crowd.fronts.models import AppendOnlyError, AuditEntry, FrontVersion, FrozenFrontError, TransitionError
+from crowd.fronts.models import FrontVersion, FrozenFrontError, TransitionError
 from tests.crowd.documents import front_document
 
 
 @pytest.fixture
 def draft(db: None, pack: dict[str, Any]) -> FrontVersion:
-    """A draft kappa of a front whose published version is not there."""
+    """A draft of a front that has no published version."""
     return services.create_draft(front_document(pack, version="1"), by="anna")
 
 
@@ -144,7 +146,6 @@ def test_the_database_itself_refuses_to_change_what_is_out_of_draft(draft: Front
     refused_by_the_database(f"UPDATE {guards.FRONT} SET state = 'retired', published_at = created_at")
     refused_by_the_database(configuration)
     refused_by_the_database(another)
-    refused_by_the_database(f"UPDATE {guards.AUDIT} SET actor = 'nobody'")
 
 
 def delete_past_the_models() -> None:
@@ -185,12 +186,34 @@ def test_the_log_is_only_added_to(draft: FrontVersion) -> None:
     assert AuditEntry.objects.get().actor == "anna"
 
 
+def test_the_database_itself_keeps_the_log(draft: FrontVersion) -> None:
+    refused_by_the_database(f"UPDATE {audit_guards.TABLE} SET actor = 'nobody'")
+    refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
+    if connection.vendor == "postgresql":
+        refused_by_the_database(f"TRUNCATE {audit_guards.TABLE}")
+
+    assert AuditEntry.objects.get().actor == "anna"
+
+
+def test_emptying_the_whole_database_empties_the_log_and_protects_the_next_one(
+    transactional_db: None, pack: dict[str, Any]
+) -> None:
+    services.create_draft(front_document(pack, version="1"))
+
+    call_command("flush", verbosity=0, interactive=False)
+
+    assert not AuditEntry.objects.exists()
+    services.create_draft(front_document(pack, version="1"))
+    refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
+
+
 def test_migrating_again_leaves_the_guards_in_place(draft: FrontVersion) -> None:
     services.submit(draft)
 
     call_command("migrate", verbosity=0)
 
     refused_by_the_database(f"UPDATE {guards.FRONT} SET digest = '0'")
+    refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
 
 
 def test_content_that_does_not_fit_its_digest_is_neither_published_nor_exported(draft: FrontVersion) -> None:
@@ -248,12 +271,13 @@ def test_an_exported_front_imports_as_the_same_content(
     services.discard(draft)
 
     call_command("front", "import", str(path))
-    call_command("front", "publish", "kfusion-1")
+    call_command("front", "publish", "kfusion-1", "--yes")
     call_command("front", "retire", "kfusion-1")
 
     assert capsys.readouterr().out.splitlines() == [
         f"kfusion-1: {path}",
         "kfusion-1: a draft now, manage.py front publish kfusion-1 makes clients measure it",
+        "No front of kfusion is published now: kfusion-1 is the first.",
         "kfusion-1: published",
         "kfusion-1: retired",
     ]

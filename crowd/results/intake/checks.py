@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 
 from crowd.devices.normalisation import RAW_STRINGS
+from crowd.fronts import protocol as fronts
 from crowd.problems import Problem
 from crowd.results.intake import packing
 from crowd.results.intake.schema import Run
-from slam.protocol import VALID_BELOW
 
 MAX_RUNS = 50
 MAX_STAGES = 16
@@ -40,7 +40,7 @@ class Rejection:
 
 @dataclass(frozen=True)
 class Protocol:
-    """What of a front's protocol concerns the server."""
+    """The members of a front's protocol by which the server judges runs."""
 
     version: int
     frames: int
@@ -49,13 +49,15 @@ class Protocol:
 
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
-        """From the protocol as published."""
-        return cls(
-            version=protocol["version"],
-            frames=protocol["frames"],
-            first_counted_frame=protocol["first_counted_frame"],
-            max_ate=protocol.get("max_ate", VALID_BELOW),
-        )
+        """From the protocol as published; UNREADABLE where a member is missing or wrong."""
+        judged = fronts.judged(protocol)
+        if judged is None:
+            return UNREADABLE
+        return cls(judged.version, judged.frames, judged.first_counted_frame, judged.max_ate)
+
+
+# Of a front that was published before protocols were checked: no run can be judged by it.
+UNREADABLE = Protocol(version=0, frames=0, first_counted_frame=0, max_ate=0.0)
 
 
 def check_device(raw: Mapping[str, Any]) -> None:
