@@ -103,14 +103,13 @@ class FrontVersionAdmin(ReadOnlyAdmin):
 
     @admin.action(description="Publish those in review", permissions=["publish"])
     def publish(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> HttpResponse | None:
-        """Publish after a confirmation; a front that is not in review is refused at once."""
+        """Publish those in review after a confirmation; any other is refused with a message."""
         step, fronts = STEPS["publish"], list(queryset)
         ready = [front for front in fronts if front.state in step.states]
         shown = [preview(selectors.any_front(front.pk)) for front in ready]
         if ready and not self._confirmed(request, shown):
-            return self._confirmation(
-                request, shown, action=["publish"], _selected_action=[f.pk for f in fronts]
-            )
+            chosen = [("_selected_action", front.pk) for front in fronts]
+            return self._confirmation(request, shown, step, [("action", "publish"), *chosen])
         for front in fronts:
             self._take(request, front, step)
         return None
