@@ -1,11 +1,6 @@
 """Writing to the audit log."""
 
-from typing import TYPE_CHECKING
-
 from crowd.audit.models import AuditEntry
-
-if TYPE_CHECKING:
-    from crowd.fronts.models import FrontVersion
 
 COMMAND_LINE = "command line"
 
@@ -19,12 +14,12 @@ def record(
     from_state: str = "",
     to_state: str = "",
     digest: str = "",
-    front: "FrontVersion | None" = None,
+    front_id: int | None = None,
 ) -> AuditEntry:
     """Log that ACTOR (a user name, or COMMAND_LINE) did ACTION to SUBJECT.
 
     Call it in the transaction of the action itself: both are stored, or neither. ACTION has 64 characters at
-    most, SUBJECT 200; details belong into NOTE. Entries stay for good: no addresses, no tokens.
+    most, SUBJECT 200; details belong into NOTE. FRONT_ID keeps that front's row from being deleted. Entries stay for good: no addresses, no tokens.
     """
     return AuditEntry.objects.create(
         actor=actor,
@@ -34,5 +29,5 @@ def record(
         from_state=from_state,
         to_state=to_state,
         digest=digest,
-        front=front,
+        front_id=front_id,
     )

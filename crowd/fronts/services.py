@@ -225,7 +225,7 @@ def _refuse_anothers(draft: FrontVersion, by: str) -> None:
 def _log(front: FrontVersion, action: str, before: str, by: str, note: str) -> None:
     record(
         *(by, action, front.slug, note),
-        front=None if action in (DRAFTED, REPLACED) else front,
+        front_id=None if action in (DRAFTED, REPLACED) else front.pk,
         from_state=before,
         to_state=front.state,
         digest=front.digest,
