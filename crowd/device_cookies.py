@@ -51,5 +51,5 @@ def give(response: HttpResponse, account: str) -> None:
 
 
 def cookie_name(account: str) -> str:
-    """One name for each account, as several may use a browser; it does not tell the account."""
+    """One name for each account, as several may use a browser; it does not reveal the account."""
     return f"device_{salted_hmac(SALT, account).hexdigest()[:16]}"

@@ -19,7 +19,8 @@ def record(
     """Log that ACTOR (a user name, or COMMAND_LINE) did ACTION to SUBJECT.
 
     Call it in the transaction of the action itself: both are stored, or neither. ACTION has 64 characters at
-    most, SUBJECT 200; details belong into NOTE. FRONT_ID keeps that front's row from being deleted. Entries stay for good: no addresses, no tokens.
+    most, SUBJECT 200; details belong into NOTE. FRONT_ID keeps that front's row from being deleted. Entries
+    stay for good: no addresses, no tokens.
     """
     return AuditEntry.objects.create(
         actor=actor,

@@ -29,7 +29,7 @@ class DecidingAdmin(ReadOnlyAdmin):
     """A list that is read, with actions for those who may decide about models."""
 
     def has_decide_permission(self, request: HttpRequest) -> bool:
-        """Whoever may change models decides what is one; the forms stay read-only."""
+        """Users who may change models decide about them; the forms stay read-only."""
         return bool(request.user.has_perm(DECIDE))
 
     def decide(self, request: HttpRequest, decision: Callable[[str], object], done: str) -> None:
@@ -43,7 +43,7 @@ class DecidingAdmin(ReadOnlyAdmin):
 
 
 class QueueFilter(admin.SimpleListFilter):
-    """What waits for a person: kinds that the rules set and that nobody has looked at."""
+    """What waits for a person: kinds that the rules set and no person has reviewed."""
 
     title = "queue"
     parameter_name = "queue"

@@ -65,7 +65,7 @@ class ReferenceDeviceAdmin(PagesAdmin):
         return [self._route("<int:key>/token/", self.token, "token"), *super().get_urls()]
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """A device with explorations stays: they tell where they were measured."""
+        """A device with explorations stays: they name the device that measured them."""
         unused = obj is None or not obj.explorations.exists()
         return unused and super().has_delete_permission(request, obj)
 

@@ -10,7 +10,7 @@ from pareto.hypervolume import hypervolume
 
 
 @dataclass(frozen=True)
-class Kept:
+class Match:
     """A configuration that both versions have, perhaps under another name or with other predictions."""
 
     old: Point
@@ -43,7 +43,7 @@ class Difference:
     new: Front
     gained: tuple[Point, ...]
     lost: tuple[Point, ...]
-    kept: tuple[Kept, ...]
+    kept: tuple[Match, ...]
     renewed: tuple[Renewed, ...]
     members: Mapping[str, tuple[Any, Any]]
     reference: tuple[float, float] | None
@@ -52,8 +52,8 @@ class Difference:
     caveat: str
 
     @property
-    def changed(self) -> tuple[Kept, ...]:
-        """What both have, but not alike."""
+    def changed(self) -> tuple[Match, ...]:
+        """Configurations of both whose names or predictions differ."""
         return tuple(pair for pair in self.kept if pair.changed)
 
     @property
@@ -72,7 +72,7 @@ def difference(old: Front, new: Front) -> Difference:
         new=new,
         gained=tuple(point for key, point in after.items() if key not in before),
         lost=tuple(point for key, point in before.items() if key not in after),
-        kept=tuple(Kept(before[key], point) for key, point in after.items() if key in before),
+        kept=tuple(Match(before[key], point) for key, point in after.items() if key in before),
         renewed=tuple(_renewed(old, new)),
         members=_members(old, new),
         reference=reference,
@@ -130,7 +130,7 @@ def _renewed(old: Front, new: Front) -> list[Renewed]:
 
 
 def _members(old: Front, new: Front) -> dict[str, tuple[Any, Any]]:
-    """Of the protocol and the sequence, what clients would meet differently."""
+    """Members of the protocol, and the sequence, that differ: before and after."""
     found = {f"protocol {name}": pair for name, pair in _differing(old.protocol, new.protocol).items()}
     if old.sequence["sha256"] != new.sequence["sha256"]:
         found["sequence"] = (

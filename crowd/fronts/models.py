@@ -17,11 +17,11 @@ MUTABLE = frozenset({"state", "published_at", "retired_at"})
 
 
 class FrozenFrontError(ValidationError):
-    """An attempt to change or delete what is out of draft; the remedy is a new version."""
+    """An attempt to change or delete a front that is not a draft any more; the remedy is a new version."""
 
     def __init__(self, front: str) -> None:
         super().__init__(
-            f"{front} is no draft any more and cannot change: make a new version instead", code="frozen"
+            f"{front} is not a draft any more and cannot change: make a new version", code="frozen"
         )
 
 
@@ -34,10 +34,10 @@ class TransitionError(ValidationError):
 
 
 class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
-    """Holds rows that are out of draft fixed against bulk statements too."""
+    """Refuses bulk changes of fronts that are not drafts any more."""
 
     def released(self) -> "FrontVersionQuerySet":
-        """What was ever published: all that anybody outside of the administration may see."""
+        """What was ever published: only this is visible outside of the administration."""
         return self.filter(state__in=[FrontVersion.State.PUBLISHED, FrontVersion.State.RETIRED])
 
     def _refuse_frozen(self) -> None:
@@ -57,7 +57,7 @@ class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
 
 
 class FrontVersion(models.Model):
-    """One version of an application's front: fixed, with its configurations, once it is out of draft."""
+    """One version of an application's front: fixed, with its configurations, from its review on."""
 
     class State(models.TextChoices):
         DRAFT = "draft", "draft"
@@ -115,7 +115,7 @@ class FrontVersion(models.Model):
                 for field in self._meta.concrete_fields
                 if getattr(self, field.attname) != getattr(stored, field.attname)
             }
-            # The dates tell when a state was reached: they change together with it.
+            # The dates say when a state was reached: they change together with it.
             if not changed <= (MUTABLE if "state" in changed else frozenset()):
                 raise FrozenFrontError(self.slug)
         super().save(*args, **kwargs)
@@ -143,7 +143,7 @@ PERMITTED: dict[str, frozenset[str]] = {
 
 
 class ConfigurationQuerySet(models.QuerySet["Configuration"]):
-    """Holds the configurations of fronts out of draft fixed against bulk statements too."""
+    """Refuses bulk changes of the configurations of fronts that are not drafts any more."""
 
     def _refuse_frozen(self) -> None:
         frozen = (

@@ -20,7 +20,7 @@ DRAFTED, REPLACED, SUBMITTED = "drafted", "draft replaced", "submitted for revie
 
 
 class SecondPersonError(ValueError):
-    """A publication by somebody who drafted or submitted the content, or by nobody in particular."""
+    """A publication by a person who drafted or submitted the content, or by an unknown person."""
 
 
 def needed() -> bool:

@@ -1,4 +1,4 @@
-"""Reads of fronts: which is current, what a client is told, what a page shows."""
+"""Reads of fronts: which one is current, and what manifests and pages show of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -135,7 +135,7 @@ def document(front: Front) -> dict[str, Any]:
 
 
 def reference(sequence: Mapping[str, Any]) -> dict[str, str]:
-    """SEQUENCE, as clients are told of it, as a front's file names it."""
+    """SEQUENCE, as the manifest describes it, in the way in which a front's file names it."""
     colour = {"colour_sha256": sequence["colour"]["sha256"]} if "colour" in sequence else {}
     return {name: sequence[name] for name in ("name", "sha256")} | colour
 

@@ -94,7 +94,7 @@ class Command(BaseCommand):
         if self.yes:
             return True
         if not sys.stdin.isatty():
-            raise CommandError(f"{new.slug}: nobody can be asked here, add --yes to publish it")
+            raise CommandError(f"{new.slug}: this is not a terminal to ask at, add --yes to publish it")
         self.stdout.write(f"Publish {new.slug}? [y/N] ", ending="")
         self.stdout.flush()
         return sys.stdin.readline().strip().lower() in {"y", "yes"}
