@@ -134,7 +134,7 @@ def test_a_token_can_be_revoked(administrator: Client, participant: Participant)
 
     assert participant.submit(submission_document()).json()["code"] == "token_invalid"
     entry = AuditEntry.objects.get(action="token revoked")
-    assert (entry.actor, entry.subject) == ("root", f"installation {participant.installation_id}")
+    assert (entry.actor, entry.subject) == ("admin", f"installation {participant.installation_id}")
 
 
 def test_a_token_that_is_revoked_already_is_not_logged_again(
