@@ -17,8 +17,9 @@ from django.db.migrations.executor import MigrationExecutor
 
 from crowd import metrics
 from crowd.explorations.models import ReferenceDevice
-from crowd.fronts import contents, sequences, services
+from crowd.fronts import services
 from crowd.fronts.models import FrontVersion
+from crowd.fronts.second_person import SERVER_START
 
 ADMINISTRATOR = "admin"
 THIS_MACHINE = "this-machine"  # the reference device that every server is, and its queue
@@ -50,8 +51,8 @@ def publish_shipped_fronts() -> Iterator[str]:
     """Publish the shipped fronts that are not yet; a line about each new or impossible one."""
     for path in sorted(Path(settings.FRONTRUNNER_FRONTS).glob("*.json"), key=_in_order):
         try:
-            front, new = services.publish_file(path, by="start of the server")
-        except (contents.InvalidFrontError, sequences.SequenceError, services.FrontConflictError) as error:
+            front, new = services.publish_file(path, by=SERVER_START)
+        except services.REFUSALS as error:
             yield f"Not published: {error}"
             continue
         if new:

@@ -1,9 +1,14 @@
-"""Who gets into the administration: tries are counted across processes, one-time passwords where wanted.
+"""The administration's log-in: limits on tries, and one-time passwords.
+
+Tries are counted across processes. A browser that logged in to the account before (crowd.device_cookies) is
+counted alone. All others share the limits of their address, their network and the account: strangers can
+exhaust the account's limit, and lock out no known browser with it.
 
 An account that has a device for one-time passwords (RFC 6238) must always give one; with
 FRONTRUNNER_REQUIRE_TOTP every account needs a device, which `manage.py totp USER` makes.
 """
 
+import ipaddress
 import logging
 import math
 from typing import Any
@@ -15,19 +20,23 @@ from django.contrib.admin.forms import AdminAuthenticationForm
 from django.http import HttpRequest, HttpResponse
 from django_otp import match_token, user_has_device
 
-from crowd import counters
+from crowd import counters, device_cookies
 from crowd.limits import address_of
 
 WINDOW_SECONDS = 900
-# Tries in a window, right or wrong: of one address at one account, of one address, at one account. A try that
-# an earlier one of these refuses is no try under the later ones: else one address could close an account.
-TRIES_HERE, TRIES_OF_ADDRESS, TRIES_AT_ACCOUNT = 10, 30, 100
+# Tries in a window, right or wrong.
+TRIES_OF_KNOWN_BROWSER = 10
+TRIES_OF_ADDRESS_AT_ACCOUNT, TRIES_OF_ADDRESS, TRIES_OF_NETWORK, TRIES_AT_ACCOUNT = 10, 30, 60, 100
+NETWORK_BITS = {4: 24, 6: 48}
+# What proxies add to a request that they pass on.
+FORWARDED = ("HTTP_X_FORWARDED_FOR", "HTTP_FORWARDED", "HTTP_X_REAL_IP", "HTTP_VIA")
+
 
 log = logging.getLogger(__name__)
 
 
 class LogInForm(AdminAuthenticationForm):
-    """Name, password and, for who has a device, its one-time password.
+    """Name, password and, for accounts with a device, its one-time password.
 
     `wait` is how many seconds to wait after too many tries, 0 otherwise.
     """
@@ -44,7 +53,7 @@ class LogInForm(AdminAuthenticationForm):
         """Raises ValidationError: too many tries, a wrong password, a missing or wrong one-time password."""
         name = self.cleaned_data.get("username")
         if name and self.request is not None:
-            self.wait = seconds_to_wait(address_of(self.request), name)
+            self.wait = seconds_to_wait(self.request, name)
         if self.wait:
             minutes = math.ceil(self.wait / 60)
             raise forms.ValidationError(f"Too many tries: wait {minutes} minutes.", code="too_many_tries")
@@ -70,8 +79,10 @@ class Site(AdminSite):
     login_template = "admin/log_in.html"
 
     def login(self, request: HttpRequest, extra_context: dict[str, Any] | None = None) -> HttpResponse:
-        """The log-in page; 429 after too many tries."""
+        """The log-in page; 429 after too many tries. A log-in makes the browser known."""
         response = super().login(request, extra_context)
+        if request.method == "POST" and response.status_code == 302 and request.user.is_authenticated:
+            device_cookies.give(response, request.user.get_username())
         wait = getattr((getattr(response, "context_data", None) or {}).get("form"), "wait", 0)
         if wait:
             response.status_code = 429
@@ -87,23 +98,56 @@ class Site(AdminSite):
         return not needed or bool(user.is_verified())
 
 
-def seconds_to_wait(address: str, name: str) -> int:
-    """Count one try to log in as NAME from ADDRESS; 0 where it may be made, else seconds until it may.
+def seconds_to_wait(request: HttpRequest, account: str) -> int:
+    """Count one try of REQUEST to log in to ACCOUNT; 0 where it is allowed, else seconds until it is.
 
-    Neither is stored: the counters know keyed hashes of them, for a day at most.
+    The limits are checked in order, and a try that one refuses is not counted by those after it: one address
+    cannot exhaust its network, and one network cannot exhaust the account. Nothing is stored: the counters
+    have keyed hashes, for a day at most.
     """
     try:
-        here, account = counters.disguised(address), counters.disguised(name)
-        limits = {
-            f"login:{here}:{account}": TRIES_HERE,
-            f"login:{here}": TRIES_OF_ADDRESS,
-            f"login::{account}": TRIES_AT_ACCOUNT,
-        }
-        for key, most in limits.items():
-            count = counters.count(key, WINDOW_SECONDS)
+        for key, most in _limits(request, account):
+            count = counters.count(f"login:{key}", WINDOW_SECONDS)
             if count.used > most:
                 return math.ceil(count.resets_in)
     except counters.CountingError as error:
-        # Whoever administers must get in to a server with a full disk.
+        # An administrator must be able to log in to a server with a full disk.
         log.warning("tries to log in are not counted now: %s", error)
     return 0
+
+
+def _limits(request: HttpRequest, account: str) -> list[tuple[str, int]]:
+    """What counts this try, and how many tries each allows."""
+    hidden = counters.disguised
+    cookie = device_cookies.known(request, account)
+    if cookie is not None:
+        return [(f"browser:{hidden(cookie.number)}", TRIES_OF_KNOWN_BROWSER)]
+    address = address_of(request)
+    limits = [
+        (f"{hidden(address)}:{hidden(account)}", TRIES_OF_ADDRESS_AT_ACCOUNT),
+        (hidden(address), TRIES_OF_ADDRESS),
+        (f"network:{hidden(network_of(address))}", TRIES_OF_NETWORK),
+    ]
+    if not is_from_this_machine(request):
+        limits.append((f":{hidden(account)}", TRIES_AT_ACCOUNT))
+    return limits
+
+
+def network_of(address: str) -> str:
+    """The wider network of ADDRESS, as address_of gives it: /24 of IPv4, /48 of IPv6."""
+    try:
+        network = ipaddress.ip_network(address)
+    except ValueError:
+        return address
+    return str(network.supernet(new_prefix=min(NETWORK_BITS[network.version], network.prefixlen)))
+
+
+def is_from_this_machine(request: HttpRequest) -> bool:
+    """Whether REQUEST comes from this machine itself, and not through a proxy on it."""
+    if any(name in request.META for name in FORWARDED):
+        return False
+    try:
+        address = ipaddress.ip_address(request.META.get("REMOTE_ADDR", ""))
+    except ValueError:
+        return False
+    return (getattr(address, "ipv4_mapped", None) or address).is_loopback

@@ -11,7 +11,8 @@ EDITOR, PUBLISHER = "editor", "publisher"
 
 # Permissions of both roles, by application; publishers may decide besides.
 _BOTH = {
-    "fronts": ("view_frontversion", "view_configuration", "view_auditentry", "submit_frontversion"),
+    "audit": ("view_auditentry",),
+    "fronts": ("view_frontversion", "view_configuration", "submit_frontversion"),
     "explorations": (
         *("view_exploration", "add_exploration", "change_exploration", "view_evaluation"),
         *("view_referencedevice", "add_referencedevice", "change_referencedevice"),

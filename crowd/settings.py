@@ -20,6 +20,7 @@
 | FRONTRUNNER_SUBMISSIONS_PER_MINUTE | 60 | submissions of one installation; 0: no limit, as below |
 | FRONTRUNNER_EXPORTS_KEPT | 7 | nightly exports of the open data that can be had at a time |
 | FRONTRUNNER_REQUIRE_TOTP | 0 | 1 lets nobody into the administration without a one-time password |
+| FRONTRUNNER_SECOND_PERSON | 0 | 1: anyone who drafted or submitted a front cannot publish it |
 | FRONTRUNNER_OWN_REQUESTS_PER_MINUTE | 120 | what one installation asks about itself |
 | FRONTRUNNER_ENROLMENTS_PER_HOUR | 120 | new installations from one address |
 | FRONTRUNNER_READS_PER_MINUTE | 600 | API requests without a token from one address |
@@ -103,6 +104,7 @@ HTTPS = switch("FRONTRUNNER_HTTPS", default=bool(PUBLIC_HOSTS))
 
 INSTALLED_APPS = [
     "crowd.dashboard",
+    "crowd.audit",
     "crowd.fronts",
     "crowd.devices",
     "crowd.results",
@@ -287,6 +289,8 @@ SECURE_REFERRER_POLICY = "same-origin"
 X_FRAME_OPTIONS = "DENY"
 # One-time passwords of the administration (RFC 6238); an account with a device always needs one.
 FRONTRUNNER_REQUIRE_TOTP = switch("FRONTRUNNER_REQUIRE_TOTP")
+# Publishing a front takes another person than those who drafted or submitted it.
+FRONTRUNNER_SECOND_PERSON = switch("FRONTRUNNER_SECOND_PERSON")
 OTP_TOTP_ISSUER = "Frontrunner"
 OTP_ADMIN_HIDE_SENSITIVE_DATA = True
 SESSION_COOKIE_HTTPONLY = True

@@ -5,10 +5,12 @@ from functools import partial
 from typing import Any
 
 from django.contrib import admin, messages
+from django.db import transaction
 from django.db.models import Count, QuerySet
 from django.http import HttpRequest
 from django.utils import timezone
 
+from crowd.audit.services import record
 from crowd.devices import decisions
 from crowd.devices.models import (
     CatalogueEntry,
@@ -27,7 +29,7 @@ class DecidingAdmin(ReadOnlyAdmin):
     """A list that is read, with actions for those who may decide about models."""
 
     def has_decide_permission(self, request: HttpRequest) -> bool:
-        """Whoever may change models decides what is one; the forms stay read-only."""
+        """Users who may change models decide about them; the forms stay read-only."""
         return bool(request.user.has_perm(DECIDE))
 
     def decide(self, request: HttpRequest, decision: Callable[[str], object], done: str) -> None:
@@ -41,7 +43,7 @@ class DecidingAdmin(ReadOnlyAdmin):
 
 
 class QueueFilter(admin.SimpleListFilter):
-    """What waits for a person: kinds that the rules set and that nobody has looked at."""
+    """What waits for a person: kinds that the rules set and no person has reviewed."""
 
     title = "queue"
     parameter_name = "queue"
@@ -223,9 +225,14 @@ class InstallationAdmin(ReadOnlyAdmin):
 
     @admin.action(description="Revoke the selected installations' tokens", permissions=["revoke"])
     def revoke(self, request: HttpRequest, queryset: QuerySet[Installation]) -> None:
-        count = queryset.filter(revoked_at=None).update(revoked_at=timezone.now())
-        self.message_user(request, f"{count} tokens revoked: those clients must enrol again")
+        with transaction.atomic():
+            chosen = Installation.objects.filter(pk__in=queryset.values("pk"), revoked_at=None)
+            rows = list(chosen.select_for_update())
+            Installation.objects.filter(pk__in=[row.pk for row in rows]).update(revoked_at=timezone.now())
+            for row in rows:
+                record(request.user.get_username(), "token revoked", f"installation {row.pk}")
+        self.message_user(request, f"{len(rows)} tokens revoked: those clients must enrol again")
 
     def has_revoke_permission(self, request: HttpRequest) -> bool:
-        """Whoever may change installations may revoke their tokens; the form itself stays read-only."""
+        """Users who may change installations may revoke their tokens; the form itself stays read-only."""
         return bool(request.user.has_perm("devices.change_installation"))

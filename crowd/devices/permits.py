@@ -5,13 +5,21 @@ What comes in under it is labelled for good: its devices are models of a kind of
 
 from django.core.signing import BadSignature, TimestampSigner
 
+from crowd.audit.services import COMMAND_LINE, record
+
 SECONDS = 24 * 3600
 SUBJECT, SALT = "simulated", "permit to simulate"
 
 
 def permit() -> str:
-    """A new permit, for whoever enrols simulated installations at this server."""
+    """A new permit to enrol simulated installations at this server."""
     return TimestampSigner(salt=SALT).sign(SUBJECT)
+
+
+def issue(by: str = COMMAND_LINE) -> str:
+    """A new permit to be handed out; the audit log says that BY issued it."""
+    record(by, "permit issued", "simulated crowd", f"valid for {SECONDS // 3600} hours")
+    return permit()
 
 
 def is_valid(text: str) -> bool:

@@ -5,6 +5,7 @@ from typing import Any
 
 from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied, ValidationError
+from django.db import transaction
 from django.db.models import QuerySet
 from django.forms import ModelForm
 from django.http import HttpRequest, HttpResponse
@@ -12,7 +13,7 @@ from django.shortcuts import redirect
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 
-from crowd.explorations import publishing, selectors, services, steering, tasks, tokens
+from crowd.explorations import publishing, selectors, services, steering, tokens
 from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initial_of
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.steering import STEPS
@@ -64,19 +65,30 @@ class ReferenceDeviceAdmin(PagesAdmin):
         return [self._route("<int:key>/token/", self.token, "token"), *super().get_urls()]
 
     def has_delete_permission(self, request: HttpRequest, obj: Any = None) -> bool:
-        """A device with explorations stays: they tell where they were measured."""
+        """A device with explorations stays: they name the device that measured them."""
         unused = obj is None or not obj.explorations.exists()
         return unused and super().has_delete_permission(request, obj)
+
+    def delete_model(self, request: HttpRequest, obj: ReferenceDevice) -> None:
+        """Delete a device; its token ends with it."""
+        with transaction.atomic():
+            tokens.revoke_token(obj, _name(request), "the device was deleted")
+            super().delete_model(request, obj)
+
+    def delete_queryset(self, request: HttpRequest, queryset: QuerySet[ReferenceDevice]) -> None:
+        with transaction.atomic():
+            for device in queryset:
+                self.delete_model(request, device)
 
     def token(self, request: HttpRequest, key: int) -> HttpResponse:
         """Issue a token and show it this once, or revoke the present one."""
         device = self._seen(request, key, DEVICE)
         if request.method == "POST" and request.POST.get("act") == "issue":
-            token = tokens.issue_token(device)
+            token = tokens.issue_token(device, _name(request))
             return self._page(request, "token", device, f"Token of {device}", token=token)
         if request.method == "POST":
-            tokens.revoke_token(device)
-            self.message_user(request, f"Nobody serves as {device} over HTTP now", messages.SUCCESS)
+            tokens.revoke_token(device, _name(request))
+            self.message_user(request, f"The token of {device} is revoked", messages.SUCCESS)
         return redirect("admin:explorations_referencedevice_change", key)
 
 
@@ -152,12 +164,12 @@ class ExplorationAdmin(PagesAdmin):
         return False
 
     def has_steer_permission(self, request: HttpRequest) -> bool:
-        """Whoever may change explorations may steer them; their form stays read-only."""
+        """Users who may change explorations may steer them; the form stays read-only."""
         return bool(request.user.has_perm(CHANGE))
 
     def save_model(self, request: HttpRequest, obj: Exploration, form: Any, change: bool) -> None:  # noqa: ARG002
         """Store a new exploration and send its first measurements."""
-        tasks.dispatch(services.create(obj))
+        steering.start(obj, _name(request))
 
     def add_view(self, request: HttpRequest, form_url: str = "", extra_context: Any = None) -> HttpResponse:
         context = {"show_save_and_add_another": False, "show_save_and_continue": False}
@@ -238,15 +250,14 @@ class ExplorationAdmin(PagesAdmin):
         times = request.POST.get("times", "")
         if not times.isdecimal() or not 1 <= int(times) <= MOST_REPEATS:
             raise ValidationError(f"{times!r} times: give a number from 1 to {MOST_REPEATS}")
-        rows = publishing.measure_again(exploration, names, int(times))
-        tasks.dispatch(exploration)
+        rows = steering.measure_again(exploration, names, int(times), _name(request))
         self.message_user(request, f"Measurements that were asked for: {len(rows)}", messages.SUCCESS)
         return redirect(request.path)
 
     def _draft(self, request: HttpRequest, exploration: Exploration, names: dict[str, str]) -> HttpResponse:
         if not request.user.has_perm(DRAFT):
             raise PermissionDenied
-        front = publishing.draft(exploration, names, str(request.user.get_username()))
+        front = publishing.draft(exploration, names, _name(request))
         self.message_user(request, f"Front {front.slug} is a draft", messages.SUCCESS)
         return redirect(reverse("admin:fronts_frontversion_change", args=[front.pk]))
 
@@ -256,7 +267,7 @@ class ExplorationAdmin(PagesAdmin):
 
     def _steer(self, request: HttpRequest, exploration: Exploration, name: str, budget: str = "") -> None:
         try:
-            done = STEPS[name].take(exploration, budget)
+            done = steering.take(name, exploration, _name(request), budget)
         except ValidationError as error:
             self._refused(request, error)
         else:
@@ -296,3 +307,7 @@ class EvaluationAdmin(ReadOnlyAdmin):
     @admin.display(description="max error, mm")
     def millimetres(self, row: Evaluation) -> str:
         return f"{1e3 * row.objectives['ate_max']:.1f}" if row.objectives else ""
+
+
+def _name(request: HttpRequest) -> str:
+    return str(request.user.get_username())

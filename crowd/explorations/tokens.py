@@ -1,30 +1,42 @@
-"""The token by which a machine without Celery serves as a reference device. Only its digest is kept."""
+"""Tokens of reference devices, with which a machine measures over HTTP. Only their digests are stored."""
 
 import hashlib
 import secrets
 
+from django.db import transaction
 from django.utils import timezone
 
+from crowd.audit.services import COMMAND_LINE, record
 from crowd.explorations.models import ReferenceDevice
 
 
-def issue_token(device: ReferenceDevice) -> str:
-    """A new token of DEVICE, told this once; an earlier one no longer works."""
+@transaction.atomic
+def issue_token(device: ReferenceDevice, by: str = COMMAND_LINE) -> str:
+    """A new token of DEVICE, shown only now; an earlier one no longer works. The audit log names BY."""
     token = secrets.token_urlsafe(32)
     device.token_sha256, device.token_issued_at = _digest(token), timezone.now()
     device.save(update_fields=["token_sha256", "token_issued_at"])
+    record(by, "token issued", _subject(device))
     return token
 
 
-def revoke_token(device: ReferenceDevice) -> None:
-    """Nobody serves as DEVICE over HTTP any more, until a new token is issued."""
+@transaction.atomic
+def revoke_token(device: ReferenceDevice, by: str = COMMAND_LINE, note: str = "") -> None:
+    """End the token of DEVICE; without one nothing happens. The audit log names BY."""
+    if device.token_sha256 is None:
+        return
     device.token_sha256 = device.token_issued_at = None
     device.save(update_fields=["token_sha256", "token_issued_at"])
+    record(by, "token revoked", _subject(device), note)
 
 
 def device_of(token: str) -> ReferenceDevice | None:
-    """Whose token that is, None where it is nobody's."""
+    """The device with that token, None where there is none."""
     return ReferenceDevice.objects.filter(token_sha256=_digest(token)).first()
+
+
+def _subject(device: ReferenceDevice) -> str:
+    return f"reference device {device.name}"
 
 
 def _digest(token: str) -> str:

@@ -1,5 +1,6 @@
 """Fronts for administrators: drafts, reviews, publications. Content comes from files and explorations."""
 
+from dataclasses import replace
 from typing import Any
 
 from django import forms
@@ -11,9 +12,12 @@ from django.shortcuts import redirect
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 
+from crowd.audit.models import AuditEntry
 from crowd.fronts import contents, manifests, policy, selectors, services
 from crowd.fronts.difference import difference
-from crowd.fronts.models import AuditEntry, Configuration, FrontVersion, IntakePolicy
+from crowd.fronts.models import Configuration, FrontVersion, IntakePolicy
+from crowd.fronts.preview import Preview, preview
+from crowd.fronts.selectors import Front
 from crowd.fronts.steps import PUBLISH, STEPS, SUBMIT, Step
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
@@ -28,27 +32,13 @@ class ImportForm(forms.Form):
     """A front's file, as `manage.py front export` writes it."""
 
     file = forms.FileField(
-        help_text="fixtures/fronts/kfusion-1.json is one; docs/publishing.md tells the rest"
+        help_text="fixtures/fronts/kfusion-1.json is one; docs/publishing.md describes every member"
     )
-
-
-@admin.register(AuditEntry)
-class AuditEntryAdmin(ReadOnlyAdmin):
-    """Who did what to which front."""
-
-    list_display = ("at", "actor", "action", "slug", "from_state", "to_state", "short_digest", "note")
-    list_filter = ("action", "actor")
-    search_fields = ("slug", "actor", "digest", "note")
-    date_hierarchy = "at"
-
-    @admin.display(description="digest")
-    def short_digest(self, row: AuditEntry) -> str:
-        return row.digest[:12]
 
 
 @admin.register(IntakePolicy)
 class IntakePolicyAdmin(admin.ModelAdmin):
-    """The kill switch: one form, heeded by every process at its next request; its history says who."""
+    """The kill switch: one form; every process follows it at its next request; its history says who."""
 
     fields = ("accepting", "message", "minimum_app_version", "changed_at")
     readonly_fields = ("changed_at",)
@@ -112,9 +102,17 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         return row.digest[:12]
 
     @admin.action(description="Publish those in review", permissions=["publish"])
-    def publish(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> None:
-        for front in queryset:
-            self._take(request, front, STEPS["publish"])
+    def publish(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> HttpResponse | None:
+        """Publish those in review after a confirmation; any other is refused with a message."""
+        step, fronts = STEPS["publish"], list(queryset)
+        ready = [front for front in fronts if front.state in step.states]
+        shown = [preview(selectors.any_front(front.pk)) for front in ready]
+        if ready and not self._confirmed(request, shown):
+            chosen = [("_selected_action", front.pk) for front in fronts]
+            return self._confirmation(request, shown, step, [("action", "publish"), *chosen])
+        for front in fronts:
+            self._take(request, front, step)
+        return None
 
     @admin.action(description="Retire the selected fronts", permissions=["publish"])
     def retire(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> None:
@@ -125,17 +123,21 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         return bool(request.user.has_perm(PUBLISH))
 
     def step(self, request: HttpRequest, key: int) -> HttpResponse:
-        """Take the step that the form names; 403 for those who may not."""
+        """Take the step that the form names, a publication after a confirmation; 403 without permission."""
         front, step = self._seen(request, key), STEPS.get(request.POST.get("step", ""))
         if step is None or not request.user.has_perm(step.permission):
             raise PermissionDenied
+        if step.publishes and front.state in step.states:
+            shown = [preview(_published_by(step, selectors.any_front(key)))]
+            if not self._confirmed(request, shown):
+                return self._confirmation(request, shown, step, [("step", step.name)], front)
         taken = self._take(request, front, step)
         if taken is None:
             return redirect("admin:fronts_frontversion_changelist")
         return redirect("admin:fronts_frontversion_change", taken.pk)
 
     def manifest_page(self, request: HttpRequest, key: int) -> HttpResponse:
-        """The manifest that clients would read, with its address for machines."""
+        """The manifest that clients would read, with its address for programs."""
         front = self._seen(request, key)
         manifest = manifests.content(selectors.any_front(key), policy.current())
         return self._page(
@@ -155,7 +157,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         return HttpResponse(manifest, content_type="application/json")
 
     def compare_page(self, request: HttpRequest, key: int) -> HttpResponse:
-        """What this version gained and lost against another: the one clients measure now, unless named."""
+        """What this version gained and lost against another: the one that clients measure, unless named."""
         front = self._seen(request, key)
         others = FrontVersion.objects.filter(application=front.application).exclude(pk=key)
         wanted = request.GET.get("with") or getattr(selectors.current(front.application), "slug", "")
@@ -172,7 +174,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         return HttpResponse(text, content_type="application/json", headers={"Content-Disposition": name})
 
     def import_page(self, request: HttpRequest) -> HttpResponse:
-        """A draft from a file; a bad one is told in a line."""
+        """A draft from a file; what is wrong with a bad one is said in one line."""
         if not request.user.has_perm(SUBMIT):
             raise PermissionDenied
         form = ImportForm(request.POST or None, request.FILES or None)
@@ -195,8 +197,31 @@ class FrontVersionAdmin(ReadOnlyAdmin):
             raise PermissionDenied
         return front
 
+    def _confirmed(self, request: HttpRequest, shown: list[Preview]) -> bool:
+        """Whether the form confirms exactly what SHOWN says now."""
+        confirmed = request.POST.getlist("confirmed")
+        if {one.token for one in shown} <= set(confirmed):
+            return True
+        if confirmed:
+            text = "The fronts changed since you looked at them: look again."
+            self.message_user(request, text, messages.WARNING)
+        return False
+
+    def _confirmation(
+        self,
+        request: HttpRequest,
+        shown: list[Preview],
+        step: Step,
+        fields: list[tuple[str, Any]],
+        front: FrontVersion | None = None,
+    ) -> HttpResponse:
+        """The page that shows what a publication changes; its form sends FIELDS again, confirmed."""
+        title = f"Publish {', '.join(one.new.slug for one in shown)}?"
+        note = request.POST.get("note", "") if step.notes else None
+        return self._page(request, "publish", front, title, previews=shown, fields=fields, note=note)
+
     def _take(self, request: HttpRequest, front: FrontVersion, step: Step) -> FrontVersion | None:
-        """FRONT, or what became of it, after STEP; a refusal is told as a message and changes nothing."""
+        """FRONT, or what became of it, after STEP; a refusal is shown as a message and changes nothing."""
         note = {"note": request.POST["note"]} if request.POST.get("note") and step.notes else {}
         try:
             taken = step.take(front, by=_name(request), **note)
@@ -204,7 +229,9 @@ class FrontVersionAdmin(ReadOnlyAdmin):
             text = "; ".join(getattr(error, "messages", [str(error)]))
             self.message_user(request, f"Nothing was done: {text}", messages.ERROR)
             return front
-        self.message_user(request, step.done.format(taken or front), messages.SUCCESS)
+        after = taken or front
+        done = step.done.format(after, state=after.get_state_display())
+        self.message_user(request, done, messages.SUCCESS)
         return taken
 
     def _page(
@@ -230,8 +257,16 @@ def _offered(request: HttpRequest, front: FrontVersion) -> list[Step]:
     ]
 
 
+def _published_by(step: Step, front: Front) -> Front:
+    """What STEP publishes: FRONT itself, or its content as the next version."""
+    if step.name == "publish":
+        return front
+    version = selectors.next_version(front.application)
+    return replace(front, slug=f"{front.application}-{version}", version=version)
+
+
 def _log(front: FrontVersion) -> QuerySet[AuditEntry]:
-    return AuditEntry.objects.filter(slug=front.slug)
+    return AuditEntry.objects.filter(subject=front.slug)
 
 
 def _name(request: HttpRequest) -> str:

@@ -1,4 +1,4 @@
-"""A front as a file: the shape of fixtures/fronts/<application>-<version>.json, read strictly."""
+"""A front as a file, fixtures/fronts/<application>-<version>.json: its members, their types and ranges."""
 
 import hashlib
 import json
@@ -10,6 +10,7 @@ from typing import Annotated, Any, NamedTuple
 
 import msgspec
 
+from crowd.fronts.protocol import MEMBERS, Protocol, disagreements
 from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
@@ -22,15 +23,18 @@ REMEDIES = {
     A_DIGEST: "a sha256 of 64 hexadecimal digits",
 }
 MISSING = re.compile(r"Object missing required field `(.+)`")
+UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
+NOT_TEXT = re.compile("[\\x00\\ud800-\\udfff]")
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
 Digest = Annotated[str, msgspec.Meta(pattern=A_DIGEST)]
 SEQUENCE = ("name", "sha256", "colour_sha256")
 LARGEST_FILE_BYTES = 4 << 20
+LARGEST_NUMBER = 2**63 - 1
 
 
 class Application(NamedTuple):
-    """What checks its parameters, by a ConfigurationError, and whether it runs over colour beside depth."""
+    """How its parameters are checked (ConfigurationError) and whether it needs colour beside depth."""
 
     check: Callable[[Mapping[str, Any]], object]
     colour: bool
@@ -44,7 +48,7 @@ APPLICATIONS = {
 
 
 class InvalidFrontError(ValueError):
-    """A front file that is not one; the message names the member and what would be right."""
+    """Not a valid front; the message names the member and what would be right."""
 
 
 class Predicted(msgspec.Struct):
@@ -71,18 +75,6 @@ class Sequence(msgspec.Struct):
     colour_sha256: Digest | None = None
 
 
-class Protocol(msgspec.Struct):
-    """How clients measure. Other members pass to clients as they are."""
-
-    version: Annotated[int, msgspec.Meta(ge=1)]
-    warmup_frames: Annotated[int, msgspec.Meta(ge=0)]
-    frames: Annotated[int, msgspec.Meta(ge=1, le=10_000)]
-    first_counted_frame: Annotated[int, msgspec.Meta(ge=0)]
-    order: list[str]
-    repeats: Annotated[int, msgspec.Meta(ge=1)]
-    rest_seconds: NonNegative
-
-
 class Content(msgspec.Struct):
     """A whole front."""
 
@@ -107,14 +99,12 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def parse(content: bytes) -> dict[str, Any]:
-    """The document in CONTENT. Raises InvalidFrontError where that is no JSON object, or too large."""
+    """The document in CONTENT. Raises InvalidFrontError where that is not a JSON object, or too large."""
     if len(content) > LARGEST_FILE_BYTES:
-        raise InvalidFrontError(
-            f"{len(content)} bytes are no front: one has at most {LARGEST_FILE_BYTES} bytes"
-        )
+        raise InvalidFrontError(f"too large: a front has at most {LARGEST_FILE_BYTES} bytes")
     try:
         document = json.loads(content)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InvalidFrontError(f"cannot be read as JSON: {error}") from error
     if not isinstance(document, dict):
         raise InvalidFrontError("not a front: the file must hold one JSON object with the front's members")
@@ -124,10 +114,14 @@ def parse(content: bytes) -> dict[str, Any]:
 def check(document: dict[str, Any]) -> Content:
     """DOCUMENT as a front. Raises InvalidFrontError naming the member that is missing or wrong."""
     try:
+        if (reason := _not_storable(document)) is not None:
+            raise InvalidFrontError(f"not a front: {reason}")
         content = msgspec.convert(document, Content)
     except msgspec.ValidationError as error:
         raise InvalidFrontError(f"not a front: {_with_place(error)}") from error
-    for reason in _mistakes(content, document):
+    except RecursionError as error:
+        raise InvalidFrontError("not a front: it is nested too deeply") from error
+    for reason in _mistakes(content):
         raise InvalidFrontError(f"not a front: {reason}")
     return content
 
@@ -169,30 +163,27 @@ def _with_place(error: msgspec.ValidationError) -> str:
     member = place.rstrip("`").removeprefix("$").removeprefix(".")
     if missing := MISSING.fullmatch(reason):
         member, reason = f"{member}.{missing[1]}".lstrip("."), "is missing, add it"
+    if unknown := UNKNOWN.fullmatch(reason):
+        member, reason = f"{member}.{unknown[1]:.80}", f"is unknown: a protocol has {', '.join(MEMBERS)}"
     for pattern, remedy in REMEDIES.items():
         if f"regex '{pattern}'" in reason:
             reason = f"must be {remedy}"
-    return f"{member}: {reason} (docs/publishing.md shows a whole front)"
+    line = " ".join(f"{member}: {reason}".split())
+    return f"{line} (docs/publishing.md shows a whole front)"
 
 
-def _mistakes(content: Content, document: dict[str, Any]) -> Iterator[str]:
-    """What a shape alone does not tell."""
+def _mistakes(content: Content) -> Iterator[str]:
+    """What is wrong although each member has the right type."""
     names = [point.name for point in content.configurations]
-    protocol = content.protocol
     if len(set(names)) < len(names):
         yield f"configurations: names repeat in {names}: give each point its own"
     if DEFAULT not in names:
         yield f"configurations: none is called {DEFAULT}, which every speedup is measured against"
     if BEST not in names:
         yield f"configurations: none is called {BEST}, which clients measure"
-    if not set(protocol.order) <= set(names):
-        yield f"protocol.order: {protocol.order} names no configuration: choose among {names}"
-    if DEFAULT not in protocol.order:
-        yield f"protocol.order: {DEFAULT} is missing"
     if content.sequence.colour_sha256 is None and needs_colour(content.application):
         yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
-    if protocol.first_counted_frame >= protocol.frames:
-        yield f"protocol.first_counted_frame: {protocol.first_counted_frame} is not below {protocol.frames}"
+    yield from (f"protocol.{reason}" for reason in disagreements(content.protocol, names))
     for place, point in enumerate(content.configurations):
         try:
             # Those of an application that is not known here are taken as they are.
@@ -200,17 +191,21 @@ def _mistakes(content: Content, document: dict[str, Any]) -> Iterator[str]:
                 APPLICATIONS[content.application].check(point.parameters)
         except ConfigurationError as error:
             yield f"configurations[{place}].parameters of {point.name}: {error}"
-    if (member := _not_finite(document)) is not None:
-        yield f"{member.removeprefix('.')}: must be a finite number"
 
 
-def _not_finite(value: Any, place: str = "") -> str | None:
-    """Where the first NaN or infinity is, which JSON cannot hold; None where there is none."""
-    if isinstance(value, float):
-        return None if math.isfinite(value) else place
+def _not_storable(value: Any, place: str = "") -> str | None:
+    """The first member below PLACE that JSON or a database cannot hold, and why; None where there is none."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{place.removeprefix('.')}: must be a finite number"
+    if isinstance(value, int) and abs(value) > LARGEST_NUMBER:
+        return f"{place.removeprefix('.')}: must be at most {LARGEST_NUMBER}"
+    if isinstance(value, str) and NOT_TEXT.search(value):
+        return f"{place.removeprefix('.')}: has a character that is not text (NUL or half a surrogate pair)"
     inner: Iterator[tuple[str, Any]] = iter(())
     if isinstance(value, dict):
+        if (name := next(filter(NOT_TEXT.search, value), None)) is not None:
+            return f"{place.removeprefix('.')}: the name {ascii(name)[:80]} has a character that is not text"
         inner = ((f"{place}.{name}", member) for name, member in value.items())
     elif isinstance(value, list):
         inner = ((f"{place}[{number}]", member) for number, member in enumerate(value))
-    return next((found for name, member in inner if (found := _not_finite(member, name)) is not None), None)
+    return next((why for name, member in inner if (why := _not_storable(member, name)) is not None), None)

@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from crowd.fronts.selectors import DEFAULT, Front, Point
+from crowd.fronts.protocol import max_ate
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
 from pareto.hypervolume import hypervolume
-from slam.protocol import VALID_BELOW
 
 
 @dataclass(frozen=True)
-class Kept:
+class Match:
     """A configuration that both versions have, perhaps under another name or with other predictions."""
 
     old: Point
@@ -43,7 +43,7 @@ class Difference:
     new: Front
     gained: tuple[Point, ...]
     lost: tuple[Point, ...]
-    kept: tuple[Kept, ...]
+    kept: tuple[Match, ...]
     renewed: tuple[Renewed, ...]
     members: Mapping[str, tuple[Any, Any]]
     reference: tuple[float, float] | None
@@ -52,8 +52,8 @@ class Difference:
     caveat: str
 
     @property
-    def changed(self) -> tuple[Kept, ...]:
-        """What both have, but not alike."""
+    def changed(self) -> tuple[Match, ...]:
+        """Configurations of both whose names or predictions differ."""
         return tuple(pair for pair in self.kept if pair.changed)
 
     @property
@@ -72,7 +72,7 @@ def difference(old: Front, new: Front) -> Difference:
         new=new,
         gained=tuple(point for key, point in after.items() if key not in before),
         lost=tuple(point for key, point in before.items() if key not in after),
-        kept=tuple(Kept(before[key], point) for key, point in after.items() if key in before),
+        kept=tuple(Match(before[key], point) for key, point in after.items() if key in before),
         renewed=tuple(_renewed(old, new)),
         members=_members(old, new),
         reference=reference,
@@ -80,6 +80,40 @@ def difference(old: Front, new: Front) -> Difference:
         new_volume=_volume(new, reference),
         caveat=_caveat(old, new),
     )
+
+
+def warnings(present: Front, new: Front) -> tuple[str, ...]:
+    """Why the `best` of NEW may be worse than that of PRESENT; empty where it is not.
+
+    Compares the predicted speedup over each front's own default, and the largest error.
+    """
+    figures = (
+        ("speedup over default", _speedup(present), _speedup(new), False, "{:.2f}x"),
+        ("largest error", _error(present), _error(new), True, "{:.4f} m"),
+    )
+    found = []
+    for figure, before, after, less_is_better, shown in figures:
+        if before is None or after is None:
+            where = new.slug if after is None else present.slug
+            found.append(f"The predicted {figure} of best is unknown in {where}: it cannot be compared.")
+        elif (after > before) if less_is_better else (after < before):
+            found.append(
+                f"The predicted {figure} of best gets worse: {shown.format(after)} instead of "
+                f"{shown.format(before)} in {present.slug}."
+            )
+    return tuple(found)
+
+
+def _speedup(front: Front) -> float | None:
+    default, best = front.point(DEFAULT), front.point(BEST)
+    if default is None or best is None or not default.runtime or not best.runtime:
+        return None
+    return default.runtime / best.runtime
+
+
+def _error(front: Front) -> float | None:
+    best = front.point(BEST)
+    return None if best is None else best.ate_max
 
 
 def _key(point: Point) -> tuple[tuple[str, Any], ...]:
@@ -96,7 +130,7 @@ def _renewed(old: Front, new: Front) -> list[Renewed]:
 
 
 def _members(old: Front, new: Front) -> dict[str, tuple[Any, Any]]:
-    """Of the protocol and the sequence, what clients would meet differently."""
+    """Members of the protocol, and the sequence, that differ: before and after."""
     found = {f"protocol {name}": pair for name, pair in _differing(old.protocol, new.protocol).items()}
     if old.sequence["sha256"] != new.sequence["sha256"]:
         found["sequence"] = (
@@ -118,7 +152,7 @@ def _reference(old: Front, new: Front) -> tuple[float, float] | None:
     """(metres, seconds a frame); None where neither default was measured."""
     defaults = [front.point(DEFAULT) for front in (old, new)]
     runtimes = [point.runtime for point in defaults if point is not None and point.runtime]
-    limits = [float(front.protocol.get("max_ate", VALID_BELOW)) for front in (old, new)]
+    limits = [max_ate(front.protocol) for front in (old, new)]
     return (max(limits), max(runtimes)) if runtimes else None
 
 

@@ -17,11 +17,11 @@ MUTABLE = frozenset({"state", "published_at", "retired_at"})
 
 
 class FrozenFrontError(ValidationError):
-    """An attempt to change or delete what is out of draft; the remedy is a new version."""
+    """An attempt to change or delete a front that is not a draft any more; the remedy is a new version."""
 
     def __init__(self, front: str) -> None:
         super().__init__(
-            f"{front} is no draft any more and cannot change: make a new version instead", code="frozen"
+            f"{front} is not a draft any more and cannot change: make a new version", code="frozen"
         )
 
 
@@ -34,10 +34,10 @@ class TransitionError(ValidationError):
 
 
 class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
-    """Holds rows that are out of draft fixed against bulk statements too."""
+    """Refuses bulk changes of fronts that are not drafts any more."""
 
     def released(self) -> "FrontVersionQuerySet":
-        """What was ever published: all that anybody outside of the administration may see."""
+        """What was ever published: only this is visible outside of the administration."""
         return self.filter(state__in=[FrontVersion.State.PUBLISHED, FrontVersion.State.RETIRED])
 
     def _refuse_frozen(self) -> None:
@@ -57,7 +57,7 @@ class FrontVersionQuerySet(models.QuerySet["FrontVersion"]):
 
 
 class FrontVersion(models.Model):
-    """One version of an application's front: fixed, with its configurations, once it is out of draft."""
+    """One version of an application's front: fixed, with its configurations, from its review on."""
 
     class State(models.TextChoices):
         DRAFT = "draft", "draft"
@@ -115,7 +115,7 @@ class FrontVersion(models.Model):
                 for field in self._meta.concrete_fields
                 if getattr(self, field.attname) != getattr(stored, field.attname)
             }
-            # The dates tell when a state was reached: they change together with it.
+            # The dates say when a state was reached: they change together with it.
             if not changed <= (MUTABLE if "state" in changed else frozenset()):
                 raise FrozenFrontError(self.slug)
         super().save(*args, **kwargs)
@@ -143,7 +143,7 @@ PERMITTED: dict[str, frozenset[str]] = {
 
 
 class ConfigurationQuerySet(models.QuerySet["Configuration"]):
-    """Holds the configurations of fronts out of draft fixed against bulk statements too."""
+    """Refuses bulk changes of the configurations of fronts that are not drafts any more."""
 
     def _refuse_frozen(self) -> None:
         frozen = (
@@ -238,59 +238,3 @@ class IntakePolicy(models.Model):
 
     def __str__(self) -> str:
         return "Intake policy"
-
-
-class AuditEntryQuerySet(models.QuerySet["AuditEntry"]):
-    """Entries are added, never changed or deleted."""
-
-    def update(self, **values: Any) -> int:  # noqa: ARG002
-        raise AppendOnlyError
-
-    def delete(self) -> tuple[int, dict[str, int]]:
-        raise AppendOnlyError
-
-
-class AppendOnlyError(ValidationError):
-    """An attempt to change what was logged."""
-
-    def __init__(self) -> None:
-        super().__init__("the audit log is only ever added to", code="append_only")
-
-
-class AuditEntry(models.Model):
-    """One step of a front: who took it, when, from which state to which, and the content's digest then.
-
-    `front` is empty for drafts, which may be discarded; from the review on it keeps the front's row.
-    """
-
-    at = models.DateTimeField(auto_now_add=True)
-    actor = models.CharField(max_length=150, help_text="user name, or where the command was given")
-    action = models.CharField(max_length=32)
-    slug = models.CharField(max_length=97)
-    front = models.ForeignKey(
-        FrontVersion, on_delete=models.PROTECT, null=True, blank=True, related_name="audit"
-    )
-    from_state = models.CharField(max_length=16, blank=True)
-    to_state = models.CharField(max_length=16, blank=True)
-    digest = models.CharField(max_length=64)
-    note = models.TextField(blank=True)
-
-    objects = AuditEntryQuerySet.as_manager()
-
-    class Meta:
-        ordering = ["-id"]
-        verbose_name_plural = "audit log"
-        indexes = [models.Index(fields=["slug"], name="audit_entry_slug")]
-
-    def __str__(self) -> str:
-        return f"{self.slug}: {self.action} by {self.actor}"
-
-    def save(self, *args: Any, **kwargs: Any) -> None:
-        """Store a new entry; raises AppendOnlyError for one that is stored."""
-        if self.pk is not None:
-            raise AppendOnlyError
-        super().save(*args, **kwargs)
-
-    def delete(self, *args: Any, **kwargs: Any) -> tuple[int, dict[str, int]]:  # noqa: ARG002
-        """Raises AppendOnlyError."""
-        raise AppendOnlyError

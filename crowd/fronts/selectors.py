@@ -1,4 +1,4 @@
-"""Reads of fronts: which is current, what a client is told, what a page shows."""
+"""Reads of fronts: which one is current, and what manifests and pages show of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -57,17 +57,18 @@ def _front(row: FrontVersion) -> Front:
         protocol=row.protocol,
         sequence=row.sequence,
         provenance=row.provenance,
-        points=tuple(
-            Point(
-                name=configuration.name,
-                parameters=configuration.parameters,
-                runtime=configuration.predicted.get("runtime"),
-                ate_max=configuration.predicted.get("ate_max"),
-                ate_mean=configuration.predicted.get("ate_mean"),
-                predicted=configuration.predicted,
-            )
-            for configuration in row.configurations.all()
-        ),
+        points=tuple(_point(one.name, one.parameters, one.predicted) for one in row.configurations.all()),
+    )
+
+
+def _point(name: str, parameters: dict[str, Any], predicted: dict[str, Any]) -> Point:
+    return Point(
+        name=name,
+        parameters=parameters,
+        runtime=predicted.get("runtime"),
+        ate_max=predicted.get("ate_max"),
+        ate_mean=predicted.get("ate_mean"),
+        predicted=predicted,
     )
 
 
@@ -98,6 +99,26 @@ def any_front(key: int) -> Front:
     return _front(FrontVersion.objects.prefetch_related("configurations").get(pk=key))
 
 
+def front_of(document: Mapping[str, Any]) -> Front:
+    """The front that DOCUMENT, a front's checked file, would become; it is not stored."""
+    application, version = document["application"], str(document["version"])
+    return Front(
+        slug=f"{application}-{version}",
+        application=application,
+        version=version,
+        state=FrontVersion.State.DRAFT,
+        digest="",
+        published_at=None,
+        protocol=document["protocol"],
+        sequence=document["sequence"],
+        provenance=document["provenance"],
+        points=tuple(
+            _point(point["name"], point["parameters"], point["predicted"])
+            for point in document["configurations"]
+        ),
+    )
+
+
 def document(front: Front) -> dict[str, Any]:
     """FRONT in the shape of a front's file; its digest is the front's own."""
     return {
@@ -114,7 +135,7 @@ def document(front: Front) -> dict[str, Any]:
 
 
 def reference(sequence: Mapping[str, Any]) -> dict[str, str]:
-    """SEQUENCE, as clients are told of it, as a front's file names it."""
+    """SEQUENCE, as the manifest describes it, in the way in which a front's file names it."""
     colour = {"colour_sha256": sequence["colour"]["sha256"]} if "colour" in sequence else {}
     return {name: sequence[name] for name in ("name", "sha256")} | colour
 

@@ -8,27 +8,31 @@ from django.core.exceptions import ValidationError
 from django.db import transaction
 from django.utils import timezone
 
-from crowd.fronts import contents, selectors, sequences
-from crowd.fronts.models import PERMITTED, AuditEntry, Configuration, FrontVersion, TransitionError
+from crowd.audit.models import AuditEntry
+from crowd.audit.services import COMMAND_LINE, record
+from crowd.fronts import contents, second_person, selectors, sequences
+from crowd.fronts.models import PERMITTED, Configuration, FrontVersion, TransitionError
+from crowd.fronts.second_person import DRAFTED, REPLACED, SUBMITTED
 
 State = FrontVersion.State
-COMMAND_LINE = "command line"
-DRAFTED, REPLACED = "drafted", "draft replaced"
 
 
 class FrontConflictError(ValueError):
-    """Different content under a version that is out of draft; the remedy is a new version."""
+    """Different content under a version that is not a draft any more; the remedy is a new version."""
 
 
-REFUSALS = (contents.InvalidFrontError, sequences.SequenceError, FrontConflictError)
+REFUSALS = (
+    *(contents.InvalidFrontError, sequences.SequenceError, FrontConflictError),
+    second_person.SecondPersonError,
+)
 
 
 @transaction.atomic
 def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
     """A draft with DOCUMENT's content (a front file's shape); an earlier draft of that version is replaced.
 
-    Raises InvalidFrontError, SequenceError, or FrontConflictError where the version is no draft any more, or
-    is another's draft with other content.
+    Raises InvalidFrontError, SequenceError, or FrontConflictError where the version is not a draft any more,
+    or is another person's draft with other content.
     """
     content = contents.check(document)
     document = contents.canonical(document)
@@ -69,15 +73,13 @@ def discard(front: FrontVersion, by: str = COMMAND_LINE) -> None:
     """Delete a draft that was never in review. Raises ValidationError for any other."""
     if front.audit.exists():
         raise ValidationError(f"{front.slug} was in review, so it is kept: correct it with a new draft of it")
-    AuditEntry.objects.create(
-        actor=by, action="discarded", slug=front.slug, from_state=front.state, digest=front.digest
-    )
+    record(by, "discarded", front.slug, from_state=front.state, digest=front.digest)
     front.delete()
 
 
 def submit(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
     """Hand a draft in for review: its content is fixed from here on. Raises TransitionError."""
-    return _move(front, State.IN_REVIEW, "submitted for review", by, note)
+    return _move(front, State.IN_REVIEW, SUBMITTED, by, note)
 
 
 def send_back(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
@@ -89,13 +91,14 @@ def publish(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> Fron
     """Make what is in review what clients measure, for good. Raises TransitionError.
 
     Its sequence must still be whole, or clients could not fetch it: raises SequenceError. Content that
-    does not fit its digest is not published: raises FrontConflictError.
+    does not fit its digest is not published: raises FrontConflictError. Raises SecondPersonError where the
+    deployment demands two people and BY drafted or submitted the content.
     """
     return _move(front, State.PUBLISHED, "published", by, note)
 
 
 def retire(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
-    """No client is told to measure it any more; its results stay, and late ones are still accepted.
+    """Clients are not asked to measure it any more; its results stay, and late ones are still accepted.
 
     Raises TransitionError for what is not published.
     """
@@ -106,6 +109,7 @@ def retire(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> Front
 def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
     """Roll back: publish the content of an earlier FRONT as its application's next version.
 
+    Where the deployment demands two people, the new version is left in review for another person.
     Raises TransitionError for what was never published, and what publish raises.
     """
     if front.state not in (State.PUBLISHED, State.RETIRED):
@@ -114,31 +118,42 @@ def publish_again(front: FrontVersion, by: str = COMMAND_LINE) -> FrontVersion:
     content["version"] = selectors.next_version(front.application)
     content["provenance"] = content["provenance"] | {"published_again_from": front.slug}
     note = f"the content of {front.slug} again"
-    return publish(submit(create_draft(content, by, note), by, note), by, note)
+    again = submit(create_draft(content, by, note), by, note)
+    return again if second_person.needed() else publish(again, by, note)
+
+
+def published(document: dict[str, Any]) -> FrontVersion | None:
+    """The published or retired front that has DOCUMENT's version and content; None where there is none.
+
+    Raises InvalidFrontError, FrontConflictError where the version was published with other content.
+    """
+    content = contents.check(document)
+    stored = (
+        FrontVersion.objects.released()
+        .filter(application=content.application, version=str(content.version))
+        .first()
+    )
+    if stored is not None and stored.digest != contents.digest(document):
+        raise FrontConflictError(
+            f"{stored.slug} is published with other content (digest {stored.digest[:12]}...): "
+            "give the changed front another version"
+        )
+    return stored
 
 
 @transaction.atomic
 def publish_content(document: dict[str, Any], by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
     """Publish DOCUMENT at once, and whether that was new. The same content again changes nothing.
 
-    Raises what create_draft raises, FrontConflictError too where the version has other content.
+    Raises what `published` and `publish` raise.
     """
-    content = contents.check(document)
-    stored = FrontVersion.objects.filter(
-        application=content.application, version=str(content.version)
-    ).first()
-    if stored is not None and stored.state in (State.PUBLISHED, State.RETIRED):
-        if stored.digest != contents.digest(document):
-            raise FrontConflictError(
-                f"{stored.slug} is published with other content (digest {stored.digest[:12]}...): "
-                "give the changed front another version"
-            )
+    if (stored := published(document)) is not None:
         return stored, False
     return publish(submit(create_draft(document, by), by), by), True
 
 
 def publish_file(path: Path, by: str = COMMAND_LINE) -> tuple[FrontVersion, bool]:
-    """Publish the front in the JSON file PATH; raises InvalidFrontError also where it is no JSON."""
+    """Publish the front in the JSON file PATH; raises InvalidFrontError also where it is not JSON."""
     document = contents.read(path)
     try:
         return publish_content(document, by)
@@ -156,11 +171,11 @@ def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
 
 
 def refuse_altered(front: selectors.Front) -> None:
-    """Raise FrontConflictError where what is stored of FRONT is not what its digest was made of."""
+    """Raise FrontConflictError where the stored content of FRONT does not fit its digest."""
     if contents.digest(selectors.document(front)) != front.digest:
         raise FrontConflictError(
-            f"{front.slug} does not fit its digest {front.digest[:12]}...: somebody changed the database by "
-            "hand; restore it from a backup, or draft the front again"
+            f"{front.slug} does not fit its digest {front.digest[:12]}...: the database was changed by hand; "
+            "restore it from a backup, or draft the front again"
         )
 
 
@@ -171,7 +186,8 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
     if before == state:
         raise TransitionError(front.slug, before, state)
     if state == State.PUBLISHED and state in PERMITTED[before]:
-        # Of what is stored, whatever FRONT holds: it may have been read long ago.
+        # Checks the stored row: FRONT may have been read long ago.
+        second_person.require(stored, by)
         _sequence(selectors.reference(stored.sequence))
         refuse_altered(selectors.any_front(stored.pk))
     if state == State.PUBLISHED:
@@ -185,7 +201,7 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
 
 
 def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:
-    """What clients are told of the sequence that a front's file WANTED. Raises SequenceError."""
+    """The sequence that a front's file WANTED, as the manifest describes it. Raises SequenceError."""
     colour = wanted.get("colour_sha256")
     found = sequences.describe(wanted["name"], wanted["sha256"], colour is not None)
     if colour is not None and colour != (here := found["colour"]["sha256"]):
@@ -197,8 +213,8 @@ def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _refuse_anothers(draft: FrontVersion, by: str) -> None:
-    """Raise FrontConflictError where somebody else than BY made the DRAFT: nobody's work is lost unsaid."""
-    made = AuditEntry.objects.filter(slug=draft.slug, action__in=(DRAFTED, REPLACED)).first()
+    """Raise FrontConflictError where another person than BY made the DRAFT: drafts are not lost silently."""
+    made = AuditEntry.objects.filter(subject=draft.slug, action__in=(DRAFTED, REPLACED)).first()
     if made is not None and made.actor != by:
         raise FrontConflictError(
             f"{draft.slug} is a draft of {made.actor}: give this content another version, or discard that "
@@ -207,13 +223,10 @@ def _refuse_anothers(draft: FrontVersion, by: str) -> None:
 
 
 def _log(front: FrontVersion, action: str, before: str, by: str, note: str) -> None:
-    AuditEntry.objects.create(
-        actor=by,
-        action=action,
-        slug=front.slug,
-        front=None if action in (DRAFTED, REPLACED) else front,
+    record(
+        *(by, action, front.slug, note),
+        front_id=None if action in (DRAFTED, REPLACED) else front.pk,
         from_state=before,
         to_state=front.state,
         digest=front.digest,
-        note=note,
     )

@@ -1,4 +1,4 @@
-"""What a person may do with a front: which steps its state allows, and which permission each needs."""
+"""Steps of a front: which ones its state allows, and which permission each needs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ SUBMIT, PUBLISH = "fronts.submit_frontversion", "fronts.publish_frontversion"
 
 @dataclass(frozen=True)
 class Step:
-    """One button: what it is called, from which states it leads, who may press it, what it then says.
+    """One button: its label, the states it is offered in, its permission, and the message afterwards.
 
-    With `notes` the log takes a reason.
+    With `notes` a reason can be given for the log. A step that `publishes` asks for a confirmation first.
     """
 
     name: str
@@ -24,6 +24,7 @@ class Step:
     take: Callable[..., FrontVersion | None]
     done: str
     notes: bool = False
+    publishes: bool = False
 
 
 STEPS = {
@@ -38,6 +39,7 @@ STEPS = {
             *("publish", "Publish", (State.IN_REVIEW,), PUBLISH, services.publish),
             "Front {} is published: clients measure it now",
             notes=True,
+            publishes=True,
         ),
         Step(
             *("send-back", "Send back to draft", (State.IN_REVIEW,), SUBMIT, services.send_back),
@@ -46,17 +48,18 @@ STEPS = {
         ),
         Step(
             *("retire", "Retire", (State.PUBLISHED,), PUBLISH, services.retire),
-            "Front {} is retired: no client is told of it now",
+            "Front {} is retired: clients measure it no longer",
             notes=True,
         ),
         Step(
             *("publish-again", "Publish again as a new version", (State.PUBLISHED, State.RETIRED), PUBLISH),
             services.publish_again,
-            "Front {} is published: clients measure it now",
+            "Front {} is {state}",
+            publishes=True,
         ),
         Step(
             *("discard", "Discard this draft", (State.DRAFT,), SUBMIT, services.discard),
-            "The draft is gone; the log remembers it",
+            "The draft is gone; the log keeps an entry of it",
         ),
     )
 }

@@ -9,10 +9,10 @@ from django.contrib.auth.models import Group, User
 from django.test import Client
 
 from crowd import first_run
+from crowd.audit.models import AuditEntry
 from crowd.explorations.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts import services
-from crowd.fronts.models import AuditEntry
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import front_document
 from tests.explorations.conftest import measurement
@@ -80,6 +80,9 @@ def test_from_an_empty_form_to_what_clients_measure(
     page.go_back()
     page.get_by_label("For the log").fill("looks right")
     page.get_by_role("button", name="Publish").click()
+    assert client.get("/api/v1/manifest").status_code == 404
+    page.get_by_role("button", name="Publish now").click()
+    page.get_by_text("clients measure it now").wait_for()
 
     manifest = client.get("/api/v1/manifest")
     assert manifest.json()["front_version"] == "kfusion-1"
@@ -104,6 +107,8 @@ def test_an_earlier_version_is_published_again_after_a_look_at_the_difference(
     assert page.get_by_role("row", name=re.compile("^accurate gained")).is_visible()
     page.go_back()
     page.get_by_role("button", name="Publish again as a new version").click()
+    page.get_by_role("row", name=re.compile("^accurate gained")).wait_for()
+    page.get_by_role("button", name="Publish now").click()
 
     page.get_by_text("Front kfusion-3 is published").wait_for()
     assert page.get_by_text("Front kfusion-3 is published").is_visible()

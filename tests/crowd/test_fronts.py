@@ -149,10 +149,11 @@ def test_the_command_publishes_files(
     path = tmp_path / "kfusion-test.json"
     path.write_text(json.dumps(front_document(pack)))
 
-    call_command("publish_front", str(path))
+    call_command("publish_front", str(path), "--yes")
     call_command("publish_front", str(path))
 
     assert capsys.readouterr().out.splitlines() == [
+        "No front of kfusion is published now: kfusion-test is the first.",
         "kfusion-test: published",
         "kfusion-test: was published before, nothing changed",
     ]

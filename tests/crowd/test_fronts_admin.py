@@ -9,8 +9,9 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.test import Client
 from django.urls import reverse
 
+from crowd.audit.models import AuditEntry
 from crowd.fronts import services
-from crowd.fronts.models import AuditEntry, FrontVersion
+from crowd.fronts.models import FrontVersion
 from tests.crowd.documents import front_document
 from tests.crowd.roles import browser_of
 
@@ -37,6 +38,23 @@ def take(browser: Client, front: FrontVersion, step: str, **form: str) -> Any:
     return browser.post(address("step", front), {"step": step} | form, follow=True)
 
 
+def publish(browser: Client, front: FrontVersion, step: str = "publish", **form: str) -> Any:
+    """Take a step that publishes, and confirm what its page shows."""
+    shown = take(browser, front, step, **form).context["previews"]
+    return take(browser, front, step, confirmed=shown[0].token, **form)
+
+
+def text_of(answer: Any) -> str:
+    return str(answer.content.decode()).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def slower(pack: dict[str, Any], version: str) -> dict[str, Any]:
+    """A front whose best gains less over its default and has a larger error than the usual one."""
+    document = front_document(pack, version=version)
+    document["configurations"][1]["predicted"] |= {"runtime": 0.02, "ate_max": 0.045}
+    return document
+
+
 def test_an_editor_submits_and_a_publisher_publishes(log_in: LogIn, draft: FrontVersion) -> None:
     editor, publisher = log_in("editor"), log_in("publisher")
     assert "Submit for review" in editor.get(address("change", draft)).content.decode()
@@ -48,7 +66,7 @@ def test_an_editor_submits_and_a_publisher_publishes(log_in: LogIn, draft: Front
     assert FrontVersion.objects.get().state == "in-review"
 
     assert 'value="publish"' in publisher.get(address("change", draft)).content.decode()
-    assert "clients measure it now" in take(publisher, draft, "publish").content.decode()
+    assert "clients measure it now" in publish(publisher, draft).content.decode()
 
     assert FrontVersion.objects.get().state == "published"
     assert [(row.actor, row.note) for row in AuditEntry.objects.all()[:2]] == [
@@ -97,8 +115,8 @@ def test_the_preview_is_what_clients_read_after_publication(
     preview = publisher.get(address("manifest_json", draft)).content
     assert "kfusion-1" in publisher.get(address("manifest", draft)).content.decode()
 
-    for step in ("submit", "publish"):
-        take(publisher, draft, step)
+    take(publisher, draft, "submit")
+    publish(publisher, draft)
 
     assert client.get("/api/v1/manifest").content == preview
 
@@ -137,10 +155,122 @@ def test_a_bad_file_is_refused_with_its_reason(log_in: LogIn) -> None:
 def test_an_earlier_version_is_published_again_with_one_button(
     log_in: LogIn, front: FrontVersion, client: Client
 ) -> None:
-    answer = take(log_in("publisher"), front, "publish-again")
+    answer = publish(log_in("publisher"), front, "publish-again")
 
     assert "kfusion-1 is published" in answer.content.decode()
     assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-1"
+
+
+def test_publishing_asks_first_and_shows_what_changes(
+    log_in: LogIn, front: FrontVersion, pack: dict[str, Any], client: Client
+) -> None:
+    worse = services.submit(services.create_draft(slower(pack, "2")))
+    publisher = log_in("publisher")
+
+    answer = take(publisher, worse, "publish", note="as agreed")
+
+    page = text_of(answer)
+    assert "Publish kfusion-2?" in page
+    assert "kfusion-2 in place of kfusion-test" in page
+    assert "speedup over default of best gets worse: 4.00x instead of 8.00x in kfusion-test" in page
+    assert "largest error of best gets worse: 0.0450 m instead of 0.0400 m" in page
+    assert 'value="as agreed"' in page
+    assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-test"
+    confirmed = answer.context["previews"][0].token
+    take(publisher, worse, "publish", note="as agreed", confirmed=confirmed)
+    assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-2"
+    assert AuditEntry.objects.get(subject="kfusion-2", action="published").note == "as agreed"
+
+
+def test_a_better_front_is_confirmed_without_a_warning(
+    log_in: LogIn, pack: dict[str, Any], draft: FrontVersion
+) -> None:
+    services.publish_content(slower(pack, "0"))
+
+    page = text_of(take(log_in("publisher"), services.submit(draft), "publish"))
+
+    assert "kfusion-1 in place of kfusion-0" in page
+    assert "gets worse" not in page
+    assert "unknown" not in page
+
+
+def test_an_unknown_figure_of_either_best_is_warned_of(
+    log_in: LogIn, front: FrontVersion, pack: dict[str, Any]
+) -> None:
+    document = front_document(pack, version="2")
+    document["configurations"][1]["predicted"]["ate_max"] = None
+    unknown = services.submit(services.create_draft(document))
+
+    page = text_of(take(log_in("publisher"), unknown, "publish"))
+
+    assert "largest error of best is unknown in kfusion-2" in page
+
+
+def test_a_confirmation_counts_only_for_what_was_shown(
+    log_in: LogIn, front: FrontVersion, draft: FrontVersion, pack: dict[str, Any]
+) -> None:
+    publisher = log_in("publisher")
+    services.submit(draft)
+    seen = take(publisher, draft, "publish").context["previews"][0].token
+    services.publish_content(slower(pack, "2"))
+
+    page = text_of(take(publisher, draft, "publish", confirmed=seen))
+
+    assert "The fronts changed since you looked at them" in page
+    assert "kfusion-1 in place of kfusion-2" in page
+    assert FrontVersion.objects.get(slug="kfusion-1").state == "in-review"
+
+
+def test_publishing_from_the_list_asks_first_too(
+    log_in: LogIn, front: FrontVersion, draft: FrontVersion, pack: dict[str, Any]
+) -> None:
+    publisher, changelist = log_in("publisher"), reverse("admin:fronts_frontversion_changelist")
+    worse = services.submit(services.create_draft(slower(pack, "2")))
+    form = {"action": "publish", "_selected_action": [draft.pk, worse.pk]}
+
+    asked = publisher.post(changelist, form)
+
+    assert "gets worse" in text_of(asked)
+    assert FrontVersion.objects.get(slug="kfusion-2").state == "in-review"
+    confirmed = [one.token for one in asked.context["previews"]]
+    page = text_of(publisher.post(changelist, form | {"confirmed": confirmed}, follow=True))
+    assert "Front kfusion-2 is published" in page
+    assert "kfusion-1 is draft and cannot become published" in page
+
+
+def test_publishing_again_asks_first_too(
+    log_in: LogIn, front: FrontVersion, pack: dict[str, Any], client: Client
+) -> None:
+    better = front_document(pack, version="2")
+    better["configurations"][1]["predicted"]["runtime"] = 0.005
+    services.publish_content(better)
+
+    page = text_of(take(log_in("publisher"), front, "publish-again"))
+
+    assert "kfusion-3 in place of kfusion-2" in page
+    assert "8.00x instead of 16.00x" in page
+    assert client.get("/api/v1/manifest").json()["front_version"] == "kfusion-2"
+
+
+def test_a_second_person_publishes_where_that_is_demanded(
+    log_in: LogIn, pack: dict[str, Any], settings: Any
+) -> None:
+    settings.FRONTRUNNER_SECOND_PERSON = True
+    first, second = log_in("publisher"), browser_of("publisher", "publisher-2")
+    front = services.create_draft(front_document(pack, version="1"), by="editor-1")
+    take(first, front, "submit")
+
+    assert "publisher-1 drafted or submitted kfusion-1" in text_of(publish(first, front))
+    assert FrontVersion.objects.get().state == "in-review"
+
+    publish(second, front)
+    assert FrontVersion.objects.get().state == "published"
+
+    page = text_of(publish(second, front, "publish-again"))
+    assert "Front kfusion-2 is in review" in page
+    assert "publisher-2 drafted or submitted" in text_of(
+        publish(second, FrontVersion.objects.get(slug="kfusion-2"))
+    )
 
 
 def test_a_draft_is_discarded_with_one_button(log_in: LogIn, draft: FrontVersion) -> None:
@@ -152,7 +282,7 @@ def test_the_log_is_shown_and_never_edited(log_in: LogIn, draft: FrontVersion) -
     publisher = log_in("publisher")
     entry = AuditEntry.objects.get()
 
-    assert "drafted" in publisher.get(reverse("admin:fronts_auditentry_changelist")).content.decode()
-    change = reverse("admin:fronts_auditentry_change", args=[entry.pk])
+    assert "drafted" in publisher.get(reverse("admin:audit_auditentry_changelist")).content.decode()
+    change = reverse("admin:audit_auditentry_change", args=[entry.pk])
     assert publisher.post(change, {"actor": "nobody"}).status_code == 403
     assert AuditEntry.objects.get().actor == "command line"

@@ -1,5 +1,6 @@
 """From a draft to a published front and back: permitted steps, their log, and what holds content fixed."""
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -13,14 +14,17 @@ from django.db import IntegrityError, connection, transaction
 from django.db.models import ProtectedError
 from django.test import Client
 
-from crowd.fronts import contents, guards, manifests, policy, selectors, sequences, services
-from crowd.fronts.models import AppendOnlyError, AuditEntry, FrontVersion, FrozenFrontError, TransitionError
+from crowd import first_run
+from crowd.audit import guards as audit_guards
+from crowd.audit.models import AppendOnlyError, AuditEntry
+from crowd.fronts import contents, guards, manifests, policy, second_person, selectors, sequences, services
+from crowd.fronts.models import FrontVersion, FrozenFrontError, TransitionError
 from tests.crowd.documents import front_document
 
 
 @pytest.fixture
 def draft(db: None, pack: dict[str, Any]) -> FrontVersion:
-    """A draft kappa of a front whose published version is not there."""
+    """A draft of a front that has no published version."""
     return services.create_draft(front_document(pack, version="1"), by="anna")
 
 
@@ -144,7 +148,6 @@ def test_the_database_itself_refuses_to_change_what_is_out_of_draft(draft: Front
     refused_by_the_database(f"UPDATE {guards.FRONT} SET state = 'retired', published_at = created_at")
     refused_by_the_database(configuration)
     refused_by_the_database(another)
-    refused_by_the_database(f"UPDATE {guards.AUDIT} SET actor = 'nobody'")
 
 
 def delete_past_the_models() -> None:
@@ -185,12 +188,34 @@ def test_the_log_is_only_added_to(draft: FrontVersion) -> None:
     assert AuditEntry.objects.get().actor == "anna"
 
 
+def test_the_database_itself_keeps_the_log(draft: FrontVersion) -> None:
+    refused_by_the_database(f"UPDATE {audit_guards.TABLE} SET actor = 'nobody'")
+    refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
+    if connection.vendor == "postgresql":
+        refused_by_the_database(f"TRUNCATE {audit_guards.TABLE}")
+
+    assert AuditEntry.objects.get().actor == "anna"
+
+
+def test_emptying_the_whole_database_empties_the_log_and_protects_the_next_one(
+    transactional_db: None, pack: dict[str, Any]
+) -> None:
+    services.create_draft(front_document(pack, version="1"))
+
+    call_command("flush", verbosity=0, interactive=False)
+
+    assert not AuditEntry.objects.exists()
+    services.create_draft(front_document(pack, version="1"))
+    refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
+
+
 def test_migrating_again_leaves_the_guards_in_place(draft: FrontVersion) -> None:
     services.submit(draft)
 
     call_command("migrate", verbosity=0)
 
     refused_by_the_database(f"UPDATE {guards.FRONT} SET digest = '0'")
+    refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
 
 
 def test_content_that_does_not_fit_its_digest_is_neither_published_nor_exported(draft: FrontVersion) -> None:
@@ -239,6 +264,107 @@ def test_editors_prepare_and_publishers_decide(db: None) -> None:
     assert not [name for name in may("publisher") if name.startswith("delete_")]
 
 
+def test_two_people_publish_where_that_is_demanded(draft: FrontVersion, settings: Any) -> None:
+    settings.FRONTRUNNER_SECOND_PERSON = True
+    services.submit(draft, by="paul")
+
+    for author in ("anna", "paul"):
+        with pytest.raises(second_person.SecondPersonError, match=f"{author} drafted or submitted kfusion-1"):
+            services.publish(draft, by=author)
+    assert FrontVersion.objects.get().state == "in-review"
+
+    assert services.publish(draft, by="maria").state == "published"
+
+
+def test_only_the_authors_of_the_content_that_is_published_count(
+    draft: FrontVersion, pack: dict[str, Any], settings: Any
+) -> None:
+    settings.FRONTRUNNER_SECOND_PERSON = True
+    services.discard(draft, by="anna")
+    other = services.create_draft(front_document(pack, version="1", provenance={}), by="paul")
+    services.submit(other, by="paul")
+
+    assert services.publish(other, by="anna").state == "published"
+
+
+def test_a_front_published_again_waits_for_a_second_person(draft: FrontVersion, settings: Any) -> None:
+    services.publish(services.submit(draft, by="anna"), by="paul")
+    settings.FRONTRUNNER_SECOND_PERSON = True
+
+    again = services.publish_again(draft, by="paul")
+
+    assert (again.slug, again.state) == ("kfusion-2", "in-review")
+    assert services.publish(again, by="anna").state == "published"
+
+
+def test_the_command_line_publishes_only_what_ships_where_two_people_are_needed(
+    draft: FrontVersion, pack: dict[str, Any], settings: Any, tmp_path: Path
+) -> None:
+    settings.FRONTRUNNER_SECOND_PERSON, settings.FRONTRUNNER_FRONTS = True, tmp_path
+    (tmp_path / "broken.json").write_text("{}")
+    services.submit(draft, by="anna")
+
+    with pytest.raises(CommandError, match="the command line does not say who you are"):
+        call_command("front", "publish", "kfusion-1", "--yes")
+
+    shipped = tmp_path / "kfusion-2.json"
+    shipped.write_text(json.dumps(front_document(pack, version="2")))
+    assert list(first_run.publish_shipped_fronts())[1:] == ["Published the front kfusion-2: 3 configurations"]
+    assert FrontVersion.objects.get(slug="kfusion-1").state == "in-review"
+
+
+class Terminal(io.StringIO):
+    """A person at a terminal who types these lines."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_the_command_shows_what_changes_and_asks(
+    draft: FrontVersion,
+    pack: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    services.publish(services.submit(draft))
+    worse = front_document(pack, version="2")
+    worse["configurations"][1]["predicted"] |= {"runtime": 0.02, "ate_max": None}
+    del worse["configurations"][2]
+    path = tmp_path / "kfusion-2.json"
+    path.write_text(json.dumps(worse))
+
+    monkeypatch.setattr("sys.stdin", Terminal("n\n"))
+    call_command("front", "publish", str(path))
+
+    assert capsys.readouterr().out.splitlines() == [
+        "Clients measure kfusion-2 instead of kfusion-1.",
+        "  lost: accurate",
+        "  changed: best, runtime 0.01 -> 0.02 s, largest error 0.04 -> None m",
+        "  hypervolume: 0.000 times the earlier one",
+        "WARNING: The predicted speedup over default of best gets worse: "
+        "4.00x instead of 8.00x in kfusion-1.",
+        "WARNING: The predicted largest error of best is unknown in kfusion-2: it cannot be compared.",
+        "Publish kfusion-2? [y/N] kfusion-2: not published",
+    ]
+    assert not FrontVersion.objects.filter(slug="kfusion-2").exists()
+
+    monkeypatch.setattr("sys.stdin", Terminal("y\n"))
+    call_command("front", "publish", str(path))
+    assert FrontVersion.objects.get(slug="kfusion-2").state == "published"
+
+
+def test_without_a_terminal_the_command_needs_a_yes(
+    draft: FrontVersion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("y\n"))
+
+    with pytest.raises(CommandError, match="kfusion-1: this is not a terminal to ask at, add --yes"):
+        call_command("front", "publish", "kfusion-1")
+
+    assert FrontVersion.objects.get().state == "draft"
+
+
 def test_an_exported_front_imports_as_the_same_content(
     draft: FrontVersion, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -248,12 +374,13 @@ def test_an_exported_front_imports_as_the_same_content(
     services.discard(draft)
 
     call_command("front", "import", str(path))
-    call_command("front", "publish", "kfusion-1")
+    call_command("front", "publish", "kfusion-1", "--yes")
     call_command("front", "retire", "kfusion-1")
 
     assert capsys.readouterr().out.splitlines() == [
         f"kfusion-1: {path}",
         "kfusion-1: a draft now, manage.py front publish kfusion-1 makes clients measure it",
+        "No front of kfusion is published now: kfusion-1 is the first.",
         "kfusion-1: published",
         "kfusion-1: retired",
     ]
@@ -406,3 +533,18 @@ def test_a_front_in_review_is_a_draft_again_for_an_earlier_release(
 
     states = FrontVersion.objects.order_by("slug").values_list("state", flat=True)
     assert list(states) == ["draft", "published"]
+
+
+def test_the_log_of_an_earlier_release_is_kept(transactional_db: None, pack: dict[str, Any]) -> None:
+    services.submit(services.create_draft(front_document(pack, version="1"), by="anna"), by="anna")
+    entries = list(AuditEntry.objects.values())
+    call_command("migrate", "fronts", "0004", verbosity=0)
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT slug, action FROM fronts_auditentry ORDER BY id")
+        assert cursor.fetchall() == [("kfusion-1", "drafted"), ("kfusion-1", "submitted for review")]
+
+    call_command("migrate", verbosity=0)
+
+    assert list(AuditEntry.objects.values()) == entries
+    refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
+    assert FrontVersion.objects.get().audit.get().action == "submitted for review"

@@ -8,6 +8,7 @@ import pytest
 from django.core.management import CommandError, call_command
 from django.test import Client
 
+from crowd.audit.models import AuditEntry
 from crowd.devices import permits
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.devices.normalisation import identify
@@ -176,3 +177,11 @@ def test_a_crowd_is_simulated_and_removed(
     assert [MeasurementSession.objects.count(), Run.objects.count()] == [1, 4]
     assert (Cohort.objects.count(), DeviceSpeedup.objects.count()) == (1, 1)
     assert not Tombstone.objects.exists()
+
+
+def test_a_permit_that_is_printed_is_logged(db: None, capsys: pytest.CaptureFixture[str]) -> None:
+    call_command("simulate_crowd", "--permit")
+
+    assert permits.is_valid(capsys.readouterr().out.strip())
+    entry = AuditEntry.objects.get()
+    assert (entry.actor, entry.action, entry.subject) == ("command line", "permit issued", "simulated crowd")

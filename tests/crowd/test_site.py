@@ -9,6 +9,7 @@ from django.core.management import call_command
 from django.test import Client
 from django.urls import reverse
 
+from crowd.audit.models import AuditEntry
 from crowd.fronts.models import FrontVersion
 from crowd.openapi import document
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
@@ -132,6 +133,20 @@ def test_a_token_can_be_revoked(administrator: Client, participant: Participant)
     )
 
     assert participant.submit(submission_document()).json()["code"] == "token_invalid"
+    entry = AuditEntry.objects.get(action="token revoked")
+    assert (entry.actor, entry.subject) == ("admin", f"installation {participant.installation_id}")
+
+
+def test_a_token_that_is_revoked_already_is_not_logged_again(
+    administrator: Client, participant: Participant
+) -> None:
+    for _ in range(2):
+        administrator.post(
+            reverse("admin:devices_installation_changelist"),
+            {"action": "revoke", "_selected_action": [participant.installation_id]},
+        )
+
+    assert AuditEntry.objects.filter(action="token revoked").count() == 1
 
 
 def test_a_front_can_be_retired_in_the_admin(administrator: Client, front: FrontVersion) -> None:

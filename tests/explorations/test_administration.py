@@ -10,6 +10,7 @@ from django.contrib.auth import get_user_model
 from django.test import Client
 from django.urls import reverse
 
+from crowd.audit.models import AuditEntry
 from crowd.celery import app
 from crowd.explorations import forms, publishing, services, tokens
 from crowd.explorations.measurement import MeasurementError
@@ -361,3 +362,70 @@ def test_the_opencl_device_stays_while_an_exploration_counts_on_it(
     assert administrator.post(page, form).status_code == 302
     device.refresh_from_db()
     assert device.opencl_device == "mali"
+
+
+def logged() -> list[tuple[str, str, str, str, str]]:
+    """What the audit log says of explorations and their devices, oldest first."""
+    rows = AuditEntry.objects.order_by("pk")
+    return [(row.actor, row.action, row.subject, row.from_state, row.to_state) for row in rows]
+
+
+def test_each_step_of_an_exploration_is_logged(
+    administrator: Client, exploration: Exploration, unread_queues: None
+) -> None:
+    for name, form in (("pause", {}), ("resume", {}), ("raise", {"budget": "9"}), ("cancel", {})):
+        step(administrator, exploration, name, **form)
+    step(administrator, exploration, "resume")  # refused
+
+    subject = f"exploration {exploration.pk}"
+    assert logged() == [
+        ("root", "paused", subject, "running", "paused"),
+        ("root", "resumed", subject, "paused", "running"),
+        ("root", "budget raised", subject, "running", "running"),
+        ("root", "cancelled", subject, "running", "cancelled"),
+    ]
+    assert AuditEntry.objects.get(action="budget raised").note == "searches up to 9 configurations"
+
+
+def test_what_is_started_and_measured_again_is_logged(
+    administrator: Client, unsaved: Exploration, unread_queues: None
+) -> None:
+    administrator.post(reverse(ADD), wish(unsaved))
+    exploration = run_to_the_end(Exploration.objects.get())
+    found, _ = publishing.candidates(exploration)
+    administrator.post(
+        address("points", exploration), {f"name-{found[0].key}": "default", "act": "measure", "times": "2"}
+    )
+
+    subject = f"exploration {exploration.pk}"
+    assert logged() == [
+        ("root", "started", subject, "", "running"),
+        ("root", "measurements repeated", subject, "done", "running"),
+    ]
+    assert AuditEntry.objects.first().note == "2 further measurements"  # type: ignore[union-attr]
+
+
+def test_each_token_of_a_device_is_logged_and_not_shown_there(administrator: Client, db: None) -> None:
+    device = ReferenceDevice.objects.create(name="bench", queue="bench")
+    page = reverse("admin:explorations_referencedevice_token", args=[device.pk])
+    issued = administrator.post(page, {"act": "issue"})
+    token = issued.content.decode().split("--token ")[1].split("<")[0].strip()
+    administrator.post(page, {"act": "revoke"})
+    administrator.post(page, {"act": "revoke"})  # there is none any more
+    administrator.post(page, {"act": "issue"})
+    administrator.post(
+        reverse("admin:explorations_referencedevice_delete", args=[device.pk]), {"post": "yes"}
+    )
+
+    subject = "reference device bench"
+    assert [row[:3] for row in logged()] == [
+        ("root", "token issued", subject),
+        ("root", "token revoked", subject),
+        ("root", "token issued", subject),
+        ("root", "token revoked", subject),
+    ]
+    assert AuditEntry.objects.first().note == "the device was deleted"  # type: ignore[union-attr]
+    assert not ReferenceDevice.objects.exists()
+    page_of_log = administrator.get(reverse("admin:audit_auditentry_changelist")).content.decode()
+    assert subject in page_of_log
+    assert token not in page_of_log

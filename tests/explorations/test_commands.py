@@ -12,6 +12,7 @@ import pytest
 from django.core.management import CommandError, call_command, load_command_class
 from django.test import Client
 
+from crowd.audit.models import AuditEntry
 from crowd.explorations import leases, services
 from crowd.explorations.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
@@ -239,3 +240,15 @@ def test_an_export_counts_what_it_holds(
 
     lines = (tmp_path / "all.csv").read_text().splitlines()
     assert f"{len(lines) - 1} evaluations" in capsys.readouterr().out
+
+
+def test_steps_of_the_command_line_are_logged_too(exploration: Exploration, unread_queues: None) -> None:
+    for arguments in (("pause",), ("resume",), ("raise-budget", "9"), ("retry",), ("cancel",)):
+        name, *more = arguments
+        call_command("exploration", name, str(exploration.pk), *more)
+
+    rows = AuditEntry.objects.order_by("pk")
+    assert {row.actor for row in rows} == {"command line"}
+    assert [row.action for row in rows] == [
+        *("paused", "resumed", "budget raised", "failures repeated", "cancelled")
+    ]

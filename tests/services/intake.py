@@ -59,7 +59,7 @@ def _publish(var: Path, emptying: Sequence[str], services: Services) -> None:
         [
             "from django.core.management import call_command as call",
             *steps,
-            f"call('publish_front', {str(path)!r})",
+            f"call('publish_front', {str(path)!r}, '--yes')",
         ]
     )
     done = command(var, "shell", "--no-imports", "-c", script, **services)

@@ -153,6 +153,12 @@ def _check_session(
             f"no front {session.front_version!r} of {session.application!r} is published here",
             "front_version",
         )
+    if front.protocol is checks.UNREADABLE:
+        return Rejection(
+            "unknown_protocol_version",
+            f"the protocol of {session.front_version} is damaged: measure the front that the manifest names",
+            "front_version",
+        )
     if session.protocol_version != front.protocol.version:
         return Rejection(
             "unknown_protocol_version",

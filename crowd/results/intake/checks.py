@@ -9,10 +9,11 @@ from typing import Any
 import msgspec
 
 from crowd.devices.normalisation import RAW_STRINGS
+from crowd.fronts import protocol as fronts
+from crowd.fronts.selectors import DEFAULT
 from crowd.problems import Problem
 from crowd.results.intake import packing
 from crowd.results.intake.schema import Run
-from slam.protocol import VALID_BELOW
 
 MAX_RUNS = 50
 MAX_STAGES = 16
@@ -40,7 +41,9 @@ class Rejection:
 
 @dataclass(frozen=True)
 class Protocol:
-    """The parts of a front's protocol that the server uses. Every configuration runs `repeats` times."""
+    """The members of a front's protocol by which the server judges runs. Every configuration runs `repeats`
+    times.
+    """
 
     version: int
     frames: int
@@ -50,15 +53,17 @@ class Protocol:
 
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
-        """From the protocol as published."""
-        return cls(
-            version=protocol["version"],
-            frames=protocol["frames"],
-            first_counted_frame=protocol["first_counted_frame"],
-            max_ate=protocol.get("max_ate", VALID_BELOW),
-            # An order such as default, best, best, default spells its repeats out.
-            repeats=max(protocol["repeats"], list(protocol["order"]).count("default")),
-        )
+        """From the protocol as published; UNREADABLE where a member is missing or wrong."""
+        judged = fronts.judged(protocol)
+        if judged is None:
+            return UNREADABLE
+        # An order such as default, best, best, default spells its repeats out.
+        repeats = max(judged.repeats, judged.order.count(DEFAULT))
+        return cls(judged.version, judged.frames, judged.first_counted_frame, judged.max_ate, repeats)
+
+
+# Of a front that was published before protocols were checked: no run can be judged by it.
+UNREADABLE = Protocol(version=0, frames=0, first_counted_frame=0, max_ate=0.0, repeats=0)
 
 
 def check_device(raw: Mapping[str, Any]) -> None:

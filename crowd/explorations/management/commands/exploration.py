@@ -8,16 +8,8 @@ from django.core.exceptions import ValidationError
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import transaction
 
-from crowd.explorations import (
-    exports,
-    reference_devices,
-    report,
-    selectors,
-    services,
-    steering,
-    tasks,
-    watching,
-)
+from crowd.audit.services import COMMAND_LINE
+from crowd.explorations import exports, reference_devices, report, selectors, steering, watching
 from crowd.explorations.management import files
 from crowd.explorations.management.wishes import add_wishes, found, wished
 from crowd.explorations.models import Exploration, ReferenceDevice
@@ -57,8 +49,12 @@ class Command(BaseCommand):
                 self._start(options)
             elif act == "status":
                 self._status(options["key"], options["wait"])
+            elif act in {"report", "export"}:
+                getattr(self, f"_{act}")(found(options["key"]), options)
+            elif act == "raise-budget":
+                self._steer("raise", found(options["key"]), options["budget"])
             else:
-                getattr(self, f"_{act.replace('-', '_')}")(found(options["key"]), options)
+                self._steer(act, found(options["key"]))
         except ValidationError as error:
             raise CommandError("; ".join(error.messages)) from error
 
@@ -67,8 +63,7 @@ class Command(BaseCommand):
         with transaction.atomic():
             if options["opencl"] is not None:
                 reference_devices.use_opencl_device(device, options["opencl"])
-            exploration = services.create(wished(options, device, options["application"]))
-        tasks.dispatch(exploration)
+            exploration = steering.start(wished(options, device, options["application"]), COMMAND_LINE)
         queue = exploration.reference_device.queue
         self._say(f"Started {exploration}; a worker on queue {queue} measures it")
         if options["wait"]:
@@ -102,28 +97,8 @@ class Command(BaseCommand):
             words.append(f"about {seen.seconds_left / 60:.0f} minutes left")
         return ", ".join(words) + (f": {row.note}" if row.note else "")
 
-    def _pause(self, exploration: Exploration, _: dict[str, Any]) -> None:
-        services.pause(exploration)
-        self._say(self._line(exploration.pk))
-
-    def _resume(self, exploration: Exploration, _: dict[str, Any]) -> None:
-        services.resume(exploration)
-        self._go_on(exploration)
-
-    def _cancel(self, exploration: Exploration, _: dict[str, Any]) -> None:
-        services.cancel(exploration)
-        self._say(self._line(exploration.pk))
-
-    def _retry(self, exploration: Exploration, _: dict[str, Any]) -> None:
-        services.retry_failures(exploration)
-        self._go_on(exploration)
-
-    def _raise_budget(self, exploration: Exploration, options: dict[str, Any]) -> None:
-        services.raise_budget(exploration, steering.budget_of(options["budget"], exploration))
-        self._go_on(exploration)
-
-    def _go_on(self, exploration: Exploration) -> None:
-        tasks.go_on(exploration)
+    def _steer(self, name: str, exploration: Exploration, budget: str = "") -> None:
+        steering.take(name, exploration, COMMAND_LINE, budget)
         self._say(self._line(exploration.pk))
 
     def _report(self, exploration: Exploration, _: dict[str, Any]) -> None:

@@ -11,7 +11,8 @@ from django.db import transaction
 from django.utils import timezone
 
 from crowd import first_run
-from crowd.explorations import leases, publishing, reaping, reference_devices, services
+from crowd.audit.services import COMMAND_LINE
+from crowd.explorations import leases, publishing, reaping, reference_devices, services, steering
 from crowd.explorations.management import files
 from crowd.explorations.management.wishes import add_wishes, command_line, wished
 from crowd.explorations.measurement import CannotMeasureHereError, evaluator
@@ -60,7 +61,9 @@ class Command(BaseCommand):
             return None
         self.stdout.write(f"Going on with {found}")
         if found.state == Exploration.State.PAUSED:
-            services.resume(found)
+            with transaction.atomic():
+                services.resume(found)
+                steering.log(found, COMMAND_LINE, "resumed", Exploration.State.PAUSED)
         reaping.reap_after_restart()
         return found
 
@@ -69,7 +72,9 @@ class Command(BaseCommand):
             device = first_run.create_this_machine()
             if options["device"] is not None:
                 reference_devices.use_opencl_device(device, options["device"])
-            return services.create(wished(options, device, application))
+            exploration = services.create(wished(options, device, application))
+            steering.log(exploration, COMMAND_LINE, "started", "", str(exploration))
+            return exploration
 
     def _measure_here(self, exploration: Exploration) -> None:
         """Measure whatever waits until the exploration is done; workers of a running server may help.

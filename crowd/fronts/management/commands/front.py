@@ -1,5 +1,6 @@
 """manage.py front export | import | publish | retire: fronts from and to files, without a browser."""
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -7,8 +8,9 @@ from typing import Any
 from django.core.exceptions import ValidationError
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd.fronts import contents, selectors, services
+from crowd.fronts import contents, preview, selectors, services
 from crowd.fronts.models import FrontVersion
+from crowd.fronts.selectors import Front
 
 
 class Command(BaseCommand):
@@ -16,14 +18,15 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: CommandParser) -> None:
         acts = parser.add_subparsers(dest="act", required=True, metavar="export|import|publish|retire")
-        export = acts.add_parser("export", help="write a front, in whatever state, as a file that imports")
+        export = acts.add_parser("export", help="write a front in any state as a file that can be imported")
         export.add_argument("version", metavar="VERSION", help="as in kfusion-1")
         export.add_argument("--out", type=Path, metavar="FILE", help="else on the standard output")
         read = acts.add_parser("import", help="make a draft of the front in each FILE")
         read.add_argument("files", nargs="+", type=Path, metavar="FILE")
-        publish = acts.add_parser("publish", help="publish files, or drafts and what is in review")
+        publish = acts.add_parser("publish", help="publish files, drafts, or fronts in review")
         publish.add_argument("fronts", nargs="+", metavar="FILE|VERSION")
-        retire = acts.add_parser("retire", help="no client is told of these any more")
+        publish.add_argument("--yes", action="store_true", help="publish without asking")
+        retire = acts.add_parser("retire", help="clients measure these no longer")
         retire.add_argument("versions", nargs="+", metavar="VERSION")
 
     def handle(self, *args: Any, act: str, **options: Any) -> None:  # noqa: ARG002
@@ -33,6 +36,7 @@ class Command(BaseCommand):
             elif act == "import":
                 self._each(options["files"], self._import)
             elif act == "publish":
+                self.yes = options["yes"]
                 self._each(options["fronts"], self._publish)
             else:
                 self._each(options["versions"], self._retire)
@@ -63,12 +67,37 @@ class Command(BaseCommand):
 
     def _publish(self, name: str) -> str:
         if name.endswith(".json") or Path(name).exists():
-            front, new = services.publish_file(Path(name))
-            return f"{front.slug}: {'published' if new else 'was published before, nothing changed'}"
+            return self._publish_file(Path(name))
         front = self._found(name)
+        if not self._confirmed(selectors.any_front(front.pk)):
+            return f"{front.slug}: not published"
         if front.state == FrontVersion.State.DRAFT:
             services.submit(front)
         return f"{services.publish(front).slug}: published"
+
+    def _publish_file(self, path: Path) -> str:
+        document = contents.read(path)
+        try:
+            if (before := services.published(document)) is not None:
+                return f"{before.slug}: was published before, nothing changed"
+            new = selectors.front_of(document)
+            if not self._confirmed(new):
+                return f"{new.slug}: not published"
+            return f"{services.publish_content(document)[0].slug}: published"
+        except services.REFUSALS as error:
+            raise type(error)(f"{path}: {error}") from error
+
+    def _confirmed(self, new: Front) -> bool:
+        """Whether the person at the terminal, who is shown what changes, wants to publish NEW."""
+        for line in preview.lines(preview.preview(new)):
+            self.stdout.write(line)
+        if self.yes:
+            return True
+        if not sys.stdin.isatty():
+            raise CommandError(f"{new.slug}: this is not a terminal to ask at, add --yes to publish it")
+        self.stdout.write(f"Publish {new.slug}? [y/N] ", ending="")
+        self.stdout.flush()
+        return sys.stdin.readline().strip().lower() in {"y", "yes"}
 
     def _retire(self, version: str) -> str:
         return f"{services.retire(self._found(version)).slug}: retired"

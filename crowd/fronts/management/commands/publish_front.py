@@ -1,4 +1,4 @@
-"""manage.py publish_front FILE ...: what `manage.py front publish FILE ...` is, under its earlier name."""
+"""manage.py publish_front FILE ...: the earlier name of `manage.py front publish FILE ...`."""
 
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: CommandParser) -> None:
         parser.add_argument("files", nargs="+", type=Path, metavar="FILE")
+        parser.add_argument("--yes", action="store_true", help="publish without asking")
 
-    def handle(self, *args: Any, files: list[Path], **options: Any) -> None:  # noqa: ARG002
-        call_command("front", "publish", *map(str, files), stdout=self.stdout)
+    def handle(self, *args: Any, files: list[Path], yes: bool, **options: Any) -> None:  # noqa: ARG002
+        call_command("front", "publish", *map(str, files), *(["--yes"] if yes else []), stdout=self.stdout)

@@ -34,7 +34,7 @@ class Command(BaseCommand):
 
     def handle(self, *args: Any, **options: Any) -> None:  # noqa: ARG002
         if options["permit"]:
-            self.stdout.write(permits.permit())
+            self.stdout.write(permits.issue())
         elif options["remove"]:
             self._remove()
         else:

@@ -1,0 +1,55 @@
+"""Device cookies: a browser that logged in to an account before is known to the server.
+
+As OWASP describes them ("Slow Down Online Guessing Attacks with Device Cookies"): what strangers try at an
+account does not lock out a browser that has its owner's cookie. The cookie holds the account's name and a
+random number, signed, and proves nothing else: the password is asked for all the same.
+"""
+
+import secrets
+from dataclasses import dataclass
+
+from django.conf import settings
+from django.core import signing
+from django.http import HttpRequest, HttpResponse
+from django.urls import reverse
+from django.utils.crypto import salted_hmac
+
+SALT = "device cookie"
+LIFETIME_SECONDS = 180 * 24 * 3600
+
+
+@dataclass(frozen=True)
+class DeviceCookie:
+    """The cookie of one browser for one account; `number` is random and new with each log-in."""
+
+    account: str
+    number: str
+
+
+def known(request: HttpRequest, account: str) -> DeviceCookie | None:
+    """The valid cookie that REQUEST has for ACCOUNT; None without one."""
+    try:
+        owner, number = signing.loads(
+            request.COOKIES.get(cookie_name(account), ""), salt=SALT, max_age=LIFETIME_SECONDS
+        )
+    except (signing.BadSignature, ValueError, TypeError):
+        return None
+    return DeviceCookie(owner, number) if owner == account else None
+
+
+def give(response: HttpResponse, account: str) -> None:
+    """Make the browser known for ACCOUNT, which has just logged in."""
+    response.set_cookie(
+        cookie_name(account),
+        signing.dumps([account, secrets.token_hex(16)], salt=SALT),
+        max_age=LIFETIME_SECONDS,
+        path=reverse("admin:index"),
+        secure=settings.SESSION_COOKIE_SECURE,
+        httponly=True,
+        samesite="Strict",
+    )
+
+
+def cookie_name(account: str) -> str:
+    """One name for each account, as several may use a browser; it does not reveal the account."""
+    return f"device_{salted_hmac(SALT, account).hexdigest()[:16]}"

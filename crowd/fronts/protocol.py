@@ -1,0 +1,112 @@
+"""A front's measuring protocol: every member, its type, its range, and what has to agree.
+
+This is the only place that knows the members: a new version of the protocol adds its own here.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from crowd.fronts.selectors import DEFAULT
+from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
+
+MAX_RUNS = 50  # of one session, as clients measure and the server accepts it
+MAX_FRAMES = 10_000
+AN_HOUR, A_DAY = 3600, 24 * 3600
+
+Frames = Annotated[int, msgspec.Meta(ge=1, le=MAX_FRAMES)]
+FrameNumber = Annotated[int, msgspec.Meta(ge=0, le=MAX_FRAMES)]
+Repeats = Annotated[int, msgspec.Meta(ge=1, le=MAX_RUNS)]
+Version = Annotated[int, msgspec.Meta(ge=1, le=1000)]
+Metres = Annotated[float, msgspec.Meta(gt=0, le=10)]
+
+
+class Protocol(msgspec.Struct, forbid_unknown_fields=True):
+    """How clients measure. Times are seconds, `max_ate` metres, frames are counted from 0.
+
+    Clients have their own defaults for the last three (docs/protocol.md).
+    """
+
+    version: Version
+    warmup_frames: FrameNumber
+    frames: Frames
+    first_counted_frame: FrameNumber
+    order: Annotated[list[str], msgspec.Meta(min_length=2, max_length=MAX_RUNS)]
+    repeats: Repeats
+    rest_seconds: Annotated[float, msgspec.Meta(ge=0, le=AN_HOUR)]
+    max_ate: Metres = VALID_BELOW
+    max_repeats: Repeats | UnsetType = UNSET
+    precision: Annotated[float, msgspec.Meta(ge=0, le=1)] | UnsetType = UNSET
+    max_seconds: Annotated[float, msgspec.Meta(ge=0, le=A_DAY)] | UnsetType = UNSET
+
+
+MEMBERS = tuple(field.name for field in msgspec.structs.fields(Protocol))
+
+
+class _Judged(msgspec.Struct):
+    """The members by which the server judges runs."""
+
+    version: Version
+    frames: Frames
+    first_counted_frame: FrameNumber
+    order: list[str]
+    repeats: Repeats
+    max_ate: Metres = VALID_BELOW
+
+
+def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterator[str]:
+    """What does not agree in PROTOCOL, with itself or with the names of its front's CONFIGURATIONS."""
+    if protocol.first_counted_frame >= protocol.frames:
+        yield f"first_counted_frame: {protocol.first_counted_frame} is not below frames ({protocol.frames})"
+    counts = Counter(protocol.order)
+    if unknown := [name for name in counts if name not in configurations]:
+        yield (
+            f"order: {unknown[0]!r:.80} is not a configuration of this front: choose from "
+            f"{', '.join(configurations)}"
+        )
+    if DEFAULT not in counts:
+        yield f"order: {DEFAULT} is missing, every speedup is measured against it"
+    if len(counts) == 1:
+        yield f"order: it names {DEFAULT} alone: add a configuration to compare with it"
+    if len(set(counts.values())) > 1:
+        yield f"order: each configuration must appear equally often, not {dict(counts)}"
+        return
+    each = counts.most_common(1)[0][1]
+    if protocol.repeats % each:
+        yield f"repeats: order names each configuration {each} times: give {each} or a multiple of it"
+    if (runs := protocol.repeats * len(counts)) > MAX_RUNS:
+        yield f"repeats: {protocol.repeats} of {len(counts)} names are {runs} runs, at most {MAX_RUNS}"
+    if protocol.max_repeats is not UNSET and protocol.max_repeats < protocol.repeats:
+        yield f"max_repeats: {protocol.max_repeats} is less than repeats ({protocol.repeats})"
+
+
+def judged(stored: Any) -> _Judged | None:
+    """The members of the STORED protocol by which runs are judged; None where one is missing or wrong.
+
+    A front can be older than these checks, and what is published cannot be changed.
+    """
+    try:
+        protocol = msgspec.convert(stored, _Judged)
+    except msgspec.ValidationError:
+        return None
+    return protocol if protocol.first_counted_frame < protocol.frames else None
+
+
+def max_ate(stored: Mapping[str, Any]) -> float:
+    """The error in metres from which on a run is invalid; the usual limit where STORED has no usable one."""
+    return _or(stored.get("max_ate"), Metres, VALID_BELOW)
+
+
+def first_counted_frame(stored: Mapping[str, Any]) -> int:
+    """The first frame that counts; the usual one where STORED has no usable one."""
+    return _or(stored.get("first_counted_frame"), FrameNumber, FIRST_COUNTED_FRAME)
+
+
+def _or(value: Any, kind: Any, otherwise: Any) -> Any:
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError:
+        return otherwise
