@@ -113,14 +113,15 @@ def store(lines: Iterable[Line | BadLine]) -> Imported:
 
 
 def _entry(line: Line) -> CatalogueEntry:
+    """The entry for LINE. A chip that no rule knows stays as it came: an administrator chose the file."""
     chip = chips.graphics(line.gpu)
     return CatalogueEntry(
         maker=names.manufacturer(line.maker).casefold(),
         device=line.device.casefold(),
         code=line.code.casefold(),
         market_name=line.market_name,
-        soc=chips.system_on_chip(line.soc)[:100],
-        gpu=chip.name[:150] if chip else "",
+        soc=(chips.system_on_chip(line.soc) or line.soc)[:100],
+        gpu=(chip.name if chip else line.gpu)[:150],
     )
 
 

@@ -7,60 +7,56 @@ the accepted aliases. So undoing one restores exactly what was.
 from collections.abc import Iterable, Sequence
 
 from django.db import transaction
+from django.db.models import Q
 from django.utils import timezone
 
-from crowd.devices import normalisation, recognition
+from crowd.devices import alias_candidates, normalisation, recognition
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel, DeviceSplit
-from crowd.devices.normalisation import HANDHELD
-from crowd.devices.proposals import Candidate, propose
+from crowd.devices.proposals import propose
 
 State = DeviceAlias.State
 BY_HAND = "said by an administrator"
+# Models that one look for aliases takes: it runs with every sweep.
+MOST_EXAMINED = 200
 
 
 class DecisionError(ValueError):
-    """A decision that cannot be; the message says why and what would be right."""
+    """A decision that is not possible; the message says why and what would be right."""
 
 
 @transaction.atomic
-def propose_aliases() -> int:
-    """Look for aliases of models that nobody looked at since they came; how many new proposals there are."""
-    unexamined = set(DeviceModel.objects.filter(examined=False).values_list("pk", flat=True))
+def propose_aliases(limit: int = MOST_EXAMINED) -> int:
+    """Look for aliases of at most LIMIT models that were not looked at yet; how many new proposals there are.
+
+    Only those models and what shares a token with them are read, however many models a maker has.
+    """
+    waiting = DeviceModel.objects.filter(examined=False).order_by("pk")[:limit]
+    unexamined = set(waiting.values_list("pk", flat=True))
     if not unexamined:
         return 0
-    makers = DeviceModel.objects.filter(pk__in=unexamined).values_list("manufacturer", flat=True)
-    found = propose(_candidates(makers))
-    known = {
-        frozenset(pair)
-        for pair in DeviceAlias.objects.exclude(state=State.UNDONE).values_list("alias", "model")
-    }
-    new = [
+    new = alias_candidates.candidates(alias_candidates.proposable().filter(pk__in=unexamined))
+    found = propose(alias_candidates.candidates(alias_candidates.partners(new)))
+    pairs = DeviceAlias.objects.exclude(state=State.UNDONE).filter(
+        Q(alias__in=unexamined) | Q(model__in=unexamined)
+    )
+    known = {frozenset(pair) for pair in pairs.values_list("alias", "model")}
+    proposals = [
         DeviceAlias(alias_id=one.alias, model_id=one.model, reason=one.reason)
         for one in found
-        if frozenset({one.alias, one.model}) not in known and unexamined & {one.alias, one.model}
+        if unexamined & {one.alias, one.model} and frozenset({one.alias, one.model}) not in known
     ]
-    DeviceAlias.objects.bulk_create(new)
+    DeviceAlias.objects.bulk_create(proposals)
     DeviceModel.objects.filter(pk__in=unexamined).update(examined=True)
-    return len(new)
+    return len(proposals)
 
 
-def _candidates(makers: Iterable[str]) -> Iterable[Candidate]:
-    """The models of MAKERS that are shown under their own name and are devices."""
-    models = DeviceModel.objects.filter(
-        manufacturer__in=makers, canonical=None, kind__in=[DeviceModel.Kind.DEVICE, DeviceModel.Kind.UNKNOWN]
-    )
-    for model in models.order_by("pk").prefetch_related("descriptions"):
-        devices = {str(row.raw.get("device") or "") for row in model.descriptions.all()} - {""}
-        yield Candidate(
-            key=model.pk,
-            manufacturer=model.manufacturer,
-            name=model.name,
-            market_name=model.market_name,
-            soc=model.soc,
-            cpu=model.cpu,
-            handheld=model.os in HANDHELD,
-            devices=frozenset(devices),
-        )
+def propose_all_aliases() -> int:
+    """Look for aliases of every model, also of those looked at before; how many new proposals there are."""
+    DeviceModel.objects.exclude(kind=DeviceModel.Kind.GROUP).update(examined=False)
+    found = 0
+    while DeviceModel.objects.filter(examined=False).exists():
+        found += propose_aliases()
+    return found
 
 
 @transaction.atomic
@@ -148,7 +144,9 @@ def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceM
     key = f"{source.key[:150]}|split {number}"
     return DeviceModel.objects.create(
         key=key,
-        slug=normalisation.slug_of(source.manufacturer, source.name, key),
+        slug=normalisation.slug_of(source.manufacturer, source.name, key)
+        if identity.named
+        else normalisation.nameless_slug(source.os, key),
         manufacturer=source.manufacturer,
         name=f"{source.name[:100]}, {differs[:45]}",
         market_name=source.market_name,
@@ -219,7 +217,7 @@ def _root(key: int, edges: dict[int, int]) -> int:
 
 
 def _show_canonically(keys: set[int]) -> None:
-    """Compute `canonical` anew for all models that accepted aliases join with KEYS, and for KEYS."""
+    """Compute `canonical` again for all models that accepted aliases join with KEYS, and for KEYS."""
     edges = _edges()
     roots = {_root(key, edges) for key in keys}
     joined = keys | roots | {alias for alias in edges if _root(alias, edges) in roots}

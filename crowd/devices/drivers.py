@@ -7,10 +7,14 @@ from typing import Any
 
 from crowd.devices.names import text
 
+FLAGS = re.IGNORECASE | re.ASCII
+# "560.35.03", "24.35.30872", "3602.0"; not the start of a longer number.
+NUMBERS = r"(?<![\d.])(\d{1,4}(?:\.\d{1,6}){0,3})(?![\d.]*\d)"
+
 
 @dataclass(frozen=True)
 class Driver:
-    """A driver: who wrote it, and its version in that maker's counting; empty where nothing tells."""
+    """A driver: who wrote it, and its version as that maker counts; empty where they are unknown."""
 
     name: str = ""
     version: str = ""
@@ -19,27 +23,28 @@ class Driver:
         return f"{self.name} {self.version}".strip()
 
 
-# By the platform's name; the version is the pattern's first group in the driver's own string.
+# By the platform's name. The version is the first group of the second pattern in the driver's own string:
+# numbers alone, so that no text of a stranger gets into it.
 DRIVERS = tuple(
-    (re.compile(platform, re.IGNORECASE), name, re.compile(version, re.IGNORECASE))
+    (re.compile(platform, FLAGS), name, re.compile(version, FLAGS))
     for platform, name, version in (
-        # "3.0 v1.r44p1-00eac0.<digest of the build>": the digest would tell the phone's firmware.
-        (r"\barm\b", "Mali", r"\b(r\d+p\d+)"),
+        # "3.0 v1.r44p1-00eac0.<digest of the build>": the digest would reveal the phone's firmware.
+        (r"\barm\b", "Mali", r"\b(r\d{1,3}p\d{1,2})(?!\d)"),
         # "OpenCL 2.0 QUALCOMM build: commit #... Compiler E031.37.12.07"
-        (r"qualcomm|snapdragon", "Adreno", r"compiler (e[\d.]+)"),
-        (r"portable computing language|pocl", "PoCL", r"([\d.]+\w*)"),
-        (r"rusticl", "rusticl", r"([\d.]+)"),
-        (r"nvidia", "NVIDIA", r"([\d.]+)"),
-        (r"amd|advanced micro devices", "AMD", r"([\d.]+)"),
-        (r"intel", "Intel", r"([\d.]+)"),
-        (r"apple", "Apple", r"([\d.]+)"),
-        (r"powervr|imagination", "PowerVR", r"([\d.]+(?:@\d+)?)"),
+        (r"qualcomm|snapdragon", "Adreno", r"compiler (e\d{3}(?:\.\d{2}){1,3})(?![\d.])"),
+        (r"portable computing language|pocl", "PoCL", NUMBERS),
+        (r"rusticl", "rusticl", NUMBERS),
+        (r"nvidia", "NVIDIA", NUMBERS),
+        (r"amd|advanced micro devices", "AMD", NUMBERS),
+        (r"intel", "Intel", NUMBERS),
+        (r"apple", "Apple", NUMBERS),
+        (r"powervr|imagination", "PowerVR", r"(?<![\d.])(\d{1,2}\.\d{1,3}(?:@\d{6,8})?)(?![\d.@])"),
     )
 )
 
 
 def driver(raw: Mapping[str, Any]) -> Driver:
-    """The driver behind RAW; Driver() where its platform is not known by any rule."""
+    """The driver behind RAW; Driver() where no rule knows its platform."""
     platform, given = text(raw, "opencl_platform"), text(raw, "opencl_driver")
     for known, name, version in DRIVERS:
         if known.search(platform):

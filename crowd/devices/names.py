@@ -16,17 +16,37 @@ COMPANY = re.compile(
     r"[,.]?\s+(inc|incorporated|corp|corporation|co|company|ltd|limited|llc|gmbh|ag|s\.?a|b\.?v|plc)\b\.?,?",
     re.IGNORECASE,
 )
-# Makers write their own name in several ways; the way people know it.
-MAKERS = {
-    "asus": "ASUS", "asustek": "ASUS", "asustek computer": "ASUS", "dell": "Dell", "google": "Google",
-    "hewlett-packard": "HP", "hewlett packard": "HP", "hp": "HP", "htc": "HTC", "huawei": "Huawei",
-    "innotek": "VirtualBox", "lenovo": "Lenovo", "lg": "LG", "lge": "LG", "lg electronics": "LG",
-    "micro-star international": "MSI", "motorola": "Motorola", "msi": "MSI", "nokia": "Nokia",
-    "nvidia": "NVIDIA", "oneplus": "OnePlus", "oppo": "OPPO", "qemu": "QEMU", "realme": "realme",
-    "samsung": "Samsung", "samsung electronics": "Samsung", "sony": "Sony", "tcl": "TCL", "vivo": "vivo",
-    "vmware": "VMware", "xiaomi": "Xiaomi", "zte": "ZTE",
+# Makers as people know them: the list that the public's names of makers come from.
+KNOWN = (
+    "360", "Acer", "Advan", "AGM", "Aiwa", "Alcatel", "Alldocube", "Alienware", "Allview", "Amazon", "Apple",
+    "Archos",
+    "ASRock", "Azpen", "Azumi", "BenQ", "Blackview", "Blaupunkt", "BLU", "bmobile", "BQ", "Casper", "Cat",
+    "Cherry Mobile", "Compaq", "Condor", "Coolpad", "Cubot", "DEXP", "Digma", "Doogee", "Elephone",
+    "Evercoss",
+    "Fairphone", "Framework", "Fujitsu", "General Mobile", "Gigabyte", "Gigaset", "Gionee", "Haier",
+    "Hardkernel", "Highscreen", "Hisense", "HMD Global", "Honeywell", "Honor", "Hotwav", "Hyundai", "IBM",
+    "iHunt", "Infinix", "InFocus", "Inoi", "Intel", "Intex", "iQOO", "itel", "JVC", "Kyocera", "Lanix",
+    "Lava", "Leagoo", "Lephone", "Letv", "LeMobile", "Logicom", "Masstel", "Maxwest", "Medion", "Meizu",
+    "Micromax", "Mobicel", "Mobiwire", "Multilaser", "NEC", "Neffos", "NextBit", "Nothing", "Nubia", "NUU",
+    "Onn", "Orange", "Oscal", "Oukitel", "Panasonic", "Pantech", "Philips", "POCO", "Polaroid", "Positivo",
+    "Prestigio", "QMobile", "Razer", "RCA", "Realtek", "Redmi", "Reeder", "Sharp", "Sky", "Sony Ericsson",
+    "SPC", "Stylo", "Supermicro", "Symphony", "System76", "Teclast", "Tecno", "Tesla", "Thomson", "Toshiba",
+    "TP-Link", "Ulefone", "Umidigi", "Valve", "Verizon", "Vertex", "Vestel", "Vodafone", "Vortex", "Walton",
+    "Wiko", "Wileyfox", "Wortmann", "Xen", "Yezz", "Zebra", "ZUK",
+)  # fmt: skip
+# Makers write their own name in several ways.
+MAKERS = {name.casefold(): name for name in KNOWN} | {
+    "amazon ec2": "Amazon EC2", "asus": "ASUS", "asustek": "ASUS", "asustek computer": "ASUS", "dell": "Dell",
+    "google": "Google", "hewlett-packard": "HP", "hewlett packard": "HP", "hp": "HP", "htc": "HTC",
+    "huawei": "Huawei", "innotek": "VirtualBox", "lenovo": "Lenovo", "lg": "LG", "lge": "LG",
+    "lg electronics": "LG", "micro-star international": "MSI", "microsoft": "Microsoft",
+    "motorola": "Motorola", "msi": "MSI", "nokia": "Nokia", "nvidia": "NVIDIA", "oneplus": "OnePlus",
+    "oppo": "OPPO", "qemu": "QEMU", "realme": "realme", "samsung": "Samsung",
+    "samsung electronics": "Samsung", "sony": "Sony", "tcl": "TCL", "vivo": "vivo", "vmware": "VMware",
+    "xiaomi": "Xiaomi", "zte": "ZTE",
 }  # fmt: skip
-# Chip makers, and what their kits for building phones leave in the maker's place: no maker's name.
+LISTED = frozenset(MAKERS.values())
+# Chip makers, and what their kits for building phones leave in the maker's place: not a maker's name.
 REFERENCE_MAKERS = frozenset(
     {"allwinner", "alps", "android", "aosp", "mediatek", "mtk", "qualcomm", "rockchip", "softwinner", "sprd"}
 )
@@ -38,7 +58,7 @@ NAMES_NOTHING = re.compile(
 
 
 def text(raw: Mapping[str, Any], field: str) -> str:
-    """RAW's string of that name in one line; empty where it is absent, no string, or a placeholder."""
+    """RAW's string of that name in one line; empty where it is absent, not a string, or a placeholder."""
     value = raw.get(field)
     if not isinstance(value, str):
         return ""
@@ -47,12 +67,17 @@ def text(raw: Mapping[str, Any], field: str) -> str:
 
 
 def manufacturer(name: str) -> str:
-    """The maker's name without its legal form, written as people know it."""
+    """The maker's name without its legal form, written as people know it. An unknown one stays as it came."""
     short = COMPANY.sub("", name).strip(" ,.")
     known = MAKERS.get(short.casefold())
     if known:
         return known
     return short.capitalize() if short.islower() or (short.isupper() and len(short) > 4) else short
+
+
+def is_known_maker(name: str) -> bool:
+    """Whether NAME, as `manufacturer` writes it, is a maker of the list."""
+    return name in LISTED
 
 
 def without_maker(model: str, maker: str) -> str:
@@ -63,14 +88,14 @@ def without_maker(model: str, maker: str) -> str:
 
 
 def folded(name: str) -> str:
-    """Letters and digits alone, small: 'Redmi_Note-3' and 'REDMI NOTE 3' are one spelling. '+' counts, as a
-    Galaxy S9+ is no Galaxy S9.
+    """Letters and digits alone, small: 'Redmi_Note-3' and 'REDMI NOTE 3' are one spelling. '+' counts: a
+    Galaxy S9+ is not a Galaxy S9.
     """
     return "".join(c for c in name.casefold() if c.isalnum() or c == "+")
 
 
 def says_nothing(maker: str, model: str) -> bool:
-    """Whether the two tell no device: no model, or the names of a chip maker's kit."""
+    """Whether the two name no device: there is no model, or they are the names of a chip maker's kit."""
     return not model or maker.casefold() in REFERENCE_MAKERS or bool(NAMES_NOTHING.match(model))
 
 

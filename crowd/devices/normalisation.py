@@ -1,7 +1,8 @@
 """From a device's raw strings to the model people know: pure functions, run again when a rule gets better.
 
-The key of a model holds names alone. Clocks, memory sizes and kernel builds differ between two devices of
-one model, or between two days of one device, and would split it.
+The key of a model holds names alone, also ones that no rule knows: it is never shown. Clocks, memory sizes
+and kernel builds differ between two devices of one model, or between two days of one device, and would
+split it.
 """
 
 import hashlib
@@ -12,12 +13,13 @@ from typing import Any
 
 from django.utils.text import slugify
 
-from crowd.devices import chips, names
+from crowd.devices import chips, model_names, names, processors
+from crowd.devices.chips.central_processors import without_noise
 from crowd.devices.emulators import is_emulator, is_virtual_machine
 from crowd.devices.names import text
 
 # Counts up with every change of a rule: descriptions derived by older rules are derived again.
-RULES = 1
+RULES = 2
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
 # What a model is known by, and the driver that ran.
@@ -30,8 +32,11 @@ RAW_STRINGS = frozenset(
 )  # fmt: skip
 SYSTEMS = {"android": "Android", "windows": "Windows", "macos": "macOS", "darwin": "macOS", "ios": "iOS"}
 HANDHELD = frozenset({"Android", "iOS"})
-# Platforms whose devices are the processor itself, not a graphics chip.
-CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu", re.IGNORECASE)
+# What the simulation calls its devices (crowd.results.simulation).
+SIMULATED_MAKER = "Simulated"
+SIMULATED_NAME = re.compile(
+    r"(?:phone|laptop|PC) \d{1,6} \((?:Adreno|Mali|PowerVR|NVIDIA|Radeon|Intel|CPU)-like\)", re.ASCII
+)
 
 DEVICE, UNKNOWN_DEVICE, EMULATOR, VIRTUAL = "device", "unknown", "emulator", "virtual"
 SIMULATED = "simulated"
@@ -42,8 +47,11 @@ SIMULATED_PREFIX = "simulated\n"
 @dataclass(frozen=True)
 class Identity:
     """What raw strings come to. `key` starts with the maker: no model merges across makers. `kind` is DEVICE,
-    UNKNOWN_DEVICE (its strings tell no model), EMULATOR or VIRTUAL (a PC's virtual machine); SIMULATED where
+    UNKNOWN_DEVICE (its strings name no model), EMULATOR or VIRTUAL (a PC's virtual machine); SIMULATED where
     nobody has the device.
+
+    `named` says that manufacturer and name come from rules. Where it is False they may hold the text that
+    came, for administrators alone. `slug`, `cpu`, `soc`, `gpu` and `os` never do.
     """
 
     key: str
@@ -55,7 +63,7 @@ class Identity:
     gpu: str
     os: str
     kind: str
-    named: bool = True
+    named: bool
 
     @property
     def distinct_slug(self) -> str:
@@ -72,7 +80,7 @@ def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
     """The identity behind RAW, the client's strings; every one may be absent or null. That of a SIMULATED
     device is never one of a device that somebody has, whatever the strings.
     """
-    identity = _identify(raw)
+    identity = _identify(raw, simulated)
     if not simulated:
         return identity
     return replace(
@@ -83,32 +91,68 @@ def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
     )
 
 
-def _identify(raw: Mapping[str, Any]) -> Identity:
+def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
     system = operating_system(text(raw, "os"))
     maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
     model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
     cpu = chips.processor(text(raw, "cpu"))
     soc = system_on_chip(raw, system)
-    # A PC's product name says little of its speed, a virtual machine's nothing: the processor belongs to
-    # the name.
-    if model and (system in HANDHELD or system == "macOS"):
-        name = model
-    elif model and cpu:
-        name = f"{model}, {cpu}"
+    compared = _name(system, model, cpu or without_noise(text(raw, "cpu")), soc or _raw_soc(raw))
+    key = "|".join((maker, compared)).casefold()[:200]
+    listed = names.is_known_maker(maker) or (simulated and maker == SIMULATED_MAKER)
+    if _is_known(maker, model, simulated):
+        name, named = _name(system, model, cpu, ""), True
+    elif (cpu or soc) and not (model and _names_its_model(system)):
+        # Nothing is known of the device but its chip.
+        name, named, maker = cpu or soc, True, maker if listed else ""
     else:
-        name = model or cpu or soc or (f"Unknown {system} device" if system else UNKNOWN)
-    key = "|".join((maker, name)).casefold()[:200]
+        name, named = compared, False
     return Identity(
         key=key,
-        slug=slug_of(maker, name),
+        slug=slug_of(maker, name) if named or name == _unknown(system) else nameless_slug(system, key),
         manufacturer=maker[:100],
         name=name[:150],
         cpu=cpu[:150],
         soc=soc[:100],
         gpu=graphics(raw)[:150],
         os=system[:50],
-        kind=kind_of(raw, system, maker, model or cpu),
+        kind=kind_of(raw, system, maker, model or text(raw, "cpu")),
+        named=named,
     )
+
+
+def _is_known(maker: str, model: str, simulated: bool) -> bool:
+    """Whether rules know MAKER and MODEL, which the public may then see as they are."""
+    if simulated and maker == SIMULATED_MAKER:
+        return bool(SIMULATED_NAME.fullmatch(model))
+    return (not maker or names.is_known_maker(maker)) and model_names.is_known_model(maker, model)
+
+
+def _names_its_model(system: str) -> bool:
+    """Whether devices with SYSTEM say what people call them. A PC's product name says little of its speed, a
+    virtual machine's nothing: the processor belongs to its name.
+    """
+    return system in HANDHELD or system == "macOS"
+
+
+def _name(system: str, model: str, cpu: str, soc: str) -> str:
+    if model and cpu and not _names_its_model(system):
+        return f"{model}, {cpu}"
+    return model or cpu or soc or _unknown(system)
+
+
+def _unknown(system: str) -> str:
+    return f"Unknown {system} device" if system else UNKNOWN
+
+
+def _raw_soc(raw: Mapping[str, Any]) -> str:
+    told = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
+    return told or text(raw, "board_platform")
+
+
+def nameless_slug(system: str, key: str) -> str:
+    """The name in addresses of a model that no rule names; no other KEY has it."""
+    return _distinct(slugify(_unknown(system)), key)
 
 
 def slug_of(maker: str, name: str, key: str = "") -> str:
@@ -143,18 +187,14 @@ def system_on_chip(raw: Mapping[str, Any], system: str) -> str:
     (which writes it where others write the processor). Empty for a PC.
     """
     told = " ".join(filter(None, (text(raw, "soc_manufacturer"), text(raw, "soc_model"))))
-    board = text(raw, "board_platform")
-    if system == "Android":
-        kernel = chips.system_on_chip(text(raw, "cpu"))
-        return chips.system_on_chip(told, board, kernel if kernel != text(raw, "cpu") else "")
-    return chips.system_on_chip(told, board)
+    kernel = text(raw, "cpu") if system == "Android" else ""
+    return chips.system_on_chip(told, text(raw, "board_platform"), kernel)
 
 
 def graphics(raw: Mapping[str, Any]) -> str:
     """The graphics chip: the OpenCL device where it is one, else the name of Android's driver."""
-    if not CPU_PLATFORM.search(text(raw, "opencl_platform")):
-        chip = chips.graphics(text(raw, "opencl_device"))
-        if chip is not None:
-            return chip.name
+    computed = processors.processor_of(raw)
+    if computed.kind == processors.GPU and computed.name != processors.UNKNOWN_CHIP:
+        return computed.name
     driver = chips.graphics(text(raw, "egl"))
     return driver.name if driver else ""

@@ -1,19 +1,49 @@
-"""placeholder until merged"""
+"""Who computed: the chip behind an OpenCL device, by one name for all spellings of it."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
+from crowd.devices import chips
 from crowd.devices.names import text
-from crowd.devices.vendors import CPU, vendor
+
+UNKNOWN_CHIP = "unknown chip"
+CPU: Literal["cpu"] = "cpu"
+GPU: Literal["gpu"] = "gpu"
+# Platforms whose devices are the processor itself, unless the device names a graphics chip.
+CPU_PLATFORM = re.compile(r"portable computing language|pocl|oclgrind|intel\(r\) cpu", re.IGNORECASE)
+# Devices that are the processor itself, whatever the platform: PoCL's, and renderers without a graphics chip.
+CPU_DEVICE = re.compile(r"^(pthread|cpu|basic)\b|llvmpipe|softpipe|swiftshader", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Processor:
+    """A chip that computes. `name` comes from a rule, or is UNKNOWN_CHIP."""
+
     name: str
-    kind: str
+    kind: Literal["cpu", "gpu"]
 
 
 def processor_of(raw: Mapping[str, Any]) -> Processor:
-    name = text(raw, "opencl_device")
-    return Processor(name or "unknown chip", "cpu" if vendor(name) == CPU else "gpu")
+    """The chip that computed for the device behind RAW, the client's strings.
+
+    A CPU that the OpenCL device does not name is the one that the kernel names, else the system on a chip.
+    """
+    device = text(raw, "opencl_device")
+    graphics = chips.graphics(device)
+    if graphics is not None:
+        return Processor(graphics.name, GPU)
+    named = chips.processor(device)
+    if named:
+        return Processor(named, CPU)
+    if CPU_PLATFORM.search(text(raw, "opencl_platform")) or CPU_DEVICE.search(device):
+        return Processor(_of_the_system(raw) or UNKNOWN_CHIP, CPU)
+    return Processor(UNKNOWN_CHIP, GPU)
+
+
+def _of_the_system(raw: Mapping[str, Any]) -> str:
+    cpu = text(raw, "cpu")
+    return chips.processor(cpu) or chips.system_on_chip(
+        text(raw, "soc_model"), text(raw, "board_platform"), cpu
+    )

@@ -57,7 +57,7 @@ def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
     by_token: dict[tuple[str, str, str], list[Candidate]] = defaultdict(list)
     for candidate in candidates:
         if candidate.manufacturer:
-            for reason, token in dict.fromkeys(_tokens(candidate)):
+            for reason, token in dict.fromkeys(tokens(candidate)):
                 by_token[(reason, candidate.manufacturer.casefold(), token)].append(candidate)
     found: dict[frozenset[int], Proposal] = {}
     for strongest in (SPELLING, MARKET_NAME, DEVICE_NAME, REGION):
@@ -72,8 +72,12 @@ def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
     return list(found.values())
 
 
-def _tokens(one: Candidate) -> Iterator[tuple[str, str]]:
-    """What ONE shares with its other names, under the rule that finds it."""
+def tokens(one: Candidate) -> Iterator[tuple[str, str]]:
+    """What ONE shares with its other names, under the rule that finds it. Nothing where its name is only
+    that of its processor: two products with one processor are two.
+    """
+    if one.cpu and folded(one.name) == folded(one.cpu):
+        return
     spelled = {folded(one.name), folded(one.name).removeprefix(folded(one.manufacturer))} - {""}
     for name in spelled:
         yield SPELLING, name

@@ -10,7 +10,7 @@ from django.urls import reverse
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.devices import decisions
+from crowd.devices import alias_candidates, decisions
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel, DeviceSplit
 from crowd.devices.proposals import Candidate, propose
 from crowd.devices.recognition import renormalise
@@ -149,6 +149,50 @@ def test_a_proposal_waits_for_a_person(two: tuple[DeviceModel, DeviceModel]) -> 
 
     assert decisions.propose_aliases() == 0
     assert len(figures()) == 2
+
+
+def test_one_look_takes_a_bounded_number_of_new_models(db: None) -> None:
+    for number in range(1, 6):
+        described(device_document(f"Pixel {number}"))
+        described(device_document(f"PIXEL-{number}"))
+
+    first = decisions.propose_aliases(limit=4)
+
+    assert (first, DeviceModel.objects.filter(examined=False).count()) == (2, 6)
+    assert [decisions.propose_aliases(limit=4) for _ in range(3)] == [2, 1, 0]
+
+
+def test_a_new_model_is_compared_with_what_shares_a_token_alone(db: None) -> None:
+    """However many models a maker has, those that cannot be the new one are not read."""
+    for number in range(30):
+        described(device_document(f"SM-A{number:03}F", manufacturer="Samsung", soc_model=None))
+    alike = described(device_document("SM-G935A", manufacturer="Samsung", soc_model="Tensor")).model
+    old = described(device_document("hltexx", manufacturer="Samsung", soc_model="Tensor")).model
+    decisions.propose_all_aliases()
+    new = described(
+        device_document("SM-G935F", manufacturer="Samsung", soc_model="Tensor", device="hltexx")
+    ).model
+
+    compared = alias_candidates.partners(alias_candidates.candidates([new]))
+
+    assert {model.pk for model in compared} == {alike.pk, old.pk, new.pk}
+    assert decisions.propose_aliases() == 2
+
+
+def test_the_same_device_name_finds_an_older_model(db: None) -> None:
+    older = described(device_document("SM-N9005", manufacturer="Samsung", device="hltexx")).model
+    decisions.propose_all_aliases()
+    newer = described(device_document("hltexx", manufacturer="Samsung")).model
+
+    assert decisions.propose_aliases() == 1
+    proposal = DeviceAlias.objects.get()
+    assert {proposal.alias_id, proposal.model_id} == {older.pk, newer.pk}
+
+
+def test_two_products_with_one_processor_are_not_proposed_as_one() -> None:
+    told = {"name": "AMD EPYC", "cpu": "AMD EPYC", "manufacturer": "Dell", "handheld": False}
+
+    assert propose([phone(1, **told), phone(2, **told)]) == []
 
 
 def test_merges_of_merges_come_apart_in_any_order(db: None) -> None:

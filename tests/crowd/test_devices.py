@@ -33,7 +33,7 @@ def test_a_phone_is_its_maker_and_model() -> None:
 def test_a_pc_is_its_product_and_processor() -> None:
     identity = identify(PC)
 
-    assert identity.name == "XPS 15 9520, 12th Gen Intel Core i7-12700H"
+    assert (identity.name, identity.named) == ("XPS 15 9520, Intel Core i7-12700H", True)
     assert (identity.manufacturer, identity.os) == ("Dell", "Linux")
     assert identity.gpu == "NVIDIA GeForce RTX 3050 Ti Laptop GPU"
 
@@ -105,9 +105,89 @@ def test_what_a_later_device_tells_completes_the_model(db: None) -> None:
 
 
 def test_two_models_never_share_an_address(db: None) -> None:
-    first = described({"os": "Android", "manufacturer": "Acme", "model": "X-1"}).model
-    second = described({"os": "Android", "manufacturer": "Acme", "model": "X 1"}).model
+    first = described({"os": "Android", "manufacturer": "Google", "model": "Pixel-8"}).model
+    second = described({"os": "Android", "manufacturer": "Google", "model": "Pixel 8"}).model
 
     assert first.pk != second.pk
-    assert first.slug == "acme-x-1"
-    assert second.slug.startswith("acme-x-1-")
+    assert first.slug == "google-pixel-8"
+    assert second.slug.startswith("google-pixel-8-")
+
+
+@pytest.mark.parametrize(
+    ("maker", "model"),
+    [
+        ("Google", "Pixel 8 Pro"),
+        ("HUAWEI", "HUAWEI NXT-L29"),
+        ("samsung", "SM-S918B"),
+        ("SAMSUNG", "GT-I9300"),
+        ("samsung", "SM-G960F/DS"),
+        ("Apple", "iPhone15,2"),
+        ("Apple Inc.", "Mac14,2"),
+        ("Xiaomi", "2201117TY"),
+        ("Xiaomi", "Redmi Note 11"),
+        ("motorola", "moto g(30)"),
+        ("OnePlus", "A6003"),
+        ("OnePlus", "CPH2581"),
+        ("Sony", "XQ-CT54"),
+        ("LENOVO", "Lenovo TB-8704F"),
+        ("LGE", "LG-H870"),
+        ("HMD Global", "Nokia 6.1"),
+    ],
+)
+def test_a_phone_with_a_maker_s_usual_name_is_named(maker: str, model: str) -> None:
+    assert identify({"os": "Android", "manufacturer": maker, "model": model}).named
+
+
+@pytest.mark.parametrize(
+    ("maker", "model"),
+    [
+        ("Google", "visit my site"),
+        ("Google", "Pixel visit"),
+        ("Samsung", "SM-HELLO"),
+        ("Acme", "X-1"),
+        ("", "SM-S918B"),
+        ("Simulated", "phone 3 (Mali-like)"),
+    ],
+)
+def test_a_phone_that_no_rule_knows_is_not_named_and_its_address_tells_nothing(
+    maker: str, model: str
+) -> None:
+    identity = identify({"os": "Android", "manufacturer": maker, "model": model})
+
+    assert not identity.named
+    assert identity.slug.startswith("unknown-android-device-")
+
+
+def test_two_phones_that_no_rule_knows_stay_two() -> None:
+    first, second = (identify({"os": "Android", "manufacturer": "Acme", "model": m}) for m in ("One", "Two"))
+
+    assert first.key != second.key
+    assert first.slug != second.slug
+
+
+def test_a_pc_that_no_rule_knows_is_named_by_its_processor() -> None:
+    identity = identify({"os": "Linux", "manufacturer": "Acme", "model": "My Site", "cpu": "AMD EPYC"})
+
+    assert (identity.manufacturer, identity.name, identity.named) == ("", "AMD EPYC", True)
+    assert identity.key == "acme|my site, amd epyc"
+
+
+def test_a_pc_with_a_known_maker_keeps_it() -> None:
+    identity = identify(PC | {"model": "Secret Project"})
+
+    assert (identity.manufacturer, identity.name) == ("Dell", "Intel Core i7-12700H")
+
+
+def test_two_processors_that_no_rule_knows_stay_two() -> None:
+    first, second = (identify({"os": "Linux", "cpu": f"Acme {n} @ 2 GHz"}) for n in ("One", "Two"))
+
+    assert first.key != second.key
+    assert not first.named
+    assert first.cpu == ""
+
+
+def test_a_simulated_device_is_named() -> None:
+    raw = {"os": "Android", "manufacturer": "Simulated", "model": "phone 3 (Mali-like)"}
+
+    assert identify(raw, simulated=True).named
+    assert not identify(raw | {"model": "phone 3 (visit-like)"}, simulated=True).named

@@ -17,6 +17,11 @@ from crowd.devices.vendors import CPU, OTHER, vendor
         ("pthread-Intel(R) Xeon(R) Platinum 8481C CPU @ 2.70GHz", CPU),
         ("cpu-haswell-AMD EPYC 7B12", CPU),
         ("AMD Ryzen 7 5800X 8-Core Processor", CPU),
+        ("AMD EPYC", CPU),
+        ("Intel Core Ultra 7 155H", CPU),
+        ("NVIDIA GPU", "NVIDIA"),
+        ("Moore Threads MTT S80", OTHER),
+        ("unknown chip", OTHER),
         ("something new", OTHER),
     ],
 )
@@ -27,3 +32,7 @@ def test_a_driver_s_name_tells_the_family(processor: str, expected: str) -> None
 def test_the_gpu_helps_where_the_driver_says_nothing() -> None:
     assert vendor("", "Mali-G57") == "Mali"
     assert vendor("", "") == OTHER
+
+
+def test_a_chip_that_is_known_to_be_the_processor_is_a_cpu() -> None:
+    assert vendor("Apple M1", kind="cpu") == CPU

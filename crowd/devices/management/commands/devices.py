@@ -31,8 +31,7 @@ class Command(BaseCommand):
         if act in ("import", "renormalise"):
             self._renormalise()
         if act != "status":
-            DeviceModel.objects.update(examined=False)
-            self._say(f"{decisions.propose_aliases()} new proposals of aliases")
+            self._say(f"{decisions.propose_all_aliases()} new proposals of aliases")
         else:
             self._status()
 

@@ -1,0 +1,12 @@
+"""Chips by the name people know: systems on a chip, processors, graphics chips.
+
+Drivers, kernels and catalogues spell one chip in many ways ("QTI SM8550", "kalama"; "Qualcomm Adreno (TM)
+506", "QUALCOMM Adreno(TM) 506"). Rules construct one name for each. Text that no rule knows is never part
+of a name: what devices say of themselves is shown to the public, and anyone can send anything.
+"""
+
+from crowd.devices.chips.central_processors import processor
+from crowd.devices.chips.graphics_chips import Graphics, graphics
+from crowd.devices.chips.systems_on_chip import system_on_chip
+
+__all__ = ["Graphics", "graphics", "processor", "system_on_chip"]
