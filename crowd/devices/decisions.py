@@ -52,7 +52,7 @@ def propose_aliases(limit: int = MOST_EXAMINED) -> int:
 
 def propose_all_aliases() -> int:
     """Look for aliases of every model, also of those looked at before; how many new proposals there are."""
-    DeviceModel.objects.exclude(kind=DeviceModel.Kind.GROUP).update(examined=False)
+    DeviceModel.objects.update(examined=False)
     found = 0
     while DeviceModel.objects.filter(examined=False).exists():
         found += propose_aliases()

@@ -15,8 +15,8 @@ from django.conf import settings
 
 from crowd.devices.models import DeviceModel
 from crowd.devices.normalisation import HANDHELD, slug_of
+from crowd.devices.processors import UNKNOWN_CHIP
 
-UNKNOWN_CHIP = "unknown chip"
 # What `public_device` reads of a model.
 COLUMNS = (
     "pk", "slug", "manufacturer", "name", "market_name", "cpu", "soc", "gpu", "os", "kind", "named", "rare",

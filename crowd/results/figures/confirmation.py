@@ -12,8 +12,8 @@ from django.db import transaction
 from django.db.models import Avg, Q
 
 from crowd.devices import revision
-from crowd.devices.disclosure import UNKNOWN_CHIP
 from crowd.devices.models import Installation
+from crowd.devices.processors import UNKNOWN_CHIP
 from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
 
