@@ -32,7 +32,7 @@ REQUEST = {
 ACCESS = {
     "app_outdated": "This program is too old for the server: update it; `minimum_app_version` says to what.",
     "consent_outdated": "The participant agreed to another text than the present one: ask again.",
-    "daily_limit": "The installation or its address has sent as much as a day allows: wait as Retry-After says.",
+    "daily_limit": "The installation or its address sent as much as a day allows: wait as Retry-After says.",
     "database_unavailable": "The database does not answer: nothing was stored; wait as Retry-After says.",
     "internal_error": "The server failed and stored nothing: its log has the reason. Try again later.",
     "not_accepting": "No measurements are taken at present: keep them, and try again as Retry-After says.",

@@ -1,8 +1,8 @@
 """What a JSON text may hold, looked at before anything of it is decoded: depth, values, length of texts.
 
 A few kilobytes of JSON can decode to hundreds of megabytes of objects. This scan reads the bytes once, in
-blocks, builds no objects and does not recurse. It does not check that the text is valid JSON: what the decoder
-accepts has the depth and the number of values that are counted here.
+blocks, builds no objects and does not recurse. It does not check that the text is valid JSON: in what a
+decoder accepts, depth and number of values are as counted here.
 """
 
 import numpy as np

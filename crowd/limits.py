@@ -13,6 +13,7 @@ from typing import Any, ClassVar, cast
 
 from django.conf import settings
 from django.http import HttpRequest
+from django.utils.crypto import salted_hmac
 from rest_framework.request import Request
 from rest_framework.throttling import BaseThrottle
 
@@ -21,6 +22,9 @@ from crowd import counters
 A_MINUTE, AN_HOUR = 60, 3600
 # Some proxies add the port: 198.51.100.1:4711, [2001:db8::1]:4711.
 WITH_PORT = re.compile(r"^(?:\[(.+)\]|([0-9.]+))(?::[0-9]+)?$")
+
+NETWORK_SALT = "crowd.limits.network"
+Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 log = logging.getLogger(__name__)
 
@@ -144,13 +148,37 @@ def address_of(request: Request | HttpRequest) -> str:
 
     Of an IPv6 address the network alone (/64): one machine has all addresses in it.
     """
+    text, address = _client(request)
+    if address is None:
+        return text
+    if isinstance(address, ipaddress.IPv4Address):
+        return str(address)
+    return str(ipaddress.IPv6Network((int(address), 64), strict=False))
+
+
+def network_of(request: Request | HttpRequest) -> str:
+    """A keyed hash of the network that REQUEST comes from: /24 with IPv4, /48 with IPv6; "" where unknown.
+
+    The key is derived from SECRET_KEY: the hash is the same every day, and nobody else can compute it.
+    """
+    _, address = _client(request)
+    if address is None:
+        return ""
+    network: ipaddress.IPv4Network | ipaddress.IPv6Network
+    if isinstance(address, ipaddress.IPv4Address):
+        network = ipaddress.IPv4Network((int(address), 24), strict=False)
+    else:
+        network = ipaddress.IPv6Network((int(address), 48), strict=False)
+    return salted_hmac(NETWORK_SALT, str(network), algorithm="sha256").hexdigest()[:32]
+
+
+def _client(request: Request | HttpRequest) -> tuple[str, Address | None]:
+    """The client's address as the server is told it, and what that means; None where it is not an address."""
     text = str(BaseThrottle().get_ident(cast(Request, request)))
     try:
         address = ipaddress.ip_address(WITH_PORT.sub(r"\1\2", text))
     except ValueError:
-        return text
-    if isinstance(address, ipaddress.IPv4Address):
-        return str(address)
-    if address.ipv4_mapped is not None:  # what a socket for both versions calls an IPv4 address
-        return str(address.ipv4_mapped)
-    return str(ipaddress.IPv6Network((int(address), 64), strict=False))
+        return text, None
+    # What a socket for both versions calls an IPv4 address.
+    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    return text, mapped or address

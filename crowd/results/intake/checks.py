@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +14,14 @@ from slam.protocol import VALID_BELOW
 MAX_RUNS = 50
 MAX_STAGES = 16
 MAX_FRAME_US = 60_000_000
+# How long a session may take besides its frames: for loading, warming up and rests, and for each run. A
+# client waits 180 s for a device that does not answer.
+LOADING_SECONDS = 3_600
+RUN_SECONDS = 240
+SLACK = 10
 MAX_DEVICE_DEPTH = 8
 MAX_EXTRA_DEPTH = 8
-# Words of a member's name that tell who somebody is, or where.
+# Words in a member's name that say who or where somebody is.
 PERSONAL = frozenset(
     {
         "address", "adid", "advertising", "androidid", "bssid", "email", "gaid", "host", "hostname", "iccid",
@@ -28,7 +33,7 @@ PERSONAL = frozenset(
 
 @dataclass(frozen=True)
 class Rejection:
-    """Why a run is not taken: a stable code, the member, and what would be right."""
+    """Why a run is refused: a stable code, the member, and what would be right."""
 
     code: str
     detail: str
@@ -148,6 +153,26 @@ def check_run(run: Run, configurations: Collection[str], protocol: Protocol) -> 
     return _check_times(run, protocol) or _check_tracked(run) or _check_errors(run)
 
 
+def check_samples(samples: Sequence[Sample], runs: Sequence[Run]) -> Rejection | None:
+    """What is wrong with the SAMPLES of a session with these RUNS: more than one a second, or one after the
+    session's end.
+
+    Generous, so that no client is refused: the samples may be out of order or rounded, and a session may take
+    SLACK times as long as its frames, and more for loading and for runs that did not end.
+    """
+    times = sorted(sample.t for sample in samples)
+    early = next((place for place, t in enumerate(times) if t < place - 1), None)
+    if early is not None:
+        text = f"{early + 1} samples in the first {times[early]:.3f} s: send at most one a second"
+        return Rejection("too_many_samples", text, "samples")
+    measured = sum(sum(run.frame_us) for run in runs) * 1e-6
+    longest = LOADING_SECONDS + RUN_SECONDS * len(runs) + SLACK * measured
+    if times and times[-1] > longest:
+        text = f"a sample at {times[-1]:.0f} s, but the session's {len(runs)} runs took {measured:.0f} s"
+        return Rejection("too_many_samples", text, "samples")
+    return None
+
+
 def _check_times(run: Run, protocol: Protocol) -> Rejection | None:
     stages = run.stages_us or {}
     if len(stages) > MAX_STAGES:
@@ -175,10 +200,13 @@ def _check_times(run: Run, protocol: Protocol) -> Rejection | None:
 
 def _check_tracked(run: Run) -> Rejection | None:
     frames = len(run.frame_us)
-    told = len(run.tracked) if isinstance(run.tracked, list) else run.tracked
-    wrong = told not in (0, frames) if isinstance(run.tracked, list) else told is not None and told > frames
+    reported = len(run.tracked) if isinstance(run.tracked, list) else run.tracked
+    if isinstance(run.tracked, list):
+        wrong = reported not in (0, frames)
+    else:
+        wrong = reported is not None and reported > frames
     if wrong:
-        return Rejection("frame_count", f"tracked tells of {told} frames, frame_us has {frames}", "tracked")
+        return Rejection("frame_count", f"tracked has {reported} frames, frame_us has {frames}", "tracked")
     return None
 
 

@@ -29,6 +29,7 @@ Version = Annotated[
 ]
 Program = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,31}$(?!\n)")]
 Backend = Literal["opencl", "webgpu", "vulkan", "metal", "cuda", "cpu"]
+Reading = float | msgspec.UnsetType | None
 Small = Annotated[int, msgspec.Meta(ge=0, le=32_767)]
 
 
@@ -51,12 +52,12 @@ class Run(msgspec.Struct):
 
 
 class Sample(msgspec.Struct):
-    """The device's state t seconds after the start; null where the platform hides it."""
+    """The device's state t seconds after the start; null or absent where the platform hides it."""
 
     t: Annotated[float, msgspec.Meta(ge=0)]
-    temperature_c: float | None = None
-    cpu_mhz: float | None = None
-    battery: float | None = None
+    temperature_c: Reading = msgspec.UNSET
+    cpu_mhz: Reading = msgspec.UNSET
+    battery: Reading = msgspec.UNSET
 
 
 class Session(msgspec.Struct):

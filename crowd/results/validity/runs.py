@@ -1,7 +1,7 @@
-"""Whether a run counts, and what else is derived of it: its value and its fingerprint.
+"""Whether runs count, and what else is derived of them: their values and fingerprints.
 
-A run that comes in is judged by itself; of stored ones many are judged at once, as arrays, with the same
-outcome to the last bit: times are whole microseconds, whose sums are exact in any order.
+Many stored runs are judged at once, as arrays. The outcome for a run does not depend on the others: times are
+whole microseconds, whose sums are exact in any order.
 """
 
 import hashlib
@@ -66,20 +66,6 @@ class SessionContext:
     front: Front
 
 
-def judge(run: Run, protocol: Protocol) -> None:
-    """Fill RUN's derived columns from what was sent with it; nothing is stored."""
-    frames = packing.unpack(run.frame_us)
-    first = protocol.first_counted_frame
-    run.mean_us = statistics.run_value(frames, first) if frames.size > first else None
-    distinct = np.unique(frames).size >= statistics.LEAST_DISTINCT_TIMES
-    run.fingerprint = fingerprint(run.frame_us) if distinct else None
-    broken = _broken(run, frames.size, protocol)
-    stages = packing.unpack_stages(run.stages, run.stages_us)
-    if broken is None and statistics.stages_exceed_frames(frames, stages):
-        broken = rules.STAGES_EXCEED_FRAMES
-    _set(run, broken)
-
-
 def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> dict[int, list[StoredRun]]:
     """The runs of SESSIONS by the session's key and repeat, judged by all rules on runs and by DECISIONS.
 
@@ -112,7 +98,7 @@ def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> 
 
 
 def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> None:
-    """What `judge` does, for RUNS of SESSIONS: those alike in front, frames and stages at once."""
+    """Fill the derived columns of RUNS of SESSIONS: those alike in front, frames and stages at once."""
     alike: dict[Hashable, list[StoredRun]] = defaultdict(list)
     for run in runs:
         alike[
@@ -158,7 +144,7 @@ def fingerprint(frame_us: bytes | memoryview) -> int:
     return int.from_bytes(hashlib.sha256(frame_us).digest()[:8], "big", signed=True)
 
 
-def _set(run: Run | StoredRun, rule: Rule | None) -> None:
+def _set(run: StoredRun, rule: Rule | None) -> None:
     run.state, run.reason = (State.VALID, "") if rule is None else (rule.state, rule.code)
 
 
@@ -167,7 +153,7 @@ def _derived(run: StoredRun) -> tuple[float | None, int | None, str, str]:
     return run.mean_us, run.fingerprint, str(run.state), run.reason
 
 
-def _broken(run: Run | StoredRun, frames: int, protocol: Protocol) -> Rule | None:
+def _broken(run: StoredRun, frames: int, protocol: Protocol) -> Rule | None:
     """The first rule that RUN, of so many FRAMES, breaks by itself; the last of them, on stages, not looked
     at.
     """
