@@ -23,8 +23,9 @@ from crowd.results.models import MeasurementSession, Run, Submission
 PER_ADDRESS = 4
 # What a row adds to the database besides the content of its own columns: its place in the indexes, and the
 # rows that are derived from it, such as a run's summary or a description's device model.
-ROW_BYTES = {Submission: 3_000, MeasurementSession: 2_000, Run: 1_500}
+ROW_BYTES = {Submission: 5_000, MeasurementSession: 1_500, Run: 1_000}
 COLUMN_BYTES = 8
+PAGE_BYTES = 4096  # of SQLite
 
 log = logging.getLogger(__name__)
 
@@ -75,9 +76,17 @@ def charge_rows(sender: Sender, rows: Iterable[Model], description: dict[str, An
 def growth(rows: Iterable[Model]) -> int:
     """The bytes by which ROWS make the database grow at most, with indexes and what is derived of them."""
     return sum(
-        ROW_BYTES[type(row)] + sum(_size(getattr(row, field.attname)) for field in row._meta.concrete_fields)
+        ROW_BYTES[type(row)]
+        + _on_pages(sum(_size(getattr(row, field.attname)) for field in row._meta.concrete_fields))
         for row in rows
     )
+
+
+def _on_pages(content: int) -> int:
+    """What a row with so much CONTENT takes: one of more than half a page leaves the rest of a page empty."""
+    if content > PAGE_BYTES:
+        return content + PAGE_BYTES // 2
+    return PAGE_BYTES if content > PAGE_BYTES // 2 else content
 
 
 def _size(value: Any) -> int:
