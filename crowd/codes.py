@@ -24,6 +24,8 @@ REQUEST = {
     "not_finite": "NaN and infinite numbers are not JSON: write null, or leave the member out.",
     "not_found": "There is nothing at this address, or not for this token.",
     "null_character": "A text holds the character NUL: leave it out.",
+    "text_too_long": "A text has more than 65536 bytes.",
+    "too_many_values": "The body has more than 160000 values: send fewer runs at once.",
     "unsupported_encoding": "Send gzip, or no Content-Encoding.",
     "unsupported_media_type": "Send Content-Type: application/json.",
 }
@@ -31,6 +33,7 @@ REQUEST = {
 ACCESS = {
     "app_outdated": "This program is too old for the server: update it; `minimum_app_version` says to what.",
     "consent_outdated": "The participant agreed to another text than the present one: ask again.",
+    "daily_limit": "The installation or its address sent as much as a day allows: wait as Retry-After says.",
     "database_unavailable": "The database does not answer: nothing was stored; wait as Retry-After says.",
     "internal_error": "The server failed and stored nothing: its log has the reason. Try again later.",
     "not_accepting": "No measurements are taken at present: keep them, and try again as Retry-After says.",
@@ -43,6 +46,7 @@ ACCESS = {
 # A submission as a whole.
 SUBMISSION = {
     "all_runs_rejected": "No run can be taken, for different reasons: `items` tells each.",
+    "device_changed": "The installation belongs to another device: enrol again for a second device.",
     "device_too_deep": "The device's description is nested too deeply.",
     "device_too_large": "The device's description takes too many bytes.",
     "extra_too_deep": "Members that this version does not know are nested too deeply.",
@@ -60,7 +64,8 @@ RUN = {
     "negative_time": "A time is 0 microseconds or more.",
     "repeat_taken": "This repeat of the configuration is there already, under another id.",
     "session_taken": "Another session has this id: use a new one.",
-    "time_too_large": "A time is larger than can be stored: 4294967295 microseconds at most.",
+    "time_too_large": "A frame takes at most 60 seconds: 60000000 microseconds.",
+    "too_many_samples": "A session has at most one sample a second, and none after its end.",
     "too_many_stages": "A run has 16 stages at most.",
     "unknown_configuration": "The front has no configuration of this name.",
     "unknown_front_version": "No front of this name is published here: read the manifest again.",

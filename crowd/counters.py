@@ -1,4 +1,4 @@
-"""How often something happened in a while, counted across all processes that serve.
+"""How often something happened in a while, or how much of it there was, counted across all processes.
 
 The counts lie in a small SQLite file of their own beside the database, or in the Redis that
 FRONTRUNNER_CACHE_URL names. They are kept out of the database on purpose: a read must not wait for a
@@ -28,12 +28,12 @@ PREFIX = "frontrunner:"
 
 
 class CountingError(Exception):
-    """Nothing can be counted now. Whoever counts decides what that means; requests are let through."""
+    """Nothing can be counted now. The caller decides what that means; requests are let through."""
 
 
 @dataclass(frozen=True)
 class Count:
-    """How often a key was counted in its present window, and the seconds until that ends."""
+    """What was counted under a key in its present window, and the seconds until that ends."""
 
     used: int
     resets_in: float
@@ -43,8 +43,10 @@ class Store(ABC):
     """Where counts are kept. Both methods raise CountingError."""
 
     @abstractmethod
-    def count(self, key: str, seconds: int) -> Count:
-        """Count KEY once more. Its window starts with the first count after the last one ended."""
+    def count(self, key: str, seconds: int, amount: int = 1) -> Count:
+        """Count AMOUNT more (1 or more) under KEY. Its window starts with the first count after the last one
+        ended.
+        """
 
     @abstractmethod
     def salt(self, day: str) -> bytes:
@@ -58,17 +60,17 @@ class FileStore(Store):
         self.path = path
         self._local = threading.local()
 
-    def count(self, key: str, seconds: int) -> Count:
+    def count(self, key: str, seconds: int, amount: int = 1) -> Count:
         now = time.time()
         with self._connected() as connection:
             used, resets = connection.execute(
-                "INSERT INTO counts (key, used, resets) VALUES (:key, 1, :now + :seconds) ON CONFLICT (key) "
-                "DO UPDATE SET used = CASE WHEN resets <= :now THEN 1 ELSE used + 1 END, "
+                "INSERT INTO counts (key, used, resets) VALUES (:key, :amount, :now + :seconds) ON CONFLICT "
+                "(key) DO UPDATE SET used = CASE WHEN resets <= :now THEN 0 ELSE used END + :amount, "
                 "resets = CASE WHEN resets <= :now THEN :now + :seconds ELSE resets END "
                 "RETURNING used, resets",
-                {"key": key, "now": now, "seconds": seconds},
+                {"key": key, "now": now, "seconds": seconds, "amount": amount},
             ).fetchone()
-            if used == 1:
+            if used == amount:  # a new window
                 connection.execute("DELETE FROM counts WHERE resets <= ?", (now,))
         return Count(used, max(resets - now, 0.0))
 
@@ -114,12 +116,12 @@ class RedisStore(Store):
             url, socket_timeout=PATIENCE_SECONDS, socket_connect_timeout=PATIENCE_SECONDS
         )
 
-    def count(self, key: str, seconds: int) -> Count:
+    def count(self, key: str, seconds: int, amount: int = 1) -> Count:
         name = f"{PREFIX}{key}"
         try:
             with self._redis.pipeline(transaction=True) as steps:
                 steps.set(name, 0, ex=seconds, nx=True)
-                steps.incr(name)
+                steps.incrby(name, amount)
                 steps.pttl(name)
                 _, used, left = steps.execute()
         except redis.RedisError as error:
@@ -138,9 +140,9 @@ class RedisStore(Store):
         return bytes(salt)
 
 
-def count(key: str, seconds: int) -> Count:
-    """Count KEY once more in its window of SECONDS. Raises CountingError."""
-    return _store().count(key, seconds)
+def count(key: str, seconds: int, amount: int = 1) -> Count:
+    """Count AMOUNT more under KEY in its window of SECONDS. Raises CountingError."""
+    return _store().count(key, seconds, amount)
 
 
 def disguised(address: str) -> str:

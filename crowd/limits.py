@@ -13,6 +13,7 @@ from typing import Any, ClassVar, cast
 
 from django.conf import settings
 from django.http import HttpRequest
+from django.utils.crypto import salted_hmac
 from rest_framework.request import Request
 from rest_framework.throttling import BaseThrottle
 
@@ -24,6 +25,7 @@ WITH_PORT = re.compile(r"^(?:\[(.+)\]|([0-9.]+))(?::[0-9]+)?$")
 # Proxies add one of these: a request that has none comes from the connection's other end.
 FORWARDING = ("HTTP_X_FORWARDED_FOR", "HTTP_FORWARDED", "HTTP_X_REAL_IP")
 
+NETWORK_SALT = "crowd.limits.network"
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 log = logging.getLogger(__name__)
@@ -157,11 +159,25 @@ def address_of(request: Request | HttpRequest) -> str:
 
     Of an IPv6 address the network alone (/64): one machine has all addresses in it.
     """
-    text = _text_of(request)
-    address = _parsed(text)
-    if isinstance(address, ipaddress.IPv6Address):
-        return str(ipaddress.IPv6Network((int(address), 64), strict=False))
-    return text if address is None else str(address)
+    text, address = _client(request)
+    if address is None:
+        return text
+    if isinstance(address, ipaddress.IPv4Address):
+        return str(address)
+    return str(ipaddress.IPv6Network((int(address), 64), strict=False))
+
+
+def network_of(request: Request | HttpRequest) -> str:
+    """A keyed hash of the network that REQUEST comes from: /24 with IPv4, /48 with IPv6; "" where unknown.
+
+    The key is derived from SECRET_KEY: the hash is the same every day, and nobody else can compute it.
+    """
+    _, address = _client(request)
+    if address is None:
+        return ""
+    length = 24 if address.version == 4 else 48
+    network = ipaddress.ip_network((int(address), length), strict=False)
+    return salted_hmac(NETWORK_SALT, str(network), algorithm="sha256").hexdigest()[:32]
 
 
 def may_watch(request: HttpRequest) -> bool:
@@ -170,12 +186,14 @@ def may_watch(request: HttpRequest) -> bool:
     forwarded = any(name in request.META for name in FORWARDING)
     if connected is not None and connected.is_loopback and not forwarded:
         return True
-    address = _parsed(_text_of(request))
+    _, address = _client(request)
     return address is not None and any(address in network for network in settings.FRONTRUNNER_WATCHERS)
 
 
-def _text_of(request: Request | HttpRequest) -> str:
-    return str(BaseThrottle().get_ident(cast(Request, request)))
+def _client(request: Request | HttpRequest) -> tuple[str, Address | None]:
+    """The client's address as the server is told it, and what that means; None where it is not an address."""
+    text = str(BaseThrottle().get_ident(cast(Request, request)))
+    return text, _parsed(text)
 
 
 def _parsed(text: str) -> Address | None:

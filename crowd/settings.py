@@ -24,6 +24,9 @@
 | FRONTRUNNER_OWN_REQUESTS_PER_MINUTE | 120 | what one installation asks about itself |
 | FRONTRUNNER_ENROLMENTS_PER_HOUR | 120 | new installations from one address |
 | FRONTRUNNER_READS_PER_MINUTE | 600 | API requests without a token from one address |
+| FRONTRUNNER_BYTES_PER_DAY | 16777216 | bytes, after gzip, of one installation; 4 times as many an address |
+| FRONTRUNNER_VALUES_PER_DAY | 2000000 | values in them; 4 times as many an address |
+| FRONTRUNNER_STORED_BYTES_PER_DAY | 5242880 | growth of the database by them; 4 times as much an address |
 | FRONTRUNNER_PROXIES | 1 with HTTPS, else 0 | proxies before the server that add to X-Forwarded-For |
 | FRONTRUNNER_CACHE_URL | (none) | a Redis where several machines count requests together; else a file |
 | FRONTRUNNER_MAX_BODY_BYTES | 1048576 | the largest body of a request, as sent |
@@ -66,6 +69,9 @@ FRONTRUNNER_ENROLMENTS_PER_HOUR = integer("FRONTRUNNER_ENROLMENTS_PER_HOUR", 120
 FRONTRUNNER_READS_PER_MINUTE = integer("FRONTRUNNER_READS_PER_MINUTE", 600)
 FRONTRUNNER_PAGES_PER_MINUTE = integer("FRONTRUNNER_PAGES_PER_MINUTE", 600)
 FRONTRUNNER_WATCHERS = networks("FRONTRUNNER_WATCHERS")
+FRONTRUNNER_BYTES_PER_DAY = integer("FRONTRUNNER_BYTES_PER_DAY", 16 << 20)
+FRONTRUNNER_VALUES_PER_DAY = integer("FRONTRUNNER_VALUES_PER_DAY", 2_000_000)
+FRONTRUNNER_STORED_BYTES_PER_DAY = integer("FRONTRUNNER_STORED_BYTES_PER_DAY", 5 << 20)
 FRONTRUNNER_CACHE_URL = matching("FRONTRUNNER_CACHE_URL", "", r"((rediss?|unix)://.+)?", "redis://host/1")
 FRONTRUNNER_CONSENT_VERSION = 1
 FRONTRUNNER_QUORUM = integer("FRONTRUNNER_QUORUM", 3, least=1)

@@ -9,7 +9,9 @@ from crowd.devices import names, normalisation
 
 
 class Installation(models.Model):
-    """One installed client. Of its token only the digest is kept; of its address nothing."""
+    """One installed client on one device. Of its token only the digest is kept, of its address only a keyed
+    hash of the network.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
@@ -26,11 +28,25 @@ class Installation(models.Model):
     show_model = models.BooleanField(
         default=False, help_text="the participant agreed that the model is named, however rare it is"
     )
-    network = models.CharField(max_length=32, blank=True, db_index=True)
     created_at = models.DateTimeField(auto_now_add=True)
     revoked_at = models.DateTimeField(null=True, blank=True)
     simulated = models.BooleanField(
         default=False, editable=False, help_text="made up, measured by nobody: never part of the open data"
+    )
+    description = models.ForeignKey(
+        "DeviceDescription",
+        on_delete=models.SET_NULL,
+        null=True,
+        editable=False,
+        related_name="+",
+        help_text="how its device described itself first; an installation is one device",
+    )
+    network = models.CharField(
+        max_length=32,
+        blank=True,
+        db_index=True,
+        editable=False,
+        help_text="keyed hash of the network (/24, /48) that it enrolled from; empty: not known",
     )
 
     class Meta:

@@ -1,7 +1,8 @@
-"""Writes of installations: enrolment, tokens, whether their models are named."""
+"""Writes of installations: enrolment, tokens, their device, whether their models are named."""
 
 import hashlib
 import secrets
+from collections.abc import Mapping
 from typing import Any
 
 from django.conf import settings
@@ -9,8 +10,10 @@ from django.db import DEFAULT_DB_ALIAS, transaction
 from django.db.models import CharField, Q, QuerySet
 
 from crowd.devices import disclosure, revision
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.devices.normalisation import identify
 from crowd.prepared import Placeholder, Query
+from crowd.problems import Problem
 
 COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
@@ -18,8 +21,8 @@ COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 def enrol(
     app: str, app_version: str, consent_version: int, simulated: bool = False, network: str = ""
 ) -> tuple[Installation, str]:
-    """A new installation and its token, which is told this once and then known by its digest alone. A
-    SIMULATED one stays so.
+    """A new installation and its token, which is shown this once; only its digest is kept. A SIMULATED one
+    stays so. NETWORK is the keyed hash of where it enrols from (`crowd.limits.network_of`).
     """
     token = secrets.token_urlsafe(32)
     installation = Installation.objects.create(
@@ -34,9 +37,9 @@ def enrol(
 
 
 def renew_token(installation: Installation) -> str:
-    """A token that takes the place of the present one when it is used first; until then both work.
+    """A token that replaces the present one at its first use; until then both work.
 
-    An answer that never arrived thus locks nobody out. Of several such tokens only the last works.
+    So an answer that never arrives does not lock anybody out. Of several such tokens only the last works.
     """
     token = secrets.token_urlsafe(32)
     Installation.objects.filter(pk=installation.pk).update(next_token_sha256=_digest(token))
@@ -55,6 +58,63 @@ def installation_of(token: str) -> Installation | None:
             token_sha256=digest, next_token_sha256=None
         )
     return installation
+
+
+def bind_device(installation: Installation, description: int, raw: Mapping[str, Any], network: str) -> None:
+    """Bind INSTALLATION to the device of its first description, and note its NETWORK where none is known.
+
+    DESCRIPTION is the primary key of RAW's row. No query where it is the first one, and the network is known.
+    Raises Problem 409 where RAW describes another device.
+    """
+    changes: dict[str, Any] = {}
+    if installation.description_id != description:
+        first = _first_description(installation)
+        _refuse_another_device(installation, first, raw)
+        if installation.description_id is None:
+            changes["description_id"] = description if first is None else first.pk
+    if network and not installation.network and not installation.simulated:
+        changes["network"] = network
+    if not changes:
+        return
+    rows = Installation.objects.filter(pk=installation.pk)
+    if "description_id" in changes:
+        rows = rows.filter(description=None)
+    if not rows.update(**changes):
+        # Another request bound it meanwhile, or it was erased.
+        present = Installation.objects.filter(pk=installation.pk).first()
+        if present is not None:
+            bind_device(present, description, raw, network)
+
+
+def check_device(installation: Installation, raw: Mapping[str, Any]) -> None:
+    """Raises Problem 409 where RAW describes another device than that of INSTALLATION. One query."""
+    _refuse_another_device(installation, _first_description(installation), raw)
+
+
+def _first_description(installation: Installation) -> DeviceDescription | None:
+    """How the device of INSTALLATION described itself first; None before its first session."""
+    if installation.description_id is not None:
+        return DeviceDescription.objects.filter(pk=installation.description_id).first()
+    # Installations from before that column have their sessions alone.
+    earlier = DeviceDescription.objects.filter(sessions__installation=installation)
+    return earlier.order_by("sessions__pk").first()
+
+
+def _refuse_another_device(
+    installation: Installation, first: DeviceDescription | None, raw: Mapping[str, Any]
+) -> None:
+    """By the present rules: a device may change its system, driver, or the chip that computes."""
+    if first is None:
+        return
+    known, described = identify(first.raw, installation.simulated), identify(raw, installation.simulated)
+    if known.key != described.key:
+        raise Problem(
+            409,
+            "device_changed",
+            f"this installation measures on {known.manufacturer} {known.name}, not on "
+            f"{described.manufacturer} {described.name}: enrol again for a second device",
+            field="device",
+        )
 
 
 @transaction.atomic(savepoint=False)

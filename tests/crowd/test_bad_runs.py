@@ -203,7 +203,7 @@ def test_a_session_of_somebody_else(participant: Participant, join: Callable[[],
     assert Run.objects.count() == 4
 
 
-@pytest.mark.parametrize("other", [{"front_version": "kfusion-second"}, {"backend": "neon"}])
+@pytest.mark.parametrize("other", [{"front_version": "kfusion-second"}, {"backend": "vulkan"}])
 def test_one_session_is_of_one_front_and_backend(
     participant: Participant, pack: dict[str, Any], other: dict[str, str]
 ) -> None:

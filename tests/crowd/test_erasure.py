@@ -145,7 +145,7 @@ def test_own_data_holds_every_stored_field(participant: Participant) -> None:
 
     (session,) = data["sessions"]
     elsewhere = {
-        Installation: {"token_sha256", "next_token_sha256"},
+        Installation: {"token_sha256", "next_token_sha256", "description_id"},
         Submission: {"installation_id"},
         MeasurementSession: {"uuid", "installation_id", "description_id", "device_id", "front_id"},
         Run: {"uuid", "session_id", "configuration_id", "stages"},

@@ -84,7 +84,7 @@ def test_older_programs_are_told_to_update(
 
     enrolment = client.post(f"{API}/enrol", wish, content_type="application/json")
     refused = participant.submit(submission_document(app_version="0.1.9"))
-    taken = participant.submit(submission_document(app_version="0.2.0+build.7"))
+    taken = participant.submit(submission_document(app_version="0.2.0+7"))
 
     assert participant.get("/manifest").json()["minimum_app_version"] == "0.2"
     for response in (enrolment, refused):

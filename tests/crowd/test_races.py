@@ -18,6 +18,7 @@ from crowd.devices.services import enrol
 from crowd.results import tasks
 from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
+from crowd.results.intake.allowance import Sender
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
 from crowd.results.privacy import disclosure, erasure
 from tests.crowd.documents import run_document, session_document, submission_document
@@ -36,7 +37,9 @@ def enrolled() -> Installation:
 
 
 def send(who: Installation, *sessions: dict[str, Any]) -> None:
-    storing.accept_submission(who, str(uuid.uuid4()), json.dumps(submission_document(*sessions)).encode())
+    storing.accept_submission(
+        Sender(who), str(uuid.uuid4()), json.dumps(submission_document(*sessions)).encode()
+    )
 
 
 def at_once(*hands: Callable[[], Any]) -> list[Any]:

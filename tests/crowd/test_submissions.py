@@ -13,6 +13,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.problems import Problem
 from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
+from crowd.results.intake.allowance import Sender
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Submission
 from tests.crowd.documents import run_document, session_document, submission_document
 from tests.crowd.participant import Participant
@@ -211,7 +212,7 @@ def test_what_comes_while_its_installation_is_erased_is_refused(
     Installation.objects.filter(pk=installation.pk).delete()
 
     with pytest.raises(Problem) as refused:
-        storing.accept_submission(installation, "a", json.dumps(submission_document()).encode())
+        storing.accept_submission(Sender(installation), "a", json.dumps(submission_document()).encode())
 
     assert (refused.value.status, refused.value.code) == (401, "token_invalid")
     assert not Submission.objects.exists()
@@ -228,7 +229,7 @@ def test_a_request_that_comes_many_times_at_once_is_stored_once(
 
     def send(key: str) -> storing.Acceptance:
         try:
-            return storing.accept_submission(installation, key, body)
+            return storing.accept_submission(Sender(installation), key, body)
         finally:
             connection.close()
 

@@ -18,7 +18,7 @@ def give_masks(apps, schema_editor):
 class Migration(migrations.Migration):
 
     dependencies = [
-        ('devices', '0006_installation'),
+        ('devices', '0006_installation_device_and_network'),
     ]
 
     operations = [

@@ -17,6 +17,7 @@ from crowd.problems import Problem, not_found
 from crowd.results import tasks
 from crowd.results.api import answers
 from crowd.results.intake import schema, storing
+from crowd.results.intake.allowance import Sender
 from crowd.results.privacy.own_page import path_of
 from crowd.results.reading import selectors
 
@@ -35,19 +36,24 @@ class EnrolView(Endpoint):
         responses={201: answers.Enrolled},
     )
     def post(self, request: Request) -> HttpResponse:
-        wish = schema.enrolment(body(request))
+        enrolment = schema.enrolment(body(request))
         holding = policy.current()
-        storing.refuse_outdated(wish.app_version, holding)
-        storing.refuse_other_consent(wish.consent_version, holding)
-        if wish.simulated is not None and not permits.is_valid(wish.simulated):
+        storing.refuse_outdated(enrolment.app_version, holding)
+        storing.refuse_other_consent(enrolment.consent_version, holding)
+        if enrolment.simulated is not None and not permits.is_valid(enrolment.simulated):
             raise Problem(
                 403,
                 "simulation_not_permitted",
-                "no permit of this server, or an old one: manage.py simulate_crowd --permit prints one",
+                "not a permit of this server, or an old one: manage.py simulate_crowd --permit prints one",
                 field="simulated",
             )
+        simulated = enrolment.simulated is not None
         installation, token = enrol(
-            wish.app, wish.app_version, wish.consent_version, simulated=wish.simulated is not None
+            enrolment.app,
+            enrolment.app_version,
+            enrolment.consent_version,
+            simulated=simulated,
+            network="" if simulated else limits.network_of(request),
         )
         return answer(answers.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
 
@@ -80,7 +86,7 @@ class SubmissionsView(OwnEndpoint):
                 "send Idempotency-Key: 1 to 128 printable characters, new for each body",
                 field="Idempotency-Key",
             )
-        acceptance = storing.accept_submission(installation_asking(request), key, body(request))
+        acceptance = storing.accept_submission(_sender(request), key, body(request))
         tasks.announce(acceptance.sessions)
         status = 200 if acceptance.replayed else 202
         return HttpResponse(acceptance.answer, status=status, content_type="application/json")
@@ -98,7 +104,7 @@ class ValidationView(OwnEndpoint):
         responses={200: answers.Checked},
     )
     def post(self, request: Request) -> HttpResponse:
-        return answer({"items": storing.validate_submission(installation_asking(request), body(request))})
+        return answer({"items": storing.validate_submission(_sender(request), body(request))})
 
 
 class SubmissionView(OwnEndpoint):
@@ -115,3 +121,7 @@ class SubmissionView(OwnEndpoint):
         if state is None:
             raise not_found(f"this installation sent no submission {key}")
         return answer(answers.submission(state, path_of(installation)))
+
+
+def _sender(request: Request) -> Sender:
+    return Sender(installation_asking(request), limits.address_of(request), limits.network_of(request))

@@ -41,7 +41,7 @@ class Item:
     duplicate: bool = False
 
     def answer(self) -> dict[str, Any]:
-        """What the client is told of this run."""
+        """The answer to the client for this run."""
         if self.rejection is not None:
             return {
                 "id": self.id,
@@ -51,6 +51,14 @@ class Item:
                 "detail": self.rejection.detail,
             }
         return {"id": self.id, "status": DUPLICATE if self.duplicate else ACCEPTED, "code": None}
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """A request as it was read: what the schema knows, and what came beyond it."""
+
+    submission: schema.Submission
+    extras: unknown_members.Extras
 
 
 @dataclass(frozen=True)
@@ -74,16 +82,15 @@ class Intake:
         raise Problem(422, "all_runs_rejected", "no run can be taken: items tell why", items=answers)
 
 
-def check(
-    submission: schema.Submission, beyond: unknown_members.Extras, installation: Installation, look: bool
-) -> Intake:
-    """SUBMISSION, with what came BEYOND its schema, with a verdict on each of its runs.
+def check(parsed: Parsed, installation: Installation, look: bool) -> Intake:
+    """What was PARSED, sent by INSTALLATION, with a verdict on each of its runs.
 
     LOOK: whether something of it is stored already is looked up, in two queries or three. Else it is taken
-    for new, without a query, and the database refuses to store it twice.
+    as new, without a query, and the database refuses to store it twice.
 
     Raises Problem for what concerns the whole request: the device's description, the number of runs.
     """
+    submission, beyond = parsed.submission, parsed.extras
     checks.check_device(submission.device)
     count = sum(len(session.runs) for session in submission.sessions)
     if not 1 <= count <= checks.MAX_RUNS:
@@ -97,9 +104,13 @@ def check(
         refusal = _check_session(
             session, front, sessions.get(session.id), first.get(session.id), installation
         )
+        found = list(_session_items(place, session, beyond.sessions[place], front, refusal))
+        if refusal is None:
+            refusal = checks.check_samples(session.samples, [item.run for item in found if item.run])
+            _refuse(found, refusal, f"sessions[{place}]")
         if refusal is None:
             first.setdefault(session.id, session)
-        items += _session_items(place, session, beyond.sessions[place], front, refusal)
+        items += found
     _mark_duplicates(items, _stored_runs(items) if look else set())
     _refuse_taken_repeats(items, sessions)
     return Intake(submission, beyond, fronts, sessions, items)
@@ -139,6 +150,14 @@ def _session_items(
         yield item
 
 
+def _refuse(items: list[Item], refusal: Rejection | None, where: str) -> None:
+    """Reject those of ITEMS that are not rejected yet for what their session, at WHERE, has wrong."""
+    if refusal is None:
+        return
+    for item in items:
+        item.rejection = item.rejection or replace(refusal, field=f"{where}.{refusal.field}")
+
+
 def _check_session(
     session: schema.Session,
     front: Front | None,
@@ -146,7 +165,7 @@ def _check_session(
     first: schema.Session | None,
     installation: Installation,
 ) -> Rejection | None:
-    """What is wrong with SESSION, of which a part may be STORED, and the FIRST part be in this request."""
+    """What is wrong with SESSION. A part of it may be STORED, the FIRST part may be in this request."""
     if front is None or front.row.application != session.application:
         return Rejection(
             "unknown_front_version",
@@ -168,7 +187,7 @@ def _check_session(
     try:
         session.started_at.astimezone(UTC)
     except OverflowError:
-        return Rejection("invalid_field", f"{session.started_at} is no moment in UTC", "started_at")
+        return Rejection("invalid_field", f"{session.started_at} has no time in UTC", "started_at")
     # Runs of one session are compared with each other.
     present = installation.pk, front.row.pk, session.backend
     taken = stored is not None and (stored.installation_id, stored.front_id, stored.backend) != present
@@ -202,7 +221,7 @@ def _mark_duplicates(items: list[Item], seen: set[UUID]) -> None:
 def _refuse_taken_repeats(items: list[Item], sessions: dict[UUID, MeasurementSession]) -> None:
     """One run a repeat: the first repeat of a configuration in a session cannot come twice under two ids."""
     taken: set[tuple[UUID, str, int]] = set()
-    if sessions:  # usually none goes on
+    if sessions:  # usually none is stored yet
         stored = Run.objects.filter(session__in=sessions.values())
         taken.update(stored.values_list("session__uuid", "configuration__name", "repeat"))
     for item in items:
@@ -211,7 +230,7 @@ def _refuse_taken_repeats(items: list[Item], sessions: dict[UUID, MeasurementSes
         key = (item.session.id, item.run.configuration, item.run.repeat)
         if key in taken:
             detail = (
-                f"repeat {item.run.repeat} of {item.run.configuration} is there already, under another id"
+                f"repeat {item.run.repeat} of {item.run.configuration} is stored already, under another id"
             )
             item.rejection = Rejection("repeat_taken", detail)
         taken.add(key)

@@ -1,26 +1,28 @@
-"""What a well-typed submission may still have wrong, and which state a run deserves. No database in here."""
+"""What may be wrong with a submission whose types are right. No database in here."""
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import msgspec
 
 from crowd.devices.normalisation import RAW_STRINGS
 from crowd.fronts import protocol as fronts
 from crowd.fronts.selectors import DEFAULT
 from crowd.problems import Problem
-from crowd.results.intake import packing
-from crowd.results.intake.schema import Run
+from crowd.results.intake.schema import Run, Sample
 
 MAX_RUNS = 50
 MAX_STAGES = 16
-MAX_DEVICE_BYTES = 16 << 10
+MAX_FRAME_US = 60_000_000
+# How long a session may take besides its frames: for loading, warming up and rests, and for each run. A
+# client waits 180 s for a device that does not answer.
+LOADING_SECONDS = 3_600
+RUN_SECONDS = 240
+SLACK = 10
 MAX_DEVICE_DEPTH = 8
 MAX_EXTRA_DEPTH = 8
-# Words of a member's name that tell who somebody is, or where.
+# Words in a member's name that say who or where somebody is.
 PERSONAL = frozenset(
     {
         "address", "adid", "advertising", "androidid", "bssid", "email", "gaid", "host", "hostname", "iccid",
@@ -32,7 +34,7 @@ PERSONAL = frozenset(
 
 @dataclass(frozen=True)
 class Rejection:
-    """Why a run is not taken: a stable code, the member, and what would be right."""
+    """Why a run is refused: a stable code, the member, and what would be right."""
 
     code: str
     detail: str
@@ -67,17 +69,12 @@ UNREADABLE = Protocol(version=0, frames=0, first_counted_frame=0, max_ate=0.0, r
 
 
 def check_device(raw: Mapping[str, Any]) -> None:
-    """Raises Problem where the description is too deep or too large, where a member that the model is known
-    by is no text, or where one could identify a person.
+    """Raises Problem where the description is too deep, where a member that the model is known by is not a
+    text, or where one could identify a person.
     """
     if _deeper(raw, MAX_DEVICE_DEPTH):
         raise Problem(
             400, "device_too_deep", f"device is nested deeper than {MAX_DEVICE_DEPTH} levels", field="device"
-        )
-    size = len(msgspec.json.encode(raw))
-    if size > MAX_DEVICE_BYTES:
-        raise Problem(
-            400, "device_too_large", f"device takes {size} bytes, at most {MAX_DEVICE_BYTES}", field="device"
         )
     for member in sorted(RAW_STRINGS & raw.keys()):
         if not isinstance(raw[member], str | None):
@@ -90,20 +87,18 @@ def check_device(raw: Mapping[str, Any]) -> None:
     _refuse_personal(raw, "device.")
 
 
-def check_extra(members: Mapping[str, Any], most: int, where: str) -> None:
-    """Raises Problem 400 where MEMBERS, found at WHERE (a path up to its dot), are nested too deeply, take
-    more than MOST bytes, or one's name could identify a person.
+def check_extra(members: Mapping[str, Any], where: str) -> None:
+    """Raises Problem 400 where unknown MEMBERS, found at WHERE (a path up to its dot), are nested too deeply,
+    or one's name could identify a person.
     """
     if _deeper(members, MAX_EXTRA_DEPTH):
         text = f"unknown members are nested deeper than {MAX_EXTRA_DEPTH} levels"
         raise Problem(400, "extra_too_deep", text, field=f"{where}{next(iter(members))}")
-    check_size(members, most, f"{where}{next(iter(members))}")
     _refuse_personal(members, where)
 
 
-def check_size(members: Any, most: int, field: str) -> None:
-    """Raises Problem 400 where unknown MEMBERS take more than MOST bytes."""
-    size = len(msgspec.json.encode(members))
+def check_extra_size(size: int, most: int, field: str) -> None:
+    """Raises Problem 400 where unknown members take SIZE bytes, which is more than MOST."""
     if size > most:
         raise Problem(
             400, "extra_too_large", f"unknown members take {size} bytes, at most {most} are kept", field=field
@@ -166,6 +161,26 @@ def check_run(run: Run, configurations: Collection[str], protocol: Protocol) -> 
     return _check_times(run, protocol) or _check_tracked(run) or _check_errors(run)
 
 
+def check_samples(samples: Sequence[Sample], runs: Sequence[Run]) -> Rejection | None:
+    """What is wrong with the SAMPLES of a session with these RUNS: more than one a second, or one after the
+    session's end.
+
+    Generous, so that no client is refused: the samples may be out of order or rounded, and a session may take
+    SLACK times as long as its frames, and more for loading and for runs that did not end.
+    """
+    times = sorted(sample.t for sample in samples)
+    early = next((place for place, t in enumerate(times) if t < place - 1), None)
+    if early is not None:
+        text = f"{early + 1} samples in the first {times[early]:.3f} s: send at most one a second"
+        return Rejection("too_many_samples", text, "samples")
+    measured = sum(sum(run.frame_us) for run in runs) * 1e-6
+    longest = LOADING_SECONDS + RUN_SECONDS * len(runs) + SLACK * measured
+    if times and times[-1] > longest:
+        text = f"a sample at {times[-1]:.0f} s, but the session's {len(runs)} runs took {measured:.0f} s"
+        return Rejection("too_many_samples", text, "samples")
+    return None
+
+
 def _check_times(run: Run, protocol: Protocol) -> Rejection | None:
     stages = run.stages_us or {}
     if len(stages) > MAX_STAGES:
@@ -180,11 +195,9 @@ def _check_times(run: Run, protocol: Protocol) -> Rejection | None:
             )
         if series and min(series) < 0:
             return Rejection("negative_time", f"{field} holds {min(series)}: times are 0 or more", field)
-        if series and max(series) > packing.LARGEST:
+        if series and max(series) > MAX_FRAME_US:
             return Rejection(
-                "time_too_large",
-                f"{field} holds {max(series)}: at most {packing.LARGEST} microseconds",
-                field,
+                "time_too_large", f"{field} holds {max(series)}: at most {MAX_FRAME_US} microseconds", field
             )
     if run.status == "ok" and not any(run.frame_us[protocol.first_counted_frame :]):
         return Rejection(
@@ -195,10 +208,13 @@ def _check_times(run: Run, protocol: Protocol) -> Rejection | None:
 
 def _check_tracked(run: Run) -> Rejection | None:
     frames = len(run.frame_us)
-    told = len(run.tracked) if isinstance(run.tracked, list) else run.tracked
-    wrong = told not in (0, frames) if isinstance(run.tracked, list) else told is not None and told > frames
+    reported = len(run.tracked) if isinstance(run.tracked, list) else run.tracked
+    if isinstance(run.tracked, list):
+        wrong = reported not in (0, frames)
+    else:
+        wrong = reported is not None and reported > frames
     if wrong:
-        return Rejection("frame_count", f"tracked tells of {told} frames, frame_us has {frames}", "tracked")
+        return Rejection("frame_count", f"tracked has {reported} frames, frame_us has {frames}", "tracked")
     return None
 
 

@@ -12,15 +12,15 @@ from django.utils import timezone
 
 from crowd.devices.models import Installation
 from crowd.devices.recognition import Recognised, recognise
-from crowd.devices.services import choose_disclosure, withdraw_consent
+from crowd.devices.services import bind_device, check_device, choose_disclosure, withdraw_consent
 from crowd.disclosure import public
 from crowd.fronts import policy
 from crowd.fronts.policy import Policy
 from crowd.prepared import Placeholder, Query, insert, insert_keyed
 from crowd.problems import Problem
 from crowd.results.intake import checking, packing, schema, unknown_members
-from crowd.results.models import MeasurementSession, Run, Submission
-from crowd.results.validity import runs
+from crowd.results.intake.allowance import Sender, charge_body, charge_rows
+from crowd.results.models import MeasurementSession, Run, State, Submission
 
 CLOSED_SECONDS = 3600
 TRIES = 3  # a request stored beside others of the same content
@@ -28,23 +28,33 @@ TRIES = 3  # a request stored beside others of the same content
 
 @dataclass(frozen=True)
 class Acceptance:
-    """What the client is told, as JSON; whether it was told before; the sessions that now wait."""
+    """The answer as JSON; whether it was sent before; the sessions that now wait for their summaries."""
 
     answer: str
     replayed: bool
     sessions: tuple[int, ...] = ()
 
 
-def accept_submission(installation: Installation, key: str, body: bytes) -> Acceptance:
-    """Store what BODY (JSON) holds, under the idempotency KEY of INSTALLATION.
+def accept_submission(sender: Sender, key: str, body: bytes) -> Acceptance:
+    """Store what BODY (JSON) holds, under the idempotency KEY of SENDER.
 
-    The same key with the same body answers as before and changes nothing. Raises Problem: 400 for what
-    cannot be read, 409 for a key used with another body, 422 where no run can be taken, 426, 429, 503.
+    The same key with the same body is answered as before and changes nothing. Raises Problem: 400 for what
+    cannot be read, 409 for a key used with another body or another device, 422 where no run can be taken,
+    426, 429, 503.
     """
+    digest = hashlib.sha256(body).hexdigest()
+    earlier = _earlier(sender.installation, key, digest)
+    if earlier is not None:
+        return earlier
+    holding = policy.current()
+    _refuse_unless_open(holding)
+    charge_body(sender, body)
+    # Decoded before the transaction: other writers need not wait for that.
+    parsed = _parsed(body, holding)
     for tries in range(1, TRIES + 1):
         try:
             with transaction.atomic():
-                return _accept(installation, key, body, careful=tries > 1)
+                return _accept(sender, key, digest, parsed, careful=tries > 1)
         except IntegrityError:
             # Something of it is stored already, or the installation is being erased.
             if tries == TRIES:
@@ -52,26 +62,22 @@ def accept_submission(installation: Installation, key: str, body: bytes) -> Acce
     raise AssertionError("the last try returns or raises")
 
 
-def _accept(installation: Installation, key: str, body: bytes, careful: bool) -> Acceptance:
+def _accept(sender: Sender, key: str, digest: str, parsed: checking.Parsed, careful: bool) -> Acceptance:
     """One try, in one transaction. Nearly always nothing of a request is stored yet: that is only looked up
     where CAREFUL, after the database refused to store something twice.
     """
+    installation = sender.installation
     if careful:
         # One request of an installation at a time, so that a run sent twice at once is stored once.
         # Summaries of it may be stored meanwhile; it may not be erased.
         known = Installation.objects.filter(pk=installation.pk, revoked_at=None)
         if not known.select_for_update(no_key=True).exists():
             raise Problem(401, "token_invalid", "this installation was erased: enrol again")
-    digest = hashlib.sha256(body).hexdigest()
-    for earlier_digest, answer in _earlier.rows(installation=installation.pk, key=key):
-        if earlier_digest != digest:
-            raise Problem(
-                409, "idempotency_key_reused", "this key came with another body before: use a new key"
-            )
-        return Acceptance(answer, replayed=True)
-    holding = policy.current()
-    _refuse_unless_open(holding)
-    checked = _checked(installation, body, holding, look=careful)
+        earlier = _earlier(installation, key, digest)
+        if earlier is not None:
+            return earlier
+    checked = checking.check(parsed, installation, look=careful)
+    checked.refuse_if_all_bad()
     choose_disclosure(installation, checked.submission.show_model)
     submission = Submission(
         installation=installation,
@@ -84,8 +90,18 @@ def _accept(installation: Installation, key: str, body: bytes, careful: bool) ->
     )
     items = [item.answer() for item in checked.items]
     submission.answer = json.dumps({"submission_id": str(submission.pk), "items": items})
-    insert([submission])
-    return Acceptance(submission.answer, replayed=False, sessions=_store(submission, checked))
+    return Acceptance(submission.answer, replayed=False, sessions=_store(sender, submission, checked))
+
+
+def _earlier(installation: Installation, key: str, digest: str) -> Acceptance | None:
+    """The answer that the body with DIGEST got under KEY. Raises Problem 409 for another body under it."""
+    for earlier_digest, answer in _answered.rows(installation=installation.pk, key=key):
+        if earlier_digest != digest:
+            raise Problem(
+                409, "idempotency_key_reused", "this key came with another body before: use a new key"
+            )
+        return Acceptance(answer, replayed=True)
+    return None
 
 
 def _under_the_key() -> "QuerySet[Submission, tuple[str, str]]":
@@ -95,16 +111,23 @@ def _under_the_key() -> "QuerySet[Submission, tuple[str, str]]":
     return rows.order_by().values_list("body_sha256", "answer")
 
 
-_earlier = Query(_under_the_key)
+_answered = Query(_under_the_key)
 
 
-def validate_submission(installation: Installation, body: bytes) -> list[dict[str, Any]]:
-    """What accept_submission would answer for each run of BODY, nothing stored. Raises the same problems."""
-    return [item.answer() for item in _checked(installation, body, policy.current(), look=True).items]
+def validate_submission(sender: Sender, body: bytes) -> list[dict[str, Any]]:
+    """What accept_submission would answer for each run of BODY, nothing stored. Raises the same problems,
+    but for a closed intake.
+    """
+    charge_body(sender, body)
+    parsed = _parsed(body, policy.current())
+    checked = checking.check(parsed, sender.installation, look=True)
+    checked.refuse_if_all_bad()
+    check_device(sender.installation, parsed.submission.device)
+    return [item.answer() for item in checked.items]
 
 
 def refuse_outdated(app_version: str, holding: Policy) -> None:
-    """Raises Problem 426 for a program older than the policy's minimum, 400 for a version that is none."""
+    """Raises Problem 426 for a program older than the policy's minimum, 400 for one that is not a version."""
     try:
         outdated = holding.outdates(app_version)
     except ValueError:
@@ -118,12 +141,12 @@ def refuse_outdated(app_version: str, holding: Policy) -> None:
 
 
 def refuse_other_consent(version: int, holding: Policy) -> None:
-    """Raises Problem 400 for a consent to another text than the present one."""
+    """Raises Problem 400 for consent to another text than the present one."""
     if version != holding.consent_version:
         raise Problem(
             400,
             "consent_outdated",
-            f"consent_version {version} is not the present one, {holding.consent_version}: ask again",
+            f"consent_version is {version}, the present text has {holding.consent_version}: ask again",
             field="consent_version",
         )
 
@@ -139,37 +162,40 @@ def _with(message: str, text: str) -> str:
     return f"{text} ({message})" if message else text
 
 
-def _checked(installation: Installation, body: bytes, holding: Policy, look: bool) -> checking.Intake:
+def _parsed(body: bytes, holding: Policy) -> checking.Parsed:
     submission = schema.submission(body)
     refuse_outdated(submission.app_version, holding)
     refuse_other_consent(submission.consent_version, holding)
-    checked = checking.check(submission, unknown_members.of_submission(body), installation, look)
-    checked.refuse_if_all_bad()
-    return checked
+    return checking.Parsed(submission, unknown_members.of_submission(body))
 
 
-def _store(submission: Submission, checked: checking.Intake) -> tuple[int, ...]:
-    """Write the new runs and their sessions; the primary keys of the sessions that got runs."""
+def _store(sender: Sender, submission: Submission, checked: checking.Intake) -> tuple[int, ...]:
+    """Write SUBMISSION, its new runs and their sessions; the primary keys of the sessions that got runs."""
     new = [item for item in checked.items if item.rejection is None and not item.duplicate]
     if not new:
+        charge_rows(sender, [submission], {})
+        insert([submission])
         return ()
-    device = recognise(checked.submission.device, submission.installation.simulated)
-    if device.named_by_consent and not submission.installation.show_model:
+    raw = checked.submission.device
+    device = recognise(raw, sender.installation.simulated)
+    bind_device(sender.installation, device.description, raw, sender.network)
+    if device.named_by_consent and not sender.installation.show_model:
         # Not everybody agrees any more; who measured it is counted again once it is stored.
         withdraw_consent(device.model)
     named = {item.session.id: item for item in new}
-    made = [
-        _session(submission, checked, item, device)
+    made = {
+        uuid: _session(submission, checked, item, device)
         for uuid, item in named.items()
         if uuid not in checked.sessions
-    ]
-    insert_keyed(made)
-    sessions = {
-        session.uuid: session for session in (*checked.sessions.values(), *made) if session.uuid in named
     }
-    insert(
-        [_row(item, sessions[item.session.id], checked.fronts[item.session.front_version]) for item in new]
-    )
+    sessions = {uuid: checked.sessions.get(uuid) or made[uuid] for uuid in named}
+    runs = [_run(item, checked.fronts[item.session.front_version]) for item in new]
+    charge_rows(sender, [submission, *made.values(), *runs], raw)
+    insert([submission])
+    insert_keyed(list(made.values()))
+    for run, item in zip(runs, new, strict=True):
+        run.session_id = sessions[item.session.id].pk
+    insert(runs)
     # A session that goes on has more runs now than its summary knows, also one that is being made just now.
     if going_on := [session.pk for uuid, session in checked.sessions.items() if uuid in named]:
         MeasurementSession.objects.filter(pk__in=going_on).update(summary_algorithm=None)
@@ -196,21 +222,22 @@ def _session(
         # A phone whose clock runs ahead must not be the latest for ever.
         started_at=min(session.started_at, timezone.now()),
         samples=[
-            msgspec.structs.asdict(sample) | more
+            msgspec.to_builtins(sample) | more
             for sample, more in zip(session.samples, beyond.samples, strict=True)
         ],
         extra=beyond.members,
     )
 
 
-def _row(item: checking.Item, session: MeasurementSession, front: checking.Front) -> Run:
+def _run(item: checking.Item, front: checking.Front) -> Run:
+    """The row of ITEM's run, without its session. A task judges it later."""
     run = item.run
     assert run is not None  # an item without a run is rejected
     names, stages_us = packing.pack_stages(run.stages_us or {})
     tracked = run.tracked if isinstance(run.tracked, list) else []
-    row = Run(
+    number_tracked = run.tracked if isinstance(run.tracked, int) else None
+    return Run(
         uuid=run.id,
-        session_id=session.pk,
         configuration_id=front.configurations[run.configuration].pk,
         repeat=run.repeat,
         order=run.order,
@@ -220,16 +247,11 @@ def _row(item: checking.Item, session: MeasurementSession, front: checking.Front
         stages=names,
         stages_us=stages_us,
         tracked=packing.pack_tracked(tracked),
-        tracked_frames=tracked.count(True)
-        if tracked
-        else run.tracked
-        if isinstance(run.tracked, int)
-        else None,
+        tracked_frames=tracked.count(True) if tracked else number_tracked,
         ate_max=run.ate_max,
         ate_mean=run.ate_mean,
         ate_rmse=run.ate_rmse,
         trajectory_sha256=run.trajectory_sha256 or "",
         extra=item.extra,
+        state=State.PENDING,
     )
-    runs.judge(row, front.protocol)
-    return row

@@ -26,7 +26,7 @@ class Migration(migrations.Migration):
 
     dependencies = [
         ('devices', '0007_masks_and_processors'),
-        ('results', '0006_summary_period'),
+        ('results', '0007_pending'),
     ]
 
     operations = [

@@ -14,10 +14,11 @@ from crowd.fronts.models import Configuration, FrontVersion
 class State(models.TextChoices):
     """Whether a measurement counts; crowd.results.validity.rules has the rules that decide.
 
-    Suspect ones make a figure only where there is no valid one. Quarantined ones never do, until what hides
-    them is gone. Invalid ones never do.
+    No task has judged a pending one yet. Suspect ones make a figure only where there is no valid one.
+    Quarantined ones never do, until what hides them is gone. Invalid ones never do.
     """
 
+    PENDING = "pending"
     VALID = "valid"
     SUSPECT = "suspect"
     INVALID = "invalid"

@@ -50,9 +50,10 @@ BASELINE = Column("baseline", "string", "the configuration it is compared with")
 STATE = Column(
     "state",
     "string",
-    "valid, suspect, invalid or quarantined: valid ones make figures, suspect ones where none is valid",
+    "valid, suspect, invalid, quarantined, or pending (not checked yet): valid ones make figures, suspect "
+    "ones where none is valid",
 )
-REASON = Column("reason", "string", "code of the rule that set the state; empty for a valid one")
+REASON = Column("reason", "string", "code of the rule that set the state; empty for a valid or pending one")
 ALGORITHM = Column("algorithm", "int32", "version of the statistics that computed it")
 BACKEND = Column("backend", "string", "what computed, such as opencl")
 PROCESSOR = Column("processor", "string", "the OpenCL device that computed")

@@ -32,7 +32,7 @@ def own_data(installation: Installation) -> Iterator[bytes]:
         .iterator(chunk_size=SESSIONS_AT_ONCE)
     )
     submissions = installation.submissions.order_by("received_at").iterator()
-    yield b'{"installation":' + msgspec.json.encode(_rest(installation, *TOKENS))
+    yield b'{"installation":' + msgspec.json.encode(_rest(installation, *TOKENS, "description"))
     yield from _list("submissions", map(_submission, submissions))
     yield from _list("sessions", map(_session, sessions))
     yield b"}"

@@ -65,14 +65,6 @@ class SessionContext:
     front: Front
 
 
-def judge(run: Run, protocol: Protocol) -> None:
-    """Fill RUN's derived columns from what was sent with it; nothing is stored."""
-    columns = {name: getattr(run, name) for name in READ}
-    alone = StoredRun(**columns)
-    _judge_alike([alone], protocol)
-    run.mean_us, run.fingerprint, run.state, run.reason = _derived(alone)
-
-
 def judge_runs(sessions: Mapping[int, SessionContext], decisions: Decisions) -> dict[int, list[StoredRun]]:
     """The runs of SESSIONS by the session's key, in the order of their repeats, judged by all rules on runs
     and by DECISIONS.
@@ -152,7 +144,7 @@ def fingerprint(frame_us: bytes | memoryview) -> int:
     return int.from_bytes(hashlib.sha256(frame_us).digest()[:8], "big", signed=True)
 
 
-def _set(run: Run | StoredRun, rule: Rule | None) -> None:
+def _set(run: StoredRun, rule: Rule | None) -> None:
     run.state, run.reason = (State.VALID, "") if rule is None else (rule.state, rule.code)
 
 
@@ -161,7 +153,7 @@ def _derived(run: StoredRun) -> tuple[float | None, int | None, str, str]:
     return run.mean_us, run.fingerprint, str(run.state), run.reason
 
 
-def _broken(run: Run | StoredRun, frames: int, protocol: Protocol) -> Rule | None:
+def _broken(run: StoredRun, frames: int, protocol: Protocol) -> Rule | None:
     """The first rule that RUN, of so many FRAMES, breaks by itself, except the last one, on stages."""
     if run.status == Run.Status.FAILED:
         return rules.FAILED

@@ -1,0 +1,166 @@
+"""No body below the size limits costs more than 20 MB of memory, whatever it holds."""
+
+import gzip
+import json
+import random
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from django.conf import settings
+
+from crowd import json_limits
+from crowd.results.intake import checks
+from crowd.results.models import Submission
+from tests.crowd.documents import run_document, session_document, submission_document
+from tests.crowd.participant import Participant
+
+MOST = 20_000_000
+VALUES = json_limits.MAX_VALUES
+INFLATED = settings.FRONTRUNNER_MAX_INFLATED_BYTES
+# A text with one character beyond the basic plane takes four bytes a character in memory.
+NOISE = bytes(random.Random(0).choices(b" \t\n\r", k=400_000))
+WIDE = "\\ud83d\\ude00"
+
+
+def within(part: str, content: str) -> bytes:
+    """A submission with CONTENT (JSON) in one of its parts."""
+    session = session_document()
+    document = submission_document(session)
+    if part == "body":
+        return content.encode()
+    if part == "device":
+        document["device"]["parts"] = "CONTENT"
+    if part == "submission":
+        document["extra"] = "CONTENT"
+    if part == "session":
+        session["extra"] = "CONTENT"
+    if part == "sample":
+        session["samples"][0]["extra"] = "CONTENT"
+    if part == "run":
+        session["runs"][0]["extra"] = "CONTENT"
+    if part == "id":
+        session["runs"][0]["id"] = "CONTENT"
+    if part == "times":
+        session["runs"][0]["frame_us"] = "CONTENT"
+    if part == "stages":
+        session["runs"][0]["stages_us"] = "CONTENT"
+    if part == "samples":
+        session["samples"] = "CONTENT"
+    if part == "runs":
+        session["runs"] = "CONTENT"
+    if part == "sessions":
+        document["sessions"] = "CONTENT"
+    if part == "app_version":
+        document["app_version"] = "CONTENT"
+    return json.dumps(document).replace('"CONTENT"', content, 1).encode()
+
+
+def of(piece: str, count: int, opening: str = "[", closing: str = "]") -> str:
+    return opening + ",".join([piece] * count) + closing
+
+
+def named(count: int, value: str) -> str:
+    """An object whose COUNT members have different names."""
+    return "{" + ",".join(f'"{number:x}":{value}' for number in range(count)) + "}"
+
+
+def padded(body: bytes) -> bytes:
+    """BODY with blanks behind it, as large as a body may be. Random ones keep its gzip large enough."""
+    return (body + NOISE).ljust(INFLATED)
+
+
+def peak(act: Callable[[], Any]) -> tuple[int, Any]:
+    tracemalloc.start()
+    try:
+        answer = act()
+        return tracemalloc.get_traced_memory()[1], answer
+    finally:
+        tracemalloc.stop()
+
+
+# What passes the scan, each as large as it lets it be. An ordinary submission has less than 3,500 values.
+ROOM = VALUES - 3_500
+TAKEN = {
+    "empty lists": of("[]", ROOM // 2),
+    "small objects": of('{"a":1}', ROOM // 3),
+    "members": named(ROOM // 2, "1"),
+    "members with lists": named(ROOM // 3, "[]"),
+    "numbers": of("4294967295", ROOM),
+    "a huge number": "9" * 3_000_000,
+    "escapes": '"' + "\\n" * 30_000 + '"',
+    "wide texts": of('"' + WIDE + "x" * 60_000 + '"', 40),
+    "samples": of('{"t":1}', ROOM // 3),
+}
+REFUSED = {
+    "too many empty lists": of("[]", 1_000_000),
+    "too many small objects": of('{"a":1}', 400_000),
+    "too many members": named(200_000, "1"),
+    "deep lists": "[" * 100_000 + "]" * 100_000,
+    "deep objects": '{"a":' * 100_000 + "1" + "}" * 100_000,
+    "a long text of escapes": '"' + "\\u00e9" * 500_000 + '"',
+    "a long wide text": '"' + WIDE + "x" * 3_000_000 + '"',
+}
+PARTS = [
+    "body", "device", "submission", "session", "sample", "run", "id", "times", "stages", "samples", "runs",
+    "sessions", "app_version",
+]  # fmt: skip
+
+
+def cost(participant: Participant, body: bytes, path: str = "/submissions:validate") -> tuple[int, Any]:
+    """The most memory that BODY takes, in bytes, with what is read and inflated; and the answer."""
+    content = gzip.compress(padded(body), 1)
+    assert len(content) < settings.FRONTRUNNER_MAX_BODY_BYTES
+    return peak(lambda: participant.submit(content, path=path, **{"Content-Encoding": "gzip"}))
+
+
+@pytest.fixture
+def known(participant: Participant) -> Participant:
+    """One whose first requests filled what a process keeps."""
+    participant.submit(submission_document(), path="/submissions:validate")
+    return participant
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_what_is_decoded_costs_little(known: Participant, part: str) -> None:
+    for shape, content in TAKEN.items():
+        most, answer = cost(known, within(part, content))
+
+        assert answer.status_code in {200, 400, 422}, answer.content
+        assert "too_many_values" not in answer.content.decode(), shape
+        assert most < MOST, shape
+
+
+@pytest.mark.parametrize("shape", REFUSED)
+def test_what_is_too_much_is_refused_before_it_is_decoded(known: Participant, shape: str) -> None:
+    most, answer = cost(known, within("run", REFUSED[shape]))
+
+    assert answer.status_code == 400
+    assert answer.json()["code"] in {"too_many_values", "text_too_long", "malformed_json"}
+    assert most < MOST
+
+
+@pytest.mark.parametrize("shape", ["too many empty lists", "deep objects", "a long wide text"])
+def test_an_enrolment_costs_little(known: Participant, shape: str) -> None:
+    most, answer = cost(known, REFUSED[shape].encode(), "/enrol")
+
+    assert answer.status_code == 400
+    assert most < MOST
+
+
+def test_the_largest_submission_of_a_client_is_taken(participant: Participant) -> None:
+    stages = {f"stage_{number}": [4_000] * 100 for number in range(checks.MAX_STAGES)}
+    runs = [
+        run_document("best", number, number, 80_000, stages_us=stages) for number in range(checks.MAX_RUNS)
+    ]
+    reading = {"temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 55.0}
+    session = session_document(
+        runs=runs, samples=[{"t": 1.004 * second, **reading} for second in range(2_000)]
+    )
+
+    response = participant.submit_gzipped(json.dumps(submission_document(session)).encode())
+
+    assert response.status_code == 202, response.content
+    assert {item["status"] for item in response.json()["items"]} == {"accepted"}
+    assert Submission.objects.count() == 1
