@@ -8,7 +8,9 @@ from crowd.devices import names, normalisation
 
 
 class Installation(models.Model):
-    """One installed client. Of its token only the digest is kept; of its address nothing."""
+    """One installed client. Of its token only the digest is kept; of its address only a keyed hash of the
+    network.
+    """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
@@ -27,6 +29,7 @@ class Installation(models.Model):
     )
     created_at = models.DateTimeField(auto_now_add=True)
     revoked_at = models.DateTimeField(null=True, blank=True)
+    network = models.CharField(max_length=32, blank=True, db_index=True)
     simulated = models.BooleanField(
         default=False, editable=False, help_text="made up, measured by nobody: never part of the open data"
     )

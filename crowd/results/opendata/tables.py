@@ -1,11 +1,13 @@
-"""The tables of the open data and what each column means: written beside the files, and into them.
+"""The tables of the open data and what each column means: in the files themselves and in their description.
 
 The description follows Frictionless Data's Data Package, so that one file is schema, licence and digests.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
+
+from crowd.results.models import ExportFile
 
 SCHEMA_VERSION = 1
 LICENCE = {
@@ -69,7 +71,7 @@ RUNS = Table(
         Column("order", "int32", "place among all runs of the session, from 0"),
         Column("status", "string", "ok or failed"),
         Column("mean_us", "float64", "the run's value: arithmetic mean over the counted frames", "µs"),
-        Column("tracked_frames", "int32", "frames whose tracking succeeded; empty where not told"),
+        Column("tracked_frames", "int32", "frames whose tracking succeeded; empty where unknown"),
         Column("ate_max", "float64", "largest distance of the camera from its true place", "m"),
         Column("ate_mean", "float64", "mean distance of the camera from its true place", "m"),
         Column("ate_rmse", "float64", "root of the mean squared distance", "m"),
@@ -78,7 +80,7 @@ RUNS = Table(
         REASON,
         Column("frame_us", "list<uint32>", "wall time of the computation of each frame", "µs"),
         Column("stages_us", "map<string, list<uint32>>", "the same of each stage, by its name", "µs"),
-        Column("tracked", "list<bool>", "whether tracking succeeded, null where skipped; [] where not told"),
+        Column("tracked", "list<bool>", "whether tracking succeeded, null where skipped; [] where unknown"),
     ),
 )
 SESSIONS = Table(
@@ -94,7 +96,7 @@ SESSIONS = Table(
         BACKEND,
         PROCESSOR,
         Column("platform", "string", "OpenCL platform"),
-        Column("driver", "string", "driver and its version, as its maker counts"),
+        Column("driver", "string", "driver and its version, as its maker numbers it"),
         Column("app_version", "string", "version of the program that measured"),
         Column("consent_version", "int32", "version of the text that the participant agreed to"),
         _hour("started_at", "when it began by the device's clock"),
@@ -179,19 +181,20 @@ CONFIGURATIONS = Table(
 )
 TOMBSTONES = Table(
     "tombstones",
-    "What was erased: whoever holds an earlier export should delete the rows with these digests.",
+    "What was erased. Please delete the rows with these digests from copies of earlier exports.",
     (
         Column("tombstone", "string", "random id"),
         Column("kind", "string", "run, session or installation"),
         _hour("erased_at", "when"),
         Column("id_sha256", "string", "SHA-256 of the run's or session's id; empty for an installation"),
+        Column("single", "bool", "a run that its participant deleted by itself, and not with everything"),
     ),
 )
 TABLES = (RUNS, SESSIONS, SUMMARIES, FIGURES, DEVICES, CONFIGURATIONS, TOMBSTONES)
 
 
-def data_package(name: str, created: str, files: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """The description of an export called NAME with its FILES: name, table, format, rows, bytes, sha256."""
+def data_package(name: str, created: str, files: Iterable[ExportFile]) -> dict[str, Any]:
+    """The description of an export called NAME with its FILES."""
     tables = {table.name: table for table in TABLES}
     return {
         "profile": "data-package",
@@ -202,14 +205,14 @@ def data_package(name: str, created: str, files: Iterable[Mapping[str, Any]]) ->
         "licenses": [LICENCE],
         "resources": [
             {
-                "name": file["name"].replace(".", "-"),
-                "path": file["name"],
-                "format": file["format"],
-                "bytes": file["bytes"],
-                "hash": f"sha256:{file['sha256']}",
-                "rows": file["rows"],
-                "description": tables[file["table"]].description,
-                "schema": {"fields": _fields(tables[file["table"]], file["format"])},
+                "name": file.name.replace(".", "-"),
+                "path": file.name,
+                "format": file.format,
+                "bytes": file.bytes,
+                "hash": f"sha256:{file.sha256}",
+                "rows": file.rows,
+                "description": tables[file.table].description,
+                "schema": {"fields": _fields(tables[file.table], file.format)},
             }
             for file in files
         ],
@@ -236,6 +239,7 @@ FRICTIONLESS = {
     "int32": "integer",
     "int64": "integer",
     "float64": "number",
+    "bool": "boolean",
     "timestamp": "datetime",
     "list<uint32>": "array",
     "list<bool>": "array",

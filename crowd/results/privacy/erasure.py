@@ -1,4 +1,8 @@
-"""What a participant may ask to be gone: one run, or everything. A tombstone without a name remains."""
+"""Deletes measurements for good: one run, all of an installation, or chosen sessions.
+
+A tombstone without a name remains of each. Figures are computed again in the same transaction, and the files
+of the open data that hold what was erased are marked as stale.
+"""
 
 import hashlib
 from collections.abc import Callable, Iterable
@@ -12,11 +16,11 @@ from django.utils import timezone
 
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.results.figures import refreshing, summarising
-from crowd.results.models import Cohort, MeasurementSession, Run, SessionSummary, Tombstone
-from crowd.results.opendata import exports
+from crowd.results.models import Cohort, Decision, MeasurementSession, Run, SessionSummary, Tombstone
+from crowd.results.opendata import marking
 from crowd.results.privacy import publication
 
-AT_ONCE = 1_000
+AT_ONCE = 500
 TRIES = 3
 DEADLOCK = "40P01"  # PostgreSQL's code
 
@@ -24,12 +28,12 @@ T = TypeVar("T")
 
 
 def erase_installation(installation: Installation) -> None:
-    """Delete everything of INSTALLATION, compute the figures that held it anew, withdraw such exports."""
+    """Delete everything of INSTALLATION in one transaction."""
     _place(_persist(partial(_erase_installation, installation.pk)))
 
 
 def erase_run(installation: Installation, uuid: UUID) -> bool:
-    """Delete one run of INSTALLATION, and its session with the last one; False where there is none."""
+    """Delete one run of INSTALLATION, and its session with the last one; False where there is no such run."""
     rare = _persist(partial(_erase_run, installation.pk, uuid))
     if rare is None:
         return False
@@ -37,9 +41,14 @@ def erase_run(installation: Installation, uuid: UUID) -> bool:
     return True
 
 
+def erase_sessions(keys: Iterable[int]) -> None:
+    """Delete the sessions KEYS in one transaction; those that are gone already are left out."""
+    _place(_persist(partial(_erase_chosen, sorted(keys))))
+
+
 def _persist(erase: Callable[[], T]) -> T:
-    """What ERASE answers, which is tried again where something came in meanwhile that refers to what it
-    deletes, or where it and another writer waited for each other.
+    """What ERASE returns. It is repeated where something arrived meanwhile that refers to the deleted rows, or
+    where it and another writer waited for each other.
     """
     for _ in range(TRIES - 1):
         try:
@@ -64,26 +73,29 @@ def _place(models: Iterable[int]) -> None:
 
 def _erase_installation(key: UUID) -> list[int]:
     """The models that are rare from now on."""
-    # Nothing of it may come in meanwhile.
+    # Nothing of it may arrive meanwhile.
     installation = Installation.objects.select_for_update().filter(pk=key).first()
     if installation is None:
         return []
-    _lock_models(installation.sessions.all())
-    sessions = list(installation.sessions.select_for_update().defer("samples").order_by("pk"))
-    runs = Run.objects.filter(session__installation=installation).values_list("uuid", flat=True)
-    cohorts = _locked(SessionSummary.objects.filter(session__installation=installation))
-    # Nothing simulated was ever public: nobody has to be told that it is gone.
+    rare = _delete_sessions(installation.sessions.all())
+    # Nothing simulated was ever public: nobody has to learn that it is gone.
     if not installation.simulated:
-        _bury(Tombstone.Kind.RUN, runs.iterator())
-        _bury(Tombstone.Kind.SESSION, (session.uuid for session in sessions))
         Tombstone.objects.create(kind=Tombstone.Kind.INSTALLATION, erased_at=timezone.now())
     installation.delete()
-    return _after(sessions, cohorts)
+    return rare
+
+
+def _erase_chosen(keys: list[int]) -> list[int]:
+    """The models that are rare from now on."""
+    sessions = MeasurementSession.objects.filter(pk__in=keys)
+    owners = Installation.objects.filter(pk__in=sessions.order_by().values("installation"))
+    list(owners.select_for_update(no_key=True).order_by("pk").values_list("pk"))
+    return _delete_sessions(sessions)
 
 
 def _erase_run(key: UUID, uuid: UUID) -> list[int] | None:
     """The models that are rare from now on; None where there is no such run."""
-    # One request of an installation at a time: who asks for the last two runs at once erases the session.
+    # One request of an installation at a time: two that ask for the last two runs erase the session.
     list(Installation.objects.select_for_update(no_key=True).filter(pk=key))
     holding = Run.objects.filter(uuid=uuid).values("session")
     own = MeasurementSession.objects.filter(installation=key, pk__in=holding)
@@ -91,31 +103,84 @@ def _erase_run(key: UUID, uuid: UUID) -> list[int] | None:
     session = own.select_for_update(of=("self",)).select_related("installation").first()
     if session is None:
         return None
-    public = not session.installation.simulated
     run = session.runs.get(uuid=uuid)
+    public = not session.installation.simulated
     if public:
-        _bury(Tombstone.Kind.RUN, [run.uuid])
+        _bury(Tombstone.Kind.RUN, [run.uuid], single=True)
     run.delete()
-    if session.runs.exists():
-        exports.withdraw(session.received_at)
-        summarising.summarise_session(session.pk)
-        return []
+    if not session.runs.exists():
+        return _delete_sessions(MeasurementSession.objects.filter(pk=session.pk))
     cohorts = _locked(session.summaries.all())
-    places = set(session.summaries.values_list("cohort_id", "installation_id", "day"))
+    summarising.summarise_session(session.pk)
+    # The figures of large devices, too: nothing of the run may remain in them.
+    left = [cohort.pk for cohort in cohorts]
+    refreshing.refresh(refreshing.lock(Cohort.objects.filter(pk__in=left, stale=True)))
     if public:
-        _bury(Tombstone.Kind.SESSION, [session.uuid])
-    session.delete()
-    # A later session of that day may count in its place.
+        marking.mark_erased([session.pk])
+    return []
+
+
+def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> list[int]:
+    """Delete SESSIONS, whose installations are locked, with what was derived from them. The models that are
+    rare from now on.
+    """
+    _lock_models(sessions)
+    rows = list(
+        sessions.select_for_update(of=("self",))
+        .select_related("installation")
+        .defer("samples", "extra")
+        .order_by("pk")
+    )
+    if not rows:
+        return []
+    keys = [row.pk for row in rows]
+    public = [row for row in rows if not row.installation.simulated]
+    models = _models_of(rows)
+    places = {
+        place
+        for part in _parts(keys)
+        for place in SessionSummary.objects.filter(session__in=part).values_list(
+            "cohort_id", "installation_id", "day"
+        )
+    }
+    cohorts = refreshing.lock(Cohort.objects.filter(pk__in={cohort for cohort, _, _ in places}))
+    for part in _parts([row.pk for row in public]):
+        _bury(Tombstone.Kind.RUN, Run.objects.filter(session__in=part).values_list("uuid", flat=True))
+    _bury(Tombstone.Kind.SESSION, (row.uuid for row in public))
+    for part in _parts(keys):
+        for table in (SessionSummary, Decision, Run):
+            table.objects.filter(session__in=part).delete()
+        MeasurementSession.objects.filter(pk__in=part).delete()
+    # A later session of a day may count in place of a deleted one.
     refreshing.count_days_of(places)
-    return _after([session], cohorts)
+    refreshing.refresh(cohorts)
+    refreshing.count_activity({row.device_id for row in rows})
+    rare = publication.after_erasure(models)
+    if public:
+        marking.mark_erased([row.pk for row in public])
+    return rare
 
 
-def _bury(kind: Tombstone.Kind, ids: Iterable[UUID]) -> None:
-    """A tombstone for each of IDS, which are random: their digests tell only those who have them already."""
+def _models_of(sessions: Iterable[MeasurementSession]) -> set[int]:
+    descriptions = {session.description_id for session in sessions}
+    return {
+        model
+        for part in _parts(sorted(descriptions))
+        for model in DeviceDescription.objects.filter(pk__in=part).values_list("model", flat=True)
+    }
+
+
+def _bury(kind: Tombstone.Kind, ids: Iterable[UUID], single: bool = False) -> None:
+    """A tombstone for each of IDS. They are random: a digest says something only to those who have the id."""
     now = timezone.now()
     Tombstone.objects.bulk_create(
         (
-            Tombstone(kind=kind, id_sha256=hashlib.sha256(str(each).encode()).hexdigest(), erased_at=now)
+            Tombstone(
+                kind=kind,
+                id_sha256=hashlib.sha256(str(each).encode()).hexdigest(),
+                erased_at=now,
+                single=single,
+            )
             for each in ids
         ),
         batch_size=AT_ONCE,
@@ -134,15 +199,6 @@ def _locked(summaries: QuerySet[SessionSummary]) -> list[Cohort]:
     return refreshing.lock(Cohort.objects.filter(pk__in=summaries.values("cohort")))
 
 
-def _after(sessions: list[MeasurementSession], cohorts: list[Cohort]) -> list[int]:
-    """Figures without the deleted SESSIONS; descriptions and models that nobody's session names go too. The
-    models that are rare from now on.
-    """
-    if not sessions:
-        return []
-    descriptions = {session.description_id for session in sessions}
-    models = set(DeviceDescription.objects.filter(pk__in=descriptions).values_list("model", flat=True))
-    exports.withdraw(min(session.received_at for session in sessions))
-    refreshing.refresh(cohorts)
-    refreshing.count_activity({session.device_id for session in sessions})
-    return publication.after_erasure(models)
+def _parts(keys: list[int]) -> list[list[int]]:
+    """KEYS in parts that every database takes in one statement."""
+    return [keys[start : start + AT_ONCE] for start in range(0, len(keys), AT_ONCE)]

@@ -8,14 +8,14 @@ from collections.abc import Iterable
 
 from django.conf import settings
 from django.db import transaction
-from django.db.models import Min, Q, QuerySet
+from django.db.models import Q, QuerySet
 
 from crowd.devices import recognition
 from crowd.devices.disclosure import Shown, columns, is_rare, published
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
 from crowd.results.figures import refreshing, summarising
 from crowd.results.models import Cohort, MeasurementSession, SessionSummary
-from crowd.results.opendata import exports
+from crowd.results.opendata import marking
 
 BATCH = 500
 DECIDED = (DeviceAlias.State.ACCEPTED, DeviceAlias.State.REFUSED, DeviceAlias.State.UNDONE)
@@ -128,9 +128,10 @@ def place(key: int, again: bool = False) -> None:
         if target.kind == DeviceModel.Kind.GROUP:
             # Open data that names the model must not outlive its being public.
             named = wrong.exclude(device__kind=DeviceModel.Kind.GROUP)
-            if (since := named.aggregate(first=Min("received_at"))["first"]) is not None:
-                exports.withdraw(since)
-                hidden += named.order_by("pk").values_list("pk", flat=True)
+            newly_hidden = list(named.order_by("pk").values_list("pk", flat=True))
+            if newly_hidden:
+                marking.mark_devices_changed(newly_hidden)
+                hidden += newly_hidden
         devices |= set(wrong.order_by().values_list("device", flat=True).distinct())
         for keys in _batches(wrong):
             MeasurementSession.objects.filter(pk__in=keys).update(device=target)
