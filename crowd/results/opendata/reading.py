@@ -15,7 +15,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Count, Exists, F, Model, OuterRef, Q, QuerySet, TextField
+from django.db.models import Count, Exists, F, Model, OuterRef, Q, QuerySet, TextField, Value
 from django.db.models.functions import Cast, Length
 
 from crowd.devices.models import DeviceModel
@@ -211,7 +211,8 @@ def _of_sessions(scope: Scope, key: str) -> Q:
 def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = None) -> Iterator[Block]:
     """ROWS by KEY and primary key: at most AT_ONCE in a block, and at most BLOCK_BYTES by SIZE (an expression).
 
-    Each block is a query of its own, so that no query is open while a block is written.
+    A block ends with the last row of a KEY, unless that key alone is too large for one block. Each block is a
+    query of its own, so that no query is open while a block is written.
     """
     left = ordered = rows.order_by(*dict.fromkeys((key, "pk")))
     while found := list(_next_rows(left, key, size).values_list("pk", *names)):
@@ -222,24 +223,30 @@ def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = Non
 
 def _next_rows(left: "QuerySet[Any]", key: str, size: Any) -> "QuerySet[Any]":
     """The first rows of LEFT that make one block."""
-    if size is None:
+    if key == "pk" and size is None:
         return left[:AT_ONCE]
-    sizes = list(left.values_list(key, size)[:AT_ONCE])
+    sizes = list(left.values_list(key, Value(0) if size is None else size)[: AT_ONCE + 1])
     if not sizes:
         return left.none()
-    count = _fitting([each for _, each in sizes])
+    count = _fitting(sizes)
     # Rows that are erased meanwhile let no unmeasured session into the block.
     return left.filter(**{f"{key}__lte": sizes[count - 1][0]})[:count]
 
 
-def _fitting(sizes: list[int]) -> int:
-    """How many rows of those SIZES, one at least, stay below BLOCK_BYTES together."""
+def _fitting(rows: list[tuple[Any, int]]) -> int:
+    """How many of ROWS, keys with sizes, make a block: at least one."""
     total = 0
-    for count, each in enumerate(sizes):
-        total += each
-        if total > BLOCK_BYTES:
-            return max(count, 1)
-    return len(sizes)
+    count = 0
+    for _, size in rows[:AT_ONCE]:
+        total += size
+        if count and total > BLOCK_BYTES:
+            break
+        count += 1
+    if count < len(rows):
+        # The next row belongs to the next block: where its key begins before, this block ends there.
+        begins = next(place for place, (key, _) in enumerate(rows) if key == rows[count][0])
+        count = min(begins, count) or count
+    return count
 
 
 def _after(ordered: "QuerySet[Any]", key: str, last: Any, last_pk: Any) -> "QuerySet[Any]":
