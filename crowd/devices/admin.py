@@ -3,10 +3,13 @@
 from collections.abc import Callable
 from functools import partial
 from typing import Any
+from urllib.parse import urlencode
 
 from django.contrib import admin, messages
 from django.db.models import Count, QuerySet
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
+from django.urls import reverse
 from django.utils import timezone
 
 from crowd.devices import decisions
@@ -21,6 +24,7 @@ from crowd.devices.models import (
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
 DECIDE = "devices.change_devicemodel"
+MOST_ERASED = 100
 
 
 class DecidingAdmin(ReadOnlyAdmin):
@@ -211,7 +215,7 @@ class InstallationAdmin(ReadOnlyAdmin):
     )
     search_fields = ("id",)
     exclude = ("token_sha256", "next_token_sha256")
-    actions = ("revoke",)
+    actions = ("revoke", "erase")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Installation]:
         return super().get_queryset(request).annotate(session_count=Count("sessions"))
@@ -224,6 +228,19 @@ class InstallationAdmin(ReadOnlyAdmin):
     def revoke(self, request: HttpRequest, queryset: QuerySet[Installation]) -> None:
         count = queryset.filter(revoked_at=None).update(revoked_at=timezone.now())
         self.message_user(request, f"{count} tokens revoked: those clients must enrol again")
+
+    @admin.action(description="Erase the selected installations...", permissions=["erase"])
+    def erase(self, request: HttpRequest, queryset: QuerySet[Installation]) -> HttpResponse | None:
+        keys = [str(key) for key in queryset.values_list("pk", flat=True)[: MOST_ERASED + 1]]
+        if len(keys) > MOST_ERASED:
+            text = f"Select at most {MOST_ERASED} installations, or erase their network or a period instead"
+            self.message_user(request, text, messages.ERROR)
+            return None
+        page = reverse("admin:results_erase_measurements")
+        return redirect(f"{page}?{urlencode({'installations': ' '.join(keys)})}")
+
+    def has_erase_permission(self, request: HttpRequest) -> bool:
+        return bool(request.user.has_perm("results.erase_measurements"))
 
     def has_revoke_permission(self, request: HttpRequest) -> bool:
         """Whoever may change installations may revoke their tokens; the form itself stays read-only."""
