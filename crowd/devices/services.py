@@ -42,7 +42,7 @@ def renew_token(installation: Installation) -> str:
 
 
 def installation_of(token: str) -> Installation | None:
-    """The installation with TOKEN, even if revoked; None where the token is unknown or was replaced. One query."""
+    """The installation with TOKEN, also a revoked one; None for an unknown or replaced token. One query."""
     digest = _digest(token)
     found = _known.rows(digest=digest)
     if not found:

@@ -57,7 +57,9 @@ class SelectionForm(forms.Form):
         """Raises ValidationError for a slug that no model has, and for a group of rare models."""
         slug = str(self.cleaned_data["device"])
         if slug and not DeviceModel.objects.exclude(kind=DeviceModel.Kind.GROUP).filter(slug=slug).exists():
-            raise forms.ValidationError(f"no device model has the slug {slug!r}: copy it from the list of models")
+            raise forms.ValidationError(
+                f"no device model has the slug {slug!r}: copy it from the list of models"
+            )
         return slug
 
     def clean(self) -> dict[str, Any]:

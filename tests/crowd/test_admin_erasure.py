@@ -1,4 +1,4 @@
-"""Administrators erase measurements of an installation, a network, a device model or a period in one action."""
+"""Administrators erase measurements of an installation, a network, a device model or a period."""
 
 import io
 from collections.abc import Callable
@@ -61,7 +61,9 @@ def post(staff: Client, **fields: str) -> Any:
     return staff.post(PAGE, {"reason": "made-up measurements"} | fields)
 
 
-def test_a_network_is_erased_after_a_preview_and_a_confirmation(staff: Client, front: Any, join: Join) -> None:
+def test_a_network_is_erased_after_a_preview_and_a_confirmation(
+    staff: Client, front: Any, join: Join
+) -> None:
     hostile = [measured(join(), "spoiled", sessions=2), measured(join(), "spoiled")]
     honest = measured(join(), "another")
     idle = join()

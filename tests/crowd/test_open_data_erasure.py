@@ -199,6 +199,22 @@ def test_a_part_never_divides_a_session(
     assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
 
 
+def test_a_part_of_well_compressed_series_is_bounded_too(
+    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What rewriting a part costs grows with its values, not with its file."""
+    samples = [{"t": float(second)} for second in range(50)]
+    for _ in range(3):
+        participant.submit(submission_document(session_document(samples=samples)))
+    monkeypatch.setattr(reading, "BLOCK_BYTES", 1)
+    monkeypatch.setattr(writing, "UNCOMPRESSED_BYTES", 1_000)
+
+    exports.make()
+
+    parts = ExportFile.objects.filter(table="sessions", format="parquet")
+    assert [file.rows for file in parts] == [1, 1, 1]
+
+
 def test_an_erasure_rewrites_only_the_parts_that_held_it(
     client: Client, participant: Participant, in_parts: None
 ) -> None:
@@ -231,9 +247,7 @@ def test_a_part_whose_sessions_are_all_erased_stays_as_an_empty_one(
     assert [len(rows(client, f"sessions-{part}")) for part in (1, 2)] == [0, 1]
 
 
-def test_what_was_measured_later_is_not_in_a_rewritten_file(
-    client: Client, participant: Participant
-) -> None:
+def test_what_was_measured_later_is_not_in_a_rewritten_file(client: Client, participant: Participant) -> None:
     session = session_document()
     participant.submit(submission_document(session))
     exports.make()
@@ -365,9 +379,7 @@ def test_what_an_interrupted_rewriting_left_behind_is_deleted(participant: Parti
     assert {path.name for path in folder.iterdir()} == whole
 
 
-def test_a_file_that_cannot_be_rewritten_stops_no_other_one(
-    client: Client, participant: Participant
-) -> None:
+def test_a_file_that_cannot_be_rewritten_stops_no_other_one(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
     export = exports.make()
     (exports.root() / export.folder / export.files.get(name="sessions.parquet").stored_as).unlink()

@@ -43,6 +43,7 @@ class PartWriter:
         self.table = table
         self.parquet, self.csv = parquet, csv
         self.rows = 0
+        self.uncompressed_bytes = 0
         self.first_session: int | None = None
         self.last_session: int | None = None
         self._schema = schema(table)
@@ -76,6 +77,7 @@ class PartWriter:
         self._parquet.write_batch(batch)
         self._csv.write_batch(_for_spreadsheets(batch.select(self._plain)))
         self.rows += batch.num_rows
+        self.uncompressed_bytes += batch.nbytes
         if SESSION in block:
             if self.first_session is None:
                 self.first_session = block[SESSION][0]

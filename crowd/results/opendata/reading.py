@@ -28,8 +28,8 @@ BLOCK_BYTES = 8 << 20
 PSEUDONYM_LENGTH = 16
 SESSION = "session_key"
 
-# Values by column; `frame_us`, `stages_us` and `tracked` as they are packed, `samples` as JSON text. Blocks of
-# tables whose rows belong to sessions have the primary keys of these sessions under SESSION.
+# Values by column; `frame_us`, `stages_us` and `tracked` as they are packed, `samples` as JSON text. Blocks
+# of runs, sessions and summaries have the primary keys of their sessions under SESSION.
 Block = dict[str, list[Any]]
 # The name in the open data of an installation, by the session's id and the installation's.
 Pseudonym = Callable[[UUID, UUID], str]
@@ -209,7 +209,7 @@ def _of_sessions(scope: Scope, key: str) -> Q:
 
 
 def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = None) -> Iterator[Block]:
-    """ROWS by KEY and primary key: at most AT_ONCE in a block, and at most BLOCK_BYTES by SIZE (an expression).
+    """ROWS by KEY and primary key: at most AT_ONCE in a block, at most BLOCK_BYTES by SIZE (an expression).
 
     A block ends with the last row of a KEY, unless that key alone is too large for one block. Each block is a
     query of its own, so that no query is open while a block is written.

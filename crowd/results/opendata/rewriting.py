@@ -52,8 +52,8 @@ def rewrite_stale(files: QuerySet[ExportFile], seconds: float) -> bool:
                 log.warning("%s cannot be rewritten: %s", file, error)
                 failed.append(file.pk)
         if time.monotonic() > end:
-            break
-    return not stale.exists()
+            return not stale.exists()
+    return not failed
 
 
 @contextmanager

@@ -122,7 +122,7 @@ def _content(export: Export, name: str) -> Content:
 
 
 def _fresh_row(export: Export, name: str) -> ExportFile:
-    """The row of the file NAME, which is not stale. Raises Problem: 404 not_found, 503 export_in_preparation."""
+    """The row of the file NAME, not stale. Raises Problem: 404 not_found, 503 export_in_preparation."""
     rows = export.files.filter(name=name)
     row = rows.first()
     if row is not None and row.stale:

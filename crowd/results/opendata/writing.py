@@ -11,8 +11,10 @@ from crowd.results.opendata.files import PartWriter
 from crowd.results.opendata.reading import SESSION, Block
 from crowd.results.opendata.tables import Table
 
-# A part ends once its Parquet file is this large. It is also what one rewriting may cost.
+# A part ends once its Parquet file is this large, or its values before compression. Both are what rewriting
+# the part costs.
 PART_BYTES = 32 << 20
+UNCOMPRESSED_BYTES = 128 << 20
 SUFFIXES = {"parquet": "parquet", "csv": "csv.gz"}
 
 
@@ -29,7 +31,7 @@ def write_table(table: Table, blocks: Iterable[Block], folder: Path) -> list[Exp
             while block is not None:
                 writer.write(block)
                 block = next(left, None)
-                if writer.bytes >= PART_BYTES and not _continues(writer, block):
+                if _is_full(writer) and not _continues(writer, block):
                     break
         parts.append(writer)
     return [
@@ -59,6 +61,10 @@ def _writer(table: Table, folder: Path) -> Iterator[PartWriter]:
         parquet.unlink(missing_ok=True)
         csv.unlink(missing_ok=True)
         raise
+
+
+def _is_full(writer: PartWriter) -> bool:
+    return writer.bytes >= PART_BYTES or writer.uncompressed_bytes >= UNCOMPRESSED_BYTES
 
 
 def _continues(writer: PartWriter, block: Block | None) -> bool:

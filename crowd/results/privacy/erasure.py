@@ -47,8 +47,8 @@ def erase_sessions(keys: Iterable[int]) -> None:
 
 
 def _persist(erase: Callable[[], T]) -> T:
-    """What ERASE returns. It is repeated where something arrived meanwhile that refers to the deleted rows, or
-    where it and another writer waited for each other.
+    """What ERASE returns. It is repeated when rows arrived meanwhile that refer to the deleted ones, or when
+    it and another writer waited for each other.
     """
     for _ in range(TRIES - 1):
         try:
@@ -148,9 +148,10 @@ def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> list[int]:
         _bury(Tombstone.Kind.RUN, Run.objects.filter(session__in=part).values_list("uuid", flat=True))
     _bury(Tombstone.Kind.SESSION, (row.uuid for row in public))
     for part in _parts(keys):
+        # What refers to them goes first, so that little is loaded to be deleted.
         for table in (SessionSummary, Decision, Run):
-            table.objects.filter(session__in=part).delete()
-        MeasurementSession.objects.filter(pk__in=part).delete()
+            table.objects.filter(session__in=part).only("pk").delete()
+        MeasurementSession.objects.filter(pk__in=part).only("pk").delete()
     # A later session of a day may count in place of a deleted one.
     refreshing.count_days_of(places)
     refreshing.refresh(cohorts)

@@ -47,7 +47,7 @@ def path_of(installation: Installation) -> str:
 
 
 def own_page(signed: str) -> OwnPage | None:
-    """The page behind the path's last part; None where the path is not valid, or the installation is erased."""
+    """The page behind the path's last part; None where that is not valid, or the installation is erased."""
     try:
         key = UUID(hex=Signer(salt=SALT).unsign(signed))
     except (BadSignature, ValueError):
