@@ -26,7 +26,7 @@ from django.db import connection
 from django.db.migrations.loader import MigrationLoader
 from django.db.migrations.recorder import MigrationRecorder
 
-from crowd.results.models import Export
+from crowd.results.models import Export, ExportFile
 
 FORMAT = 1
 ABOUT, DATABASE, SEQUENCES = "backup.json", "database", "sequences"
@@ -176,10 +176,13 @@ def _put_sequences(folder: Path) -> None:
 
 
 def _end_exports() -> None:
-    """The open data's files are in no backup: rows that tell of them would keep new ones from being made."""
-    # A backup of an older version may lack the table.
-    if Export._meta.db_table in connection.introspection.table_names():
-        Export.objects.filter(withdrawn_at=None).delete()
+    """Backups do not contain the files of the open data: their rows would keep new ones from being made."""
+    # A backup of an older version may lack a table, or columns that are not named here.
+    tables = connection.introspection.table_names()
+    ended = Export.objects.filter(withdrawn_at=None)
+    for rows in (ExportFile.objects.filter(export__in=ended.values("pk")), ended):
+        if rows.model._meta.db_table in tables:
+            rows._raw_delete(rows.db)
 
 
 def _sqlite_file() -> Path:

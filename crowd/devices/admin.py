@@ -3,11 +3,14 @@
 from collections.abc import Callable
 from functools import partial
 from typing import Any
+from urllib.parse import urlencode
 
 from django.contrib import admin, messages
 from django.db import transaction
 from django.db.models import Count, QuerySet
-from django.http import HttpRequest
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
+from django.urls import reverse
 from django.utils import timezone
 
 from crowd.audit.services import record
@@ -23,6 +26,7 @@ from crowd.devices.models import (
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
 DECIDE = "devices.change_devicemodel"
+MOST_ERASED = 100
 
 
 class DecidingAdmin(ReadOnlyAdmin):
@@ -214,7 +218,7 @@ class InstallationAdmin(ReadOnlyAdmin):
     )
     search_fields = ("id",)
     exclude = ("token_sha256", "next_token_sha256")
-    actions = ("revoke",)
+    actions = ("revoke", "erase")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Installation]:
         return super().get_queryset(request).annotate(session_count=Count("sessions"))
@@ -232,6 +236,19 @@ class InstallationAdmin(ReadOnlyAdmin):
             for row in rows:
                 record(request.user.get_username(), "token revoked", f"installation {row.pk}")
         self.message_user(request, f"{len(rows)} tokens revoked: those clients must enrol again")
+
+    @admin.action(description="Erase the selected installations...", permissions=["erase"])
+    def erase(self, request: HttpRequest, queryset: QuerySet[Installation]) -> HttpResponse | None:
+        keys = [str(key) for key in queryset.values_list("pk", flat=True)[: MOST_ERASED + 1]]
+        if len(keys) > MOST_ERASED:
+            text = f"Select at most {MOST_ERASED} installations, or erase their network or a period instead"
+            self.message_user(request, text, messages.ERROR)
+            return None
+        page = reverse("admin:results_erase_measurements")
+        return redirect(f"{page}?{urlencode({'installations': ' '.join(keys)})}")
+
+    def has_erase_permission(self, request: HttpRequest) -> bool:
+        return bool(request.user.has_perm("results.erase_measurements"))
 
     def has_revoke_permission(self, request: HttpRequest) -> bool:
         """Users who may change installations may revoke their tokens; the form itself stays read-only."""

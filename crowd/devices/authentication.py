@@ -14,6 +14,8 @@ from crowd.problems import Problem
 class TokenAuthentication(BaseAuthentication):
     """`Authorization: Bearer TOKEN`; `request.auth` becomes the Installation."""
 
+    accepts_revoked = False
+
     def authenticate(self, request: Request) -> tuple[None, Installation]:
         """Raises Problem 401 without a token, or with one that is unknown or revoked."""
         scheme, _, token = request.headers.get("Authorization", "").partition(" ")
@@ -22,15 +24,24 @@ class TokenAuthentication(BaseAuthentication):
                 401, "token_missing", "send Authorization: Bearer TOKEN; POST /api/v1/enrol gives one"
             )
         installation = installation_of(token.strip()) if scheme.lower() == "bearer" else None
-        if installation is None:
+        if installation is None or (installation.revoked_at is not None and not self.accepts_revoked):
             raise Problem(401, "token_invalid", "this token is unknown or was revoked: enrol again")
         return None, installation
+
+
+class RightsAuthentication(TokenAuthentication):
+    """As TokenAuthentication, and a revoked token counts as well: participants keep access to their own data
+    and may always erase it.
+    """
+
+    accepts_revoked = True
 
 
 class TokenScheme(OpenApiAuthenticationExtension):
     """The token in the OpenAPI document."""
 
     target_class = TokenAuthentication
+    match_subclasses = True
     name = "installation"
 
     def get_security_definition(self, auto_schema: object) -> dict[str, str]:  # noqa: ARG002
@@ -42,6 +53,12 @@ class OwnEndpoint(Endpoint):
 
     authentication_classes = [TokenAuthentication]
     throttle_classes = [limits.OwnRequests]
+
+
+class RightsEndpoint(OwnEndpoint):
+    """The same, after the token was revoked as well."""
+
+    authentication_classes = [RightsAuthentication]
 
 
 def installation_asking(request: Request) -> Installation:

@@ -47,7 +47,7 @@ def renew_token(installation: Installation) -> str:
 
 
 def installation_of(token: str) -> Installation | None:
-    """Whose TOKEN it is; None for one that is unknown, was followed by another or revoked. One query."""
+    """The installation with TOKEN, also a revoked one; None for an unknown or replaced token. One query."""
     digest = _digest(token)
     found = _known.rows(digest=digest)
     if not found:
@@ -162,7 +162,7 @@ def withdraw_consent(key: int) -> None:
 
 def _by_token() -> "QuerySet[Installation, tuple[Any, ...]]":
     digest = Placeholder("digest", CharField())
-    known = Installation.objects.filter(Q(token_sha256=digest) | Q(next_token_sha256=digest), revoked_at=None)
+    known = Installation.objects.filter(Q(token_sha256=digest) | Q(next_token_sha256=digest))
     return known.order_by().values_list(*COLUMNS)
 
 

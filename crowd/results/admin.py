@@ -3,6 +3,7 @@
 Sessions and runs can be hidden or let count; that is a decision beside them, which is logged.
 """
 
+from functools import partial
 from typing import Any
 
 from django.contrib import admin, messages
@@ -15,11 +16,13 @@ from django.utils.html import format_html
 
 from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.results import moderation
+from crowd.results.erasure_page import ERASE, erase_measurements
 from crowd.results.figures import statistics
 from crowd.results.models import (
     Decision,
     DeviceSpeedup,
     Export,
+    ExportFile,
     MeasurementSession,
     Run,
     SessionSummary,
@@ -218,18 +221,33 @@ class DecisionAdmin(ReadOnlyAdmin):
     date_hierarchy = "at"
 
 
+class ExportFileInline(ReadOnlyInline):
+    model = ExportFile
+    fields = ("name", "rows", "bytes", "stale", "sha256")
+    show_change_link = False
+
+
 @admin.register(Export)
 class ExportAdmin(ReadOnlyAdmin):
-    """Exports of the open data: those that can be had, and those that an erasure withdrew."""
+    """Exports of the open data with their files."""
 
     list_display = ("name", "started_at", "published_at", "withdrawn_at")
     date_hierarchy = "started_at"
+    inlines = (ExportFileInline,)
 
 
 @admin.register(Tombstone)
 class TombstoneAdmin(ReadOnlyAdmin):
-    """What was erased, without a name."""
+    """What was erased, without a name; and the page that erases measurements."""
 
-    list_display = ("id", "kind", "erased_at")
-    list_filter = ("kind",)
+    list_display = ("id", "kind", "single", "erased_at")
+    list_filter = ("kind", "single")
     date_hierarchy = "erased_at"
+
+    def get_urls(self) -> list[URLPattern]:
+        page = self.admin_site.admin_view(partial(erase_measurements, site=self.admin_site))
+        return [path("erase/", page, name="results_erase_measurements"), *super().get_urls()]
+
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
+        context = {"may_erase": request.user.has_perm(ERASE)}
+        return super().changelist_view(request, context | (extra_context or {}))

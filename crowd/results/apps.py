@@ -5,8 +5,10 @@ class ResultsConfig(AppConfig):
     name = "crowd.results"
 
     def ready(self) -> None:
-        """Figures follow what is decided about models."""
+        """Figures follow decisions about models; files of the open data follow erasures."""
         from crowd.devices.signals import models_changed
-        from crowd.results.tasks import announce_models
+        from crowd.results.opendata.signals import files_stale
+        from crowd.results.tasks import announce_models, announce_stale_files
 
         models_changed.connect(announce_models)
+        files_stale.connect(announce_stale_files)

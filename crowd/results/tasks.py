@@ -50,8 +50,14 @@ def reassign(models: list[int]) -> None:
 
 @shared_task
 def export() -> None:
-    """Write the open data where the night has passed or an erasure has withdrawn the last export."""
+    """Write the open data once a night. Rewrite what is stale, delete what ended."""
     exports.make_if_due()
+
+
+@shared_task
+def rewrite_exports() -> None:
+    """Remove what was erased from the files of the open data, before a reader has to wait for it."""
+    exports.rewrite_all()
 
 
 def announce(sessions: Iterable[int]) -> None:
@@ -69,6 +75,14 @@ def announce_models(keys: list[int], **_: object) -> None:
         reassign.apply_async(args=[keys], retry=False)
     except (OperationalError, OSError) as error:
         log.warning("the broker does not answer (%s): the next sweep finds the changed models", error)
+
+
+def announce_stale_files(**_: object) -> None:
+    """Tell the workers that files of exports are stale. Without a broker readers and the next sweep do it."""
+    try:
+        rewrite_exports.apply_async(retry=False)
+    except (OperationalError, OSError) as error:
+        log.warning("the broker does not answer (%s): stale files are rewritten when they are read", error)
 
 
 @worker_ready.connect

@@ -3,20 +3,25 @@
 import csv
 import gzip
 import io
+from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
 
+from crowd.results.models import Export
 from crowd.results.opendata import exports
+
+
+def stored(export: Export, name: str) -> Path:
+    """Where the file NAME of EXPORT is now."""
+    return exports.root() / export.folder / export.files.get(name=name).stored_as
 
 
 def table(name: str) -> list[dict[str, Any]]:
     """Rows of the newest export's table."""
     export = exports.published().first()
     assert export is not None
-    rows: list[dict[str, Any]] = pyarrow.parquet.read_table(
-        exports.root() / export.folder / f"{name}.parquet"
-    ).to_pylist()
+    rows: list[dict[str, Any]] = pyarrow.parquet.read_table(stored(export, f"{name}.parquet")).to_pylist()
     return rows
 
 
@@ -24,5 +29,5 @@ def lines(name: str) -> list[dict[str, str]]:
     """Lines of the newest export's CSV."""
     export = exports.published().first()
     assert export is not None
-    content = gzip.decompress((exports.root() / export.folder / f"{name}.csv.gz").read_bytes())
+    content = gzip.decompress(stored(export, f"{name}.csv.gz").read_bytes())
     return list(csv.DictReader(io.StringIO(content.decode())))

@@ -14,6 +14,7 @@ import pytest
 from crowd.fronts.services import publish_content
 from crowd.results.opendata import exports
 from tests.crowd.documents import device_document, front_document, session_document, submission_document
+from tests.crowd.exported import stored
 from tests.crowd.participant import Participant
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "data.md"
@@ -80,10 +81,10 @@ def test_tombstones_find_what_an_earlier_copy_still_holds(
     session = session_document()
     participant.submit(submission_document(session))
     earlier = exports.make()
-    shutil.copy(exports.root() / earlier.folder / "runs.parquet", tmp_path)
+    shutil.copy(stored(earlier, "runs.parquet"), tmp_path / "runs.parquet")
     participant.delete(f"/me/runs/{session['runs'][2]['id']}")
     later = exports.make()
-    shutil.copy(exports.root() / later.folder / "tombstones.parquet", tmp_path)
+    shutil.copy(stored(later, "tombstones.parquet"), tmp_path / "tombstones.parquet")
     monkeypatch.chdir(tmp_path)
 
     *_, erased = (part for part in example("sql").split(";") if part.strip())

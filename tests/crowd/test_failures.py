@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.results.intake.stages import STAGES, is_public_stage
+from crowd.results.intake.stages import STAGES
 from crowd.results.reading.failures import SENTENCES, public_failure, public_os_version
 from crowd.results.simulation import sessions
 from slam import system
@@ -78,9 +78,3 @@ def test_no_text_of_a_client_is_a_public_failure(text: str) -> None:
 )
 def test_a_version_of_a_system_is_a_number(text: str, version: str) -> None:
     assert public_os_version(text) == version
-
-
-def test_the_stages_are_those_that_the_systems_report() -> None:
-    assert frozenset(system.STAGES) == STAGES
-    assert is_public_stage("tracking")
-    assert not is_public_stage("visit_my_site")

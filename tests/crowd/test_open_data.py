@@ -3,6 +3,7 @@
 import csv
 import gzip
 import hashlib
+import io
 import json
 from collections.abc import Callable
 from typing import Any
@@ -14,6 +15,7 @@ from django.core.management import call_command
 from django.db import connection
 from django.test import Client
 from django.test.utils import CaptureQueriesContext
+from django.utils import timezone
 
 from crowd.devices.models import Installation
 from crowd.results.models import Export, MeasurementSession, Run, Tombstone
@@ -75,29 +77,33 @@ def test_a_spreadsheet_sees_no_formula(participant: Participant) -> None:
     assert table("sessions")[0]["processor"] == '=HYPERLINK("x")'
 
 
-def test_the_description_tells_every_column_and_digest(participant: Participant) -> None:
+def test_the_description_has_every_column_and_digest(client: Client, participant: Participant) -> None:
     participant.submit(submission_document())
 
-    export = exports.make()
+    exports.make()
 
-    folder = exports.root() / export.folder
-    package = json.loads((folder / "datapackage.json").read_text())
+    def served(name: str) -> bytes:
+        return bytes(client.get(f"/data/latest/{name}").getvalue())
+
+    package = json.loads(served("datapackage.json"))
     assert package["licenses"][0]["name"] == "CC-BY-4.0"
     for resource in package["resources"]:
-        content = (folder / resource["path"]).read_bytes()
+        content = served(resource["path"])
         assert resource["hash"] == f"sha256:{hashlib.sha256(content).hexdigest()}"
         assert resource["bytes"] == len(content)
         described = [field["name"] for field in resource["schema"]["fields"]]
         if resource["format"] == "parquet":
-            assert pyarrow.parquet.read_schema(folder / resource["path"]).names == described
+            assert pyarrow.parquet.read_schema(io.BytesIO(content)).names == described
         else:
             first, *_ = gzip.decompress(content).decode().splitlines()
             assert next(csv.reader([first])) == described
         assert all(field["description"] for field in resource["schema"]["fields"])
     assert len(package["resources"]) == 2 * len(TABLES)
-    for line in (folder / "SHA256SUMS").read_text().splitlines():
+    sums = served("SHA256SUMS").decode().splitlines()
+    assert len(sums) == 2 * len(TABLES) + 2
+    for line in sums:
         digest, name = line.split("  ")
-        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+        assert hashlib.sha256(served(name)).hexdigest() == digest
 
 
 def test_nothing_in_an_export_says_who_measured(
@@ -138,24 +144,56 @@ def test_what_was_made_up_is_left_out(participant: Participant, join: Callable[[
     assert len(table("runs")) == 4
 
 
-def test_a_large_table_is_read_in_parts(participant: Participant, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_large_table_is_read_in_blocks(participant: Participant, monkeypatch: pytest.MonkeyPatch) -> None:
     for _ in range(3):
         participant.submit(submission_document())
     monkeypatch.setattr(reading, "AT_ONCE", 5)
 
-    with CaptureQueriesContext(
-        connection,
-    ) as queries:
-        parts = list(reading.runs(reading.Scope.now()))
+    with CaptureQueriesContext(connection) as queries:
+        blocks = list(reading.runs(reading.Scope.now()))
 
-    assert [len(part["run"]) for part in parts] == [5, 5, 2]
-    assert all(
-        "LIMIT 5" in query["sql"]
-        for query in queries
-        if "results_run" in query["sql"] and "DESC" not in query["sql"]
-    )
+    # No session is divided.
+    assert [len(block["run"]) for block in blocks] == [4, 4, 4]
+    of_runs = [query["sql"] for query in queries if "results_run" in query["sql"]]
+    assert all("LIMIT" in statement for statement in of_runs)
     exports.make()
     assert [row["run"] for row in table("runs")] == [str(run.uuid) for run in Run.objects.order_by("pk")]
+
+
+def test_a_block_of_runs_is_bounded_in_bytes(
+    participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """100 frames, with four stages and tracking, take 2,100 bytes; without stages 500."""
+    large, small = session_document(), [session_document() for _ in range(3)]
+    for session in small:
+        for run in session["runs"]:
+            run["stages_us"] = {}
+    for session in (large, *small):
+        participant.submit(submission_document(session))
+    monkeypatch.setattr(reading, "BLOCK_BYTES", 4_200)
+
+    blocks = list(reading.runs(reading.Scope.now()))
+
+    # The large session takes two blocks, and two small ones fit into one.
+    assert [[str(key) for key in dict.fromkeys(block["session"])] for block in blocks] == [
+        [large["id"]], [large["id"]], [small[0]["id"], small[1]["id"]], [small[2]["id"]],
+    ]  # fmt: skip
+
+
+def test_a_block_of_sessions_is_bounded_in_bytes(
+    participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    samples = [{"t": float(second), "temperature_c": 40.0} for second in range(50)]
+    for count in (1, 1, 50, 50, 1):
+        participant.submit(submission_document(session_document(samples=samples[:count])))
+    longest = max(len(json.dumps(row.samples)) for row in MeasurementSession.objects.all())
+    monkeypatch.setattr(reading, "BLOCK_BYTES", longest + 90)
+
+    blocks = list(reading.sessions(reading.Scope.now()))
+
+    assert [len(block["session"]) for block in blocks] == [2, 1, 2]
+    exports.make()
+    assert [len(row["samples"]) for row in table("sessions")] == [1, 1, 50, 50, 1]
 
 
 def test_an_empty_server_exports_its_columns(db: None) -> None:
@@ -210,8 +248,35 @@ def test_what_is_erased_while_an_export_is_written_is_not_in_it(
     exports.make()
 
     assert len(table("sessions")) == 1
-    assert Export.objects.count() == 1
-    assert [path.name for path in exports.root().iterdir()] == [Export.objects.get().folder]
+    assert len(table("runs")) == 4
+    assert [row["installations"] for row in table("devices")] == [1]
+    export = Export.objects.get()
+    assert export.changed_while_written
+    assert not export.files.filter(stale=True).exists()
+    assert [path.name for path in exports.root().iterdir()] == [export.folder]
+
+
+def test_an_export_that_was_taken_for_dead_is_made_again(
+    participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As when its machine slept for longer than the sweep of another process waits."""
+    participant.submit(submission_document())
+    read, attempts = reading.READERS["devices"], []
+
+    def swept(scope: reading.Scope) -> Any:
+        attempts.append(scope)
+        if len(attempts) == 1:
+            Export.objects.update(touched_at=timezone.now() - exports.DEAD_AFTER * 2)
+            exports.sweep()
+        return read(scope)
+
+    monkeypatch.setitem(reading.READERS, "devices", swept)
+
+    export = exports.make()
+
+    assert len(attempts) == 2
+    assert Export.objects.get() == export
+    assert len(table("sessions")) == 1
 
 
 def test_an_export_that_fails_leaves_nothing(db: None, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -263,6 +328,8 @@ def test_a_model_that_ceases_to_be_public_is_not_named_in_files(
     with django_capture_on_commit_callbacks(execute=True):
         participant.submit(submission_document(show_model=False))
 
-    assert client.get(f"/data/{naming.name}/devices.parquet").status_code == 410
-    exports.make()
-    assert "Pixel" not in str(table("devices")) + str(table("sessions")) + str(table("figures"))
+    for name in ("devices", "sessions", "figures"):
+        content = client.get(f"/data/{naming.name}/{name}.parquet").getvalue()
+        rows = pyarrow.parquet.read_table(io.BytesIO(content)).to_pylist()
+        assert len(rows) == 1
+        assert "pixel" not in str(rows).casefold()

@@ -20,7 +20,7 @@ READS = {
     "/devices/google-pixel-8": 7,
     "/compare?devices=google-pixel-8,google-pixel-9": 15,
     "/explorations": 1,
-    "/exports": 1,
+    "/exports": 2,
     "/openapi.json": 0,
     "/docs": 0,
 }

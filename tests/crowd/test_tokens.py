@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from crowd.devices.models import Installation
-from tests.crowd.documents import submission_document
+from tests.crowd.documents import session_document, submission_document
 from tests.crowd.participant import API, Participant
 
 
@@ -33,12 +33,29 @@ def test_an_answer_that_was_lost_locks_nobody_out(participant: Participant) -> N
     assert new.get("/me/data").status_code == 200
 
 
-def test_a_revoked_installation_has_no_token_at_all(participant: Participant, installation: Any) -> None:
+def test_a_revoked_token_reads_and_erases_what_it_sent_and_does_nothing_else(
+    participant: Participant, installation: Any
+) -> None:
+    session = session_document()
+    key = participant.submit(submission_document(session)).json()["submission_id"]
     new = renewed(participant)
     Installation.objects.filter(pk=installation.pk).update(revoked_at=installation.created_at)
 
-    assert new.get("/me/data").status_code == 401
-    assert participant.get("/me/data").status_code == 401
+    for each in (participant, new):
+        refused = [
+            each.submit(submission_document()),
+            each.submit(submission_document(), path="/submissions:validate"),
+            each.get(f"/submissions/{key}"),
+            each.client.post(f"{API}/me/token", headers=each.headers),
+        ]
+        assert [(answer.status_code, answer.json()["code"]) for answer in refused] == [
+            (401, "token_invalid")
+        ] * 4
+    assert [row["id"] for row in new.own_data()["sessions"]] == [session["id"]]
+    assert new.delete(f"/me/runs/{session['runs'][0]['id']}").status_code == 204
+    assert new.delete("/me").status_code == 204
+    assert not Installation.objects.exists()
+    assert new.get("/me/data").json()["code"] == "token_invalid"
 
 
 def test_no_token_is_kept(participant: Participant) -> None:

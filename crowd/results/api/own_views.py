@@ -9,7 +9,7 @@ from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
 from crowd.api import answer
-from crowd.devices.authentication import OwnEndpoint, installation_asking
+from crowd.devices.authentication import OwnEndpoint, RightsEndpoint, installation_asking
 from crowd.devices.services import renew_token
 from crowd.problems import not_found
 from crowd.results.privacy import erasure
@@ -24,7 +24,7 @@ class Token(msgspec.Struct):
     token: str
 
 
-class OwnDataView(OwnEndpoint):
+class OwnDataView(RightsEndpoint):
     """Export."""
 
     @extend_schema(
@@ -54,7 +54,7 @@ class OwnTokenView(OwnEndpoint):
         return answer(Token(renew_token(installation_asking(request))), 201, PRIVATE)
 
 
-class OwnView(OwnEndpoint):
+class OwnView(RightsEndpoint):
     """Erasure of everything."""
 
     @extend_schema(
@@ -65,7 +65,7 @@ class OwnView(OwnEndpoint):
         return HttpResponse(status=204)
 
 
-class OwnRunView(OwnEndpoint):
+class OwnRunView(RightsEndpoint):
     """Erasure of one run."""
 
     @extend_schema(operation_id="erase_run", summary="Erase one run", responses={204: None})

@@ -11,6 +11,7 @@ from django.db.models import Q, QuerySet
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import MeasurementSession
+from crowd.results.opendata import marking
 
 BATCH = 500
 
@@ -48,6 +49,8 @@ def _reassign(key: int) -> None:
         }
         description.sessions.exclude(**columns).update(**columns)
     session_figures.resummarise(sessions)
+    if left:
+        marking.mark_devices_changed(list(sessions.order_by().values_list("pk", flat=True)))
     session_figures.count_activity(left | {key})
     DeviceModel.objects.filter(Q(pk=key) | Q(canonical=key)).update(changed=False)
 

@@ -20,6 +20,7 @@ from crowd.prepared import Placeholder, Query, insert, insert_keyed
 from crowd.problems import Problem
 from crowd.results.intake import checking, packing, schema, unknown_members
 from crowd.results.intake.allowance import Sender, charge_body, charge_rows
+from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, State, Submission
 
 CLOSED_SECONDS = 3600
@@ -233,7 +234,9 @@ def _run(item: checking.Item, front: checking.Front) -> Run:
     """The row of ITEM's run, without its session. A task judges it later."""
     run = item.run
     assert run is not None  # an item without a run is rejected
-    names, stages_us = packing.pack_stages(run.stages_us or {})
+    stages = run.stages_us or {}
+    names, stages_us = packing.pack_stages({name: stages[name] for name in stages if name in STAGES})
+    unknown = {name: stages[name] for name in stages if name not in STAGES}
     tracked = run.tracked if isinstance(run.tracked, list) else []
     number_tracked = run.tracked if isinstance(run.tracked, int) else None
     return Run(
@@ -252,6 +255,6 @@ def _run(item: checking.Item, front: checking.Front) -> Run:
         ate_mean=run.ate_mean,
         ate_rmse=run.ate_rmse,
         trajectory_sha256=run.trajectory_sha256 or "",
-        extra=item.extra,
+        extra=item.extra | ({"stages_us": unknown} if unknown else {}),
         state=State.PENDING,
     )

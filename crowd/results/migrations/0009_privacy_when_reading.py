@@ -26,7 +26,7 @@ class Migration(migrations.Migration):
 
     dependencies = [
         ('devices', '0007_masks_and_processors'),
-        ('results', '0007_pending'),
+        ('results', '0008_export_files'),
     ]
 
     operations = [

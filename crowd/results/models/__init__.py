@@ -6,7 +6,7 @@ derived from them and from the Decisions of administrators.
 
 from crowd.results.models.derived import Cohort, DeviceActivity, DeviceSpeedup, Outcome, SessionSummary
 from crowd.results.models.measured import Decision, MeasurementSession, Run, State, Submission
-from crowd.results.models.records import Export, Tombstone, WorkerPulse
+from crowd.results.models.records import Export, ExportFile, Tombstone, WorkerPulse
 
 __all__ = [
     "Cohort",
@@ -14,6 +14,7 @@ __all__ = [
     "DeviceActivity",
     "DeviceSpeedup",
     "Export",
+    "ExportFile",
     "MeasurementSession",
     "Outcome",
     "Run",

@@ -1,4 +1,4 @@
-"""What the server writes down of its own doings: erasures, exports, when its tasks ran."""
+"""What the server records about itself: erasures, exports, when its tasks ran."""
 
 import uuid
 
@@ -15,11 +15,19 @@ class WorkerPulse(models.Model):
         return f"{self.task} {self.at:%Y-%m-%d %H:%M:%S}"
 
 
-class Tombstone(models.Model):
-    """What remains of something erased: that it was, of which kind and when, and nothing of whom.
+class TombstoneQuerySet(models.QuerySet["Tombstone"]):
+    """What was erased."""
 
-    The digest tells those who hold an earlier copy of the open data what to delete, and nobody else anything:
-    ids are random.
+    def single_runs(self) -> "TombstoneQuerySet":
+        """Runs that participants deleted one by one, perhaps after they had seen the result."""
+        return self.filter(single=True)
+
+
+class Tombstone(models.Model):
+    """What remains of something erased: its kind and the time, and nothing about the participant.
+
+    The digest tells those who hold an earlier copy of the open data what to delete. It tells nobody else
+    anything, because ids are random.
     """
 
     class Kind(models.TextChoices):
@@ -34,25 +42,38 @@ class Tombstone(models.Model):
         blank=True,
         help_text="SHA-256 of the id that the run or session had; empty for an installation",
     )
+    single = models.BooleanField(
+        default=False, help_text="a run that its participant deleted by itself, and not with everything"
+    )
     erased_at = models.DateTimeField(db_index=True)
+
+    objects = TombstoneQuerySet.as_manager()
 
     class Meta:
         ordering = ["erased_at", "id"]
+        permissions = [("erase_measurements", "Can erase measurements of other people")]
+        indexes = [models.Index(fields=["id"], name="tombstone_single", condition=models.Q(single=True))]
 
     def __str__(self) -> str:
         return f"{self.kind} {self.id}"
 
 
 class Export(models.Model):
-    """One export of the open data. Its files lie in a folder of their own; the row says if they count."""
+    """One export of the open data. Its files are in a folder of their own, a row of ExportFile each."""
 
     started_at = models.DateTimeField(db_index=True)
-    touched_at = models.DateTimeField(help_text="while it is being written: when that went on last")
+    touched_at = models.DateTimeField(help_text="when its writer last made progress")
     published_at = models.DateTimeField(null=True)
     withdrawn_at = models.DateTimeField(
-        null=True, help_text="something in it was erased: its files are deleted"
+        null=True, help_text="an earlier version of this software withdrew it after an erasure"
     )
-    files = models.JSONField(default=list, help_text="name, table, format, rows, bytes, sha256")
+    last_session = models.BigIntegerField(
+        default=0, help_text="primary key of the newest session that it covers"
+    )
+    last_run = models.BigIntegerField(default=0, help_text="primary key of the newest run that it covers")
+    changed_while_written = models.BooleanField(
+        default=False, help_text="something was erased while it was written, so all of its files are stale"
+    )
 
     class Meta:
         ordering = ["-started_at", "-id"]
@@ -62,10 +83,46 @@ class Export(models.Model):
 
     @property
     def name(self) -> str:
-        """The day (UTC) it was made on: its place in addresses."""
+        """The day (UTC) on which it was made. Its addresses contain it."""
         return f"{self.started_at:%Y-%m-%d}"
 
     @property
     def folder(self) -> str:
         """The name of its folder, which no other export has."""
         return f"{self.name}-{self.pk}"
+
+
+class ExportFile(models.Model):
+    """One file of an export: a table, or one part of a large table, in one format.
+
+    A stale file still holds something that was erased. It is written again before it is served.
+    """
+
+    export = models.ForeignKey(Export, on_delete=models.CASCADE, related_name="files")
+    table = models.CharField(max_length=20)
+    part = models.PositiveSmallIntegerField(default=1, help_text="number within the table, from 1")
+    format = models.CharField(max_length=10, help_text="parquet or csv")
+    name = models.CharField(max_length=60, help_text="its name in addresses")
+    stored_as = models.CharField(
+        max_length=80, help_text="its name in the export's folder; it changes whenever the file is rewritten"
+    )
+    rows = models.PositiveBigIntegerField()
+    bytes = models.PositiveBigIntegerField()
+    sha256 = models.CharField(max_length=64)
+    first_session = models.BigIntegerField(
+        null=True, help_text="smallest primary key of the sessions in it; empty for tables without sessions"
+    )
+    last_session = models.BigIntegerField(null=True, help_text="largest primary key of those sessions")
+    stale = models.BooleanField(default=False, help_text="it holds something that was erased since")
+    marked = models.PositiveIntegerField(default=0, help_text="how often it was marked as stale")
+
+    class Meta:
+        ordering = ["id"]
+        constraints = [
+            models.UniqueConstraint(fields=["export", "name"], name="export_file_name"),
+            models.UniqueConstraint(fields=["export", "table", "part", "format"], name="export_file_part"),
+        ]
+        indexes = [models.Index(fields=["export"], name="export_file_stale", condition=models.Q(stale=True))]
+
+    def __str__(self) -> str:
+        return f"{self.export_id} {self.name}"

@@ -1,86 +1,80 @@
-"""Exports of the open data: when one is due, how it is made, what ends it.
+"""Exports of the open data: when one is due, how it is made, how long it is kept.
 
-A file is never changed. When something in an export is erased, the whole export is withdrawn with the same
-transaction and its files are deleted; the next one, made within minutes, lacks what was erased.
+What is erased disappears from the files that hold it (`marking`, `rewriting`); nothing else is withdrawn.
 """
 
-import hashlib
-import json
 import os
 import shutil
+from collections.abc import Iterable, Iterator
 from datetime import UTC, date, datetime, time, timedelta
 from pathlib import Path
-from typing import Any
 
 from django.conf import settings
 from django.db import transaction
-from django.db.models import Q, QuerySet
+from django.db.models import QuerySet
 from django.utils import timezone
 
-from crowd.results.models import Export, Tombstone
-from crowd.results.opendata.reading import READERS, Scope
-from crowd.results.opendata.tables import LICENCE, TABLES, data_package
+from crowd.results.models import Export, ExportFile
+from crowd.results.opendata.reading import READERS, Block, Scope
+from crowd.results.opendata.rewriting import delete_unused_files, rewrite_stale, root
+from crowd.results.opendata.tables import TABLES
 
 NIGHT_HOUR = 2  # UTC
-# An export that was not written on for so long belongs to a process that died.
+# An export without progress for this long belongs to a process that died.
 DEAD_AFTER = timedelta(minutes=10)
-# For so long the address of a withdrawn export says that it was withdrawn.
+# How long the address of an export that an earlier version withdrew says so.
 WITHDRAWN_KEPT = timedelta(days=30)
 TRIES = 3
-LICENCE_TEXT = """\
-These measurements are licensed under {title} ({name}):
-{path}
-
-You may share and adapt them for any purpose if you name their source: the Frontrunner server that you
-have them from, and the day of the export. datapackage.json says what each column means.
-tombstones lists what participants have erased: please delete it from earlier copies.
-"""
+# How long the worker rewrites stale files without a break.
+REWRITING_SECONDS = 60.0
 
 
-class ErasedMeanwhileError(Exception):
-    """Something was erased while an export was written: what was written does not count."""
+class AbandonedError(Exception):
+    """Another process took the writer of an export for dead and deleted what it had written."""
 
 
 def make_if_due() -> Export | None:
-    """An export, if none was made since the night and none is being made; and no files of ended ones."""
+    """An export, if none was made since the night and none is being made. Cleans up and rewrites, too."""
     sweep()
+    rewrite_all()
     return make() if _due(timezone.now()) else None
 
 
 def make() -> Export:
-    """A new export, published when it is whole; those beyond the number to keep end.
+    """A new export, published when it is complete; those beyond the number to keep are deleted.
 
-    Raises ErasedMeanwhileError when somebody erased something during each of TRIES attempts, OSError
-    without space.
+    What is erased meanwhile is written again before this returns. Raises AbandonedError when each of TRIES
+    attempts was taken for dead, OSError without space.
     """
     for attempt in range(1, TRIES + 1):
         try:
             export = _make()
-        except ErasedMeanwhileError:
+        except AbandonedError:
             if attempt == TRIES:
                 raise
         else:
-            _end_surplus()
+            _delete_surplus()
             sweep()
+            rewrite_stale(ExportFile.objects.filter(export=export), REWRITING_SECONDS)
             return export
     raise AssertionError("the last attempt returns or raises")
 
 
 def published() -> QuerySet[Export]:
-    """Exports that can be had, newest first."""
+    """Exports that are served, newest first."""
     return Export.objects.exclude(published_at=None).filter(withdrawn_at=None)
 
 
 def listed() -> list[Export]:
-    """The newest export of each day, newest first: the ones that addresses lead to."""
+    """The newest export of each day, newest first, with its files: the ones that addresses lead to."""
     by_day: dict[str, Export] = {}
-    for export in published():
+    for export in published().prefetch_related("files"):
         by_day.setdefault(export.name, export)
     return list(by_day.values())
 
 
 def made_on(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
-    """Those of ROWS that bear the name DAY; none where that is no day."""
+    """The exports among ROWS that were made on DAY; none where DAY is not a date."""
     try:
         found = date.fromisoformat(day)
     except ValueError:
@@ -92,40 +86,23 @@ def made_on(day: str, rows: QuerySet[Export]) -> QuerySet[Export]:
     )
 
 
-def withdraw(since: datetime) -> None:
-    """End every export that may hold what was received at SINCE; call it in the erasing transaction."""
-    ended = _end(since)
-
-    def once_more() -> None:
-        # Where readers do not wait for writers, an export that began meanwhile has read what is gone now.
-        if _end(since) or ended:
-            sweep()
-
-    transaction.on_commit(once_more)
-
-
-def _end(since: datetime) -> int:
-    rows = Export.objects.filter(withdrawn_at=None)
-    held = rows.filter(Q(published_at=None) | Q(published_at__gte=since))
-    return held.update(withdrawn_at=timezone.now())
+def rewrite_all(seconds: float = REWRITING_SECONDS) -> bool:
+    """Rewrite the stale files of all published exports, for about SECONDS; whether none is left."""
+    return rewrite_stale(ExportFile.objects.all(), seconds)
 
 
 def sweep() -> None:
-    """Delete the folders of exports that ended, were withdrawn, or whose process died, and old rows."""
+    """Delete old rows, exports whose process died, and files that belong to no export."""
     Export.objects.filter(withdrawn_at__lt=timezone.now() - WITHDRAWN_KEPT).delete()
     unfinished = Export.objects.filter(published_at=None)
     unfinished.filter(touched_at__lt=timezone.now() - DEAD_AFTER).delete()
-    # Folders first: one that another process makes meanwhile has its row before.
+    # Folders first: an export that begins meanwhile has its row before its folder.
     folders = list(root().iterdir()) if root().is_dir() else []
     live = {row.folder for row in Export.objects.filter(withdrawn_at=None)}
     for folder in folders:
         if folder.name.lstrip(".") not in live:
             shutil.rmtree(folder, ignore_errors=True)
-
-
-def root() -> Path:
-    """Where exports lie, each in its own folder."""
-    return Path(settings.FRONTRUNNER_VAR) / "exports"
+    delete_unused_files()
 
 
 def _due(now: datetime) -> bool:
@@ -140,77 +117,61 @@ def _due(now: datetime) -> bool:
 
 
 def _make() -> Export:
+    # The row comes before anything is read, so that an erasure finds it.
     export = Export.objects.create(started_at=timezone.now(), touched_at=timezone.now())
-    erased = Tombstone.objects.count()
     draft, final = root() / f".{export.folder}", root() / export.folder
     try:
+        scope = Scope.now()
+        export.last_session, export.last_run = scope.last_session, scope.last_run
         draft.mkdir(parents=True)
-        export.files = _write(export, draft)
+        files = _write(export, scope, draft)
         os.replace(draft, final)
-        _publish(export, erased)
-    except BaseException:
+        _publish(export, files)
+    except BaseException as error:
         for folder in (draft, final):
             shutil.rmtree(folder, ignore_errors=True)
-        export.delete()
+        deleted, _ = Export.objects.filter(pk=export.pk).delete()
+        if isinstance(error, OSError) and not deleted:
+            raise AbandonedError from error
         raise
     return export
 
 
-def _publish(export: Export, erased: int) -> None:
-    """Make EXPORT count, unless more was erased by now than the ERASED when it began."""
+def _publish(export: Export, files: list[ExportFile]) -> None:
+    """Serve EXPORT from now on. Raises AbandonedError where its row is gone."""
     with transaction.atomic():
+        # An erasure that is not committed yet holds this row: its mark is seen once it lets go.
+        held = Export.objects.select_for_update(no_key=True).filter(pk=export.pk).first()
+        if held is None:
+            raise AbandonedError
         export.published_at = timezone.now()
-        # An erasure that is not committed yet holds this row, and has withdrawn it once it lets go.
-        rows = Export.objects.filter(pk=export.pk, withdrawn_at=None)
-        kept = rows.update(published_at=export.published_at, files=export.files)
-        if not kept or Tombstone.objects.count() != erased:
-            raise ErasedMeanwhileError
+        export.changed_while_written = held.changed_while_written
+        export.save()
+        for file in files:
+            file.export, file.stale = export, held.changed_while_written
+        ExportFile.objects.bulk_create(files)
 
 
-def _write(export: Export, folder: Path) -> list[dict[str, Any]]:
-    """The export's files in FOLDER; what each holds."""
-    # Arrow takes its time to load: only who writes needs it.
-    from crowd.results.opendata.files import TableFiles
+def _write(export: Export, scope: Scope, folder: Path) -> list[ExportFile]:
+    """The tables in FOLDER; the unsaved rows of their files."""
+    # Arrow takes time to load: only those who write need it.
+    from crowd.results.opendata import writing
 
-    scope = Scope.now()
-    files = []
-    for table in TABLES:
-        with TableFiles(table, folder) as target:
-            for part in READERS[table.name](scope):
-                _touch(export)
-                target.write(part)
-        files.append(_described(target.parquet, table.name, "parquet", target.rows))
-        files.append(_described(target.csv, table.name, "csv", target.rows))
-    package = folder / "datapackage.json"
-    description = data_package(export.name, export.started_at.isoformat(timespec="seconds"), files)
-    package.write_text(json.dumps(description, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    licence = folder / "LICENCE.txt"
-    licence.write_text(LICENCE_TEXT.format(**LICENCE))
-    files += [_described(package, None, "json"), _described(licence, None, "text")]
-    sums = folder / "SHA256SUMS"
-    sums.write_text("".join(f"{file['sha256']}  {file['name']}\n" for file in files))
-    return [*files, _described(sums, None, "text")]
+    return [
+        file
+        for table in TABLES
+        for file in writing.write_table(table, _touching(export, READERS[table.name](scope)), folder)
+    ]
 
 
-def _touch(export: Export) -> None:
-    rows = Export.objects.filter(pk=export.pk, withdrawn_at=None)
-    if not rows.update(touched_at=timezone.now()):
-        raise ErasedMeanwhileError
+def _touching(export: Export, blocks: Iterable[Block]) -> Iterator[Block]:
+    """BLOCKS, with a sign of life for each. Raises AbandonedError where the row of EXPORT is gone."""
+    for block in blocks:
+        if not Export.objects.filter(pk=export.pk).update(touched_at=timezone.now()):
+            raise AbandonedError
+        yield block
 
 
-def _described(path: Path, table: str | None, format: str, rows: int | None = None) -> dict[str, Any]:
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return {
-        "name": path.name,
-        "table": table,
-        "format": format,
-        "rows": rows,
-        "bytes": path.stat().st_size,
-        "sha256": digest,
-    }
-
-
-def _end_surplus() -> None:
+def _delete_surplus() -> None:
     kept = published().values_list("pk", flat=True)[: settings.FRONTRUNNER_EXPORTS_KEPT]
     published().exclude(pk__in=list(kept)).delete()

@@ -1,5 +1,8 @@
-"""A table's two files, written part by part: Parquet with everything, gzipped CSV with what fits a line."""
+"""The two files of a table's part, written block by block: Parquet with all columns, gzipped CSV with those
+that fit a line.
+"""
 
+import json
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,7 +16,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from crowd.results.intake import packing
-from crowd.results.opendata.reading import Part
+from crowd.results.opendata.reading import SESSION, Block
 from crowd.results.opendata.tables import LICENCE, Table
 
 SAMPLE = pa.struct([(name, pa.float64()) for name in ("t", "temperature_c", "cpu_mhz", "battery")])
@@ -22,31 +25,35 @@ TYPES = {
     "int32": pa.int32(),
     "int64": pa.int64(),
     "float64": pa.float64(),
+    "bool": pa.bool_(),
     "timestamp": pa.timestamp("s", tz="UTC"),
     "list<uint32>": pa.list_(pa.uint32()),
     "map<string, list<uint32>>": pa.map_(pa.string(), pa.list_(pa.uint32())),
     "list<bool>": pa.list_(pa.bool_()),
     "list<sample>": pa.list_(SAMPLE),
 }
-# A spreadsheet computes a text that begins so.
+# Spreadsheets evaluate text that begins like this.
 FORMULA = r"^[=+\-@\t\r]"
 
 
-class TableFiles:
-    """NAME.parquet and NAME.csv.gz in FOLDER while they are written; `rows` counts."""
+class PartWriter:
+    """PARQUET and CSV, the two files of one part of TABLE, while they are written; `rows` counts."""
 
-    def __init__(self, table: Table, folder: Path) -> None:
+    def __init__(self, table: Table, parquet: Path, csv: Path) -> None:
         self.table = table
-        self.parquet = folder / f"{table.name}.parquet"
-        self.csv = folder / f"{table.name}.csv.gz"
+        self.parquet, self.csv = parquet, csv
         self.rows = 0
+        self.uncompressed_bytes = 0
+        self.first_session: int | None = None
+        self.last_session: int | None = None
         self._schema = schema(table)
         self._plain = [column.name for column in table.columns if not column.nested]
 
-    def __enter__(self) -> "TableFiles":
+    def __enter__(self) -> "PartWriter":
         with ExitStack() as stack:
+            self._file = stack.enter_context(pa.OSFile(str(self.parquet), "wb"))
             self._parquet = stack.enter_context(
-                pa.parquet.ParquetWriter(self.parquet, self._schema, compression="zstd")
+                pa.parquet.ParquetWriter(self._file, self._schema, compression="zstd")
             )
             stream = stack.enter_context(pa.CompressedOutputStream(str(self.csv), "gzip"))
             plain = pa.schema([self._schema.field(name) for name in self._plain])
@@ -59,12 +66,22 @@ class TableFiles:
     ) -> None:
         self._open.__exit__(kind, error, trace)
 
-    def write(self, part: Part) -> None:
-        """One more part, as a row group of its own."""
-        batch = record_batch(self.table, part, self._schema)
+    @property
+    def bytes(self) -> int:
+        """Size of the Parquet file so far."""
+        return int(self._file.tell())
+
+    def write(self, block: Block) -> None:
+        """Add BLOCK, as a row group of its own."""
+        batch = record_batch(self.table, block, self._schema)
         self._parquet.write_batch(batch)
         self._csv.write_batch(_for_spreadsheets(batch.select(self._plain)))
         self.rows += batch.num_rows
+        self.uncompressed_bytes += batch.nbytes
+        if SESSION in block:
+            if self.first_session is None:
+                self.first_session = block[SESSION][0]
+            self.last_session = block[SESSION][-1]
 
 
 def schema(table: Table) -> pa.Schema:
@@ -80,10 +97,10 @@ def schema(table: Table) -> pa.Schema:
     return pa.schema(fields, metadata={"description": table.description, "licence": LICENCE["path"]})
 
 
-def record_batch(table: Table, part: Part, columns: pa.Schema) -> pa.RecordBatch:
-    """PART as TABLE's columns; packed series are taken over as they are, without a Python number each."""
+def record_batch(table: Table, block: Block, columns: pa.Schema) -> pa.RecordBatch:
+    """BLOCK as TABLE's columns. Packed series become arrays without a Python number for each value."""
     arrays = [
-        PACKED.get(column.name, _plain)(part[column.name], columns.field(column.name).type)
+        PACKED.get(column.name, _plain)(block[column.name], columns.field(column.name).type)
         for column in table.columns
     ]
     return pa.RecordBatch.from_arrays(arrays, schema=columns)
@@ -117,10 +134,16 @@ def _tracked(packed: Sequence[bytes], kind: pa.DataType) -> pa.Array:  # noqa: A
     return pa.ListArray.from_arrays(_offsets([len(series) for series in packed]), values)
 
 
+def _samples(texts: Sequence[str], kind: pa.DataType) -> pa.Array:
+    """One session's JSON at a time: as Python objects samples take thirty times as much memory."""
+    return pa.concat_arrays([pa.array([json.loads(text)], kind) for text in texts])
+
+
 PACKED: dict[str, Callable[[Sequence[Any], pa.DataType], pa.Array]] = {
     "frame_us": _series,
     "stages_us": _stages,
     "tracked": _tracked,
+    "samples": _samples,
 }
 
 
@@ -129,7 +152,7 @@ def _offsets(lengths: Sequence[int]) -> pa.Array:
 
 
 def _for_spreadsheets(batch: pa.RecordBatch) -> pa.RecordBatch:
-    """BATCH with an apostrophe before texts that a spreadsheet would take for a formula."""
+    """BATCH with an apostrophe before texts that a spreadsheet would evaluate as a formula."""
     arrays = [
         pc.if_else(
             pc.match_substring_regex(column, FORMULA), pc.binary_join_element_wise("'", column, ""), column

@@ -1,7 +1,6 @@
-"""Rows of the open data, read from the database in parts of bounded size: who measured is never among them.
+"""Rows of the open data, read from the database in blocks of bounded size. None says who measured.
 
-Simulated installations are left out everywhere. Devices are those of the public: a session names a rare
-model by what it shares with others.
+Simulated installations are left out everywhere. Devices are those of the public: masks are applied here.
 """
 
 import hashlib
@@ -13,162 +12,196 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
+from uuid import UUID
 
-from django.db.models import Count, Exists, Model, OuterRef, Q, QuerySet
+from django.conf import settings
+from django.db.models import Count, Exists, Model, OuterRef, Q, QuerySet, TextField, Value
+from django.db.models.functions import Cast, Length
 
+from crowd.devices.disclosure import COLUMNS, PublicDevice, public_device
 from crowd.devices.models import DeviceModel
 from crowd.fronts.models import Configuration, FrontVersion
+from crowd.results.intake import packing
+from crowd.results.intake.stages import STAGES
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
 
 AT_ONCE = 5_000
+# Most bytes of packed series, or of samples as text, in one block. A single larger row is a block by itself.
+BLOCK_BYTES = 8 << 20
 PSEUDONYM_LENGTH = 16
+SESSION = "session_key"
 
-# Values by column; `frame_us`, `stages_us` and `tracked` as they are packed.
-Part = dict[str, list[Any]]
+# Values by column; `frame_us`, `stages_us` and `tracked` as they are packed, `samples` as JSON text. Blocks
+# of runs, sessions and summaries have the primary keys of their sessions under SESSION.
+Block = dict[str, list[Any]]
+# The name in the open data of an installation, by the session's id and the installation's.
+Pseudonym = Callable[[UUID, UUID], str]
+
+
+def random_pseudonyms() -> Pseudonym:
+    """Names that tell the installations of one export apart. They mean nothing elsewhere: nobody keeps the
+    key.
+    """
+    key = secrets.token_bytes(32)
+
+    def pseudonym(session: UUID, installation: UUID) -> str:  # noqa: ARG001 - one name in all sessions
+        return hmac.new(key, str(installation).encode(), hashlib.sha256).hexdigest()[:PSEUDONYM_LENGTH]
+
+    return pseudonym
 
 
 @dataclass(frozen=True)
 class Scope:
-    """What one export covers: the rows that were there when it began, under a key that is then forgotten."""
+    """Which rows to read: those of sessions from `first_session` to `last_session`, runs up to `last_run`."""
 
     last_session: int
     last_run: int
-    key: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
+    first_session: int = 0
+    pseudonym: Pseudonym = field(default_factory=random_pseudonyms, repr=False)
 
     @classmethod
     def now(cls) -> "Scope":
         """Everything stored at this moment."""
         return cls(_newest(MeasurementSession), _newest(Run))
 
-    def pseudonym(self, installation: Any) -> str:
-        """A name for INSTALLATION that tells it from others here and says nothing elsewhere."""
-        return hmac.new(self.key, str(installation).encode(), hashlib.sha256).hexdigest()[:PSEUDONYM_LENGTH]
 
-
-def runs(scope: Scope) -> Iterator[Part]:
-    """Runs in the order in which they were stored."""
+def runs(scope: Scope) -> Iterator[Block]:
+    """Runs by session, in the order in which they were stored."""
     names = _configurations()
-    rows = Run.objects.filter(
-        pk__lte=scope.last_run, session_id__lte=scope.last_session, session__installation__simulated=False
-    )
+    rows = Run.objects.filter(_of_sessions(scope, "session_id"), pk__lte=scope.last_run)
+    size = Length("frame_us") + Length("stages_us") + Length("tracked")
     plain = (
         *("repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse"),
         *("trajectory_sha256", "state", "reason", "frame_us", "tracked"),
     )
-    for part in _parts(rows, "uuid", "session__uuid", "configuration_id", "stages", "stages_us", *plain):
-        stages = list(zip(part.pop("stages"), part["stages_us"], strict=True))
-        yield part | {
-            "run": _texts(part["uuid"]),
-            "session": _texts(part["session__uuid"]),
-            "front": [names[key][0] for key in part["configuration_id"]],
-            "configuration": [names[key][1] for key in part["configuration_id"]],
+    columns = ("uuid", "session_id", "session__uuid", "configuration_id", "stages", "stages_us", *plain)
+    for block in _blocks(rows, *columns, key="session_id", size=size):
+        stages = list(map(known_stages, block.pop("stages"), block["stages_us"]))
+        yield block | {
+            SESSION: block["session_id"],
+            "run": _texts(block["uuid"]),
+            "session": _texts(block["session__uuid"]),
+            "front": [names[key][0] for key in block["configuration_id"]],
+            "configuration": [names[key][1] for key in block["configuration_id"]],
             "stages_us": stages,
         }
 
 
-def sessions(scope: Scope) -> Iterator[Part]:
+def sessions(scope: Scope) -> Iterator[Block]:
     """Sessions in the order in which they were stored."""
-    rows = MeasurementSession.objects.filter(pk__lte=scope.last_session, installation__simulated=False)
-    plain = ("protocol_version", "backend", "processor", "platform", "driver", "samples")
-    for part in _parts(
-        rows, "uuid", "installation_id", "device__slug", "front__application", "front__slug",
-        "submission__app_version", "submission__consent_version", "started_at", "received_at", *plain,
+    rows = MeasurementSession.objects.filter(_of_sessions(scope, "pk"))
+    as_text = Cast("samples", TextField())
+    rows = rows.annotate(samples_text=as_text)
+    devices = _public_devices()
+    plain = ("protocol_version", "backend", "processor", "processor_class", "driver")
+    for block in _blocks(
+        rows, "uuid", "installation_id", "device_id", "front__application", "front__slug",
+        "submission__app_version", "submission__consent_version", "started_at", "received_at",
+        "samples_text", *plain, size=Length(as_text),
     ):  # fmt: skip
-        yield part | {
-            "session": _texts(part["uuid"]),
-            "installation": [scope.pseudonym(key) for key in part["installation_id"]],
-            "device": part["device__slug"],
-            "application": part["front__application"],
-            "front": part["front__slug"],
-            "app_version": part["submission__app_version"],
-            "consent_version": part["submission__consent_version"],
-            "started_at": _hours(part["started_at"]),
-            "received_at": _hours(part["received_at"]),
+        yield block | {
+            SESSION: block["pk"],
+            "session": _texts(block["uuid"]),
+            "installation": list(map(scope.pseudonym, block["uuid"], block["installation_id"])),
+            "device": [devices[key].slug for key in block["device_id"]],
+            "application": block["front__application"],
+            "front": block["front__slug"],
+            "app_version": block["submission__app_version"],
+            "consent_version": block["submission__consent_version"],
+            "started_at": _hours(block["started_at"]),
+            "received_at": _hours(block["received_at"]),
+            "samples": block["samples_text"],
         }
 
 
-def summaries(scope: Scope) -> Iterator[Part]:
-    """The answers of those sessions."""
+def summaries(scope: Scope) -> Iterator[Block]:
+    """The results of those sessions."""
     names = _configurations()
-    rows = SessionSummary.objects.filter(
-        session_id__lte=scope.last_session, session__installation__simulated=False
+    rows = SessionSummary.objects.filter(_of_sessions(scope, "session_id"))
+    plain = (
+        *("session_id", "log_ratio", "low", "high", "pairs", "runs", "failed", "lost", "drift", "ate_max"),
+        *("state", "reason", "algorithm"),
     )
-    plain = ("log_ratio", "pairs", "drift", "ate_max", "state", "reason", "algorithm")
-    for part in _parts(rows, "session__uuid", "configuration_id", "baseline_id", *plain):
-        yield part | {
-            "session": _texts(part["session__uuid"]),
-            "front": [names[key][0] for key in part["configuration_id"]],
-            "configuration": [names[key][1] for key in part["configuration_id"]],
-            "baseline": [names[key][1] for key in part["baseline_id"]],
-            "speedup": [None if ratio is None else math.exp(ratio) for ratio in part["log_ratio"]],
+    for block in _blocks(rows, "session__uuid", "configuration_id", "baseline_id", *plain, key="session_id"):
+        yield block | {
+            SESSION: block["session_id"],
+            "session": _texts(block["session__uuid"]),
+            "front": [names[key][0] for key in block["configuration_id"]],
+            "configuration": [names[key][1] for key in block["configuration_id"]],
+            "baseline": [names[key][1] for key in block["baseline_id"]],
+            "speedup": [None if ratio is None else math.exp(ratio) for ratio in block["log_ratio"]],
         }
 
 
-def figures(scope: Scope) -> Iterator[Part]:
+def figures(scope: Scope) -> Iterator[Block]:
     """The published speedups of devices that somebody really measured."""
-    names = _configurations()
+    names, devices = _configurations(), _public_devices()
     rows = DeviceSpeedup.objects.filter(_measured(scope, "device_id"))
     plain = (
-        *("backend", "processor", "speedup", "low", "high", "repeat_low", "repeat_high", "sessions"),
-        *("installations", "ate_max", "state", "algorithm"),
+        *("backend", "processor", "processor_class", "speedup", "low", "high", "session_low"),
+        *("session_high", "repeat_low", "repeat_high", "sessions", "installations", "witnesses"),
+        *("chip_witnesses", "ate_max", "state", "algorithm"),
     )
-    for part in _parts(rows, "device__slug", "configuration_id", "baseline_id", "last_session_at", *plain):
-        yield part | {
-            "device": part["device__slug"],
-            "front": [names[key][0] for key in part["configuration_id"]],
-            "configuration": [names[key][1] for key in part["configuration_id"]],
-            "baseline": [names[key][1] for key in part["baseline_id"]],
-            "last_session_at": _hours(part["last_session_at"]),
+    for block in _blocks(rows, "device_id", "configuration_id", "baseline_id", "last_session_at", *plain):
+        witnesses = [max(pair) for pair in zip(block["witnesses"], block["chip_witnesses"], strict=True)]
+        yield block | {
+            "device": [devices[key].slug for key in block["device_id"]],
+            "witnesses": witnesses,
+            "confirmed": [count >= settings.FRONTRUNNER_QUORUM for count in witnesses],
+            "front": [names[key][0] for key in block["configuration_id"]],
+            "configuration": [names[key][1] for key in block["configuration_id"]],
+            "baseline": [names[key][1] for key in block["baseline_id"]],
+            "last_session_at": _hours(block["last_session_at"]),
         }
 
 
-def devices(scope: Scope) -> Iterator[Part]:
+def devices(scope: Scope) -> Iterator[Block]:
     """The devices that sessions name, with counts of those sessions."""
     real = Q(sessions__installation__simulated=False, sessions__pk__lte=scope.last_session)
     rows = DeviceModel.objects.filter(_measured(scope, "pk")).annotate(
         session_count=Count("sessions", filter=real),
         installation_count=Count("sessions__installation", filter=real, distinct=True),
     )
-    plain = ("manufacturer", "name", "market_name", "cpu", "soc", "gpu", "os")
-    for part in _parts(rows, "slug", "session_count", "installation_count", *plain):
-        yield part | {
-            "device": part["slug"],
-            "name": [
-                DeviceModel(manufacturer=maker, name=name, market_name=market).shown_name
-                for maker, name, market in zip(
-                    part["manufacturer"], part["name"], part["market_name"], strict=True
-                )
-            ],
-            "sessions": part["session_count"],
-            "installations": part["installation_count"],
-        }
+    public = _public_devices()
+    plain = ("manufacturer", "name", "cpu", "soc", "gpu", "os", "masked")
+    for block in _blocks(rows, "session_count", "installation_count"):
+        shown = [public[key] for key in block["pk"]]
+        yield (
+            block
+            | {name: [getattr(device, name) for device in shown] for name in plain}
+            | {
+                "device": [device.slug for device in shown],
+                "sessions": block["session_count"],
+                "installations": block["installation_count"],
+            }
+        )
 
 
-def configurations(scope: Scope) -> Iterator[Part]:  # noqa: ARG001 - all tables are read alike
+def configurations(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - all tables are read alike
     """The points of the fronts that were ever published."""
     rows = Configuration.objects.filter(front__in=FrontVersion.objects.released())
-    for part in _parts(
+    for block in _blocks(
         rows, "front__application", "front__slug", "name", "position", "parameters", "predicted",
         "front__state", "front__published_at",
     ):  # fmt: skip
-        yield part | {
-            "application": part["front__application"],
-            "front": part["front__slug"],
-            "configuration": part["name"],
-            "parameters": [json.dumps(value) for value in part["parameters"]],
-            "predicted": [json.dumps(value) for value in part["predicted"]],
-            "state": part["front__state"],
-            "published_at": part["front__published_at"],
+        yield block | {
+            "application": block["front__application"],
+            "front": block["front__slug"],
+            "configuration": block["name"],
+            "parameters": [json.dumps(value) for value in block["parameters"]],
+            "predicted": [json.dumps(value) for value in block["predicted"]],
+            "state": block["front__state"],
+            "published_at": block["front__published_at"],
         }
 
 
-def tombstones(scope: Scope) -> Iterator[Part]:  # noqa: ARG001 - all tables are read alike
+def tombstones(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - all tables are read alike
     """What was erased."""
-    for part in _parts(Tombstone.objects.all(), "kind", "erased_at", "id_sha256"):
-        yield part | {"tombstone": _texts(part["pk"]), "erased_at": _hours(part["erased_at"])}
+    for block in _blocks(Tombstone.objects.all(), "kind", "erased_at", "id_sha256", "single"):
+        yield block | {"tombstone": _texts(block["pk"]), "erased_at": _hours(block["erased_at"])}
 
 
-READERS: dict[str, Callable[[Scope], Iterator[Part]]] = {
+READERS: dict[str, Callable[[Scope], Iterator[Block]]] = {
     "runs": runs,
     "sessions": sessions,
     "summaries": summaries,
@@ -179,13 +212,59 @@ READERS: dict[str, Callable[[Scope], Iterator[Part]]] = {
 }
 
 
-def _parts(rows: "QuerySet[Any]", *names: str) -> Iterator[Part]:
-    """ROWS by their primary keys, AT_ONCE at a time: each part is one query, none is held while waiting."""
-    ordered = rows.order_by("pk").values_list("pk", *names)
-    found = list(ordered[:AT_ONCE])
-    while found:
-        yield dict(zip(("pk", *names), map(list, zip(*found, strict=True)), strict=True))
-        found = list(ordered.filter(pk__gt=found[-1][0])[:AT_ONCE])
+def _of_sessions(scope: Scope, key: str) -> Q:
+    """Rows of real sessions of SCOPE; KEY is the column with the session's primary key."""
+    session = "" if key == "pk" else "session__"
+    within = Q(**{f"{key}__gte": scope.first_session, f"{key}__lte": scope.last_session})
+    return within & Q(**{f"{session}installation__simulated": False})
+
+
+def _blocks(rows: "QuerySet[Any]", *names: str, key: str = "pk", size: Any = None) -> Iterator[Block]:
+    """ROWS by KEY and primary key: at most AT_ONCE in a block, at most BLOCK_BYTES by SIZE (an expression).
+
+    A block ends with the last row of a KEY, unless that key alone is too large for one block. Each block is a
+    query of its own, so that no query is open while a block is written.
+    """
+    left = ordered = rows.order_by(*dict.fromkeys((key, "pk")))
+    while found := list(_next_rows(left, key, size).values_list("pk", *names)):
+        block = dict(zip(("pk", *names), map(list, zip(*found, strict=True)), strict=True))
+        yield block
+        left = _after(ordered, key, block[key][-1], block["pk"][-1])
+
+
+def _next_rows(left: "QuerySet[Any]", key: str, size: Any) -> "QuerySet[Any]":
+    """The first rows of LEFT that make one block."""
+    if key == "pk" and size is None:
+        return left[:AT_ONCE]
+    sizes = list(left.values_list(key, Value(0) if size is None else size)[: AT_ONCE + 1])
+    if not sizes:
+        return left.none()
+    count = _fitting(sizes)
+    # Rows that are erased meanwhile let no unmeasured session into the block.
+    return left.filter(**{f"{key}__lte": sizes[count - 1][0]})[:count]
+
+
+def _fitting(rows: list[tuple[Any, int]]) -> int:
+    """How many of ROWS, keys with sizes, make a block: at least one."""
+    total = 0
+    count = 0
+    for _, size in rows[:AT_ONCE]:
+        total += size
+        if count and total > BLOCK_BYTES:
+            break
+        count += 1
+    if count < len(rows):
+        # The next row belongs to the next block: where its key begins before, this block ends there.
+        begins = next(place for place, (key, _) in enumerate(rows) if key == rows[count][0])
+        count = min(begins, count) or count
+    return count
+
+
+def _after(ordered: "QuerySet[Any]", key: str, last: Any, last_pk: Any) -> "QuerySet[Any]":
+    """The rows of ORDERED behind the one with LAST as its KEY and LAST_PK."""
+    if key == "pk":
+        return ordered.filter(pk__gt=last_pk)
+    return ordered.filter(**{f"{key}__gte": last}).exclude(**{key: last}, pk__lte=last_pk)
 
 
 def _measured(scope: Scope, device: str) -> Exists:
@@ -195,6 +274,20 @@ def _measured(scope: Scope, device: str) -> Exists:
             device_id=OuterRef(device), pk__lte=scope.last_session, installation__simulated=False
         )
     )
+
+
+def known_stages(names: list[str], packed: bytes) -> tuple[list[str], bytes]:
+    """NAMES and their series one after another, PACKED, without the stages that no SLAM system has."""
+    if STAGES.issuperset(names):
+        return names, packed
+    series = packing.unpack_stages(names, packed)
+    kept = [name for name in names if name in STAGES]
+    return kept, b"".join(series[name].tobytes() for name in kept)
+
+
+def _public_devices() -> dict[int, PublicDevice]:
+    """Every device model as the public sees it, by its key."""
+    return {model.pk: public_device(model) for model in DeviceModel.objects.only(*COLUMNS)}
 
 
 def _configurations() -> dict[int, tuple[str, str]]:

@@ -1,11 +1,13 @@
-"""The tables of the open data and what each column means: written beside the files, and into them.
+"""The tables of the open data and what each column means: in the files themselves and in their description.
 
 The description follows Frictionless Data's Data Package, so that one file is schema, licence and digests.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
+
+from crowd.results.models import ExportFile
 
 SCHEMA_VERSION = 1
 LICENCE = {
@@ -56,7 +58,8 @@ STATE = Column(
 REASON = Column("reason", "string", "code of the rule that set the state; empty for a valid or pending one")
 ALGORITHM = Column("algorithm", "int32", "version of the statistics that computed it")
 BACKEND = Column("backend", "string", "what computed, such as opencl")
-PROCESSOR = Column("processor", "string", "the OpenCL device that computed")
+PROCESSOR = Column("processor", "string", "the chip that computed, as the rules call it")
+PROCESSOR_CLASS = Column("processor_class", "string", "cpu or gpu")
 
 RUNS = Table(
     "runs",
@@ -70,7 +73,7 @@ RUNS = Table(
         Column("order", "int32", "place among all runs of the session, from 0"),
         Column("status", "string", "ok or failed"),
         Column("mean_us", "float64", "the run's value: arithmetic mean over the counted frames", "µs"),
-        Column("tracked_frames", "int32", "frames whose tracking succeeded; empty where not told"),
+        Column("tracked_frames", "int32", "frames whose tracking succeeded; empty where unknown"),
         Column("ate_max", "float64", "largest distance of the camera from its true place", "m"),
         Column("ate_mean", "float64", "mean distance of the camera from its true place", "m"),
         Column("ate_rmse", "float64", "root of the mean squared distance", "m"),
@@ -79,7 +82,7 @@ RUNS = Table(
         REASON,
         Column("frame_us", "list<uint32>", "wall time of the computation of each frame", "µs"),
         Column("stages_us", "map<string, list<uint32>>", "the same of each stage, by its name", "µs"),
-        Column("tracked", "list<bool>", "whether tracking succeeded, null where skipped; [] where not told"),
+        Column("tracked", "list<bool>", "whether tracking succeeded, null where skipped; [] where unknown"),
     ),
 )
 SESSIONS = Table(
@@ -94,8 +97,8 @@ SESSIONS = Table(
         Column("protocol_version", "int32", "version of the measuring protocol"),
         BACKEND,
         PROCESSOR,
-        Column("platform", "string", "OpenCL platform"),
-        Column("driver", "string", "driver and its version, as its maker counts"),
+        PROCESSOR_CLASS,
+        Column("driver", "string", "driver and its version, as its maker numbers it"),
         Column("app_version", "string", "version of the program that measured"),
         Column("consent_version", "int32", "version of the text that the participant agreed to"),
         _hour("started_at", "when it began by the device's clock"),
@@ -118,8 +121,13 @@ SUMMARIES = Table(
         BASELINE,
         Column("speedup", "float64", "exp(log_ratio): times faster than the baseline"),
         Column("log_ratio", "float64", "mean of the paired natural log ratios; empty without a valid pair"),
+        Column("low", "float64", "lower end of the 95 % interval of log_ratio over the session's pairs"),
+        Column("high", "float64", "upper end of the same"),
         Column("pairs", "int32", "how many pairs of runs stand behind it"),
-        Column("drift", "float64", "ratio of later over earlier repeats of the same configuration"),
+        Column("runs", "int32", "runs of the configuration, whatever came of them"),
+        Column("failed", "int32", "of these, how many did not finish"),
+        Column("lost", "int32", "of these, how many lost the camera"),
+        Column("drift", "float64", "ratio of later over earlier repeats: the farthest from 1"),
         Column("ate_max", "float64", "largest ATE among the configuration's runs", "m"),
         STATE,
         REASON,
@@ -136,13 +144,18 @@ FIGURES = Table(
         BASELINE,
         BACKEND,
         PROCESSOR,
-        Column("speedup", "float64", "geometric mean over installations of their mean speedup"),
-        Column("low", "float64", "lower end of the 95 % t interval over installations, from 3 of them on"),
+        PROCESSOR_CLASS,
+        Column("speedup", "float64", "robust mean over independent installations of their mean speedup"),
+        Column("low", "float64", "lower end of the 95 % interval over independent installations, from 3 on"),
         Column("high", "float64", "upper end of the same"),
+        Column("session_low", "float64", "lower end of the 95 % interval of the only session behind it"),
+        Column("session_high", "float64", "upper end of the same"),
         Column("repeat_low", "float64", "repeatability on the one installation there is, from 3 sessions on"),
         Column("repeat_high", "float64", "upper end of the same"),
         Column("sessions", "int64", "sessions that count"),
         Column("installations", "int64", "installations that count"),
+        Column("witnesses", "int64", "independent installations that agree with it"),
+        Column("confirmed", "bool", "whether those are as many as this server asks for"),
         Column("ate_max", "float64", "largest ATE of the configuration among those sessions", "m"),
         STATE,
         ALGORITHM,
@@ -151,7 +164,7 @@ FIGURES = Table(
 )
 DEVICES = Table(
     "devices",
-    "Devices as the public sees them: a model, or for rare models the SoC or GPU that they share.",
+    "Devices as the public sees them: a model, or its chip where its name is masked.",
     (
         Column("device", "string", "name in addresses: /devices/NAME/"),
         Column("manufacturer", "string", "maker; empty where unknown"),
@@ -160,6 +173,7 @@ DEVICES = Table(
         Column("soc", "string", "system on a chip, where known"),
         Column("gpu", "string", "graphics chip, where known"),
         Column("os", "string", "Android, Linux, macOS, Windows"),
+        Column("masked", "bool", "whether the name is that of its chip"),
         Column("sessions", "int64", "sessions measured on it"),
         Column("installations", "int64", "installations that measured on it"),
     ),
@@ -180,19 +194,20 @@ CONFIGURATIONS = Table(
 )
 TOMBSTONES = Table(
     "tombstones",
-    "What was erased: whoever holds an earlier export should delete the rows with these digests.",
+    "What was erased. Please delete the rows with these digests from copies of earlier exports.",
     (
         Column("tombstone", "string", "random id"),
         Column("kind", "string", "run, session or installation"),
         _hour("erased_at", "when"),
         Column("id_sha256", "string", "SHA-256 of the run's or session's id; empty for an installation"),
+        Column("single", "bool", "a run that its participant deleted by itself, and not with everything"),
     ),
 )
 TABLES = (RUNS, SESSIONS, SUMMARIES, FIGURES, DEVICES, CONFIGURATIONS, TOMBSTONES)
 
 
-def data_package(name: str, created: str, files: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """The description of an export called NAME with its FILES: name, table, format, rows, bytes, sha256."""
+def data_package(name: str, created: str, files: Iterable[ExportFile]) -> dict[str, Any]:
+    """The description of an export called NAME with its FILES."""
     tables = {table.name: table for table in TABLES}
     return {
         "profile": "data-package",
@@ -203,14 +218,14 @@ def data_package(name: str, created: str, files: Iterable[Mapping[str, Any]]) ->
         "licenses": [LICENCE],
         "resources": [
             {
-                "name": file["name"].replace(".", "-"),
-                "path": file["name"],
-                "format": file["format"],
-                "bytes": file["bytes"],
-                "hash": f"sha256:{file['sha256']}",
-                "rows": file["rows"],
-                "description": tables[file["table"]].description,
-                "schema": {"fields": _fields(tables[file["table"]], file["format"])},
+                "name": file.name.replace(".", "-"),
+                "path": file.name,
+                "format": file.format,
+                "bytes": file.bytes,
+                "hash": f"sha256:{file.sha256}",
+                "rows": file.rows,
+                "description": tables[file.table].description,
+                "schema": {"fields": _fields(tables[file.table], file.format)},
             }
             for file in files
         ],
@@ -237,6 +252,7 @@ FRICTIONLESS = {
     "int32": "integer",
     "int64": "integer",
     "float64": "number",
+    "bool": "boolean",
     "timestamp": "datetime",
     "list<uint32>": "array",
     "list<bool>": "array",

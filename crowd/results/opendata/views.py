@@ -1,5 +1,6 @@
 """The list of exports in the API."""
 
+import hashlib
 from datetime import datetime
 
 import msgspec
@@ -10,12 +11,15 @@ from rest_framework.request import Request
 from crowd.api import Endpoint, answer, page
 from crowd.results.models import Export
 from crowd.results.opendata import exports
-from crowd.results.opendata.serving import LATEST
+from crowd.results.opendata.describing import DATA_PACKAGE, FORMATS, descriptions, ordered_files
+from crowd.results.opendata.serving import LATEST, REWRITING_SECONDS
 from crowd.results.opendata.tables import LICENCE
 
 
 class ExportFile(msgspec.Struct):
-    """A file: table and rows are null for those that describe the others."""
+    """A file: table and rows are null for those that describe the others. `stale` ones are rewritten, because
+    something in them was erased: size and digest change before they are served again.
+    """
 
     name: str
     table: str | None
@@ -23,6 +27,7 @@ class ExportFile(msgspec.Struct):
     rows: int | None
     bytes: int
     sha256: str
+    stale: bool
     url: str
     latest_url: str
 
@@ -53,30 +58,58 @@ class ExportsView(Endpoint):
         summary="Exports of the open data, newest first",
         description=(
             "Parquet and CSV of all runs, sessions, summaries, figures, devices, configurations and "
-            "tombstones. /data/latest/FILE is always the newest. An export is withdrawn when something in it "
-            "is erased: its files then answer 410."
+            "tombstones. /data/latest/FILE is always the newest. Large tables have several parts, such as "
+            "runs-1.parquet and runs-2.parquet. When something is erased, the files that held it are "
+            "rewritten without it: their digests change."
         ),
         parameters=[OpenApiParameter("cursor", str), OpenApiParameter("limit", int)],
         responses={200: ExportPage},
     )
     def get(self, request: Request) -> HttpResponse:
+        exports.rewrite_all(REWRITING_SECONDS)
         return answer(page(request, exports.listed(), lambda export: export.name, export_answer))
 
 
 def export_answer(export: Export) -> ExportAnswer:
     """An export as JSON."""
+    files = ordered_files(export)
+    answers = [
+        _file(export, file.name, file.format, file.sha256, file.bytes, file.stale, file.table, file.rows)
+        for file in files
+    ]
+    stale = any(file.stale for file in files)
+    answers += [
+        _file(export, name, FORMATS[name], hashlib.sha256(text).hexdigest(), len(text), stale)
+        for name, text in descriptions(export).items()
+    ]
     return ExportAnswer(
         name=export.name,
         created_at=export.started_at,
         licence=LICENCE["name"],
         licence_url=LICENCE["path"],
-        schema=f"/data/{export.name}/datapackage.json",
-        files=[
-            ExportFile(
-                **file,
-                url=f"/data/{export.name}/{file['name']}",
-                latest_url=f"/data/{LATEST}/{file['name']}",
-            )
-            for file in export.files
-        ],
+        schema=f"/data/{export.name}/{DATA_PACKAGE}",
+        files=answers,
+    )
+
+
+def _file(
+    export: Export,
+    name: str,
+    format: str,
+    sha256: str,
+    size: int,
+    stale: bool,
+    table: str | None = None,
+    rows: int | None = None,
+) -> ExportFile:
+    return ExportFile(
+        name=name,
+        table=table,
+        format=format,
+        rows=rows,
+        bytes=size,
+        sha256=sha256,
+        stale=stale,
+        url=f"/data/{export.name}/{name}",
+        latest_url=f"/data/{LATEST}/{name}",
     )

@@ -8,10 +8,10 @@ from collections.abc import Iterable
 
 from django.db import transaction
 
-from crowd.devices.disclosure import is_disclosed, public_device
+from crowd.devices.disclosure import public_device
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
 from crowd.devices.services import refresh_disclosure
-from crowd.results.opendata import exports
+from crowd.results.opendata import marking
 
 DECIDED = (DeviceAlias.State.ACCEPTED, DeviceAlias.State.REFUSED, DeviceAlias.State.UNDONE)
 
@@ -25,7 +25,7 @@ def after_arrival(sessions: Iterable[int]) -> None:
 
 
 def sync_disclosure(keys: Iterable[int]) -> None:
-    """Count again who measured the models KEYS. Open data mask those that are masked now."""
+    """Count again who measured the models KEYS. Open data follow what the public sees now."""
     for key in list(keys):
         refresh_disclosure(key)
         _sync_open_data(key)
@@ -37,8 +37,8 @@ def _sync_open_data(key: int) -> None:
     slug = "" if model is None else public_device(model).slug
     if model is None or model.published_slug == slug:
         return
-    if model.published_slug and not is_disclosed(model):
-        exports.hide_device(model.published_slug, slug)
+    if model.published_slug:
+        marking.mark_devices_changed(list(model.sessions.order_by().values_list("pk", flat=True)))
     DeviceModel.objects.filter(pk=key).update(published_slug=slug)
 
 

@@ -1,7 +1,7 @@
-"""The participant's own page: a link that only they were told, which names the device by its own name.
+"""The participant's own page: a private link, which names the device by its exact model.
 
-The link holds the installation's number under a signature. It shows and changes nothing else: erasing still
-needs the token. It ends with the installation, or when an administrator revokes its token.
+The link holds the installation's id and a signature. It only shows: erasing needs the token. It works until
+the installation is erased, also after its token was revoked.
 """
 
 from dataclasses import dataclass
@@ -42,17 +42,17 @@ class OwnPage:
 
 
 def path_of(installation: Installation) -> str:
-    """The page's path on this server. Whoever has it may read it."""
+    """The page's path on this server. Anyone who has it may read the page."""
     return f"/mine/{Signer(salt=SALT).sign(installation.pk.hex)}/"
 
 
 def own_page(signed: str) -> OwnPage | None:
-    """The page behind the path's last part; None where it is no such path, or the installation has ended."""
+    """The page behind the path's last part; None where that is not valid, or the installation is erased."""
     try:
         key = UUID(hex=Signer(salt=SALT).unsign(signed))
     except (BadSignature, ValueError):
         return None
-    there = Installation.objects.filter(pk=key, revoked_at=None)
+    there = Installation.objects.filter(pk=key)
     installation = there.annotate(count=Count("sessions")).first()
     if installation is None:
         return None

@@ -8,10 +8,11 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from crowd.results.figures import recomputing
 from crowd.results.figures import sessions as session_figures
 from crowd.results.opendata import exports
+from crowd.results.opendata.describing import ordered_files
 
 
 class Command(BaseCommand):
-    help = "Write the open data now, or compute figures anew; the worker does both by itself."
+    help = "Write the open data now, or compute figures again; the worker does both by itself."
 
     def add_arguments(self, parser: CommandParser) -> None:
         actions = parser.add_subparsers(dest="action", required=True)
@@ -40,8 +41,10 @@ class Command(BaseCommand):
     def _export(self, **options: Any) -> None:  # noqa: ARG002
         try:
             export = exports.make()
-        except exports.ErasedMeanwhileError as error:
-            raise CommandError("something was erased while each attempt was written: run it again") from error
-        for file in export.files:
-            rows = "" if file["rows"] is None else f"{file['rows']} rows, "
-            self.stdout.write(f"{exports.root() / export.folder / file['name']}: {rows}{file['bytes']} bytes")
+        except exports.AbandonedError as error:
+            raise CommandError(
+                "another process deleted each attempt, because it made no progress for "
+                f"{exports.DEAD_AFTER.total_seconds() / 60:.0f} minutes: run it again"
+            ) from error
+        for file in ordered_files(export):
+            self.stdout.write(f"/data/{export.name}/{file.name}: {file.rows} rows, {file.bytes} bytes")

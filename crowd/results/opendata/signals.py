@@ -1,0 +1,6 @@
+"""What other layers may want to know about the open data."""
+
+from django.dispatch import Signal
+
+# Files of exports are stale. Sent after the transaction.
+files_stale = Signal()

@@ -1,0 +1,401 @@
+"""What is erased disappears from the open data at once, and everything else stays available."""
+
+import fcntl
+import hashlib
+import io
+import json
+import os
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+from django.test import Client
+
+from crowd.devices.models import Installation
+from crowd.results.models import Export, ExportFile, Run
+from crowd.results.opendata import exports, marking, reading, rewriting, writing
+from crowd.results.opendata.tables import TABLES
+from crowd.results.tasks import rewrite_exports
+from tests.crowd.documents import run_document, session_document, submission_document
+from tests.crowd.participant import API, Participant
+
+Join = Callable[[], Participant]
+
+
+def address(name: str, export: Export | None = None) -> str:
+    return f"/data/{export.name if export else 'latest'}/{name}"
+
+
+def rows(client: Client, name: str, export: Export | None = None) -> list[dict[str, Any]]:
+    """Rows of the Parquet file NAME as it is served now."""
+    answer = client.get(address(f"{name}.parquet", export))
+    assert answer.status_code == 200, answer.getvalue()
+    found: list[dict[str, Any]] = pyarrow.parquet.read_table(io.BytesIO(answer.getvalue())).to_pylist()
+    return found
+
+
+def digests(export: Export) -> dict[str, str]:
+    return dict(export.files.values_list("name", "sha256"))
+
+
+def made_earlier(days: int) -> Export:
+    """An export of so many days ago."""
+    export = exports.make()
+    old = exports.root() / export.folder
+    export.started_at -= timedelta(days=days)
+    export.save()
+    os.rename(old, exports.root() / export.folder)
+    return export
+
+
+@pytest.fixture
+def in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every session is a part of its own."""
+    monkeypatch.setattr(reading, "BLOCK_BYTES", 1)
+    monkeypatch.setattr(writing, "PART_BYTES", 1)
+
+
+def test_an_erased_run_is_gone_from_every_export_and_nothing_else_is(
+    client: Client, participant: Participant, join: Join
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    join().submit(submission_document())
+    earlier, newest = made_earlier(days=2), exports.make()
+    unchanged = digests(newest)["configurations.parquet"]
+    erased, *left = [run["id"] for run in session["runs"]]
+
+    participant.delete(f"/me/runs/{erased}")
+
+    for export in (earlier, newest):
+        found = [row["run"] for row in rows(client, "runs", export)]
+        assert erased not in found
+        assert set(left) < set(found)
+        assert len(found) == 7
+        assert len(rows(client, "sessions", export)) == 2
+        (stone,) = rows(client, "tombstones", export)
+        assert stone["id_sha256"] == hashlib.sha256(erased.encode()).hexdigest()
+        assert (stone["kind"], stone["single"]) == ("run", True)
+    assert digests(newest)["configurations.parquet"] == unchanged
+    assert client.get(address("runs.csv.gz")).status_code == 200
+
+
+def test_summaries_and_figures_forget_an_erased_run(client: Client, participant: Participant) -> None:
+    session = session_document()
+    session["runs"][1] |= {"frame_us": [5_000] * 100, "stages_us": {}}
+    participant.submit(submission_document(session))
+    exports.make()
+    assert rows(client, "summaries")[0]["pairs"] == 2
+
+    participant.delete(f"/me/runs/{session['runs'][1]['id']}")
+
+    (summary,), (figure,) = rows(client, "summaries"), rows(client, "figures")
+    assert (summary["pairs"], summary["speedup"]) == (1, pytest.approx(8.0))
+    assert figure["speedup"] == pytest.approx(8.0)
+
+
+def test_figures_of_a_large_device_forget_an_erased_run_at_once(
+    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = session_document()
+    session["runs"][1] |= {"frame_us": [5_000] * 100, "stages_us": {}}
+    participant.submit(submission_document(session))
+    exports.make()
+    monkeypatch.setattr("crowd.results.figures.summarising.LARGE", 0)
+
+    participant.delete(f"/me/runs/{session['runs'][1]['id']}")
+
+    assert rows(client, "figures")[0]["speedup"] == pytest.approx(8.0)
+
+
+def test_an_erased_participant_is_gone_from_every_table(
+    client: Client, participant: Participant, join: Join
+) -> None:
+    participant.submit(submission_document(session_document(best_us=5_000)))
+    staying = session_document(best_us=20_000)
+    join().submit(submission_document(staying))
+    exports.make()
+
+    participant.delete("/me")
+
+    assert [row["session"] for row in rows(client, "sessions")] == [staying["id"]]
+    assert {row["session"] for row in rows(client, "runs")} == {staying["id"]}
+    assert [row["session"] for row in rows(client, "summaries")] == [staying["id"]]
+    assert rows(client, "figures")[0]["speedup"] == pytest.approx(4.0)
+    assert rows(client, "devices")[0]["installations"] == 1
+    assert [stone["single"] for stone in rows(client, "tombstones")] == [False] * 6
+
+
+def test_digests_everywhere_are_those_of_the_rewritten_files(
+    client: Client, participant: Participant
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    exports.make()
+
+    participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+
+    sums = client.get(address("SHA256SUMS")).getvalue().decode().splitlines()
+    listed = client.get(f"{API}/exports").json()["results"][0]["files"]
+    package = json.loads(client.get(address("datapackage.json")).getvalue())
+    assert not any(file["stale"] for file in listed)
+    contents = {file["name"]: client.get(file["url"]).getvalue() for file in listed}
+    actual = {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()}
+    assert {file["name"]: file["sha256"] for file in listed} == actual
+    assert {file["name"]: file["bytes"] for file in listed} == {k: len(v) for k, v in contents.items()}
+    del actual["SHA256SUMS"]
+    assert sorted(sums) == sorted(f"{digest}  {name}" for name, digest in actual.items())
+    for resource in package["resources"]:
+        assert resource["hash"] == f"sha256:{actual[resource['path']]}"
+
+
+def test_installations_keep_their_names_in_a_rewritten_file(
+    client: Client, participant: Participant, join: Join
+) -> None:
+    leaving = join()
+    for each in (participant, leaving, participant):
+        each.submit(submission_document())
+    exports.make()
+    first, _, third = [row["installation"] for row in rows(client, "sessions")]
+
+    leaving.delete("/me")
+
+    assert [row["installation"] for row in rows(client, "sessions")] == [first, third]
+    assert first == third
+
+
+def test_a_large_table_has_numbered_parts(client: Client, participant: Participant, in_parts: None) -> None:
+    for _ in range(3):
+        participant.submit(submission_document())
+
+    exports.make()
+
+    names = [file["name"] for file in client.get(f"{API}/exports").json()["results"][0]["files"]]
+    parts = ["runs-1.parquet", "runs-2.parquet", "runs-3.parquet"]
+    assert [name for name in names if name.startswith("runs") and name.endswith("parquet")] == parts
+    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
+    stored = [str(run.uuid) for run in Run.objects.order_by("pk")]
+    assert [row["run"] for part in (1, 2, 3) for row in rows(client, f"runs-{part}")] == stored
+    plain = client.get(address("runs.parquet"))
+    assert (plain.status_code, plain.json()["code"]) == (404, "not_found")
+    assert "runs-1.parquet to runs-3.parquet" in plain.json()["detail"]
+    assert "/api/v1/exports" in plain.json()["detail"]
+    page = client.get("/data/").content.decode()
+    assert all(f'href="/data/latest/{part}"' in page for part in parts)
+
+
+def test_a_part_never_divides_a_session(
+    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for _ in range(3):
+        participant.submit(submission_document())
+    monkeypatch.setattr(reading, "AT_ONCE", 3)
+    monkeypatch.setattr(writing, "PART_BYTES", 1)
+
+    exports.make()
+
+    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3)] == [4, 4, 4]
+
+
+def test_a_part_of_well_compressed_series_is_bounded_too(
+    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What rewriting a part costs grows with its values, not with its file."""
+    samples = [{"t": float(second)} for second in range(50)]
+    for _ in range(3):
+        participant.submit(submission_document(session_document(samples=samples)))
+    monkeypatch.setattr(reading, "BLOCK_BYTES", 1)
+    monkeypatch.setattr(writing, "UNCOMPRESSED_BYTES", 1_000)
+
+    exports.make()
+
+    parts = ExportFile.objects.filter(table="sessions", format="parquet")
+    assert [file.rows for file in parts] == [1, 1, 1]
+
+
+def test_an_erasure_rewrites_only_the_parts_that_held_it(
+    client: Client, participant: Participant, in_parts: None
+) -> None:
+    sessions = [session_document() for _ in range(3)]
+    for session in sessions:
+        participant.submit(submission_document(session))
+    export = exports.make()
+    before = digests(export)
+
+    participant.delete(f"/me/runs/{sessions[1]['runs'][0]['id']}")
+    exports.rewrite_all()
+
+    changed = {name for name, digest in digests(export).items() if before.get(name) != digest}
+    of_runs = {name for name in changed if name.startswith("runs")}
+    assert of_runs == {"runs-2.parquet", "runs-2.csv.gz"}
+    assert [len(rows(client, f"runs-{part}")) for part in (1, 2, 3)] == [4, 3, 4]
+
+
+def test_a_part_whose_sessions_are_all_erased_stays_as_an_empty_one(
+    client: Client, participant: Participant, join: Join, in_parts: None
+) -> None:
+    leaving = join()
+    leaving.submit(submission_document())
+    participant.submit(submission_document())
+    exports.make()
+
+    leaving.delete("/me")
+
+    assert [len(rows(client, f"runs-{part}")) for part in (1, 2)] == [0, 4]
+    assert [len(rows(client, f"sessions-{part}")) for part in (1, 2)] == [0, 1]
+
+
+def test_what_was_measured_later_is_not_in_a_rewritten_file(client: Client, participant: Participant) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    exports.make()
+    participant.submit(submission_document(session | {"runs": [run_document("best", 2, 4, 9_000)]}))
+    participant.submit(submission_document())
+
+    participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+
+    assert [row["run"] for row in rows(client, "runs")] == [run["id"] for run in session["runs"][1:]]
+    assert [row["session"] for row in rows(client, "sessions")] == [session["id"]]
+
+
+def test_a_download_that_has_begun_ends_with_the_old_file(client: Client, participant: Participant) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    exports.make()
+    whole = client.get(address("runs.parquet")).getvalue()
+    begun = client.get(address("runs.parquet"))
+
+    participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+    after = client.get(address("runs.parquet"))
+
+    assert begun.getvalue() == whole
+    new = after.getvalue()
+    assert new != whole
+    assert after.headers["ETag"] != begun.headers["ETag"]
+    rest = client.get(
+        address("runs.parquet"), headers={"Range": "bytes=100-", "If-Range": begun.headers["ETag"]}
+    )
+    again = client.get(address("runs.parquet"), headers={"If-None-Match": begun.headers["ETag"]})
+    assert (rest.status_code, again.status_code) == (200, 200)
+    assert rest.getvalue() == again.getvalue() == new
+
+
+def test_stale_files_are_rewritten_before_anybody_asks(
+    participant: Participant, django_capture_on_commit_callbacks: Any
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    export = exports.make()
+    before = digests(export)
+
+    with django_capture_on_commit_callbacks(execute=True):
+        participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+
+    assert not ExportFile.objects.filter(stale=True).exists()
+    assert digests(export)["runs.parquet"] != before["runs.parquet"]
+    folder = exports.root() / export.folder
+    assert {path.name for path in folder.iterdir()} == set(export.files.values_list("stored_as", flat=True))
+
+
+def test_a_reader_never_waits_for_another_rewriting(client: Client, participant: Participant) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    exports.make()
+    participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+
+    with (exports.root().with_suffix(".lock")).open("w") as elsewhere:
+        fcntl.flock(elsewhere.fileno(), fcntl.LOCK_EX)
+        stale = client.get(address("runs.parquet"))
+        other = client.get(address("configurations.parquet"))
+        listed = client.get(f"{API}/exports").json()["results"][0]["files"]
+
+    assert (stale.status_code, stale.json()["code"]) == (503, "export_in_preparation")
+    assert int(stale.headers["Retry-After"]) > 0
+    assert other.status_code == 200
+    assert {file["name"]: file["stale"] for file in listed}["runs.parquet"] is True
+    assert len(rows(client, "runs")) == 3
+
+
+def test_an_erasure_while_a_part_is_rewritten_is_not_lost(
+    client: Client, participant: Participant, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+    exports.make()
+    first, second, *left = [run["id"] for run in session["runs"]]
+    participant.delete(f"/me/runs/{first}")
+    read, meanwhile = reading.READERS["runs"], [second]
+
+    def erasing(scope: reading.Scope) -> Any:
+        found = list(read(scope))
+        while meanwhile:
+            participant.delete(f"/me/runs/{meanwhile.pop()}")
+        return iter(found)
+
+    monkeypatch.setitem(reading.READERS, "runs", erasing)
+
+    assert [row["run"] for row in rows(client, "runs")] == left
+
+
+def test_an_export_that_reads_before_the_erasure_is_committed_is_marked(
+    client: Client, participant: Participant, django_capture_on_commit_callbacks: Any, no_worker: None
+) -> None:
+    session = session_document()
+    participant.submit(submission_document(session))
+
+    with django_capture_on_commit_callbacks(execute=True):
+        participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+        # As another connection makes it, which does not see the erasure yet.
+        exports.make()
+
+    stale = set(ExportFile.objects.filter(stale=True).values_list("table", flat=True))
+    assert stale == {table.name for table in TABLES} - {"configurations"}
+    assert len(rows(client, "runs")) == 3
+
+
+def test_erasing_what_is_simulated_touches_no_export(participant: Participant, join: Join) -> None:
+    made_up = join()
+    Installation.objects.filter(pk=made_up.installation_id).update(simulated=True)
+    made_up.submit(submission_document())
+    participant.submit(submission_document())
+    exports.make()
+
+    made_up.delete("/me")
+
+    assert not ExportFile.objects.filter(stale=True).exists()
+
+
+def test_what_an_interrupted_rewriting_left_behind_is_deleted(participant: Participant) -> None:
+    participant.submit(submission_document())
+    export = exports.make()
+    folder = exports.root() / export.folder
+    (folder / "runs-0123456789abcdef.parquet").write_bytes(b"half of a file")
+    whole = set(export.files.values_list("stored_as", flat=True))
+
+    exports.make_if_due()
+
+    assert {path.name for path in folder.iterdir()} == whole
+
+
+def test_a_file_that_cannot_be_rewritten_stops_no_other_one(client: Client, participant: Participant) -> None:
+    participant.submit(submission_document())
+    export = exports.make()
+    (exports.root() / export.folder / export.files.get(name="sessions.parquet").stored_as).unlink()
+    session = session_document()
+    participant.submit(submission_document(session))
+    marking.mark_erased(list(range(10)))
+
+    rewrite_exports()
+
+    stale = set(ExportFile.objects.filter(stale=True).values_list("table", flat=True))
+    assert stale == {"sessions"}
+    assert client.get(address("sessions.parquet")).status_code == 503
+    assert client.get(address("runs.parquet")).status_code == 200
+
+
+def test_the_lock_is_free_after_a_rewriting(db: None) -> None:
+    for _ in range(2):
+        with rewriting.rewriting_lock(0) as held:
+            assert held
