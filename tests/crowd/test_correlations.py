@@ -37,7 +37,11 @@ def wide(pack: dict[str, Any], participant: Participant) -> FrontVersion:
 
 
 def measure(participant: Participant, front: FrontVersion, model: str, times: dict[str, int]) -> None:
-    runs = [run_document(name, 0, order, frame_us) for order, (name, frame_us) in enumerate(times.items())]
+    there_and_back = [*times, *reversed(times)]
+    runs = [
+        run_document(name, order // len(times), order, times[name])
+        for order, name in enumerate(there_and_back)
+    ]
     document = submission_document(session_document(front.slug, runs=runs), device=device_document(model))
     assert participant.submit(document).status_code == 202
 

@@ -180,7 +180,7 @@ def test_each_look_at_the_interval_widens_it() -> None:
 
 
 def stopped(logs: NDArray[np.float64], planned: int) -> list[NDArray[np.float64]]:
-    """The pairs of the sessions LOGS (n, most) when the client stops: at 5 % to either side, or at the end."""
+    """Pairs of the sessions LOGS (n, most) where the client stops: at 5 % to either side, or at the end."""
     found = []
     for count in range(planned, logs.shape[1] + 1, 2):
         pairs = logs[:, :count]
