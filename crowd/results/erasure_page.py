@@ -54,9 +54,9 @@ class SelectionForm(forms.Form):
             ) from None
 
     def clean_device(self) -> str:
-        """Raises ValidationError for a slug that no model has, and for a group of rare models."""
+        """Raises ValidationError for a slug that no model has."""
         slug = str(self.cleaned_data["device"])
-        if slug and not DeviceModel.objects.exclude(kind=DeviceModel.Kind.GROUP).filter(slug=slug).exists():
+        if slug and not DeviceModel.objects.filter(slug=slug).exists():
             raise forms.ValidationError(
                 f"no device model has the slug {slug!r}: copy it from the list of models"
             )

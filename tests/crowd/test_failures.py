@@ -4,10 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.results.intake.stages import STAGES
 from crowd.results.reading.failures import SENTENCES, public_failure, public_os_version
 from crowd.results.simulation import sessions
-from slam import system
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ SLOWER = [
     run_document("default", 0, 0, 80_000),
     run_document("best", 0, 1, 10_000),
     run_document("best", 1, 2, 13_000),
+    run_document("default", 1, 3, 80_000),
 ]
 
 

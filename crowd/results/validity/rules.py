@@ -59,7 +59,7 @@ IMPLAUSIBLE_TIME = Rule(
     State.INVALID,
     Level.RUN,
     measures.SHORTEST_MEAN_US,
-    "its mean time a frame is shorter than any device can compute one: the clock did not run as it should",
+    "its mean time per frame is shorter than any device needs: the clock did not run as it should",
 )
 MODERATED = Rule(
     "moderated", State.QUARANTINED, Level.DECISION, None, "an administrator removed it from the figures"
@@ -93,16 +93,15 @@ INCOMPLETE_PAIRS = Rule(
     State.SUSPECT,
     Level.SESSION,
     None,
-    "a repeat of the configuration or of the default is missing or does not count, so that a drift of the "
-    "device does not cancel",
+    "a repeat of the configuration or of the default is missing or does not count: a drift would not cancel",
 )
 UNBALANCED_ORDER = Rule(
     "unbalanced_order",
     State.SUSPECT,
     Level.SESSION,
     None,
-    "the configuration ran earlier or later in the session than the default on average, or two runs claim "
-    "the same place, so that a drift of the device does not cancel",
+    "on average it ran earlier or later than the default, or two runs claim one place: a drift would not "
+    "cancel",
 )
 THROTTLING = Rule(
     "throttling",
@@ -137,15 +136,14 @@ IMPLAUSIBLE_SPEEDUP = Rule(
     State.SUSPECT,
     Level.SESSION,
     plausibility.REACH_RATIO,
-    "its speedup is far from what the front predicts and from what other devices reach, and no session from "
-    "another network agrees yet",
+    "its speedup is far from the prediction and from other devices, and no session of another network agrees",
 )
 OUTLIER = Rule(
     "outlier",
     State.QUARANTINED,
     Level.MODEL,
     measures.OUTLIER_DEVIATIONS,
-    "it is far from what the other networks measured on its device model, and none of them agrees yet",
+    "it is far from what other networks measured on its device model, and none of them agrees yet",
 )
 
 RULES: dict[str, Rule] = {
