@@ -131,6 +131,7 @@ def publish_unchecked(document: dict[str, Any], pack: dict[str, Any]) -> FrontVe
     for position, point in enumerate(document["configurations"]):
         Configuration.objects.create(front=front, position=position, **point)
     for state in ("in-review", "published"):
+        front.refresh_from_db()  # PostgreSQL writes numbers in its own way
         front.state, front.published_at = state, timezone.now()
         front.save()
     return front

@@ -192,6 +192,7 @@ def test_the_database_itself_keeps_the_log(draft: FrontVersion) -> None:
     refused_by_the_database(f"UPDATE {audit_guards.TABLE} SET actor = 'nobody'")
     refused_by_the_database(f"DELETE FROM {audit_guards.TABLE}")
     if connection.vendor == "postgresql":
+        connection.check_constraints()  # PostgreSQL truncates no table with checks to come
         refused_by_the_database(f"TRUNCATE {audit_guards.TABLE}")
 
     assert AuditEntry.objects.get().actor == "anna"
