@@ -28,7 +28,7 @@ class Entry:
 
 @dataclass
 class Imported:
-    """What an import did: lines read, entries new, changed and as before, and the lines that are no entry."""
+    """What an import did: lines read, entries new, changed and as before, and the lines without an entry."""
 
     read: int = 0
     new: int = 0

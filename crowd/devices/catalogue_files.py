@@ -27,7 +27,7 @@ ABSENT = frozenset({"", "unknown", "null", "n/a"})
 
 
 class CatalogueFileError(ValueError):
-    """A file that is no such catalogue; the message says what it has and what would be right."""
+    """A file that is not such a catalogue; the message says what it has and what would be right."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Line:
 
 @dataclass(frozen=True)
 class BadLine:
-    """A line that is no device, and why."""
+    """A line that is not a device, and why."""
 
     number: int
     reason: str

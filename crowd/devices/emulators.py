@@ -1,7 +1,7 @@
-"""What is no device of its own: emulators of phones, and virtual machines of PCs, told from raw strings.
+"""What is not a device of its own: emulators of phones, and virtual machines of PCs, found in raw strings.
 
-An emulator computes on another machine than it says, so its figures say nothing of the model. A PC's virtual
-machine runs on the processor that it names: its figures count, and it is only marked.
+An emulator computes on another machine than it reports, so its figures say nothing of the model. A PC's
+virtual machine runs on the processor that it names: its figures count, and it is only marked.
 """
 
 import re
@@ -22,8 +22,8 @@ EMULATOR = re.compile(
 )
 # The SDK's images name the whole field so; a name that merely begins with it is a device's.
 WHOLE = frozenset({"sdk", "sdk_x86", "emu64x", "emu64xa", "emu64a"})
-# A processor that is itself played by a program.
-PLAYED_PROCESSOR = re.compile(r"qemu (virtual|tcg)|\btcg\b|\bbochs\b", re.IGNORECASE)
+# A processor that a program emulates.
+EMULATED_PROCESSOR = re.compile(r"qemu (virtual|tcg)|\btcg\b|\bbochs\b", re.IGNORECASE)
 VIRTUAL_MACHINE = re.compile(
     r"virtualbox|innotek|vmware|qemu|\bkvm\b|bochs|parallels|bhyve|openstack|hvm domu|\bxen\b|"
     r"standard pc \(|virtual machine|google compute engine|amazon ec2",
@@ -32,9 +32,9 @@ VIRTUAL_MACHINE = re.compile(
 
 
 def is_emulator(raw: Mapping[str, Any], handheld: bool) -> bool:
-    """Whether RAW is an emulated phone (HANDHELD), or a PC whose processor a program plays."""
+    """Whether RAW is an emulated phone (HANDHELD), or a PC whose processor a program emulates."""
     if not handheld:
-        return bool(PLAYED_PROCESSOR.search(text(raw, "cpu")))
+        return bool(EMULATED_PROCESSOR.search(text(raw, "cpu")))
     strings = [text(raw, field) for field in FIELDS]
     return any(EMULATOR.search(line) or line.casefold() in WHOLE for line in strings)
 

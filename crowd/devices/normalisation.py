@@ -107,9 +107,13 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
         name, named, maker = cpu or soc, True, maker if listed else ""
     else:
         name, named = compared, False
+    if named or name == _unknown(system):
+        slug = slug_of(maker if listed else "", name)
+    else:
+        slug = nameless_slug(system, key)
     return Identity(
         key=key,
-        slug=slug_of(maker, name) if named or name == _unknown(system) else nameless_slug(system, key),
+        slug=slug,
         manufacturer=maker[:100],
         name=name[:150],
         cpu=cpu[:150],

@@ -1,4 +1,4 @@
-"""What is no device of its own."""
+"""What is not a device of its own."""
 
 import pytest
 
@@ -45,7 +45,7 @@ def test_a_pcs_virtual_machine_is_marked_and_counts(strings: dict[str, str]) -> 
     assert not identity.emulator
 
 
-def test_a_played_processor_is_an_emulator_on_a_pc_too() -> None:
+def test_an_emulated_processor_is_an_emulator_on_a_pc_too() -> None:
     assert identify({"os": "Linux", "manufacturer": "QEMU", "cpu": "QEMU Virtual CPU version 2.5+"}).emulator
 
 

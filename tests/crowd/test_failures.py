@@ -17,12 +17,12 @@ from crowd.results.simulation import sessions
         (sessions.LOST, "the camera was lost in too many frames"),
         ("the trajectory is not finite", "the trajectory is not finite"),
         (
-            "DeviceMemoryError: volume_resolution=512 needs one buffer of 512 MiB, 'Mali-T628' allows at most "
+            "DeviceMemoryError: volume_resolution=512 needs one buffer of 512 MiB, 'Mali' allows at most "
             "384 MiB",
             "the device's buffers are too small",
         ),
         (
-            "DeviceMemoryError: the volume needs 512 MiB, which 'Mali' refused: MEM_OBJECT_ALLOCATION_FAILURE",
+            "the volume needs 512 MiB, which 'Mali' refused: MEM_OBJECT_ALLOCATION_FAILURE",
             "out of memory",
         ),
         ("out of memory", "out of memory"),

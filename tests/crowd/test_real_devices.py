@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from crowd.devices import chips
 from crowd.devices.catalogue import store
 from crowd.devices.catalogue_files import BadLine, Line, read
 from crowd.devices.models import CatalogueEntry
-from crowd.devices.names import manufacturer
+from crowd.devices.names import LISTED, manufacturer
 from crowd.devices.normalisation import DEVICE, EMULATOR, Identity, identify
 from crowd.devices.proposals import Candidate, propose
 
@@ -44,6 +45,55 @@ def volunteers(devices: Path) -> list[dict[str, str]]:
         }
         for row in rows
     ]
+
+
+@pytest.fixture(scope="module")
+def chip_lines(devices: Path) -> dict[str, set[str]]:
+    """Every spelling of a chip: the volunteers' processors and graphics chips, and the catalogue's."""
+    tables = {
+        "cpu": ("ck_crowdtuning/platform.cpu.csv", "name"),
+        "gpu": ("ck_crowdtuning/platform.gpu.csv", "name"),
+        "catalogued soc": ("play_catalog/android-devices-catalog.csv", "System on Chip"),
+        "catalogued gpu": ("play_catalog/android-devices-catalog.csv", "GPU"),
+    }
+    lines = {}
+    for table, (path, column) in tables.items():
+        with (devices / path).open(newline="", encoding="utf-8") as file:
+            lines[table] = {" ".join(row[column].split()) for row in csv.DictReader(file)} - {""}
+    return lines
+
+
+def test_the_rules_name_most_real_chips(chip_lines: dict[str, set[str]]) -> None:
+    """What is left are lines that name no chip: "ARMv7 Processor rev 3", "unknown", boards."""
+    named = {
+        "cpu": [chips.processor(line) or chips.system_on_chip(line) for line in chip_lines["cpu"]],
+        "gpu": [chips.graphics(line) for line in chip_lines["gpu"]],
+        "catalogued soc": [chips.system_on_chip(line) for line in chip_lines["catalogued soc"]],
+        "catalogued gpu": [chips.graphics(line) for line in chip_lines["catalogued gpu"]],
+    }
+
+    counts = {table: (sum(map(bool, found)), len(found)) for table, found in named.items()}
+
+    assert counts == {
+        "cpu": (131, 158),
+        "gpu": (51, 69),
+        "catalogued soc": (820, 843),
+        "catalogued gpu": (351, 351),
+    }
+
+
+def test_every_real_processor_of_a_pc_is_named(chip_lines: dict[str, set[str]]) -> None:
+    of_pcs = {line for line in chip_lines["cpu"] if re.search(r"intel|amd|pentium", line, re.IGNORECASE)}
+
+    assert len(of_pcs) > 40
+    assert [line for line in of_pcs if not chips.processor(line)] == []
+
+
+def test_most_volunteers_devices_are_named(volunteers: list[dict[str, str]]) -> None:
+    identities = [identify(raw) for raw in volunteers]
+
+    assert sum(identity.named for identity in identities) == 387
+    assert {identity.manufacturer for identity in identities if identity.named} <= LISTED
 
 
 def first_word(maker: str) -> str:

@@ -102,7 +102,7 @@ RADEON = (
         "AMD Radeon Graphics {0}",
     ),
     (r"\bgfx([6-9]\d[\da-f]|1[0-2]\d[\da-f])\b", "AMD gfx{0}"),
-    (r"^(ellesmere|baffin|tahiti|pitcairn|bonaire|oland|hawaii|fiji|tonga|lexa)$", "AMD {0}"),
+    (r"^(?:amd )?(ellesmere|baffin|tahiti|pitcairn|bonaire|oland|hawaii|fiji|tonga|lexa)$", "AMD {0}"),
     (r"\bamd ([cr]dna|gcn)[ -](\d)\b", "AMD {0} {1}"),
     (r"\bradeon\b", "AMD Radeon Graphics"),
 )
