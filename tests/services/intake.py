@@ -21,12 +21,15 @@ from tests.services.serving import Services, Serving, command
 
 SUBMISSIONS = "/api/v1/submissions"
 DISCONNECTS = 0.4
-# Nobody shall be refused for being many.
+# No client is refused for being one of many.
 LIMITS = {
     "FRONTRUNNER_SUBMISSIONS_PER_MINUTE": "0",
     "FRONTRUNNER_OWN_REQUESTS_PER_MINUTE": "0",
     "FRONTRUNNER_ENROLMENTS_PER_HOUR": "0",
     "FRONTRUNNER_READS_PER_MINUTE": "0",
+    "FRONTRUNNER_BYTES_PER_DAY": "0",
+    "FRONTRUNNER_VALUES_PER_DAY": "0",
+    "FRONTRUNNER_STORED_BYTES_PER_DAY": "0",
     "FRONTRUNNER_RARE_BELOW": "1",
 }
 
