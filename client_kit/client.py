@@ -109,10 +109,12 @@ class Client:
         ]
         remote: dict[str, Any] = {}
         for known in enrolment.known(self.home):
+            # A folder that several devices share has several installations on one server.
+            name = known.server if known.server not in remote else f"{known.server} {known.installation_id}"
             try:
-                remote[known.server] = Server(known.server).own_data(known.token)
+                remote[name] = Server(known.server).own_data(known.token)
             except (ServerError, OutdatedError) as error:
-                remote[known.server] = {"unavailable": str(error)}
+                remote[name] = {"unavailable": str(error)}
         return {"here": local, "servers": remote}
 
     def erase(self) -> bool:

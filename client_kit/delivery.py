@@ -14,8 +14,10 @@ from client_kit.spool import ACCEPTED, DUPLICATE, REJECTED, WAITING, Item, Spool
 
 # What a server says of a submission's content: the same request will never be taken.
 FINAL = (400, 409, 413, 415, 422)
-# But for this one: the participant may agree to the new text, and `renew` then makes another request of it.
+# But for these. The participant may agree to the new text, and `renew` then makes another request of it; and
+# another device has, or gets, an installation of its own.
 CONSENT_OUTDATED = "consent_outdated"
+DEVICE_CHANGED = "device_changed"
 UUID = re.compile(r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b", re.IGNORECASE)
 
 
@@ -147,7 +149,7 @@ def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) ->
     """
     renewed, troubles = [], []
     with home.only_one("delivery", wait=True):
-        for address in [known.server for known in enrolment.known(home)]:
+        for address in dict.fromkeys(known.server for known in enrolment.known(home)):
             try:
                 if not enrolment.renew(home, Server(address)):
                     continue
@@ -225,21 +227,29 @@ def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
     if body is None or payload is None:
         return
     spool.mark_sending(item)
-    for enrolled_anew in (False, True):
-        # A refusal to enrol is none of the session's.
-        token = enrolment.token(home, server, payload["consent_version"])
+    forgotten = False
+    of_others: list[str] = []  # tokens of installations that belong to other devices
+    most = len(enrolment.known(home))
+    while True:
+        # A refusal to enrol says nothing about the session.
+        token = enrolment.token(home, server, payload["consent_version"], another_than=of_others)
         try:
             answer = server.submit(token, item.idempotency_key, body)
         except ProblemError as problem:
-            if problem.status == 401 and not enrolled_anew:
+            if problem.status == 401 and not forgotten:
                 # The server does not know this installation any more, after a reset for instance. The ids
                 # of the runs keep it from counting twice what it may still have.
-                enrolment.forget(home, server.url)
+                enrolment.forget_token(home, server, token)
+                forgotten = True
                 continue
-            if problem.status not in FINAL or problem.code == CONSENT_OUTDATED:
+            if problem.code == DEVICE_CHANGED and len(of_others) < most:
+                of_others.append(token)
+                continue
+            if problem.status not in FINAL or problem.code in (CONSENT_OUTDATED, DEVICE_CHANGED):
                 raise
             spool.settle(item, REJECTED, str(problem))
             return
+        enrolment.use_first(home, server, token)
         state, reason = _verdict(answer)
         spool.settle(item, state, reason, str(answer["submission_id"]))
         return

@@ -446,3 +446,93 @@ def test_a_run_is_named_by_its_id_or_the_address_of_its_page(home: Home, spool: 
     delivery.erase_run(spool, home, f"http://nobody.example/runs/{run.upper()}/?front=kfusion-1")
 
     assert spool.items() == []
+
+
+class Devices:
+    """A server that binds each installation to the device of its first session."""
+
+    def __init__(self) -> None:
+        self.bound: dict[str, str | None] = {}
+
+    def __call__(self, request: Request) -> Reply:
+        if request.path.endswith("/enrol"):
+            token = f"token {len(self.bound)}"
+            self.bound[token] = None
+            return Reply(201, {"installation_id": f"id of {token}", "token": token})
+        token = request.headers["authorization"].removeprefix("Bearer ")
+        if request.method == "DELETE":
+            del self.bound[token]
+            return Reply(204, raw=b"")
+        model = json.loads(gzip.decompress(request.body))["device"]["model"]
+        if self.bound[token] not in (None, model):
+            return problem(409, "device_changed", "enrol again for a second device")
+        self.bound[token] = model
+        return accepted("accepted")
+
+
+def measured_on(model: str) -> dict[str, Any]:
+    payload = documents.payload()
+    return {**payload, "device": {**payload["device"], "model": model}}
+
+
+def test_each_device_that_uses_the_folder_has_its_own_installation(
+    serve: Serve, home: Home, spool: Spool
+) -> None:
+    devices = Devices()
+    scripted = serve(devices)
+    for model in ("first", "second", "first", "second", "second"):
+        spool.put(scripted.url, measured_on(model))
+        delivery.deliver(spool, home)
+
+    assert [item.state for item in spool.items()] == ["accepted"] * 5
+    assert devices.bound == {"token 0": "first", "token 1": "second"}
+    assert [known.token for known in enrolment.known(home)] == ["token 1", "token 0"]
+
+
+def test_erasing_erases_the_installations_of_all_devices(serve: Serve, home: Home, spool: Spool) -> None:
+    devices = Devices()
+    scripted = serve(devices)
+    for model in ("first", "second"):
+        spool.put(scripted.url, measured_on(model))
+    delivery.deliver(spool, home)
+
+    delivery.erase(spool, home)
+    delivery.deliver(spool, home)
+
+    assert devices.bound == {}
+    assert enrolment.known(home) == []
+
+
+def test_a_session_whose_device_no_installation_may_have_is_kept(
+    serve: Serve, home: Home, spool: Spool
+) -> None:
+    def answer(request: Request) -> Reply:
+        if request.path.endswith("/enrol"):
+            return accepting(request)
+        return problem(409, "device_changed", "enrol again for a second device")
+
+    item = spool.put(serve(answer).url, documents.payload())
+
+    delivered = delivery.deliver(spool, home)
+
+    assert spool.item(item.id).state == "queued"
+    assert "enrol again for a second device" in "\n".join(delivered.lines())
+
+
+def test_a_day_that_is_used_up_keeps_the_session_for_the_next(serve: Serve, home: Home, spool: Spool) -> None:
+    now = time.time()
+    full = [True]
+
+    def answer(request: Request) -> Reply:
+        if request.path.endswith("/submissions") and full:
+            full.pop()
+            return problem(429, "daily_limit", "keep the results", **{"Retry-After": "86400"})
+        return accepting(request)
+
+    item = spool.put(serve(answer).url, documents.payload())
+    delivery.deliver(spool, home, clock=lambda: now)
+    assert (spool.item(item.id).state, spool.item(item.id).asked_to_wait) == ("queued", True)
+
+    delivery.deliver(spool, home, clock=lambda: now + 86_500)
+
+    assert spool.item(item.id).state == "accepted"

@@ -110,6 +110,32 @@ def test_times_beyond_the_clock(participant: Participant) -> None:
     assert nothing_is_stored()
 
 
+@pytest.mark.parametrize("member", ["frame_us", "stages_us"])
+def test_a_frame_takes_at_most_a_minute(participant: Participant, member: str) -> None:
+    longest, longer = ([60_000_000 + more] + [1000] * 99 for more in (0, 1))
+    times = {"frame_us": longest, "stages_us": {"tracking": longest}}
+    taken = run_document("best", 0, 0, 1000, **times)
+    refused = run_document("best", 1, 1, 1000)
+    refused[member] = longer if member == "frame_us" else {"tracking": longer}
+
+    items = participant.submit(submission_document(session_document(runs=[taken, refused]))).json()["items"]
+
+    assert [item["code"] for item in items] == [None, "time_too_large"]
+
+
+@pytest.mark.parametrize("backend", ["opencl", "webgpu", "vulkan", "metal", "cuda", "cpu"])
+def test_known_backends_are_taken(participant: Participant, backend: str) -> None:
+    assert participant.submit(submission_document(session_document(backend=backend))).status_code == 202
+
+
+@pytest.mark.parametrize("backend", ["neon", "OpenCL", "buy-my-phone", ""])
+def test_another_backend_is_refused(participant: Participant, backend: str) -> None:
+    response = participant.submit(submission_document(session_document(backend=backend)))
+
+    assert problem(response) == (400, "invalid_field", "sessions[0].backend")
+    assert nothing_is_stored()
+
+
 def test_a_clock_that_stands_still(participant: Participant) -> None:
     assert problem(participant.submit(only(run_document("best", 0, 0, 0))))[1] == "zero_time"
     assert nothing_is_stored()

@@ -1,6 +1,7 @@
 """How alike devices are, over the configurations that both measured."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
 from typing import Any
@@ -21,11 +22,13 @@ from tests.crowd.documents import (
 )
 from tests.crowd.participant import Participant
 
+Join = Callable[[], Participant]
+
 NAMES = ("best", "accurate", "third", "fourth", "fifth")
 
 
 @pytest.fixture
-def wide(pack: dict[str, Any], participant: Participant) -> FrontVersion:
+def wide(pack: dict[str, Any], db: None) -> FrontVersion:
     """A front with a default and five other configurations."""
     document = front_document(pack, version="wide")
     extra = document["configurations"][-1]
@@ -41,7 +44,7 @@ def wide(pack: dict[str, Any], participant: Participant) -> FrontVersion:
     return publish_content(document)[0]
 
 
-def measure(participant: Participant, front: FrontVersion, model: str, times: dict[str, int]) -> None:
+def measure(join: Join, front: FrontVersion, model: str, times: dict[str, int]) -> None:
     """Each configuration twice, forwards and back."""
     there_and_back = [*times.items(), *reversed(times.items())]
     runs = [
@@ -49,16 +52,14 @@ def measure(participant: Participant, front: FrontVersion, model: str, times: di
         for order, (name, frame_us) in enumerate(there_and_back)
     ]
     document = submission_document(session_document(front.slug, runs=runs), device=device_document(model))
-    assert participant.submit(document).status_code == 202
+    assert join().submit(document).status_code == 202
 
 
-def test_two_devices_are_compared_over_what_both_measured(
-    wide: FrontVersion, participant: Participant
-) -> None:
+def test_two_devices_are_compared_over_what_both_measured(wide: FrontVersion, join: Join) -> None:
     fast = dict(zip(("default", *NAMES), (80_000, 10_000, 90_000, 40_000, 20_000, 30_000), strict=True))
     slow = dict(zip(("default", *NAMES), (300_000, 50_000, 260_000, 200_000, 50_500, 90_000), strict=True))
-    measure(participant, wide, "Pixel 8", fast)
-    measure(participant, wide, "Pixel 9", slow)
+    measure(join, wide, "Pixel 8", fast)
+    measure(join, wide, "Pixel 9", slow)
 
     (found,) = correlations.between(["google-pixel-8", "google-pixel-9"])
 
@@ -69,18 +70,18 @@ def test_two_devices_are_compared_over_what_both_measured(
     assert found.pearson.low < found.pearson.value < found.pearson.high
 
 
-def test_too_few_common_configurations_say_nothing(wide: FrontVersion, participant: Participant) -> None:
-    measure(participant, wide, "Pixel 8", {"default": 80_000, "best": 10_000, "accurate": 90_000})
-    measure(participant, wide, "Pixel 9", {"default": 90_000, "best": 12_000, "accurate": 95_000})
+def test_too_few_common_configurations_say_nothing(wide: FrontVersion, join: Join) -> None:
+    measure(join, wide, "Pixel 8", {"default": 80_000, "best": 10_000, "accurate": 90_000})
+    measure(join, wide, "Pixel 9", {"default": 90_000, "best": 12_000, "accurate": 95_000})
 
     assert correlations.between(["google-pixel-8", "google-pixel-9"]) == ()
 
 
-def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, participant: Participant) -> None:
+def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, join: Join) -> None:
     every, none = SpeedupFilters(since=date(2000, 1, 1)), SpeedupFilters(until=date(2000, 1, 1))
     times = {"default": 80_000, "best": 10_000, "accurate": 90_000, "third": 9_000}
     for count, model in enumerate(("Pixel 8", "Pixel 9"), 1):
-        measure(participant, wide, model, {name: count * frame_us for name, frame_us in times.items()})
+        measure(join, wide, model, {name: count * frame_us for name, frame_us in times.items()})
 
         found = selectors.winners(every)
 
@@ -90,12 +91,12 @@ def test_a_period_of_all_days_says_what_all_days_say(wide: FrontVersion, partici
     assert selectors.winners(none).rows == ()
 
 
-def test_compare_tells_the_correlations(wide: FrontVersion, participant: Participant) -> None:
+def test_compare_tells_the_correlations(wide: FrontVersion, join: Join) -> None:
     times = dict(zip(("default", *NAMES), (80_000, 10_000, 90_000, 40_000, 20_000, 30_000), strict=True))
-    measure(participant, wide, "Pixel 8", times)
-    measure(participant, wide, "Pixel 9", {name: 2 * frame_us for name, frame_us in times.items()})
+    measure(join, wide, "Pixel 8", times)
+    measure(join, wide, "Pixel 9", {name: 2 * frame_us for name, frame_us in times.items()})
 
-    answer = participant.get("/compare?devices=google-pixel-8,google-pixel-9").json()
+    answer = join().get("/compare?devices=google-pixel-8,google-pixel-9").json()
 
     (row,) = answer["correlations"]
     assert row["devices"] == ["google-pixel-8", "google-pixel-9"]

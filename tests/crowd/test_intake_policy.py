@@ -108,6 +108,33 @@ def test_versions_are_compared_as_numbers(version: str, outdated: bool) -> None:
     assert policy.Policy(True, "", "1.10.0", 1).outdates(version) is outdated
 
 
+@pytest.mark.parametrize("version", ["1", "0.1.0", "1.10.0-beta.2", "2.0+7", "1.2.3-rc1+2026"])
+def test_a_version_is_numbers_and_a_short_suffix(participant: Participant, version: str) -> None:
+    assert participant.submit(submission_document(app_version=version)).status_code == 202
+
+
+@pytest.mark.parametrize(
+    "version", ["", "new", "1.0-visit-my-shop", "1.0 best phone", "1.0\n", "1.0-beta-sale", "9" * 7]
+)
+def test_a_version_has_no_room_for_words(participant: Participant, client: Client, version: str) -> None:
+    wish = {"app": "test", "app_version": version, "consent_version": 1}
+
+    submitted = participant.submit(submission_document(app_version=version))
+    enrolled = client.post(f"{API}/enrol", wish, content_type="application/json")
+
+    for response in (submitted, enrolled):
+        assert (response.status_code, response.json()["field"]) == (400, "app_version")
+
+
+@pytest.mark.parametrize("app", ["", "my app", "<b>", "a" * 33, "0", "visit https://example.org"])
+def test_a_program_is_named_by_a_short_identifier(client: Client, db: None, app: str) -> None:
+    wish = {"app": app, "app_version": "1.0", "consent_version": 1}
+
+    response = client.post(f"{API}/enrol", wish, content_type="application/json")
+
+    assert (response.status_code, response.json()["field"]) == (400, "app")
+
+
 def test_there_is_one_policy_with_a_version_of_numbers(db: None, administrator: Client) -> None:
     IntakePolicy.objects.create()
     with pytest.raises(IntegrityError), transaction.atomic():

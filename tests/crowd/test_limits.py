@@ -40,6 +40,10 @@ def test_counts_are_of_a_key_and_its_window(store: Store) -> None:
     assert 0 < store.count("a", 60).resets_in <= 60
 
 
+def test_amounts_add_up_in_their_window(store: Store) -> None:
+    assert [store.count("a", 60, amount).used for amount in (5, 1, 1_000_000)] == [5, 6, 1_000_006]
+
+
 def test_concurrent_counts_lose_none(store: Store) -> None:
     with ThreadPoolExecutor(8) as threads:
         used = list(threads.map(lambda _: store.count("a", 600).used, range(200)))
@@ -55,12 +59,12 @@ def test_a_days_salt_is_one_and_random(store: Store) -> None:
 def test_a_window_that_ended_starts_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = FileStore(tmp_path / "counters.sqlite3")
     monkeypatch.setattr("crowd.counters.time.time", lambda: 1000.0)
-    store.count("gone", 60)
-    assert [store.count("a", 60).used for _ in range(2)] == [1, 2]
+    store.count("gone", 60, 7)
+    assert [store.count("a", 60, 3).used for _ in range(2)] == [3, 6]
 
     monkeypatch.setattr("crowd.counters.time.time", lambda: 1060.0)
 
-    assert store.count("a", 60).used == 1
+    assert store.count("a", 60, 3).used == 3
     keys = sqlite3.connect(store.path).execute("SELECT key FROM counts").fetchall()
     assert keys == [("a",)]
 

@@ -1,6 +1,6 @@
 """Requests made up from the OpenAPI document: none makes the server fail, or answer off its own document."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import hypothesis
@@ -49,16 +49,21 @@ SEARCHING = hypothesis.settings(
 
 
 @pytest.fixture
-def tokens(participant: Participant, exploration: Exploration, settings: Any) -> Iterator[dict[str, str]]:  # noqa: F811
+def tokens(
+    participant: Participant,
+    join: Callable[[], Participant],
+    exploration: Exploration,  # noqa: F811
+    settings: Any,
+) -> Iterator[dict[str, str]]:
     """A server with a front, two devices and an exploration, without limits; a token for each scheme.
 
     Requests share the test's connection, as with Django's own client, which would switch that off again.
     """
     for name in LIMITS:
         setattr(settings, name, 0)
-    for model in ("Pixel 8", "Pixel 9"):
+    for sender, model in ((participant, "Pixel 8"), (join(), "Pixel 9")):
         document = submission_document(device=device_document(model))
-        assert participant.submit(document).status_code == 202
+        assert sender.submit(document).status_code == 202
     reference = issue_token(exploration.reference_device)
     for signal in (request_started, request_finished):
         signal.disconnect(close_old_connections)
@@ -94,7 +99,7 @@ def test_no_request_makes_the_server_fail(label: str, tokens: dict[str, str]) ->
 
 
 def test_real_answers_are_as_described(tokens: dict[str, str], exploration: Exploration) -> None:  # noqa: F811
-    submission = Submission.objects.latest("received_at")
+    submission = Submission.objects.earliest("received_at")
     own = {"Authorization": f"Bearer {tokens['installation']}"}
     for path, places, query in (
         ("/manifest", {}, {}),

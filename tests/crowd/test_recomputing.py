@@ -38,7 +38,7 @@ def derived() -> dict[str, list[tuple[Any, ...]]]:
 
 @pytest.fixture
 def crowd(participant: Participant, join: Any) -> None:
-    """Two devices, four participants, seven sessions: valid ones, a suspect, an invalid one, an outlier."""
+    """Two devices, five participants, seven sessions: valid ones, a suspect, an invalid one, an outlier."""
     for best_us in (10_000, 10_500):
         participant.submit(submission_document(session_document(best_us=best_us)))
     join().submit(submission_document(session_document(best_us=11_000)))
@@ -47,9 +47,10 @@ def crowd(participant: Participant, join: Any) -> None:
     hot = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 10_000)]
     hot.append(run_document("best", 1, 2, 20_000))
     lost = [run_document("default", 0, 0, 80_000), run_document("best", 0, 1, 9_000, ate_max=0.3)]
+    other = join()
     for runs in (hot, lost):
         document = submission_document(session_document(runs=runs), device=device_document("Pixel 9"))
-        participant.submit(document)
+        other.submit(document)
 
 
 def test_recomputing_everything_changes_nothing(crowd: None) -> None:
@@ -128,9 +129,11 @@ def test_figures_of_a_device_with_many_sessions_come_with_the_sweep(
     assert DeviceActivity.objects.get().sessions == 2
 
 
-def test_sessions_that_move_to_another_device_take_their_figures_along(participant: Participant) -> None:
+def test_sessions_that_move_to_another_device_take_their_figures_along(
+    participant: Participant, join: Any
+) -> None:
     participant.submit(submission_document())
-    participant.submit(submission_document(device=device_document("Pixel 9")))
+    join().submit(submission_document(device=device_document("Pixel 9")))
     moved = MeasurementSession.objects.latest("pk")
     MeasurementSession.objects.filter(pk=moved.pk).update(
         device=MeasurementSession.objects.earliest("pk").device

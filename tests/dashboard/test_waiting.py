@@ -1,5 +1,6 @@
 """The administration's overview of what waits."""
 
+from collections.abc import Callable
 from html import unescape
 
 import pytest
@@ -25,11 +26,11 @@ def queues() -> dict[str, Queue]:
 
 
 def test_what_waits_is_counted_and_each_list_holds_as_many(
-    client: Client, participant: Participant, admin_client: Client
+    client: Client, participant: Participant, join: Callable[[], Participant], admin_client: Client
 ) -> None:
     now = timezone.now().isoformat()
     measure(participant, started_at=now)
-    measure(participant, "Pixel 7", started_at=now)
+    measure(join(), "Pixel 7", started_at=now)
     session = MeasurementSession.objects.order_by("pk").first()
     assert session is not None
     moderation.decide("quarantine", "ada", "measured on a bench", session)
@@ -45,10 +46,12 @@ def test_what_waits_is_counted_and_each_list_holds_as_many(
         assert listed.context["cl"].result_count == queue.count, queue.title
 
 
-def test_nobody_has_to_look_at_simulated_sessions(participant: Participant, admin_client: Client) -> None:
+def test_nobody_has_to_look_at_simulated_sessions(
+    participant: Participant, join: Callable[[], Participant], admin_client: Client
+) -> None:
     now = timezone.now().isoformat()
     measure(participant, started_at=now)
-    measure(participant, "Pixel 7", started_at=now)
+    measure(join(), "Pixel 7", started_at=now)
     DeviceModel.objects.filter(name="Pixel 7").update(kind=DeviceModel.Kind.SIMULATED)
     SessionSummary.objects.update(state=State.QUARANTINED)
     MeasurementSession.objects.update(summary_algorithm=None)
