@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
+import pyarrow.parquet
 import pytest
 from django.db import OperationalError, connection
 
@@ -19,6 +20,7 @@ from crowd.results import tasks
 from crowd.results.figures import summarising
 from crowd.results.intake import storing
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
+from crowd.results.opendata import exports
 from crowd.results.privacy import erasure, publication
 from tests.crowd.documents import run_document, session_document, submission_document
 
@@ -118,3 +120,33 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
     assert not summarising.waiting().exists()
     assert (DeviceActivity.objects.get().sessions, DeviceSpeedup.objects.get().sessions) == (2, 2)
     assert DeviceSpeedup.objects.get().device.kind == "group"
+
+
+def test_no_export_serves_what_was_erased_while_it_was_made_or_rewritten(front: Any) -> None:
+    people = [enrolled() for _ in range(8)]
+    for who in people:
+        send(who, session_document())
+    summarising.summarise_waiting()
+    exports.make()
+    leaving, staying = people[:6], people[6:]
+
+    def leave(who: Sequence[Installation]) -> None:
+        for each in who:
+            erasure.erase_installation(each)
+
+    def rewrite() -> None:
+        for _ in range(10):
+            exports.rewrite_all()
+
+    at_once(partial(leave, leaving[:3]), partial(leave, leaving[3:]), exports.make, rewrite)
+
+    assert len(exports.published()) == 2
+    left = set(Run.objects.values_list("uuid", flat=True))
+    assert Installation.objects.count() == len(staying)
+    for export in exports.published():
+        assert exports.rewrite_all()
+        row = export.files.get(name="runs.parquet")
+        path = exports.root() / export.folder / row.stored_as
+        table = pyarrow.parquet.read_table(path)
+        assert {UUID(key) for key in table.column("run").to_pylist()} == left
+        assert export.files.get(name="tombstones.parquet").rows == 6 * 6
