@@ -14,7 +14,7 @@ import pytest
 from django.test import Client
 
 from crowd.devices.models import Installation
-from crowd.results.models import Export, ExportFile, Run
+from crowd.results.models import Export, ExportFile, MeasurementSession, Run
 from crowd.results.opendata import exports, marking, reading, rewriting, writing
 from crowd.results.opendata.tables import TABLES
 from crowd.results.tasks import rewrite_exports
@@ -383,9 +383,7 @@ def test_a_file_that_cannot_be_rewritten_stops_no_other_one(client: Client, part
     participant.submit(submission_document())
     export = exports.make()
     (exports.root() / export.folder / export.files.get(name="sessions.parquet").stored_as).unlink()
-    session = session_document()
-    participant.submit(submission_document(session))
-    marking.mark_erased(list(range(10)))
+    marking.mark_erased([MeasurementSession.objects.get().pk])
 
     rewrite_exports()
 

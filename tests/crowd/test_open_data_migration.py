@@ -32,7 +32,7 @@ def earlier(transactional_db: None, participant: Participant) -> dict[str, Any]:
         described = ("name", "table", "format", "rows", "bytes", "sha256")
         files.append({name: getattr(file, name) for name in described})
     package = {"name": "datapackage.json", "table": None, "format": "json", "rows": None, "bytes": 2}
-    export.delete()
+    Export.objects.all().delete()
     executor = MigrationExecutor(connection)
     executor.migrate(BEFORE)
     former = MigrationExecutor(connection).loader.project_state(BEFORE).apps.get_model("results", "Export")

@@ -10,9 +10,11 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
+import pyarrow.parquet
 import pytest
 from django.db import OperationalError, connection
 
+from crowd.devices.disclosure import public_device
 from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.results import tasks
@@ -20,6 +22,7 @@ from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
 from crowd.results.intake.allowance import Sender
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession, Run, Tombstone
+from crowd.results.opendata import exports
 from crowd.results.privacy import disclosure, erasure
 from tests.crowd.documents import run_document, session_document, submission_document
 
@@ -120,4 +123,34 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
     assert Run.objects.filter(session__uuid=going_on["id"]).count() == 12
     assert not session_figures.waiting().exists()
     assert (DeviceActivity.objects.get().sessions, DeviceSpeedup.objects.get().sessions) == (2, 2)
-    assert DeviceSpeedup.objects.get().device.kind == "group"
+    assert public_device(DeviceSpeedup.objects.get().device).masked
+
+
+def test_no_export_serves_what_was_erased_while_it_was_made_or_rewritten(front: Any) -> None:
+    people = [enrolled() for _ in range(8)]
+    for who in people:
+        send(who, session_document())
+    session_figures.summarise_waiting()
+    exports.make()
+    leaving, staying = people[:6], people[6:]
+
+    def leave(who: Sequence[Installation]) -> None:
+        for each in who:
+            erasure.erase_installation(each)
+
+    def rewrite() -> None:
+        for _ in range(10):
+            exports.rewrite_all()
+
+    at_once(partial(leave, leaving[:3]), partial(leave, leaving[3:]), exports.make, rewrite)
+
+    assert len(exports.published()) == 2
+    left = set(Run.objects.values_list("uuid", flat=True))
+    assert Installation.objects.count() == len(staying)
+    for export in exports.published():
+        assert exports.rewrite_all()
+        row = export.files.get(name="runs.parquet")
+        path = exports.root() / export.folder / row.stored_as
+        table = pyarrow.parquet.read_table(path)
+        assert {UUID(key) for key in table.column("run").to_pylist()} == left
+        assert export.files.get(name="tombstones.parquet").rows == 6 * 6
