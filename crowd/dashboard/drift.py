@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from crowd.dashboard.protocols import first_counted_frame
-from crowd.results.figures import statistics
 from crowd.results.reading.rows import RunSeries, SessionDetail
+from crowd.results.validity import measures
 
 # What a sample may tell: its name, as a reader calls it, its unit.
 SENSORS = {
@@ -47,7 +47,10 @@ def steps(session: SessionDetail) -> tuple[Step, ...]:
         if not (series.frame_seconds[counted_from:] > 0).any():
             continue
         reference = first.setdefault(series.run.configuration, series)
-        ratio = statistics.drift(reference.frame_seconds, series.frame_seconds, counted_from)
+        size = min(reference.frame_seconds.size, series.frame_seconds.size)
+        [ratio] = measures.drifts(
+            reference.frame_seconds[None, :size], series.frame_seconds[None, :size], counted_from
+        )
         if ratio is not None:
             found.append(Step(series.run.order + 1, series.run.configuration, series.run.repeat, ratio))
     return tuple(found)

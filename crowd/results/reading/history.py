@@ -85,9 +85,9 @@ def _release(driver: str, os_version: str, rows: Iterable[Mapping[str, Any]]) ->
         logs[row["installation_id"]] += row["mean"] * row["count"]
         counts[row["installation_id"]] += row["count"]
         moments += [row["first"], row["last"]]
-    speedup = statistics.geometric_interval(
-        [logs[who] / counts[who] for who in logs], statistics.LEAST_INSTALLATIONS
-    )
+    speedup = statistics.model_speedup(
+        [statistics.InstallationValue(logs[who] / counts[who], 0.0, counts[who]) for who in logs]
+    ).speedup
     return Release(
         driver=driver,
         os_version=os_version,
