@@ -82,6 +82,12 @@ class Comparison:
         return urlencode(asked, safe=",")
 
     @property
+    def unconfirmed(self) -> bool:
+        """Whether a figure in it is unconfirmed."""
+        figures = [column.figure for column in (*self.devices, *self.configurations)]
+        return any(not figure.confirmed for figure in figures if figure and not figure.suspect)
+
+    @property
     def simulated(self) -> bool:
         """Whether nobody measured what is shown."""
         shown = [column.device for column in self.devices] + ([self.device] if self.device else [])

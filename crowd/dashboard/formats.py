@@ -113,6 +113,21 @@ def plural(number: int, noun: str) -> str:
     return f"{number:,}\N{NO-BREAK SPACE}{noun}{'' if number == 1 else 's'}"
 
 
+def share(number: int, of: int) -> str:
+    """'2 of 83'; ABSENT of none."""
+    return f"{number:,} of {of:,}" if of else ABSENT
+
+
+def failures(failed: int, lost: int, of: int, noun: str) -> str:
+    """'did not finish on 2 of 83 devices, lost the camera on 20 of 83'; "" of none. NOUN: device or session."""
+    if not of:
+        return ""
+    where = "in" if noun == "session" else "on"
+    return (
+        f"did not finish {where} {failed:,} of {plural(of, noun)}, lost the camera {where} {share(lost, of)}"
+    )
+
+
 def parameter(value: object) -> str:
     """A configuration's value as its authors write it: 1e-05, 0.1, 256, yes."""
     if isinstance(value, bool):

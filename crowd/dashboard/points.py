@@ -1,11 +1,10 @@
 """Which figures a page leads with: a front's configurations as measured, a device's newest speedup."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
-from crowd.results.reading.rows import DeviceDetail, Headline, Speedup
-from crowd.results.reading.selectors import headline
+from crowd.results.reading.rows import Attempts, DeviceDetail, Headline, Speedup
+from crowd.results.reading.selectors import Speedups, attempts, headline
 
 
 @dataclass(frozen=True)
@@ -13,22 +12,25 @@ class MeasuredPoint:
     """A configuration: predicted on the reference device, measured by the crowd (None for the default).
 
     predicted_speedup is the default's runtime over this one's, both predicted; None where either is unknown.
+    `attempts`: on how many devices it did not finish, or lost the camera.
     """
 
     point: Point
     predicted_speedup: float | None
     crowd: Headline | None
+    attempts: Attempts
 
 
-def measured_points(front: Front, rows: Sequence[Speedup]) -> tuple[MeasuredPoint, ...]:
-    """FRONT's points in published order; ROWS are the crowd's speedups of all its configurations."""
+def measured_points(front: Front, crowd: Speedups) -> tuple[MeasuredPoint, ...]:
+    """FRONT's points in published order; CROWD holds the speedups of all its configurations."""
     default = front.point(DEFAULT)
     baseline = default.runtime if default else None
     return tuple(
         MeasuredPoint(
             point=point,
             predicted_speedup=baseline / point.runtime if baseline and point.runtime else None,
-            crowd=None if point.name == DEFAULT else headline(rows, point.name),
+            crowd=None if point.name == DEFAULT else headline(crowd.rows, point.name),
+            attempts=attempts(crowd.attempts, point.name),
         )
         for point in front.points
     )

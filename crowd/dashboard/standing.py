@@ -12,7 +12,7 @@ class Standing:
 
     Of `configurations` with a valid figure, the default among them, `winner` is the fastest; best_rank is 1
     where that is `best` (equals share the better rank) and None where `best` has no valid figure. regret: how
-    many times the winner's time `best` takes.
+    many times the winner's time `best` takes. `confirmed`: all of the valid figures are.
     """
 
     rows: tuple[Speedup, ...]
@@ -21,14 +21,14 @@ class Standing:
     winner_speedup: float
     best_rank: int | None
     regret: float | None
+    confirmed: bool
 
 
 def standing(detail: DeviceDetail, lead: Speedup | None) -> Standing | None:
     """The configurations of DETAIL that were measured as LEAD was; None without LEAD."""
     if lead is None:
         return None
-    key = (lead.front, lead.backend, lead.processor)
-    rows = [row for row in detail.speedups if (row.front, row.backend, row.processor) == key]
+    rows = [row for row in detail.speedups if _measured_as(row) == _measured_as(lead)]
     valid = {row.configuration: row.speedup for row in rows if not row.suspect} | {DEFAULT: 1.0}
     winner = min(valid, key=lambda name: (-valid[name], name))
     best = valid.get(BEST)
@@ -39,4 +39,9 @@ def standing(detail: DeviceDetail, lead: Speedup | None) -> Standing | None:
         winner_speedup=valid[winner],
         best_rank=None if best is None else 1 + sum(speedup > best for speedup in valid.values()),
         regret=None if best is None else valid[winner] / best,
+        confirmed=all(row.confirmed for row in rows if not row.suspect),
     )
+
+
+def _measured_as(row: Speedup) -> tuple[str, str, str, str]:
+    return row.front, row.backend, row.processor, row.processor_class

@@ -13,12 +13,21 @@ RUN = uuid.UUID("00000000-0000-4000-8000-000000000001")
 
 def device(slug: str = "phone", **changes: Any) -> Device:
     """A phone of which only its name is known."""
-    known = {"manufacturer": "", "name": slug.title(), "cpu": "", "soc": "", "gpu": "", "os": "Android"}
+    known: dict[str, Any] = {
+        "manufacturer": "",
+        "name": slug.title(),
+        "cpu": "",
+        "soc": "",
+        "gpu": "",
+        "os": "Android",
+        "kind": "device",
+        "masked": False,
+    }
     return Device(slug=slug, **(known | changes))
 
 
 def speedup(value: float = 6.0, slug: str = "phone", **changes: Any) -> Speedup:
-    """One figure of `best`, without an interval."""
+    """One confirmed figure of `best`, without an interval."""
     fields: dict[str, Any] = {
         "device": device(slug),
         "front": "kfusion-test",
@@ -26,16 +35,22 @@ def speedup(value: float = 6.0, slug: str = "phone", **changes: Any) -> Speedup:
         "baseline": "default",
         "backend": "opencl",
         "processor": "Mali-G78",
+        "processor_class": "gpu",
         "speedup": value,
         "low": None,
         "high": None,
+        "session_low": None,
+        "session_high": None,
         "repeat_low": None,
         "repeat_high": None,
+        "deviation": None,
+        "units": 1,
         "sessions": 2,
         "installations": 1,
         "ate_max": 0.02,
         "last_session_at": datetime(2026, 11, 20, 10, tzinfo=UTC),
         "suspect": False,
+        "confirmed": True,
     }
     return Speedup(**(fields | changes))
 

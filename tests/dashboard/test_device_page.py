@@ -18,7 +18,7 @@ from tests.dashboard.rows import device, speedup
 
 
 def detail(*rows: Any) -> DeviceDetail:
-    return DeviceDetail(device(), tuple(rows), (), 1, 1, (), None)
+    return DeviceDetail(device(), tuple(rows), (), 1, 1, None)
 
 
 def test_the_winner_is_the_fastest_valid_configuration_of_the_same_front_and_processor() -> None:

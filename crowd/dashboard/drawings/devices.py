@@ -1,6 +1,6 @@
 """One device: its configurations, its place in the crowd, its history, how it held out over a session."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from uuid import UUID
 
 from django.http import HttpRequest
@@ -9,6 +9,7 @@ from django.urls import reverse
 from crowd.dashboard import drift, formats
 from crowd.dashboard.answering import found
 from crowd.dashboard.choosing import Measured, measured
+from crowd.dashboard.confirmation import confirmed_only
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.drawings.sessions import read_session
 from crowd.dashboard.figures.devices import (
@@ -20,9 +21,11 @@ from crowd.dashboard.figures.devices import (
 )
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.standing import Standing, standing
+from crowd.fronts.selectors import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.filters import SpeedupFilters
 from crowd.results.reading.rows import Device, DeviceDetail, History, Place, SessionDetail, Speedup
+from crowd.results.reading.selectors import Speedups
 
 
 @dataclass(frozen=True)
@@ -41,14 +44,51 @@ class Past:
     history: History
 
 
-def place_of(detail: DeviceDetail, figure: Speedup | None) -> Place | None:
-    """Where the device stands among those that measured the front of FIGURE; simulated ones among their
-    like.
+@dataclass(frozen=True)
+class Rank:
+    """The place of a device among the device models with a confirmed figure.
+
+    Not `confirmed`: it has no place; `place` is where it would stand once its figure is confirmed.
     """
+
+    place: Place
+    confirmed: bool
+
+
+def crowd_of(detail: DeviceDetail, figure: Speedup | None) -> Speedups:
+    """The crowd that the device is compared with: on the front of FIGURE, or of its newest session; simulated
+    devices among simulated ones.
+    """
+    front = figure.front if figure else found(detail.latest).session.front
+    return results.speedups(SpeedupFilters(front=front, simulated=detail.device.simulated))
+
+
+def rank_of(detail: DeviceDetail, figure: Speedup | None) -> Rank | None:
+    """Where the device of FIGURE stands, or would stand; None without a figure and for suspect ones."""
     if figure is None:
         return None
-    crowd = results.speedups(SpeedupFilters(front=figure.front, simulated=detail.device.simulated))
-    return results.place(crowd.rows, detail.device.slug)
+    rows = crowd_of(detail, figure).rows
+    slug = detail.device.slug
+    place = results.place(rows, slug)
+    if place is not None:
+        return Rank(place, confirmed=True)
+    once_confirmed = [replace(row, confirmed=True) if row.device.slug == slug else row for row in rows]
+    place = results.place(once_confirmed, slug)
+    return None if place is None else Rank(place, confirmed=False)
+
+
+def attempts_of(detail: DeviceDetail, figure: Speedup | None) -> tuple[int, int, int]:
+    """In how many sessions of the device `best` ran, did not finish, lost the camera; on the processor of
+    FIGURE, or on all of them.
+    """
+    own = [
+        row
+        for row in crowd_of(detail, figure).attempts
+        if row.device.slug == detail.device.slug
+        and row.configuration == BEST
+        and (figure is None or (row.backend, row.processor) == (figure.backend, figure.processor))
+    ]
+    return sum(row.sessions for row in own), sum(row.failed for row in own), sum(row.lost for row in own)
 
 
 def read_configurations(request: HttpRequest, slug: str) -> Configurations:
@@ -56,9 +96,9 @@ def read_configurations(request: HttpRequest, slug: str) -> Configurations:
     return Configurations(detail.device, found(standing(detail, newest_figure(detail))))
 
 
-def read_place(request: HttpRequest, slug: str) -> Place:
+def read_place(request: HttpRequest, slug: str) -> Rank:
     detail = _measured(request, slug).detail
-    return found(place_of(detail, newest_figure(detail)))
+    return found(rank_of(detail, newest_figure(detail)))
 
 
 def read_history(request: HttpRequest, slug: str) -> Past:
@@ -74,26 +114,34 @@ def configurations_table(shown: Configurations) -> Table:
     """A row for each configuration, fastest first."""
     return Table(
         (
-            "configuration", "front", "backend", "processor", "speedup", "low", "high", "sessions",
-            "installations", "ate_max_m", "state",
+            "configuration", "front", "backend", "processor", "processor_class", "speedup", "low", "high",
+            "session_low", "session_high", "sessions", "installations", "ate_max_m", "state", "suspect",
         ),
         [
             (
-                row.configuration, row.front, row.backend, row.processor, row.speedup, row.low, row.high,
-                row.sessions, row.installations, row.ate_max, "suspect" if row.suspect else "valid",
+                row.configuration, row.front, row.backend, row.processor, row.processor_class, row.speedup,
+                row.low, row.high, row.session_low, row.session_high, row.sessions, row.installations,
+                row.ate_max, row.state, row.suspect,
             )
             for row in shown.standing.rows
         ],
     )  # fmt: skip
 
 
-def place_table(place: Place) -> Table:
+def place_table(rank: Rank) -> Table:
     """A row for each device model, fastest first."""
+    own = rank.place.device.slug
     return Table(
-        ("rank", "device", "speedup", "this"),
+        ("rank", "device", "speedup", "this", "state"),
         [
-            (rank, device.slug, speedup, device.slug == place.device.slug)
-            for rank, (device, speedup) in enumerate(place.models, 1)
+            (
+                number,
+                device.slug,
+                speedup,
+                device.slug == own,
+                "confirmed" if rank.confirmed or device.slug != own else "unconfirmed",
+            )
+            for number, (device, speedup) in enumerate(rank.place.models, 1)
         ],
     )
 
@@ -143,6 +191,16 @@ def _session_page(uuid: UUID) -> str:
     return reverse("dashboard:session", args=[uuid])
 
 
+def _confirmed_configurations(shown: Configurations) -> Configurations:
+    rows = confirmed_only(shown.standing.rows)
+    return replace(shown, standing=replace(shown.standing, rows=rows))
+
+
+def _place_title(rank: Rank) -> str:
+    state = "" if rank.confirmed else " (unconfirmed)"
+    return f"{rank.place.device.title}{state} and the crowd"
+
+
 def _past_n(past: Past) -> str:
     sessions = sum(row.sessions for row in past.history.releases)
     return (
@@ -155,33 +213,35 @@ DRAWINGS = (
         name="device-configurations",
         path="devices/<slug:slug>/configurations",
         definition="Time of the default configuration over that of each other one, on this device. Whiskers: "
-        "95 % interval over installations, from three of them on.",
+        "95 % interval over independent installations, from three of them on. Dotted: unconfirmed. Striped: "
+        "suspect.",
         read=read_configurations,
         draw=lambda shown, theme: configuration_bars(shown.standing.rows, theme),
         table=configurations_table,
         title=lambda shown: f"Every configuration on {shown.device.title}",
         n=lambda shown: formats.plural(len(shown.standing.rows), "configuration"),
         page=_device_page,
+        embedded=_confirmed_configurations,
         simulated=lambda shown: shown.device.simulated,
     ),
     Drawing(
         name="device-place",
         path="devices/<slug:slug>/crowd",
-        definition="Speedup of best over default on each device model that measured the same front, each "
-        "counted once.",
+        definition="Speedup of best over default on each device model with a confirmed figure of the same "
+        "front, each counted once. A device whose own figure is unconfirmed is shown where it would stand.",
         read=read_place,
-        draw=crowd_bars,
+        draw=lambda rank, theme: crowd_bars(rank.place, theme, rank.confirmed),
         table=place_table,
-        title=lambda place: f"{place.device.title} and the crowd",
-        n=lambda place: formats.plural(len(place.models), "device model"),
+        title=_place_title,
+        n=lambda rank: formats.plural(len(rank.place.models), "device model"),
         page=_device_page,
-        simulated=lambda place: place.device.simulated,
+        simulated=lambda rank: rank.place.device.simulated,
     ),
     Drawing(
         name="device-history",
         path="devices/<slug:slug>/history",
         definition="Speedup of best over default under each driver and version of the system: installations "
-        "weigh the same. Whiskers: 95 % interval over installations, from three of them on.",
+        "weigh the same. Whiskers: 95 % interval over independent installations, from three of them on.",
         read=read_history,
         draw=lambda past, theme: release_marks(past.history.releases, theme),
         table=history_table,
@@ -205,7 +265,7 @@ DRAWINGS = (
     Drawing(
         name="session-sensors",
         path="sessions/<uuid:uuid>/sensors",
-        definition="What the device told of its state between frames, at most once a second.",
+        definition="What the device reported of its state between frames, at most once a second.",
         read=read_session,
         draw=lambda session, theme: sensor_lines(drift.readings(session.samples), theme),
         table=sensors_table,

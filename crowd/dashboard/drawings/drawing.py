@@ -33,6 +33,10 @@ def _never(_: object) -> bool:
     return False
 
 
+def _same(rows: Rows) -> Rows:
+    return rows
+
+
 @dataclass(frozen=True, kw_only=True)
 class Drawing(Generic[Rows]):
     """Each of the functions answers one question about the same rows.
@@ -40,8 +44,8 @@ class Drawing(Generic[Rows]):
     read(request, **arguments of the path) may raise Http404, and InvalidFilterError or InvalidComparisonError
     for a query that cannot be understood. stamp(request, **arguments) is much cheaper to ask for and changes
     with the rows: a figure that is drawn is kept under it, for a minute. page(**arguments) is the page that
-    shows the figure, under the same query. simulated(rows) says that nobody measured them: every answer tells
-    so.
+    shows the figure, under the same query. simulated(rows) says that nobody measured them: every answer says
+    so. embedded(rows) is what a page of another site shows of them.
     """
 
     name: str
@@ -55,6 +59,7 @@ class Drawing(Generic[Rows]):
     page: Callable[..., str]
     stamp: Callable[..., object] | None = None
     simulated: Callable[[Rows], bool] = _never
+    embedded: Callable[[Rows], Rows] = _same
 
 
 def with_query(address: str, query: str) -> str:

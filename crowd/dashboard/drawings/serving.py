@@ -20,6 +20,7 @@ from django.views.decorators.clickjacking import xframe_options_exempt
 
 from crowd.dashboard.answering import conditional, kept, page
 from crowd.dashboard.comparison import InvalidComparisonError
+from crowd.dashboard.confirmation import private_notice
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
 from crowd.dashboard.palette import LIGHT, THEMES
 from crowd.explorations.exports import FORMULA
@@ -30,6 +31,8 @@ from crowd.results.reading.selectors import UnknownFrontError
 CSV = "text/csv; charset=utf-8"
 HTML = "text/html; charset=utf-8"
 JSON = "application/json"
+# Which figures an embedded page asks for: those that other sites show.
+EMBEDDED = "embedded"
 
 View = Callable[..., HttpResponseBase]
 Show = Callable[[HttpRequest, Drawing[Any], Any, dict[str, Any]], str]
@@ -78,7 +81,10 @@ def json_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: d
 
 def page_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: dict[str, Any]) -> str:
     """The figure alone, with what a reader elsewhere must know of it."""
+    rows = drawing.embedded(rows)
     figure = reverse(f"dashboard:{drawing.name}-figure", kwargs=arguments)
+    query = _query(request)
+    query[EMBEDDED] = "1"
     return render_to_string(
         "dashboard/embed.html",
         {
@@ -87,7 +93,8 @@ def page_of(request: HttpRequest, drawing: Drawing[Any], rows: Any, arguments: d
             "title": drawing.title(rows),
             "n": drawing.n(rows),
             "page": page_address(request, drawing, arguments),
-            "figure": with_query(figure, _query(request).urlencode()),
+            "figure": with_query(figure, query.urlencode()),
+            "private": private_notice(),
             "licence": LICENCE,
         },
         request,
@@ -137,23 +144,26 @@ def _figure(drawing: Drawing[Any]) -> View:
 
     def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
         theme = THEMES.get(request.GET.get("theme", ""), LIGHT)
+        embedded = bool(request.GET.get(EMBEDDED))
 
         def draw() -> bytes:
-            figure = drawing.draw(drawing.read(request, **arguments), theme)
+            rows = drawing.read(request, **arguments)
+            figure = drawing.draw(drawing.embedded(rows) if embedded else rows, theme)
             return bytes(figure.to_json(validate=False).encode())
 
         if drawing.stamp is None:
             return conditional(request, draw(), JSON)
-        facts = (request.path, theme.name, drawing.stamp(request, **arguments))
+        facts = (request.path, theme.name, embedded, drawing.stamp(request, **arguments))
         return conditional(request, kept(facts, draw), JSON)
 
     return view
 
 
 def _query(request: HttpRequest) -> QueryDict:
-    """What the caller asked for, without the theme, which is the reader's own."""
+    """What the caller asked for, without what says how a figure is drawn."""
     query = request.GET.copy()
     query.pop("theme", None)
+    query.pop(EMBEDDED, None)
     return query
 
 

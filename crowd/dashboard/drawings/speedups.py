@@ -1,11 +1,12 @@
 """The crowd's bars."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from django.http import HttpRequest
 from django.urls import reverse
 
 from crowd.dashboard import formats
+from crowd.dashboard.confirmation import confirmed_only, left_out, ordered
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
 from crowd.devices import revision
@@ -15,51 +16,60 @@ from crowd.results.reading.selectors import Speedups
 
 DEFINITION = (
     "Speedup: time of the default configuration over time of the one shown (best, unless the title names "
-    "another), on the same device, averaged over sessions and installations by logarithms. low and high: "
-    "95 % interval over installations, from three of them on."
+    "another), on the same device. Logarithms are averaged over sessions, then over independent installations. "
+    "low and high: 95 % interval over independent installations, from three of them on. session_low and "
+    "session_high: 95 % interval of the one session behind a figure. A figure is confirmed once independent "
+    "installations agree; only confirmed figures that are not suspect count in means."
 )
 COLUMNS = (
-    "device", "maker", "model", "soc", "gpu", "os", "backend", "processor", "front", "configuration",
-    "baseline", "speedup", "low", "high", "sessions", "installations", "ate_max_m", "state",
-    "last_session_at",
+    "device", "maker", "model", "soc", "gpu", "os", "backend", "processor", "processor_class", "front",
+    "configuration", "baseline", "speedup", "low", "high", "session_low", "session_high", "sessions",
+    "installations", "ate_max_m", "state", "suspect", "last_session_at",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Bars:
-    """The crowd under filters, and what its bars are coloured by."""
+    """The crowd under filters, the rows of it that are drawn, and what its bars are coloured by."""
 
     crowd: Speedups
+    rows: tuple[Speedup, ...]
     colour: str
 
 
 def read(request: HttpRequest) -> Bars:
     """The bars that the query string asks for."""
-    return Bars(results.speedups(results.asked(request.GET)), colour_of(request))
+    crowd = results.speedups(results.asked(request.GET))
+    return Bars(crowd, ordered(crowd.rows), colour_of(request))
+
+
+def embedded(bars: Bars) -> Bars:
+    """What another site shows: figures that count."""
+    return replace(bars, rows=confirmed_only(bars.rows))
 
 
 def stamp(request: HttpRequest) -> tuple[str, str, str]:
-    """What is asked for, and how the crowd is: two thousand bars take a while to draw."""
+    """What is asked for, and the version of the figures: two thousand bars take a while to draw."""
     return results.asked(request.GET).query(), colour_of(request), revision.current()
 
 
 def colour_of(request: HttpRequest) -> str:
-    """What ?colour= names; whose chip computed where it names nothing known."""
+    """What ?colour= names; the maker of the chip that computed where it names nothing known."""
     return SOC if request.GET.get("colour") == SOC else VENDOR
 
 
 def table(bars: Bars) -> Table:
-    """A row for each bar, fastest first."""
-    return Table(COLUMNS, [_cells(row) for row in bars.crowd.rows])
+    """A row for each bar, those that count first, fastest first."""
+    return Table(COLUMNS, [_cells(row) for row in bars.rows])
 
 
 def _cells(row: Speedup) -> tuple[str | float | int | None, ...]:
     device = row.device
     return (
         device.slug, device.manufacturer, device.name, device.soc, device.gpu, device.os, row.backend,
-        row.processor, row.front, row.configuration, row.baseline, row.speedup, row.low, row.high,
-        row.sessions, row.installations, row.ate_max, "suspect" if row.suspect else "valid",
-        row.last_session_at.isoformat(),
+        row.processor, row.processor_class, row.front, row.configuration, row.baseline, row.speedup, row.low,
+        row.high, row.session_low, row.session_high, row.sessions, row.installations, row.ate_max, row.state,
+        row.suspect, row.last_session_at.isoformat(),
     )  # fmt: skip
 
 
@@ -68,9 +78,13 @@ def _title(bars: Bars) -> str:
 
 
 def _n(bars: Bars) -> str:
-    crowd = bars.crowd
-    figures = formats.plural(len(crowd.rows), "figure")
-    return f"{figures} from {formats.plural(crowd.headline.sessions, 'session')}"
+    figures = formats.plural(len(bars.rows), "figure")
+    sessions = formats.plural(sum(row.sessions for row in bars.rows), "session")
+    others = left_out(bars.crowd).words
+    if not others:
+        return f"{figures} from {sessions}"
+    missing = len(bars.rows) < len(bars.crowd.rows)
+    return f"{figures} from {sessions}; {'not shown' if missing else 'among them'}: {others}"
 
 
 DRAWINGS = (
@@ -79,7 +93,8 @@ DRAWINGS = (
         path="speedups",
         definition=DEFINITION,
         read=read,
-        draw=lambda bars, theme: speedup_bars(bars.crowd.rows, theme, bars.colour),
+        draw=lambda bars, theme: speedup_bars(bars.rows, theme, bars.colour),
+        embedded=embedded,
         table=table,
         title=_title,
         n=_n,

@@ -26,7 +26,8 @@ def configurations_height(rows: int) -> int:
 def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     """Every configuration that one device measured, largest gain first, with intervals where one is due.
 
-    `best` has its colour. ROWS are of one front, backend and processor.
+    `best` has its colour, unconfirmed and suspect figures have a pattern. ROWS are of one front, backend,
+    processor and class of processor.
     """
     ranked = sorted(rows, key=lambda row: (-row.speedup, row.configuration))
     figure = layout.blank(theme, configurations_height(len(ranked)))
@@ -35,7 +36,10 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
         y=list(range(len(ranked))),
         orientation="h",
         width=0.62,
-        marker={"color": [theme.best if row.configuration == BEST else theme.series[0] for row in ranked]},
+        marker={
+            "color": [theme.best if row.configuration == BEST else theme.series[0] for row in ranked],
+            "pattern": layout.pattern(ranked, theme),
+        },
         text=[formats.speedup(row.speedup) for row in ranked],
         textposition="outside",
         textangle=0,
@@ -73,8 +77,11 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     )
 
 
-def crowd_bars(place: Place, theme: Theme) -> go.Figure:
-    """One bar a device model, largest gain first; the one that PLACE is about is lit and named."""
+def crowd_bars(place: Place, theme: Theme, confirmed: bool = True) -> go.Figure:
+    """One bar a device model, largest gain first; the one that PLACE is about is lit and named.
+
+    Where its figure is not CONFIRMED its bar is dotted: PLACE is where it would stand.
+    """
     figure = layout.blank(theme, 300)
     slugs = [device.slug for device, _ in place.models]
     figure.add_bar(
@@ -84,6 +91,14 @@ def crowd_bars(place: Place, theme: Theme) -> go.Figure:
         marker={
             "color": [theme.best if slug == place.device.slug else theme.default for slug in slugs],
             "line": {"width": 0},
+            "pattern": {
+                "shape": [
+                    "" if confirmed or slug != place.device.slug else layout.UNCONFIRMED_PATTERN
+                    for slug in slugs
+                ],
+                "fillmode": "overlay",
+                "fgcolor": theme.surface,
+            },
         },
         # Plotly copies and checks lists of lists item by item.
         customdata=np.array(
@@ -100,7 +115,7 @@ def crowd_bars(place: Place, theme: Theme) -> go.Figure:
     figure.add_annotation(
         x=own,
         y=place.speedup,
-        text=f"<b>this device, {formats.speedup(place.speedup)}</b>",
+        text=f"<b>this device, {formats.speedup(place.speedup)}{'' if confirmed else ', unconfirmed'}</b>",
         font={"color": theme.ink, "size": 13},
         bgcolor=theme.surface,
         showarrow=True,
@@ -153,7 +168,7 @@ def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
         showlegend=False,
     )
     _add_intervals(figure, list(enumerate(releases)), theme)
-    names = [", ".join(filter(None, (row.driver, row.os_version))) or "not told" for row in releases]
+    names = [", ".join(filter(None, (row.driver, row.os_version))) or "unknown" for row in releases]
     told = [formats.speedup(row.speedup) for row in releases]
     layout.name_bars(figure, zip(told, names, strict=True), theme)
     reach = max((row.high or row.speedup for row in releases), default=1.0)
@@ -274,11 +289,8 @@ def _add_intervals(figure: go.Figure, rows: Sequence[tuple[int, Speedup | Releas
 
 def _detail(row: Speedup) -> str:
     parts = [f"<b>{layout.text(row.configuration)}</b>", f"{formats.speedup(row.speedup)} over the default"]
-    if row.low is not None:
-        parts.append(f"95 % interval {formats.interval(row.low, row.high)}")
+    parts += layout.interval_words(row)
     parts.append(
         f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
     )
-    if row.suspect:
-        parts.append("suspect: no session of it is valid")
-    return layout.lines(parts)
+    return layout.lines(parts + layout.state_words(row))

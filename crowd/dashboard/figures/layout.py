@@ -9,13 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from plotly import graph_objects as go
 
+from crowd.dashboard import formats
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.results.reading.rows import Speedup
 
 FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberation Sans', sans-serif"
 
 # Thickness of a flat bar, in rows.
 BAR = 0.4
+# How bars are filled whose figure does not count. Both patterns differ by shape, not by colour alone.
+SUSPECT_PATTERN, UNCONFIRMED_PATTERN = "/", "."
 
 
 def blank(theme: Theme, height: int) -> go.Figure:
@@ -54,6 +58,37 @@ def blank(theme: Theme, height: int) -> go.Figure:
             "dragmode": False,
         }
     )
+
+
+def pattern(rows: Iterable[Speedup], theme: Theme) -> dict[str, Any]:
+    """The fill of a bar for each of ROWS: striped for suspect, dotted for unconfirmed, plain for others."""
+    shapes = [
+        SUSPECT_PATTERN if row.suspect else "" if row.confirmed else UNCONFIRMED_PATTERN for row in rows
+    ]
+    return {
+        "shape": shapes,
+        "fillmode": "overlay",
+        "fgcolor": theme.surface,
+        "fgopacity": 0.75,
+        "size": 7,
+        "solidity": 0.35,
+    }
+
+
+def state_words(row: Speedup) -> list[str]:
+    """What a hover label says of a figure that does not count."""
+    if row.suspect:
+        return ["suspect: no session of it is valid"]
+    return [] if row.confirmed else ["unconfirmed"]
+
+
+def interval_words(row: Speedup) -> list[str]:
+    """The interval of ROW in a hover label, with what it is over; none where there is none."""
+    if row.low is not None:
+        return [f"95 % interval {formats.interval(row.low, row.high)}"]
+    if row.session_low is not None:
+        return [f"95 % interval of one session {formats.interval(row.session_low, row.session_high)}"]
+    return []
 
 
 def name_bars(figure: go.Figure, bars: Iterable[tuple[str, str]], theme: Theme) -> None:

@@ -1,7 +1,7 @@
 """The crowd's chart: one bar a device, as in the paper."""
 
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from django.urls import reverse
@@ -23,7 +23,7 @@ DENSE = 200
 LEGEND_ENTRY = 58
 # What bars can be coloured by.
 VENDOR, SOC = "vendor", "soc"
-UNTOLD = "not told"
+UNTOLD = "unknown"
 # Vendors with a colour of their own, in the order of the palette; CPU gets its grey.
 COLOURED = ("Adreno", "Mali", "NVIDIA", "Intel", "Radeon", "Apple", CPU)
 
@@ -34,14 +34,15 @@ def bars_height(rows: int) -> int:
 
 
 def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.Figure:
-    """One bar a device, largest gain first, with a line at 1 (no gain); coloured by whose chip computed, or
-    BY the system on a chip.
+    """One bar a device and processor, with a line at 1 (no gain); coloured by the maker of the chip that
+    computed, or BY the system on a chip.
 
-    Whiskers are the 95 % intervals over installations, where one is due; suspect figures are hatched. Up
-    to NAMED_BARS devices lie flat with the name above each bar. Of more than decimation.MOST_DRAWN bars
-    every n-th is drawn, and the figure says so.
+    Figures that count come first, largest gain first. Unconfirmed figures follow them and are dotted, suspect
+    ones are striped. Dark whiskers are 95 % intervals over installations, light ones the interval of the one
+    session behind a figure. Up to NAMED_BARS bars lie flat with the name above each. Of more than
+    decimation.MOST_DRAWN bars every n-th is drawn, and the figure says so.
     """
-    by_gain = sorted(rows, key=lambda row: (-row.speedup, row.device.slug, row.processor))
+    by_gain = sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
     # None is kept beyond its turn: the outline of the bars stays what it is.
     ranked = decimated(by_gain, lambda _: False)
     figure = layout.blank(theme, bars_height(len(ranked)))
@@ -67,12 +68,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
             marker={
                 "color": colour,
                 "line": {"width": 0},
-                "pattern": {
-                    "shape": ["/" if row.suspect else "" for row in members],
-                    "fillmode": "overlay",
-                    "fgcolor": theme.surface,
-                    "fgopacity": 0.75,
-                },
+                "pattern": layout.pattern(members, theme),
             },
             # Plotly copies and checks lists of lists item by item.
             customdata=np.array(
@@ -86,7 +82,9 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
             showlegend=len(colours) > 1,
         )
     _add_intervals(figure, ranked, flat, theme)
-    reach = max([row.high or row.speedup for row in ranked], default=1.0)
+    if not ranked:
+        layout.note(figure, "No figure to show yet", theme)
+    reach = max([row.high or row.session_high or row.speedup for row in ranked], default=1.0)
     values_axis = {
         "title": {"text": "speedup over the default, on the same device"},
         "range": [0, max(reach * 1.06, 1.5)],
@@ -106,20 +104,41 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         "showticklabels": False,
         "showgrid": False,
         "range": [-0.7, len(ranked) - 0.3],
-        "title": {"text": ", ".join(filter(None, ("devices, largest gain first", left_out)))},
+        "title": {"text": ", ".join(filter(None, (_order(ranked), left_out)))},
     }
     return figure.update_layout(xaxis=devices_axis, yaxis=values_axis, legend={"entrywidth": LEGEND_ENTRY})
 
 
+def _order(rows: Sequence[Speedup]) -> str:
+    """In which order ROWS stand."""
+    apart = any(not row.counts for row in rows) and any(row.counts for row in rows)
+    return "devices, largest gain first" + (", unconfirmed and suspect ones behind" if apart else "")
+
+
+# What tells the bars of one device from each other. Figures of its CPU and its GPU are never averaged.
+DISTINGUISHING: tuple[Callable[[Speedup], str], ...] = (
+    lambda row: row.processor or row.backend,
+    lambda row: row.processor_class.upper(),
+    lambda row: row.backend,
+    lambda row: row.configuration,
+)
+
+
 def bar_names(rows: Sequence[Speedup]) -> list[str]:
-    """What each row is called: its device, and its processor as well where a device has several rows."""
-    times = Counter(row.device.slug for row in rows)
-    return [
-        row.device.title
-        if times[row.device.slug] == 1
-        else f"{row.device.title} ({row.processor or row.backend})"
-        for row in rows
-    ]
+    """What each row is called: its device, and in brackets what tells it from other rows of the device."""
+    of_device: dict[str, list[Speedup]] = defaultdict(list)
+    for row in rows:
+        of_device[row.device.slug].append(row)
+    differing = {
+        slug: [tell for tell in DISTINGUISHING if len({tell(row) for row in own}) > 1]
+        for slug, own in of_device.items()
+    }
+    return [_bar_name(row, [tell(row) for tell in differing[row.device.slug]]) for row in rows]
+
+
+def _bar_name(row: Speedup, parts: Sequence[str]) -> str:
+    title = row.device.title
+    return f"{title} ({', '.join(dict.fromkeys(filter(None, parts)))})" if parts else title
 
 
 def _address(row: Speedup) -> str:
@@ -150,12 +169,27 @@ def _group_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
 
 
 def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, theme: Theme) -> None:
-    """Whiskers as a trace of their own: plotly draws end caps on a bar even where its interval is absent."""
-    due = [
+    """Whiskers as traces of their own: plotly draws end caps on a bar even where its interval is absent."""
+    over_installations = [
         (rank, row.speedup, row.low, row.high)
         for rank, row in enumerate(ranked)
         if row.low is not None and row.high is not None
     ]
+    of_one_session = [
+        (rank, row.speedup, row.session_low, row.session_high)
+        for rank, row in enumerate(ranked)
+        if row.low is None and row.session_low is not None and row.session_high is not None
+    ]
+    _add_whiskers(figure, over_installations, flat, theme.ink, len(ranked) <= DENSE)
+    # The one session of each of thousands of devices would only blur the picture.
+    if of_one_session and len(ranked) <= DENSE:
+        _add_whiskers(figure, of_one_session, flat, theme.muted, True)
+
+
+def _add_whiskers(
+    figure: go.Figure, due: Sequence[tuple[int, float, float, float]], flat: bool, colour: str, wide: bool
+) -> None:
+    """DUE: rank, value, low and high of each interval."""
     ranks = [rank for rank, *_ in due]
     values = [round(value, 4) for _, value, _, _ in due]
     whiskers = {
@@ -163,15 +197,15 @@ def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, the
         "symmetric": False,
         "array": [round(high - value, 4) for _, value, _, high in due],
         "arrayminus": [round(value - low, 4) for _, value, low, _ in due],
-        "color": theme.ink,
-        "thickness": 1.5 if len(ranked) <= DENSE else 1,
+        "color": colour,
+        "thickness": 1.5 if wide else 1,
         "width": 4 if flat else 0,
     }
     figure.add_scatter(
         x=values if flat else ranks,
         y=ranks if flat else values,
         mode="markers",
-        marker={"size": 3, "color": theme.ink, "opacity": float(len(ranked) <= DENSE)},
+        marker={"size": 3, "color": colour, "opacity": float(wide)},
         **{"error_x" if flat else "error_y": whiskers},
         hoverinfo="skip",
         showlegend=False,
@@ -180,14 +214,11 @@ def _add_intervals(figure: go.Figure, ranked: Sequence[Speedup], flat: bool, the
 
 def _detail(name: str, vendor: str, row: Speedup) -> str:
     parts = [f"<b>{layout.text(name)}</b>", f"{formats.speedup(row.speedup)} over its own default"]
-    if row.low is not None:
-        parts.append(f"95 % interval {formats.interval(row.low, row.high)}")
+    parts += layout.interval_words(row)
     parts.append(
         f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
     )
     parts.append(f"{vendor}, {layout.text(row.backend)}")
     if row.device.soc:
         parts.append(layout.text(row.device.soc))
-    if row.suspect:
-        parts.append("suspect: no session of it is valid")
-    return layout.lines(parts)
+    return layout.lines(parts + layout.state_words(row))

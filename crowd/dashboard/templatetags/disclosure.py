@@ -1,7 +1,10 @@
-"""What pages say of rare models."""
+"""What pages say about masks, confirmation and deleted runs."""
 
 from django import template
 from django.conf import settings
+
+from crowd.dashboard import confirmation
+from crowd.results.reading.deletions import single_deletions as count_single_deletions
 
 register = template.Library()
 
@@ -10,3 +13,21 @@ register = template.Library()
 def rare_below() -> int:
     """How many installations a model needs before it is named; 1 or less: every model is."""
     return int(settings.FRONTRUNNER_RARE_BELOW)
+
+
+@register.simple_tag
+def requirement() -> str:
+    """What confirms a figure on this server."""
+    return confirmation.requirement()
+
+
+@register.simple_tag
+def private_notice() -> str:
+    """What a private server says about its figures; "" on others."""
+    return confirmation.private_notice()
+
+
+@register.simple_tag
+def single_deletions() -> int:
+    """How many runs participants deleted one by one."""
+    return count_single_deletions()

@@ -7,10 +7,10 @@ from typing import Any
 
 from django import template
 
-from crowd.dashboard import formats
+from crowd.dashboard import confirmation, formats
 from crowd.dashboard.protocols import first_counted_frame, max_ate
 from crowd.disclosure import public
-from crowd.results.reading.rows import Device, Speedup
+from crowd.results.reading.rows import Attempts, Device, Speedup
 from crowd.results.validity.rules import RULES
 from slam.protocol import MAX_DRIFT
 
@@ -76,7 +76,7 @@ def since(moment: datetime | None, now: datetime) -> str:
 
 @register.filter
 def or_absent(text: str | None) -> str:
-    """A string that a device reported, or the sign for 'not reported'."""
+    """TEXT, or the sign for what is not known."""
     return text or formats.ABSENT
 
 
@@ -109,15 +109,40 @@ def device_text(device: Any) -> str:
 
 @register.filter
 def parts(device: Device) -> str:
-    """What a device consists of, as far as it told."""
+    """What a device consists of, as far as it is known."""
     known = dict.fromkeys(part for part in (device.gpu, device.soc, device.cpu, device.os) if part)
-    return ", ".join(known) or "It told nothing of its parts."
+    return ", ".join(known) or "Its parts are not known."
 
 
 @register.filter
 def suspects(rows: Sequence[Speedup]) -> int:
     """How many of ROWS rest on suspect sessions alone."""
     return sum(row.suspect for row in rows)
+
+
+@register.filter
+def unconfirmed(rows: Sequence[Speedup]) -> int:
+    """How many of ROWS wait for confirmation."""
+    return confirmation.unconfirmed(rows)
+
+
+@register.filter
+def failures(attempts: Attempts) -> str:
+    """On how many devices a configuration did not finish or lost the camera; "" where none ran it."""
+    return formats.failures(attempts.failing, attempts.losing, attempts.devices, "device")
+
+
+@register.filter
+def session_failures(counts: tuple[int, int, int]) -> str:
+    """The same of one device, from the counts of its sessions: all, failed, lost."""
+    sessions, failed, lost = counts
+    return formats.failures(failed, lost, sessions, "session")
+
+
+@register.simple_tag
+def share(number: int, of: int) -> str:
+    """A count out of another one."""
+    return formats.share(number, of)
 
 
 @register.filter
@@ -130,3 +155,9 @@ def first_counted(protocol: Mapping[str, Any]) -> int:
 def ate_limit(protocol: Mapping[str, Any]) -> str:
     """The trajectory error from which on a run is invalid."""
     return f"{max_ate(protocol) * 100:g}{formats.GAP}cm"
+
+
+@register.filter
+def sessions(rows: Sequence[Speedup]) -> int:
+    """How many sessions stand behind ROWS."""
+    return sum(row.sessions for row in rows)

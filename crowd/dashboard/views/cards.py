@@ -9,6 +9,7 @@ from django.views.decorators.http import require_safe
 from crowd.dashboard import formats
 from crowd.dashboard.answering import conditional, kept
 from crowd.dashboard.choosing import measured, query
+from crowd.dashboard.confirmation import confirmed_only, left_out, private_notice, requirement
 from crowd.dashboard.drawings.serving import refusing
 from crowd.dashboard.figures.card import Card, png
 from crowd.dashboard.points import newest_figure
@@ -21,7 +22,6 @@ from crowd.results.reading.rows import DeviceDetail, Headline
 from crowd.results.reading.selectors import Speedups
 
 SIMULATED = "Simulated, not measured. "
-SUSPECT = "Suspect: no session is valid. "
 
 
 @require_safe
@@ -48,12 +48,15 @@ def device_card(request: HttpRequest, slug: str) -> HttpResponseBase:
 
 
 def of_crowd(crowd: Speedups) -> Card:
-    """What a link to the crowd under filters shows."""
-    line = crowd.headline
+    """What a link to the crowd under filters shows: figures that count, and how many others there are."""
+    line, others = crowd.headline, left_out(crowd)
     filters, scope = crowd.filters, crowd.filters.describe()
     label = SIMULATED if filters.simulated else ""
     if line.geometric_mean is None:
-        words = "No device matches these filters." if scope else "No device has been measured yet."
+        if others.devices:
+            words = f"Measured so far: {others.words}. {requirement().capitalize()}."
+        else:
+            words = "No device matches these filters." if scope else "No device has been measured yet."
         return Card("Tuned on one machine.", "How fast on yours?", f"{label}{words}", scope=scope)
     words = "on one device" if line.devices == 1 else f"across {line.devices:,} devices"
     start = (
@@ -61,23 +64,31 @@ def of_crowd(crowd: Speedups) -> Card:
         if filters.leading == BEST
         else f"Configuration {filters.leading} over default,"
     )
+    missing = f". Not in it: {others.words}" if others.devices else ""
     return Card(
         title=f"{start} {words}",
         figure=formats.gain(line.geometric_mean),
-        note=label + (SUSPECT if line.suspect else "") + _certainty(line),
+        note=f"{label}{_certainty(line)}{missing}. {private_notice()}".removesuffix(". "),
         scope=scope,
-        bars=tuple(row.speedup for row in crowd.rows),
+        bars=tuple(row.speedup for row in confirmed_only(crowd.rows)),
     )
 
 
 def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
-    """What a link to a device shows; its bar is lit among those of CROWD."""
+    """What a link to a device shows; its bar is lit among those of CROWD that count. A figure that does not
+    count is not shown.
+    """
     device, figure = detail.device, newest_figure(detail)
-    label = (SIMULATED if device.simulated else "") + (SUSPECT if figure and figure.suspect else "")
+    label = SIMULATED if device.simulated else ""
     if figure is None:
         return Card(device.title, "not measured yet", f"{label}No session of it counts so far.")
-    keys = [row.key for row in crowd.rows]
     sessions = formats.plural(figure.sessions, "session")
+    if not figure.counts:
+        state = "suspect" if figure.suspect else "not confirmed yet"
+        reason = "No session of it is valid." if figure.suspect else f"{requirement().capitalize()}."
+        return Card(device.title, state, f"{label}Measured in {sessions}. {reason}")
+    rows = confirmed_only(crowd.rows)
+    keys = [row.key for row in rows]
     interval = (
         f", 95 % interval {formats.interval(figure.low, figure.high)}" if figure.low is not None else ""
     )
@@ -85,19 +96,19 @@ def of_device(detail: DeviceDetail, crowd: Speedups) -> Card:
         title=device.title,
         figure=formats.gain(figure.speedup),
         note=f"{label}Best over default configuration, {sessions}{interval}",
-        bars=tuple(row.speedup for row in crowd.rows) if figure.key in keys else (),
+        bars=tuple(row.speedup for row in rows) if figure.key in keys else (),
         lit=keys.index(figure.key) if figure.key in keys else None,
     )
 
 
 def _around(detail: DeviceDetail) -> SpeedupFilters:
-    """The crowd that a device is shown in: of its own front, and of its own kind."""
+    """The crowd that a device is shown in: of the same front, of simulated or of measured devices."""
     figure = newest_figure(detail)
     return SpeedupFilters(front=figure.front if figure else "", simulated=detail.device.simulated)
 
 
 def _certainty(line: Headline) -> str:
-    words = f"Geometric mean, {formats.plural(line.sessions, 'session')}"
+    words = f"Mean, {formats.plural(line.sessions, 'session')}"
     return words if line.low is None else f"{words}, 95 % interval {formats.interval(line.low, line.high)}"
 
 

@@ -7,8 +7,9 @@ from django.shortcuts import render
 from crowd.dashboard.answering import page
 from crowd.dashboard.choosing import measured, named, onward, query
 from crowd.dashboard.comparison import InvalidComparisonError
+from crowd.dashboard.confirmation import confirmed_by_chip, left_out, ordered
 from crowd.dashboard.drawings.comparison import read
-from crowd.dashboard.drawings.devices import place_of
+from crowd.dashboard.drawings.devices import attempts_of, rank_of
 from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures.devices import configurations_height, releases_height
 from crowd.dashboard.figures.frames import stages_height
@@ -28,6 +29,7 @@ PAGE = 100
 def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
     """Every measured device, under the filters of the query string."""
     crowd = results.speedups(asked.filters)
+    rows = ordered(crowd.rows)
     return render(
         request,
         "dashboard/devices.html",
@@ -35,7 +37,9 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "asked": asked,
             "colour": colour_of(request),
             "crowd": crowd,
-            "part": Paginator(crowd.rows, PAGE).get_page(request.GET.get("page")),
+            "rows": rows,
+            "others": left_out(crowd),
+            "part": Paginator(rows, PAGE).get_page(request.GET.get("page")),
             "height": bars_height(len(crowd.rows)),
             "query": asked.query,
             "pending": () if asked.filtered else results.pending(application=asked.filters.application),
@@ -46,7 +50,7 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
 @page
 def device(request: HttpRequest, slug: str) -> HttpResponse:
     """One device with one application: its speedup, its place in the crowd, its configurations, its newest
-    session, its history, its sessions, what it says of itself.
+    session, its history, its sessions.
     """
     shown = measured(slug, request.GET.get("application", ""))
     detail = shown.detail
@@ -66,8 +70,10 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "device": detail.device,
             "protocol": detail.latest.protocol if detail.latest else {},
             "figure": figure,
+            "by_chip": confirmed_by_chip(figure),
             "lanes": race(figure.speedup if figure else None),
-            "place": place_of(detail, figure),
+            "rank": rank_of(detail, figure),
+            "fared": attempts_of(detail, figure),
             "standing": here,
             "configurations_height": configurations_height(len(here.rows) if here else 0),
             "others": [row for row in detail.speedups if here is None or row not in here.rows],

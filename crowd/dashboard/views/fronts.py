@@ -25,8 +25,8 @@ def fronts(request: HttpRequest) -> HttpResponse:
 
 @filtered
 def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
-    """One front: its points as predicted and as the crowd under filters measures them, and what another
-    version had.
+    """One front: its points as predicted and as the crowd under filters measures them, and the difference
+    from another version.
     """
     asked, shown = asked.within, found(published.front(slug))
     others = [version for version in published.fronts(shown.application) if version.slug != slug]
@@ -44,7 +44,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
         {
             "asked": asked,
             "front": shown,
-            "points": measured_points(shown, crowd.rows),
+            "points": measured_points(shown, crowd),
             "devices": crowd.headline.devices,
             "parameters": parameters_of(shown),
             "parameters_height": parameters_height(len(parameters_of(shown))),
@@ -52,7 +52,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "winners_height": winners_height(len(winners.counts)),
             "query": filters.query(),
             "named": named(shown.application),
-            "others": others,
+            "versions": others,
             "difference": difference,
             "problem": problem,
         },

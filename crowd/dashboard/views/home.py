@@ -1,11 +1,13 @@
 """The home page."""
 
-from dataclasses import replace
+from collections import defaultdict
+from dataclasses import dataclass, replace
 from typing import Any
 
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.confirmation import LeftOut, left_out, ordered
 from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
@@ -13,7 +15,7 @@ from crowd.dashboard.race import race
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
 from crowd.results.reading.filters import quoted
-from crowd.results.reading.rows import Share
+from crowd.results.reading.rows import Attempt, Attempts, Share
 from crowd.results.reading.selectors import Speedups
 
 NEWEST = 6
@@ -23,9 +25,10 @@ PARTS = {"vendor": "chip that computed", "soc": "system on a chip", "os": "opera
 
 @filtered
 def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
-    """The crowd's answer: how many devices, how much faster, and how to add one's own."""
+    """The crowd's answer: how many devices, how much faster, and how to add your own."""
     crowd = results.speedups(asked.filters)
     front = published.front(crowd.front) if crowd.front else None
+    others = left_out(crowd)
     return render(
         request,
         "dashboard/home.html",
@@ -33,21 +36,46 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "asked": asked,
             "colour": colour_of(request),
             "crowd": crowd,
+            "rows": ordered(crowd.rows),
+            "others": others,
             "front": front,
             "protocol": front.protocol if front else {},
-            "lanes": race(crowd.headline.geometric_mean, asked.filters.leading),
-            "breakdowns": [(by, name, _linked(crowd, by)) for by, name in PARTS.items()],
+            "lanes": race(_raced(crowd, others), asked.filters.leading),
+            "breakdowns": [(by, name, _parts(crowd, by)) for by, name in PARTS.items()],
             "sessions": results.latest_sessions(NEWEST, asked.filters.simulated, crowd.front),
             "height": bars_height(len(crowd.rows)),
         },
     )
 
 
-def _linked(crowd: Speedups, by: str) -> list[tuple[Share, str]]:
-    """Each group of CROWD by something, with the query that asks for it under the same filters."""
+def _raced(crowd: Speedups, others: LeftOut) -> float | None:
+    """The speedup that the race shows: the mean, or that of the only device there is."""
+    if crowd.headline.devices:
+        return crowd.headline.geometric_mean
+    return others.only.speedup if others.only else None
+
+
+@dataclass(frozen=True)
+class Part:
+    """A group of the crowd, how its devices fared, and the query that asks for it under the same filters."""
+
+    share: Share
+    attempts: Attempts
+    query: str
+
+
+def _parts(crowd: Speedups, by: str) -> list[Part]:
+    """The groups of CROWD by one of PARTS that have a figure that counts."""
+    tried: dict[str, list[Attempt]] = defaultdict(list)
+    for row in crowd.attempts:
+        tried[row.vendor if by == "vendor" else getattr(row.device, by)].append(row)
 
     def query(group: str) -> str:
         change: dict[str, Any] = {by: group if by == "vendor" else quoted(group)}
         return replace(crowd.filters, **change).query()
 
-    return [(share, query(share.group)) for share in crowd.parts[by]]
+    return [
+        Part(share, results.attempts(tried[share.group], crowd.filters.leading), query(share.group))
+        for share in crowd.parts[by]
+        if share.figure.devices
+    ]

@@ -140,7 +140,7 @@ class Command(BaseCommand):
             return False
 
     def _measure(self, supervisor: Supervisor) -> None:
-        """Run one client session here, and say what the server made of it."""
+        """Run one client session here, and print the figures that the server made of it."""
         newest = MeasurementSession.objects.order_by("-pk").values_list("pk", flat=True).first() or 0
         connections.close_all()
         environment = {"FRONTRUNNER_HOME": str(Path(settings.FRONTRUNNER_VAR) / "client")} | dict(os.environ)
@@ -185,7 +185,8 @@ class Command(BaseCommand):
                 )
             lines.append(f"Device page: {self._address()}devices/{row.device.slug}/")
             if row.device.masked:
-                lines.append("  (few people have measured this model: everybody sees it as its chip)")
+                lines.append("  (this model is shown by its chip: too few installations measured it, or its")
+                lines.append("  name is not known to this server)")
         lines.append(f"Your own page: {self._address().rstrip('/')}{path_of(installation)}")
         return lines
 
