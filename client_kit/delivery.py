@@ -95,7 +95,7 @@ def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
     """Withdraw every agreement, forget every session and note what the servers are to erase; how many
     sessions there were, and the servers.
 
-    Whoever is sending finds nothing more to send, and is waited for: an installation that it made
+    A process that is sending finds nothing more to send. This waits for it: an installation that it made
     meanwhile is among those to be erased.
     """
     consent.withdraw(home)
@@ -107,7 +107,7 @@ def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
 def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
     """Erase one run on the servers that have it, then here; those servers.
 
-    RUN is its id or the address of its page. Whoever is sending is waited for. Raises UsageError where it is
+    RUN is its id or the address of its page. Waits for a process that sends. Raises UsageError where it is
     neither, or nobody has the run, and ServerError where a server cannot be asked: then it is still here,
     too.
     """
@@ -144,7 +144,7 @@ def run_id(text: str) -> str:
 def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) -> list[str]:
     """Have every server replace the token by which it knows this client; those servers.
 
-    `on_renewed` hears of each at once. Whoever is sending is waited for. Where servers cannot be asked the
+    `on_renewed` hears of each at once. Waits for a process that sends. Where servers cannot be asked the
     others are; then the first one's ServerError or OutdatedError is raised.
     """
     renewed, troubles = [], []

@@ -11,6 +11,7 @@ from client_kit.manifest import Manifest, Protocol
 from client_kit.sensors import Sample
 
 SCHEMA_VERSION = 1
+MOST_SAMPLES = 5_000
 MICROSECONDS = 1e6
 # Student's t, two-sided 95 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
 T_QUANTILES = (
@@ -152,11 +153,16 @@ def payload(
                 "front_version": manifest.front_version,
                 "protocol_version": manifest.protocol.version,
                 "backend": session.backend,
-                "samples": [dict(sample) for sample in session.samples],
+                "samples": [dict(sample) for sample in _thinned(session.samples)],
                 "runs": [_document(run) for run in session.runs],
             }
         ],
     }
+
+
+def _thinned(samples: Sequence[Sample]) -> Sequence[Sample]:
+    """Every nth of SAMPLES, so that there are no more than the server takes: a long session has too many."""
+    return samples[:: max(1, math.ceil(len(samples) / MOST_SAMPLES))]
 
 
 def _document(run: Run) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from scipy import stats
 from client_kit import repeats
 from client_kit.manifest import Manifest
 from client_kit.schedule import Schedule
-from client_kit.session import Run, Session
+from client_kit.sensors import Sample
+from client_kit.session import Run, Session, payload
 from tests.client_kit import documents
 
 PROTOCOL = Manifest.parse(documents.manifest()).protocol
@@ -154,3 +155,15 @@ def test_the_time_left_counts_what_each_configuration_took() -> None:
     schedule.begin()
     now[0] = 2.5
     assert schedule.left(10) == pytest.approx(100 * 0.5 + 100 * 0.05 + 2)
+
+
+def test_a_long_session_sends_as_many_samples_as_a_server_takes() -> None:
+    samples = tuple(
+        Sample(t=float(second), temperature_c=None, cpu_mhz=None, battery=None) for second in range(12_000)
+    )
+    long = Session("an id", "2026-11-20T10:17:00Z", "opencl", (), samples)
+
+    sent = payload(long, Manifest.parse(documents.manifest()), {})["sessions"][0]["samples"]
+
+    assert len(sent) == 4_000
+    assert [sample["t"] for sample in sent[:3]] == [0.0, 3.0, 6.0]

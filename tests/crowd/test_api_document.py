@@ -11,8 +11,10 @@ from typing import Any
 
 import pytest
 
+from crowd import json_limits
 from crowd.fronts.models import FrontVersion
 from crowd.openapi import document
+from crowd.results.intake import allowance
 from crowd.results.models import Submission
 from tests.crowd.documents import submission_document
 
@@ -84,3 +86,14 @@ def test_the_limits_are_the_settings_defaults() -> None:
     assert len(rows) == 4
     for default, name in rows:
         assert f'integer("{name}", {default})' in settings
+
+
+def test_the_daily_limits_are_the_settings_defaults(settings: Any) -> None:
+    per_address = allowance.PER_ADDRESS
+    for name, unit in (("BYTES", 1 << 20), ("STORED_BYTES", 1 << 20), ("VALUES", 1)):
+        quota = getattr(settings, f"FRONTRUNNER_{name}_PER_DAY") // unit
+        size = " MiB" if unit > 1 else ""
+        row = f"{quota}{size} a day for an installation, {per_address * quota}{size} for an address"
+        assert f"{row} | `FRONTRUNNER_{name}_PER_DAY` |" in DOCUMENT
+    assert f"opening brackets | {json_limits.MAX_VALUES} | |" in DOCUMENT
+    assert f"| {json_limits.MAX_DEPTH} levels | |" in DOCUMENT

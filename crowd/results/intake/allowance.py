@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Sender:
-    """Who sends: an installation, its address as the server is told it (never stored; empty: not counted),
+    """Who sends: an installation, its address as the server sees it (never stored; empty: not counted),
     and the keyed hash of its network (empty: not known).
     """
 
