@@ -41,11 +41,17 @@ class TokenScheme(OpenApiAuthenticationExtension):
     """The token in the OpenAPI document."""
 
     target_class = TokenAuthentication
-    match_subclasses = True
     name = "installation"
 
     def get_security_definition(self, auto_schema: object) -> dict[str, str]:  # noqa: ARG002
         return {"type": "http", "scheme": "bearer"}
+
+
+class RightsScheme(TokenScheme):
+    """The token, revoked or not."""
+
+    target_class = RightsAuthentication
+    name = "installation_also_revoked"
 
 
 class OwnEndpoint(Endpoint):

@@ -116,8 +116,9 @@ def cost(participant: Participant, body: bytes, path: str = "/submissions:valida
 
 
 @pytest.fixture
-def known(participant: Participant) -> Participant:
-    """One whose first requests filled what a process keeps."""
+def known(participant: Participant, settings: Any) -> Participant:
+    """One whose first requests filled what a process keeps, and who may send as much as it likes."""
+    settings.FRONTRUNNER_BYTES_PER_DAY = settings.FRONTRUNNER_VALUES_PER_DAY = 0
     participant.submit(submission_document(), path="/submissions:validate")
     return participant
 

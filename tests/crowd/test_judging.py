@@ -49,6 +49,7 @@ def sent(random: np.random.Generator, case: dict[str, Any]) -> dict[str, Any]:
         "stages": names,
         "stages_us": stages_us,
         "repeat": 0,
+        "order": 0,
         "session_id": 1,
         "configuration_id": 1,
     }

@@ -103,7 +103,7 @@ def test_figures_of_a_large_device_forget_an_erased_run_at_once(
     session["runs"][1] |= {"frame_us": [5_000] * 100, "stages_us": {}}
     participant.submit(submission_document(session))
     exports.make()
-    monkeypatch.setattr("crowd.results.figures.summarising.LARGE", 0)
+    monkeypatch.setattr("crowd.results.figures.sessions.LARGE", 0)
 
     participant.delete(f"/me/runs/{session['runs'][1]['id']}")
 

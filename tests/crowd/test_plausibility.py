@@ -16,19 +16,19 @@ def test_where_nothing_is_known_the_bounds_are_wide() -> None:
 def test_a_prediction_bounds_the_speedup() -> None:
     low, high = plausibility.plausible_range(8.0, [])
 
-    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.5), pytest.approx(16.0))
+    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.25), pytest.approx(32.0))
 
 
 def test_a_configuration_that_is_predicted_to_be_slower_may_be_slower() -> None:
     low, high = plausibility.plausible_range(0.4, [])
 
-    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.2), pytest.approx(2.0))
+    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.1), pytest.approx(4.0))
 
 
 def test_what_other_models_reached_is_plausible() -> None:
     low, high = plausibility.plausible_range(8.0, [math.log(0.7), math.log(12.0)])
 
-    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.35), pytest.approx(24.0))
+    assert (math.exp(low), math.exp(high)) == (pytest.approx(0.175), pytest.approx(48.0))
 
 
 def test_a_prediction_without_a_runtime_is_refused() -> None:

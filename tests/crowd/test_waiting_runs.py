@@ -3,7 +3,7 @@
 import pytest
 from django.test import Client
 
-from crowd.results.figures import summarising
+from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, Run
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import Participant
@@ -21,7 +21,7 @@ def test_a_new_run_waits_to_be_judged(participant: Participant, no_worker: None)
 def test_the_task_judges_it(participant: Participant, no_worker: None) -> None:
     participant.submit(submission_document())
 
-    summarising.summarise_waiting()
+    session_figures.summarise_waiting()
 
     assert set(Run.objects.values_list("state", "mean_us")) == {("valid", 80_000.0), ("valid", 10_000.0)}
     assert DeviceSpeedup.objects.get().speedup == pytest.approx(8.0)

@@ -20,9 +20,8 @@ from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import DEFAULT
 from crowd.results.figures import statistics
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
-from crowd.results.validity import plausibility, rules
+from crowd.results.validity import plausibility, rules, version
 from crowd.results.validity.measures import AGREEMENT
-from crowd.results.validity.version import ALGORITHM
 
 STORED = (
     "baseline", "algorithm", "speedup", "low", "high", "session_low", "session_high", "repeat_low",
@@ -323,7 +322,7 @@ def _store(cohort: Cohort, found: Mapping[Key, Figure]) -> None:
                 **group,
                 configuration_id=key.configuration,
                 baseline_id=key.baseline,
-                algorithm=ALGORITHM,
+                algorithm=version.ALGORITHM,
                 **figure.numbers,
                 unsettled=True,
                 state=figure.state,

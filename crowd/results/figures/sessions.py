@@ -26,10 +26,10 @@ from crowd.results.models import (
     WorkerPulse,
 )
 from crowd.results.validity import sessions as session_validity
+from crowd.results.validity import version
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.runs import Front, SessionContext, judge_runs
 from crowd.results.validity.sessions import SessionInput
-from crowd.results.validity.version import ALGORITHM
 
 # Sessions that one transaction works on: other writers wait for a fraction of a second at most.
 BATCH = 100
@@ -70,7 +70,7 @@ class Waiting(NamedTuple):
 def waiting() -> QuerySet[MeasurementSession]:
     """Sessions that these statistics have not seen: new ones, and all after a change of algorithm."""
     return MeasurementSession.objects.filter(
-        Q(summary_algorithm=None) | Q(summary_algorithm__lt=ALGORITHM)
+        Q(summary_algorithm=None) | Q(summary_algorithm__lt=version.ALGORITHM)
     ).order_by("id")
 
 
@@ -126,7 +126,7 @@ def summarise_sessions(keys: Sequence[int], figures: bool = True) -> None:
     insert(made)
     # Where a session has left, a later one may count in its place.
     cohorts.count_days_of(places | {(row.cohort_id, row.installation_id, row.day) for row in made})
-    MeasurementSession.objects.filter(pk__in=present).update(summary_algorithm=ALGORITHM)
+    MeasurementSession.objects.filter(pk__in=present).update(summary_algorithm=version.ALGORITHM)
     small = _small(groups.values(), sessions) if figures else set()
     cohorts.refresh([cohort for cohort in groups.values() if cohort.device_id in small])
     count_activity(small)
