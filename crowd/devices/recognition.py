@@ -161,12 +161,10 @@ def _derived(raw: dict[str, Any], simulated: bool) -> tuple[Identity, catalogue.
 
 def _model(identity: Identity, entry: catalogue.Entry) -> DeviceModel:
     """The model with the identity's key. Parts that an earlier device did not tell are filled in."""
-    taken = DeviceModel.objects.filter(slug=identity.slug).exclude(key=identity.key).exists()
-    slug = identity.distinct_slug if taken else identity.slug
     model, new = DeviceModel.objects.get_or_create(
         key=identity.key,
         defaults={
-            "slug": slug,
+            "slug": _free_slug(identity),
             "manufacturer": identity.manufacturer,
             "name": identity.name,
             "kind": identity.kind,
@@ -179,6 +177,11 @@ def _model(identity: Identity, entry: catalogue.Entry) -> DeviceModel:
     if not new:
         _complete(model, identity, entry)
     return model
+
+
+def _free_slug(identity: Identity) -> str:
+    taken = DeviceModel.objects.filter(slug=identity.slug).exclude(key=identity.key).exists()
+    return identity.distinct_slug if taken else identity.slug
 
 
 def _parts(identity: Identity, entry: catalogue.Entry) -> dict[str, str]:
@@ -211,7 +214,10 @@ def _reset_parts(model: DeviceModel, identity: Identity, entry: catalogue.Entry)
     if not model.judged_by:
         model.kind = identity.kind
         model.named = identity.named or bool(entry.market_name)
-    model.save(update_fields=[*PARTS, "kind", "named"])
+    if not identity.named:
+        # Older rules made addresses of what devices said.
+        model.slug = _free_slug(identity)
+    model.save(update_fields=[*PARTS, "kind", "named", "slug"])
     revision.bump()
 
 

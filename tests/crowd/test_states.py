@@ -116,6 +116,26 @@ def test_times_that_another_installation_sent_before_are_hidden(participant: Par
     assert (figure.installations, figure.speedup) == (1, pytest.approx(8.0, rel=0.01))
 
 
+def test_a_copy_that_was_judged_before_its_original_is_hidden_all_the_same(
+    participant: Participant, join: Join, no_worker: None
+) -> None:
+    """Several workers take new sessions in any order."""
+    for who in (participant, join()):
+        send(who, runs=[
+            run_document("default", 0, 0, 80_000),
+            run_document("best", 0, 1, 10_000, frame_us=varied(10_000, 1)),
+            run_document("best", 1, 2, 10_000),
+            run_document("default", 1, 3, 80_000),
+        ])  # fmt: skip
+    original, copy = MeasurementSession.objects.order_by("pk").values_list("pk", flat=True)
+
+    session_figures.summarise_session(copy)
+    session_figures.summarise_session(original)
+    session_figures.summarise_waiting()
+
+    assert states() == [("valid", ""), ("quarantined", "identical_series")]
+
+
 def test_times_of_a_coarse_clock_may_come_twice(participant: Participant, join: Join) -> None:
     send(participant)
     send(join())

@@ -146,16 +146,6 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
     }
 
 
-def valid_speedups(summaries: QuerySet[SessionSummary]) -> dict[Key, tuple[float, int]]:
-    """What the figure of every key says that SUMMARIES hold a valid session of: the logarithm of the speedup,
-    and from how many sessions. Two queries, and no interval.
-    """
-    return {
-        key: (math.log(figure.model.speedup.value), figure.model.sessions)
-        for key, figure in figures(summaries.filter(state=State.VALID)).items()
-    }
-
-
 def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], tuple[int, int, int]]:
     """By cohort and configuration: how many sessions ran it, in how many of these a run failed, or lost the
     camera. All of SUMMARIES, whatever their state. One query.

@@ -13,7 +13,6 @@ from django.db.models import Avg, Q
 
 from crowd.devices import revision
 from crowd.devices.models import Installation
-from crowd.devices.processors import UNKNOWN_CHIP
 from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
 
@@ -44,7 +43,7 @@ def _settle(chip: Chip) -> None:
     rows = DeviceSpeedup.objects.filter(**dict(zip(CHIP, chip, strict=True)))
     figures = list(rows.select_for_update().order_by("pk"))
     doubtful = [figure for figure in figures if figure.witnesses < settings.FRONTRUNNER_QUORUM]
-    pool = _pool(chip) if doubtful and len(figures) > 1 and chip[2] not in ("", UNKNOWN_CHIP) else []
+    pool = _pool(chip) if doubtful and len(figures) > 1 and _is_one_chip(chip[2]) else []
     changed = False
     for figure in figures:
         witnesses = _witnesses(figure, pool) if figure in doubtful else 0
@@ -53,6 +52,11 @@ def _settle(chip: Chip) -> None:
             rows.filter(pk=figure.pk).update(chip_witnesses=witnesses, unsettled=False)
     if changed:
         revision.bump()
+
+
+def _is_one_chip(processor: str) -> bool:
+    """Whether PROCESSOR names one chip and not a family of chips, as "Adreno" does, or an unknown one."""
+    return any(letter.isdigit() for letter in processor)
 
 
 def _witnesses(figure: DeviceSpeedup, pool: Iterable[tuple[int, str, float]]) -> int:

@@ -37,8 +37,6 @@ MARKED = 5_000
 # A device with more sessions gets its figures from the sweep, for many new sessions at once: what one more
 # session costs does not grow with those that are there.
 LARGE = 1_000
-# In place of the version of the statistics that has seen a session: to be summarised again.
-AGAIN = 0
 
 # device, front, backend, processor, processor class: what makes a cohort
 Group = tuple[int, int, str, str, str]
@@ -79,7 +77,7 @@ def resummarise(sessions: QuerySet[MeasurementSession]) -> int:
     last, marked = 0, 0
     seen = sessions.exclude(summary_algorithm=None).order_by("pk")
     while keys := list(seen.filter(pk__gt=last).values_list("pk", flat=True)[:MARKED]):
-        MeasurementSession.objects.filter(pk__in=keys).update(summary_algorithm=AGAIN)
+        MeasurementSession.objects.filter(pk__in=keys).update(summary_algorithm=version.AGAIN)
         last, marked = keys[-1], marked + len(keys)
     return marked
 

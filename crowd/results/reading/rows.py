@@ -71,7 +71,7 @@ class Speedup:
     @property
     def vendor(self) -> str:
         """The family of the chip that computed, one of crowd.devices.vendors.VENDORS."""
-        return vendor(self.processor, self.device.gpu)
+        return vendor(self.processor, self.device.gpu, self.processor_class)
 
     @property
     def state(self) -> str:
@@ -100,6 +100,7 @@ class Attempt:
     configuration: str
     backend: str
     processor: str
+    processor_class: str
     sessions: int
     failed: int
     lost: int
@@ -107,7 +108,7 @@ class Attempt:
     @property
     def vendor(self) -> str:
         """The family of the chip that computed, one of crowd.devices.vendors.VENDORS."""
-        return vendor(self.processor, self.device.gpu)
+        return vendor(self.processor, self.device.gpu, self.processor_class)
 
 
 @dataclass(frozen=True)

@@ -140,16 +140,14 @@ def _attempts(filters: SpeedupFilters, front: str | None) -> Iterable[Attempt]:
         counts = Outcome.objects.filter(cohort__in=cohorts.values("pk")).values_list(
             "cohort_id", "configuration_id", "sessions", "failed", "lost"
         )
-    places = {
-        key: (device, backend, processor)
-        for key, device, backend, processor in cohorts.values_list("pk", "device_id", "backend", "processor")
-    }
-    devices = devices_of(device for device, _, _ in places.values())
+    columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
+    places = {key: (device, *computed_by) for key, device, *computed_by in columns}
+    devices = devices_of(device for device, *_ in places.values())
     names = _names(front)
     for cohort, configuration, sessions, failed, lost in counts:
-        device, backend, processor = places[cohort]
-        row = Attempt(devices[device], names[configuration], backend, processor, sessions, failed, lost)
-        if matches(filters, row.device, row.vendor, backend) and sessions >= filters.min_sessions:
+        device, *computed_by = places[cohort]
+        row = Attempt(devices[device], names[configuration], *computed_by, sessions, failed, lost)
+        if matches(filters, row.device, row.vendor, row.backend) and sessions >= filters.min_sessions:
             yield row
 
 

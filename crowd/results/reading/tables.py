@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from crowd.devices import revision
 from crowd.devices.vendors import vendor
 from crowd.fronts.models import Configuration
-from crowd.results.figures.cohorts import valid_speedups
+from crowd.results.figures.cohorts import figures
+from crowd.results.figures.confirmation import confirmed
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
-from crowd.results.reading.figures import devices_of, simulated_only
+from crowd.results.reading.figures import devices_of, is_confirmed, simulated_only
 from crowd.results.reading.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import between, cohorts_of, matches, measured_front
@@ -24,7 +25,7 @@ Cell = tuple[Device, str, str, str, str, float, int]
 
 @dataclass(frozen=True)
 class Table:
-    """Logarithms of speedup over the default, (devices, configurations): NaN where there is no valid figure,
+    """Logarithms of speedup over the default, (devices, configurations): NaN without a confirmed figure,
     0 in the default's column. One row a device: that of the processor with the most configurations, then
     sessions.
     """
@@ -43,7 +44,7 @@ _cache: VersionedCache[Table] = VersionedCache(8)
 
 
 def table(filters: SpeedupFilters, least: int) -> Table:
-    """The valid figures of every configuration under FILTERS (whatever configuration they name), of devices
+    """The confirmed figures of every configuration under FILTERS (whatever configuration they name), of devices
     with at least LEAST configurations, the default among them. Nine queries at most; four at most where
     nothing changed since this process answered the same.
 
@@ -94,11 +95,14 @@ def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
         state=State.VALID,
         sessions__gte=filters.min_sessions,
     ).order_by()
+    if not filters.simulated:
+        rows = rows.filter(confirmed())
     found = list(
         rows.values_list(
             "device_id",
             "backend",
             "processor",
+            "processor_class",
             "configuration__name",
             "baseline__name",
             "speedup",
@@ -106,28 +110,31 @@ def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
         )
     )
     devices = devices_of(row[0] for row in found)
-    for key, backend, processor, configuration, baseline, speedup, sessions in found:
+    for key, backend, processor, kind, configuration, baseline, speedup, sessions in found:
         device = devices[key]
-        if matches(filters, device, vendor(processor, device.gpu), backend):
+        if matches(filters, device, vendor(processor, device.gpu, kind), backend):
             yield device, backend, processor, configuration, baseline, math.log(speedup), sessions
 
 
 def _of_period(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
     """The same from the sessions of a period. Five queries."""
     cohorts = cohorts_of(filters, front)
-    columns = cohorts.values_list("pk", "device_id", "backend", "processor")
-    found = {key: (device, backend, processor) for key, device, backend, processor in columns}
-    devices = devices_of(device for device, _, _ in found.values())
+    columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
+    found = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
+    devices = devices_of(device for device, *_ in found.values())
     names = dict(Configuration.objects.filter(front__slug=front).values_list("pk", "name"))
     rows = SessionSummary.objects.filter(
         configuration__in=names, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
     )
-    for key, (log, sessions) in valid_speedups(rows).items():
-        device_key, backend, processor = found[key.cohort]
-        device = devices[device_key]
-        if sessions >= filters.min_sessions and matches(
-            filters, device, vendor(processor, device.gpu), backend
+    for key, figure in figures(rows.filter(state=State.VALID)).items():
+        device_key, backend, processor, kind = found[key.cohort]
+        device, sessions = devices[device_key], figure.model.sessions
+        if (
+            sessions >= filters.min_sessions
+            and is_confirmed(device, figure.witnesses)
+            and matches(filters, device, vendor(processor, device.gpu, kind), backend)
         ):
+            log = math.log(figure.model.speedup.value)
             yield device, backend, processor, names[key.configuration], names[key.baseline], log, sessions
 
 

@@ -14,8 +14,8 @@ from django.db import connection
 
 from crowd.results.intake import packing
 from crowd.results.intake.checks import Protocol
-from crowd.results.models import Decision, Run, State
-from crowd.results.validity import measures, rules
+from crowd.results.models import Decision, MeasurementSession, Run, State
+from crowd.results.validity import measures, rules, version
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.rules import Rule
 
@@ -171,20 +171,30 @@ def _broken(run: StoredRun, frames: int, protocol: Protocol) -> Rule | None:
 
 
 def _copies(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]) -> set[int]:
-    """Keys of the RUNS whose times another installation sent before. Two queries at most."""
+    """Keys of the RUNS whose times another installation sent before. Two queries at most.
+
+    Where such a copy was judged before the run that it copies, its session is marked for another summary.
+    """
     marked = {run.pk: run for run in runs if run.fingerprint is not None}
     known = Run.objects.filter(fingerprint__in={run.fingerprint for run in marked.values()}).order_by()
     # From the index alone; nearly always there is nothing but the run itself.
-    pairs = [
-        *known.values_list("fingerprint", "pk"),
-        *((run.fingerprint, key) for key, run in marked.items()),
-    ]
-    first: dict[int | None, int] = {}
-    for value, key in pairs:
-        first[value] = min(key, first.get(value, key))
-    elsewhere = [key for key in first.values() if key not in marked]
+    alike: dict[int | None, set[int]] = defaultdict(set)
+    for key, run in marked.items():
+        alike[run.fingerprint].add(key)
+    for value, key in known.values_list("fingerprint", "pk"):
+        alike[value].add(key)
+    elsewhere = [key for keys in alike.values() for key in keys if key not in marked]
     installations = {key: sessions[run.session_id].installation for key, run in marked.items()}
     if elsewhere:
         others = Run.objects.filter(pk__in=elsewhere).order_by()
         installations.update(others.values_list("pk", "session__installation_id"))
-    return {key for key, run in marked.items() if installations[first[run.fingerprint]] != installations[key]}
+    copies = {
+        key for keys in alike.values() for key in keys if installations[key] != installations[min(keys)]
+    }
+    if missed := copies - marked.keys():
+        unseen = Run.objects.filter(pk__in=missed).exclude(reason=rules.IDENTICAL_SERIES.code)
+        waiting = MeasurementSession.objects.filter(
+            pk__in=unseen.exclude(state=State.PENDING).values("session")
+        )
+        waiting.update(summary_algorithm=version.AGAIN)
+    return copies & marked.keys()

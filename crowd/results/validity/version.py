@@ -2,3 +2,5 @@
 
 # Raise it with any change of a rule or a figure: everything stored is then computed again.
 ALGORITHM = 3
+# In place of the version that has seen a session: it is to be summarised again.
+AGAIN = 0
