@@ -181,11 +181,12 @@ async def _confirm_lifespan(receive: Receive, send: Send) -> None:
 async def _complete_environ(scope: Message, receive: Receive, share: request_bodies.Share) -> dict[str, Any]:
     """The WSGI environment with the body; of a refused body it has the Problem as BODY_REFUSAL."""
     environ = environ_of(scope)
-    content = b""
-    if environ.get("CONTENT_LENGTH", "0") != "0" or "HTTP_TRANSFER_ENCODING" in environ:
-        limit = _size_limit(environ["PATH_INFO"])
+    content, declared = b"", environ.get("CONTENT_LENGTH", "")
+    if declared not in {"", "0"} or "HTTP_TRANSFER_ENCODING" in environ:
+        limit, seconds = _size_limit(environ["PATH_INFO"]), settings.FRONTRUNNER_BODY_SECONDS
+        length = int(declared) if declared.isdecimal() else None
         try:
-            content = await request_bodies.read(receive, share, limit, settings.FRONTRUNNER_BODY_SECONDS)
+            content = await request_bodies.read(receive, share, limit, seconds, length)
         except Problem as problem:
             environ[BODY_REFUSAL] = problem
     # Whatever way the body came, it is whole now.

@@ -49,28 +49,32 @@ class Share:
         self._taken = 0
 
 
-async def read(receive: Receive, share: Share, limit: int, seconds: float) -> bytes:
-    """The body that RECEIVE delivers, at most LIMIT bytes within SECONDS.
+async def read(
+    receive: Receive, share: Share, limit: int, seconds: float, length: int | None = None
+) -> bytes:
+    """The body that RECEIVE delivers, at most LIMIT bytes within SECONDS; its LENGTH, where that is known.
 
     Raises Problem: 408 body_too_slow, 413 body_too_large, 503 server_busy where the SHARE cannot grow, 400
     body_incomplete where the client hangs up.
     """
     try:
         async with asyncio.timeout(seconds):
-            return await _read(receive, share, limit)
+            return await _read(receive, share, limit, length)
     except TimeoutError:
         raise Problem(408, "body_too_slow", f"the body did not arrive within {seconds:g} s") from None
 
 
-async def _read(receive: Receive, share: Share, limit: int) -> bytes:
+async def _read(receive: Receive, share: Share, limit: int, length: int | None) -> bytes:
     content = bytearray()
     size, refusal, more = 0, None, True
     while more and size <= DISCARDED * limit:
         message = await receive()
         if message["type"] == "http.disconnect":
             raise Problem(400, "body_incomplete", "the connection ended before the body did")
-        piece, more = message.get("body", b""), message.get("more_body", False)
+        piece = message.get("body", b"")
         size += len(piece)
+        # With a known length, the message that only reports the end is not waited for.
+        more = message.get("more_body", False) and size != length
         refusal = refusal or _refusal(size, limit, share)
         if refusal:
             content.clear()

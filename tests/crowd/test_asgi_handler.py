@@ -107,7 +107,7 @@ def test_a_refused_body_is_left_to_the_middleware(settings: Any) -> None:
         return refusal.response()
 
     large = b"a" * (1001 + asgi_handler.ROOM_BYTES)
-    assert served(view, scope("POST", headers=[(b"content-length", b"1")]), large)[0] == 413
+    assert served(view, scope("POST", headers=[(b"transfer-encoding", b"chunked")]), large)[0] == 413
 
 
 def test_the_middleware_answers_for_a_refused_body(client: Client, db: None) -> None:
@@ -123,7 +123,7 @@ def test_the_administration_takes_the_largest_front() -> None:
     assert asgi_handler.ADMINISTRATION_BYTES > LARGEST_FILE_BYTES + asgi_handler.ROOM_BYTES
 
     form = b"a" * LARGEST_FILE_BYTES
-    request = scope("POST", b"/admin/fronts/", headers=[(b"content-length", b"1")])
+    request = scope("POST", b"/admin/fronts/", headers=[(b"transfer-encoding", b"chunked")])
     _, _, pieces = served(lambda environ: HttpResponse(environ["CONTENT_LENGTH"]), request, form)
     assert pieces == [str(len(form)).encode()]
 

@@ -51,6 +51,12 @@ def test_pieces_make_the_body(pool: Pool) -> None:
     assert content(sent(b"a" * 500, b"b" * 500), Share(pool)) == b"a" * 500 + b"b" * 500
 
 
+def test_a_body_of_known_length_ends_with_its_last_byte(pool: Pool) -> None:
+    silent = sent(b"hello", ended=False)
+
+    assert asyncio.run(read(silent, Share(pool), LIMIT, 60.0, length=5)) == b"hello"
+
+
 def test_one_byte_too_many_is_refused_when_the_client_has_sent_all(pool: Pool) -> None:
     receive = sent(b"a" * LIMIT, b"b", b"c" * LIMIT)
 
