@@ -1,8 +1,8 @@
 """A database full of measurements that nobody made: python -m tests.benchmarks.crowd_filling RUNS DEVICES.
 
 Adds RUNS runs, four a session, of the first published front to the deployment that the environment names.
-All of it is labelled: the installations are `simulated`, the devices' maker is "Simulated". A few devices
-are very popular and most are not, as in any crowd. Times have the form of KinectFusion's: noise over a level
+The installations are called `simulated`, and no such phone exists. A few devices are very popular and most
+are not, as in any crowd. Times have the form of KinectFusion's: noise over a level
 that differs by device, installation and session, and dearer frames where the volume is updated.
 
 Rows go in by COPY (PostgreSQL) or executemany (SQLite), with columns and defaults as the models have them.
@@ -124,9 +124,9 @@ def fill(runs: int, devices: int, seed: int = 0) -> float:
         front=front,
         protocol_version=1,
         backend="opencl",
-        processor="Simulated GPU",
-        platform="Simulated",
-        driver="1.0",
+        processor=description.processor,
+        processor_class=description.processor_class,
+        driver=description.driver,
         started_at=now,
     )
     sessions = Table(
@@ -209,9 +209,8 @@ def _crowd(devices: int) -> list[tuple[Any, list[uuid.UUID]]]:
 
     with transaction.atomic():
         for number in range(devices):
-            recognise(device_document(f"Device {number:04d}", manufacturer="Simulated"))
-        # Made-up models never join those that people measured.
-        DeviceModel.objects.filter(manufacturer="Simulated").update(rare=False, changed=False)
+            recognise(device_document(f"Pixel {number:04d}"))
+        DeviceModel.objects.update(rare=False, changed=False)
         app = "simulated"
         missing = devices * INSTALLATIONS_A_DEVICE - Installation.objects.filter(app=app).count()
         Installation.objects.bulk_create(
@@ -220,12 +219,12 @@ def _crowd(devices: int) -> list[tuple[Any, list[uuid.UUID]]]:
                 app=app,
                 app_version="0.1.0",
                 consent_version=1,
-                simulated=True,
+                network=uuid.uuid4().hex,
             )
             for _ in range(missing)
         )
     who = list(Installation.objects.filter(app=app).order_by("pk").values_list("pk", flat=True))
-    described = DeviceDescription.objects.filter(model__manufacturer="Simulated").order_by("model__name")
+    described = DeviceDescription.objects.order_by("model__name")
     return [(description, who[number::devices]) for number, description in enumerate(described)]
 
 

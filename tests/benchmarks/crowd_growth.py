@@ -1,6 +1,6 @@
 """What a crowd costs as it grows: the same questions and one more submission at each of several sizes.
 
-At each size the database is filled with made-up runs (`crowd_filling`), everything is computed anew from
+At each size the database is filled with made-up runs (`crowd_filling`), everything is computed again from
 them, one submission after another of the most popular device is sent and worked through, and public reads
 are timed, warm; at the largest size also cold: server and database just started, nothing of their files in
 memory. CPU counts, which a busy machine changes less than time. Part of `python -m tests.benchmarks.crowd`.
@@ -29,7 +29,7 @@ from tests.services.serving import Services, Serving, command, environment
 
 SUBMISSIONS = 40
 COLD_STARTS = 3
-POPULAR = "simulated-device-0000"
+POPULAR = "google-pixel-0000"
 READS = {
     "speedups": "/api/v1/speedups",
     "devices": "/api/v1/devices",
@@ -151,7 +151,7 @@ def _children_cpu() -> float:
 def _one_more(server: Serving, count: int) -> dict[str, float]:
     """CPU of web server and worker for a submission of four runs, and how long it takes, one by one."""
     connection, token = Connection(server.port), server.enrol()
-    popular = device_document("Device 0000", manufacturer="Simulated")
+    popular = device_document("Pixel 0000")
     connection.submit(token, bodies(1, lambda _: popular)[0])  # warms up
     until(lambda: server.waiting() == 0)
     before = {word: cpu_seconds(server.pids(word)) for word in ("granian", "--beat")}

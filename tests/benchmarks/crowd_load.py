@@ -21,7 +21,6 @@ from tests.services.program import ROOT, Program, free_port
 from tests.services.serving import Services, environment
 
 CLIENTS = 4
-MODELS = 50
 THREADS = 4  # of the server, as `manage.py serve` has them
 STAGES = {"preprocessing": 0.1, "tracking": 0.2, "integration": 0.2, "raycasting": 0.5}
 
@@ -92,7 +91,7 @@ class Connection:
 
 
 def bodies(count: int, device: Callable[[int], dict[str, Any]] | None = None) -> list[bytes]:
-    """Gzipped submissions of four runs with realistic noise, of made-up models or those of DEVICE."""
+    """Gzipped submissions of four runs with realistic noise, of one device or of those that DEVICE gives."""
     random = np.random.default_rng(count)
     made = []
     for number in range(count):
@@ -101,7 +100,7 @@ def bodies(count: int, device: Callable[[int], dict[str, Any]] | None = None) ->
             times = random.normal(run["frame_us"][0], run["frame_us"][0] * 0.03, 100).astype(int)
             run["frame_us"] = times.tolist()
             run["stages_us"] = {name: (times * share).astype(int).tolist() for name, share in STAGES.items()}
-        described = device(number) if device else device_document(f"Model {number % MODELS}")
+        described = device(number) if device else device_document("Pixel 8")
         made.append(gzip.compress(json.dumps(submission_document(session, device=described)).encode()))
     return made
 

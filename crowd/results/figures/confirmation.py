@@ -41,15 +41,17 @@ def settle(limit: int | None = None) -> int:
 @transaction.atomic
 def _settle(chip: Chip) -> None:
     rows = DeviceSpeedup.objects.filter(**dict(zip(CHIP, chip, strict=True)))
-    figures = list(rows.select_for_update().order_by("pk"))
-    doubtful = [figure for figure in figures if figure.witnesses < settings.FRONTRUNNER_QUORUM]
-    pool = _pool(chip) if doubtful and len(figures) > 1 and _is_one_chip(chip[2]) else []
-    changed = False
+    doubtful = rows.filter(witnesses__lt=settings.FRONTRUNNER_QUORUM, state=State.VALID)
+    figures = list(doubtful.select_for_update().order_by("pk")) if _is_one_chip(chip[2]) else []
+    pool = _pool(chip) if figures else []
+    changed = 0
     for figure in figures:
-        witnesses = _witnesses(figure, pool) if figure in doubtful else 0
-        if figure.unsettled or figure.chip_witnesses != witnesses:
-            changed |= figure.chip_witnesses != witnesses
-            rows.filter(pk=figure.pk).update(chip_witnesses=witnesses, unsettled=False)
+        witnesses = _witnesses(figure, pool)
+        if figure.chip_witnesses != witnesses:
+            changed += rows.filter(pk=figure.pk).update(chip_witnesses=witnesses)
+    others = rows.exclude(pk__in=[figure.pk for figure in figures]).exclude(chip_witnesses=0)
+    changed += others.update(chip_witnesses=0)
+    rows.filter(unsettled=True).update(unsettled=False)
     if changed:
         revision.bump()
 
@@ -62,8 +64,6 @@ def _is_one_chip(processor: str) -> bool:
 def _witnesses(figure: DeviceSpeedup, pool: Iterable[tuple[int, str, float]]) -> int:
     """How many independent networks of POOL (device, network, log ratio) agree with FIGURE."""
     values = list(pool)
-    if figure.state != State.VALID or not values:
-        return 0
     return statistics.witnesses(
         [network or None for _, network, _ in values],
         [log for _, _, log in values],

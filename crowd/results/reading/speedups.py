@@ -141,12 +141,12 @@ def _attempts(filters: SpeedupFilters, front: str | None) -> Iterable[Attempt]:
             "cohort_id", "configuration_id", "sessions", "failed", "lost"
         )
     columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
-    places = {key: (device, *computed_by) for key, device, *computed_by in columns}
+    places = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
     devices = devices_of(device for device, *_ in places.values())
     names = _names(front)
     for cohort, configuration, sessions, failed, lost in counts:
-        device, *computed_by = places[cohort]
-        row = Attempt(devices[device], names[configuration], *computed_by, sessions, failed, lost)
+        device, backend, processor, kind = places[cohort]
+        row = Attempt(devices[device], names[configuration], backend, processor, kind, sessions, failed, lost)
         if matches(filters, row.device, row.vendor, row.backend) and sessions >= filters.min_sessions:
             yield row
 
