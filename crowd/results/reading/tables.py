@@ -44,8 +44,8 @@ _cache: VersionedCache[Table] = VersionedCache(8)
 
 
 def table(filters: SpeedupFilters, least: int) -> Table:
-    """The confirmed figures of every configuration under FILTERS (whatever configuration they name), of devices
-    with at least LEAST configurations, the default among them. Nine queries at most; four at most where
+    """The confirmed figures of every configuration under FILTERS, whatever configuration they name, of
+    devices with at least LEAST configurations, the default among them. Nine queries at most; four at most where
     nothing changed since this process answered the same.
 
     What a period's figures are made of changes together with stored figures, or waits to be worked into them.
