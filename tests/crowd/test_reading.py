@@ -121,7 +121,7 @@ def measured(front: FrontVersion) -> None:
                 DeviceSpeedup.objects.create(
                     device=device, front=front, configuration=configurations[name],
                     baseline=configurations["default"], backend="opencl", processor="Mali-G78", algorithm=2,
-                    speedup=speedup, sessions=sessions, installations=1, state="valid",
+                    speedup=speedup, sessions=sessions, installations=1, witnesses=1, state="valid",
                     last_session_at=datetime(2026, 11, 20, tzinfo=UTC),
                 )  # fmt: skip
 

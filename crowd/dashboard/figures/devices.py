@@ -130,6 +130,7 @@ def crowd_bars(place: Place, theme: Theme, confirmed: bool = True) -> go.Figure:
             "title": {"text": "device models, largest gain first"},
             "showgrid": False,
             "tickformat": "d",
+            "dtick": 1 if len(slugs) <= 12 else None,
         },
         yaxis={
             "title": {"text": "speedup"},

@@ -38,7 +38,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     computed, or BY the system on a chip.
 
     Figures that count come first, largest gain first. Unconfirmed figures follow them and are dotted, suspect
-    ones are striped. Dark whiskers are 95 % intervals over installations, light ones the interval of the one
+    ones are striped. Whiskers are 95 % intervals over installations, grey ones the interval of the one
     session behind a figure. Up to NAMED_BARS bars lie flat with the name above each. Of more than
     decimation.MOST_DRAWN bars every n-th is drawn, and the figure says so.
     """
@@ -129,16 +129,23 @@ def bar_names(rows: Sequence[Speedup]) -> list[str]:
     of_device: dict[str, list[Speedup]] = defaultdict(list)
     for row in rows:
         of_device[row.device.slug].append(row)
-    differing = {
-        slug: [tell for tell in DISTINGUISHING if len({tell(row) for row in own}) > 1]
-        for slug, own in of_device.items()
-    }
-    return [_bar_name(row, [tell(row) for tell in differing[row.device.slug]]) for row in rows]
+    needed = {slug: _distinguishing(own) for slug, own in of_device.items()}
+    return [_bar_name(row, [tell(row) for tell in needed[row.device.slug]]) for row in rows]
+
+
+def _distinguishing(rows: Sequence[Speedup]) -> list[Callable[[Speedup], str]]:
+    """As few of DISTINGUISHING as tell all of ROWS apart; all that differ where none do."""
+    needed: list[Callable[[Speedup], str]] = []
+    for tell in DISTINGUISHING:
+        if len({tuple(known(row) for known in needed) for row in rows}) == len(rows):
+            break
+        if len({tell(row) for row in rows}) > 1:
+            needed.append(tell)
+    return needed
 
 
 def _bar_name(row: Speedup, parts: Sequence[str]) -> str:
-    title = row.device.title
-    return f"{title} ({', '.join(dict.fromkeys(filter(None, parts)))})" if parts else title
+    return f"{row.device.title} ({', '.join(parts)})" if parts else row.device.title
 
 
 def _address(row: Speedup) -> str:

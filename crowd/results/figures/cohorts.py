@@ -147,12 +147,12 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
     }
 
 
-def valid_speedups(summaries: QuerySet[SessionSummary]) -> dict[Key, tuple[float, int]]:
+def valid_speedups(summaries: QuerySet[SessionSummary]) -> dict[Key, tuple[float, int, int]]:
     """What the figure of every key says that SUMMARIES hold a valid session of: the logarithm of the speedup,
-    and from how many sessions. Two queries, and no interval.
+    from how many sessions, and how many networks agree. Two queries, and no interval.
     """
     return {
-        key: (math.log(figure.model.speedup.value), figure.model.sessions)
+        key: (math.log(figure.model.speedup.value), figure.model.sessions, figure.witnesses)
         for key, figure in figures(summaries.filter(state=State.VALID)).items()
     }
 

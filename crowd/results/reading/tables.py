@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,21 +13,31 @@ from crowd.devices.vendors import vendor
 from crowd.fronts.models import Configuration
 from crowd.results.figures.cohorts import valid_speedups
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
-from crowd.results.reading.figures import devices_of, simulated_only
+from crowd.results.reading.figures import devices_of, is_confirmed, simulated_only
 from crowd.results.reading.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import between, cohorts_of, matches, measured_front
 from crowd.results.reading.versioned_cache import VersionedCache
 
-# device, backend, processor, configuration, baseline, logarithm of the speedup, sessions
-Cell = tuple[Device, str, str, str, str, float, int]
+
+class Cell(NamedTuple):
+    """One valid figure: the logarithm of a configuration's speedup over the baseline on a device."""
+
+    device: Device
+    backend: str
+    processor: str
+    configuration: str
+    baseline: str
+    log_speedup: float
+    sessions: int
+    confirmed: bool
 
 
 @dataclass(frozen=True)
 class Table:
-    """Logarithms of speedup over the default, (devices, configurations): NaN where there is no valid figure,
-    0 in the default's column. One row a device: that of the processor with the most configurations, then
-    sessions.
+    """Logarithms of speedup over the default, (devices, configurations): NaN where there is no confirmed
+    figure, 0 in the default's column. One row a device: that of the processor with the most configurations,
+    then sessions. `unconfirmed`: how many other devices have enough figures that are valid but not confirmed.
     """
 
     front: str | None
@@ -36,6 +47,7 @@ class Table:
     sessions: tuple[int, ...]  # of the configuration with the most
     configurations: tuple[str, ...]
     log_speedups: NDArray[np.float64]
+    unconfirmed: int
 
 
 # Of 2,000 devices and twenty configurations one takes a megabyte.
@@ -43,9 +55,9 @@ _cache: VersionedCache[Table] = VersionedCache(8)
 
 
 def table(filters: SpeedupFilters, least: int) -> Table:
-    """The valid figures of every configuration under FILTERS (whatever configuration they name), of devices
-    with at least LEAST configurations, the default among them. Nine queries at most; four at most where
-    nothing changed since this process answered the same.
+    """The confirmed figures of every configuration under FILTERS (whatever configuration they name), of
+    devices with at least LEAST configurations, the default among them. Nine queries at most; four at most
+    where nothing changed since this process answered the same.
 
     What a period's figures are made of changes together with stored figures, or waits to be worked into them.
     """
@@ -55,8 +67,9 @@ def table(filters: SpeedupFilters, least: int) -> Table:
 
 
 def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
-    cells = _of_period(filters, front) if filters.period else _stored(filters, front)
-    chosen = _chosen(cells, least)
+    cells = list(_of_period(filters, front) if filters.period else _stored(filters, front))
+    chosen = _chosen((cell for cell in cells if cell.confirmed), least)
+    unconfirmed = _chosen(cells, least).keys() - chosen.keys()
     names = sorted({name for row in chosen.values() for name in row.logs})
     columns = {name: column for column, name in enumerate(names)}
     values = np.full((len(chosen), len(names)), np.nan)
@@ -74,6 +87,7 @@ def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
         sessions=tuple(row.sessions for row in rows),
         configurations=tuple(names),
         log_speedups=values,
+        unconfirmed=len(unconfirmed),
     )
 
 
@@ -103,37 +117,45 @@ def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
             "baseline__name",
             "speedup",
             "sessions",
+            "witnesses",
+            "chip_witnesses",
         )
     )
     devices = devices_of(row[0] for row in found)
-    for key, backend, processor, configuration, baseline, speedup, sessions in found:
+    for key, backend, processor, configuration, baseline, speedup, sessions, own, chip in found:
         device = devices[key]
         if matches(filters, device, vendor(processor, device.gpu), backend):
-            yield device, backend, processor, configuration, baseline, math.log(speedup), sessions
+            confirmed = is_confirmed(device, own, chip)
+            log = math.log(speedup)
+            yield Cell(device, backend, processor, configuration, baseline, log, sessions, confirmed)
 
 
 def _of_period(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
     """The same from the sessions of a period. Five queries."""
     cohorts = cohorts_of(filters, front)
-    found = {key: rest for key, *rest in cohorts.values_list("pk", "device_id", "backend", "processor")}
+    found: dict[int, list[Any]] = {
+        key: rest for key, *rest in cohorts.values_list("pk", "device_id", "backend", "processor")
+    }
     devices = devices_of(device for device, _, _ in found.values())
     names = dict(Configuration.objects.filter(front__slug=front).values_list("pk", "name"))
     rows = SessionSummary.objects.filter(
         configuration__in=names, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
     )
-    for key, (log, sessions) in valid_speedups(rows).items():
+    for key, (log, sessions, witnesses) in valid_speedups(rows).items():
         device_key, backend, processor = found[key.cohort]
         device = devices[device_key]
         if sessions >= filters.min_sessions and matches(
             filters, device, vendor(processor, device.gpu), backend
         ):
-            yield device, backend, processor, names[key.configuration], names[key.baseline], log, sessions
+            configuration, baseline = names[key.configuration], names[key.baseline]
+            confirmed = is_confirmed(device, witnesses)
+            yield Cell(device, backend, processor, configuration, baseline, log, sessions, confirmed)
 
 
 def _chosen(cells: Iterable[Cell], least: int) -> dict[str, _Row]:
     """One row a device with enough configurations, by its slug and in the order of slugs."""
     rows: dict[tuple[str, str, str], _Row] = {}
-    for device, backend, processor, configuration, baseline, log, sessions in cells:
+    for device, backend, processor, configuration, baseline, log, sessions, _ in cells:
         key = (device.slug, backend, processor)
         row = rows.get(key)
         if row is None:

@@ -122,7 +122,7 @@ def fill(folder: Path) -> dict[str, str]:
     _send("Nexus 5", "Adreno (TM) 330", session_document(runs=_slowing()))
     _send("Moto G", "PowerVR Rogue GE8320", session_document(runs=_lost()))
     # No network is known from which it was enrolled: nobody can say whether it is independent.
-    _send(UNCONFIRMED, "Mali-G76", session_document(best_us=8_000), network="")
+    _send(UNCONFIRMED, "PowerVR Rogue GE8320", session_document(best_us=8_000), network="")
     _send("Imaginary", "Mali-G715", session_document(), simulated=True)
     exports.make()
     # By the first word of a page's name.
