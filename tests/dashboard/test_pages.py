@@ -151,6 +151,27 @@ def test_a_failed_run_shows_what_the_client_reported(client: Client, participant
     assert "of 3 frames" in page
 
 
+def test_no_page_shows_the_version_of_the_client_or_the_platform(
+    client: Client, participant: Participant
+) -> None:
+    device = device_document(opencl_platform="zz platform zz", os_version="zz version zz", cpu="zz cpu zz")
+    session = session_document()
+    document = submission_document(session, device=device, app_version="0.1.99")
+    assert participant.submit(document).status_code == 202
+    run = session["runs"][0]["id"]
+
+    for address in (
+        "/",
+        "/devices/",
+        "/devices/google-pixel-8/",
+        f"/sessions/{session['id']}/",
+        f"/runs/{run}/",
+    ):
+        page = client.get(address).content.decode()
+        for words in ("zz platform zz", "0.1.99", "zz cpu zz"):
+            assert words not in page, (address, words)
+
+
 def test_a_run_that_failed_at_once_has_a_page_without_frames(
     client: Client, participant: Participant
 ) -> None:

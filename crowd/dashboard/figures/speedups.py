@@ -23,7 +23,7 @@ DENSE = 200
 LEGEND_ENTRY = 58
 # What bars can be coloured by.
 VENDOR, SOC = "vendor", "soc"
-UNTOLD = "unknown"
+UNKNOWN = "unknown"
 # Vendors with a colour of their own, in the order of the palette; CPU gets its grey.
 COLOURED = ("Adreno", "Mali", "NVIDIA", "Intel", "Radeon", "Apple", CPU)
 
@@ -50,7 +50,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     names = bar_names(ranked)
     vendors = [row.vendor for row in ranked]
     if by == SOC:
-        groups = frequent([row.device.soc or UNTOLD for row in ranked], len(theme.series) - 1)
+        groups = frequent([row.device.soc or UNKNOWN for row in ranked], len(theme.series) - 1)
         colours = _group_colours(groups, theme)
     else:
         groups = [name if name in COLOURED else OTHER for name in vendors]
@@ -92,8 +92,8 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     }
     no_gain = {"type": "line", "line": {"color": theme.ink, "width": 1.5, "dash": "dot"}}
     if flat:
-        told = [formats.speedup(row.speedup) for row in ranked]
-        layout.name_bars(figure, zip(told, names, strict=True), theme)
+        written = [formats.speedup(row.speedup) for row in ranked]
+        layout.name_bars(figure, zip(written, names, strict=True), theme)
         figure.add_shape(x0=1, x1=1, yref="paper", y0=0, y1=1, **no_gain)
         return figure.update_layout(
             xaxis=values_axis, yaxis=layout.flat_rows(len(ranked)), legend={"entrywidth": LEGEND_ENTRY}
@@ -153,7 +153,7 @@ def _address(row: Speedup) -> str:
 
 
 def frequent(groups: Sequence[str], most: int) -> list[str]:
-    """GROUPS with all but the MOST frequent ones called OTHER: more colours nobody tells apart."""
+    """GROUPS with all but the MOST frequent ones called OTHER: more colours cannot be distinguished."""
     counts = Counter(group for group in groups if group != OTHER)
     kept = {group for group, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]}
     return [group if group in kept else OTHER for group in groups]
