@@ -1,6 +1,6 @@
 """Where a request comes from: its address, its network, and whether it is this machine itself.
 
-Behind FRONTRUNNER_PROXIES the connection's own address is the proxy's; what counts is what the nearest proxy saw.
+Behind FRONTRUNNER_PROXIES the connection is the proxy's; what counts is what the nearest proxy saw.
 """
 
 import ipaddress
