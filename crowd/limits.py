@@ -4,30 +4,20 @@ Answers report them in the fields RateLimit-Policy and RateLimit of the IETF's d
 for HTTP" (draft-ietf-httpapi-ratelimit-headers-10): quota q in a window of w seconds, r left for t seconds.
 """
 
-import ipaddress
 import logging
 import math
-import re
 from dataclasses import dataclass
 from typing import Any, ClassVar, cast
 
 from django.conf import settings
 from django.http import HttpRequest
-from django.utils.crypto import salted_hmac
 from rest_framework.request import Request
 from rest_framework.throttling import BaseThrottle
 
 from crowd import counters
+from crowd.addresses import address_of
 
 A_MINUTE, AN_HOUR = 60, 3600
-# Some proxies add the port: 198.51.100.1:4711, [2001:db8::1]:4711.
-WITH_PORT = re.compile(r"^(?:\[(.+)\]|([0-9.]+))(?::[0-9]+)?$")
-# Proxies add one of these: a request that has none comes from the connection's other end.
-FORWARDING = ("HTTP_X_FORWARDED_FOR", "HTTP_FORWARDED", "HTTP_X_REAL_IP")
-
-NETWORK_SALT = "crowd.limits.network"
-Address = ipaddress.IPv4Address | ipaddress.IPv6Address
-
 log = logging.getLogger(__name__)
 
 
@@ -152,54 +142,3 @@ def in_force() -> list[Limit]:
     """The limits of this deployment, for people to read."""
     kinds = (Submissions, OwnRequests, Enrolments, Reads, Pages)
     return [limit for limit in (kind() for kind in kinds) if limit.quota]
-
-
-def address_of(request: Request | HttpRequest) -> str:
-    """Where REQUEST comes from: the connection's address, or what the nearest of FRONTRUNNER_PROXIES saw.
-
-    Of an IPv6 address the network alone (/64): one machine has all addresses in it.
-    """
-    text, address = _client(request)
-    if address is None:
-        return text
-    if isinstance(address, ipaddress.IPv4Address):
-        return str(address)
-    return str(ipaddress.IPv6Network((int(address), 64), strict=False))
-
-
-def network_of(request: Request | HttpRequest) -> str:
-    """A keyed hash of the network that REQUEST comes from: /24 with IPv4, /48 with IPv6; "" where unknown.
-
-    The key is derived from SECRET_KEY: the hash is the same every day, and nobody else can compute it.
-    """
-    _, address = _client(request)
-    if address is None:
-        return ""
-    length = 24 if address.version == 4 else 48
-    network = ipaddress.ip_network((int(address), length), strict=False)
-    return salted_hmac(NETWORK_SALT, str(network), algorithm="sha256").hexdigest()[:32]
-
-
-def may_watch(request: HttpRequest) -> bool:
-    """Whether REQUEST may read the server's state: from this machine itself, or from FRONTRUNNER_WATCHERS."""
-    connected = _parsed(request.META.get("REMOTE_ADDR", ""))
-    forwarded = any(name in request.META for name in FORWARDING)
-    if connected is not None and connected.is_loopback and not forwarded:
-        return True
-    _, address = _client(request)
-    return address is not None and any(address in network for network in settings.FRONTRUNNER_WATCHERS)
-
-
-def _client(request: Request | HttpRequest) -> tuple[str, Address | None]:
-    """The client's address as the server is told it, and what that means; None where it is not an address."""
-    text = str(BaseThrottle().get_ident(cast(Request, request)))
-    return text, _parsed(text)
-
-
-def _parsed(text: str) -> Address | None:
-    """TEXT, with or without a port, as an address; an IPv4 address also where a socket maps it to IPv6."""
-    try:
-        address = ipaddress.ip_address(WITH_PORT.sub(r"\1\2", text))
-    except ValueError:
-        return None
-    return getattr(address, "ipv4_mapped", None) or address

@@ -8,7 +8,6 @@ An account that has a device for one-time passwords (RFC 6238) must always give 
 FRONTRUNNER_REQUIRE_TOTP every account needs a device, which `manage.py totp USER` makes.
 """
 
-import ipaddress
 import logging
 import math
 from typing import Any
@@ -21,16 +20,12 @@ from django.http import HttpRequest, HttpResponse
 from django_otp import match_token, user_has_device
 
 from crowd import counters, device_cookies
-from crowd.limits import address_of
+from crowd.addresses import address_of, is_this_machine, network_of
 
 WINDOW_SECONDS = 900
 # Tries in a window, right or wrong.
 TRIES_OF_KNOWN_BROWSER = 10
 TRIES_OF_ADDRESS_AT_ACCOUNT, TRIES_OF_ADDRESS, TRIES_OF_NETWORK, TRIES_AT_ACCOUNT = 10, 30, 60, 100
-NETWORK_BITS = {4: 24, 6: 48}
-# What proxies add to a request that they pass on.
-FORWARDED = ("HTTP_X_FORWARDED_FOR", "HTTP_FORWARDED", "HTTP_X_REAL_IP", "HTTP_VIA")
-
 
 log = logging.getLogger(__name__)
 
@@ -126,28 +121,8 @@ def _limits(request: HttpRequest, account: str) -> list[tuple[str, int]]:
     limits = [
         (f"{hidden(address)}:{hidden(account)}", TRIES_OF_ADDRESS_AT_ACCOUNT),
         (hidden(address), TRIES_OF_ADDRESS),
-        (f"network:{hidden(network_of(address))}", TRIES_OF_NETWORK),
+        (f"network:{hidden(network_of(request) or address)}", TRIES_OF_NETWORK),
     ]
-    if not is_from_this_machine(request):
+    if not is_this_machine(request):
         limits.append((f":{hidden(account)}", TRIES_AT_ACCOUNT))
     return limits
-
-
-def network_of(address: str) -> str:
-    """The wider network of ADDRESS, as address_of gives it: /24 of IPv4, /48 of IPv6."""
-    try:
-        network = ipaddress.ip_network(address)
-    except ValueError:
-        return address
-    return str(network.supernet(new_prefix=min(NETWORK_BITS[network.version], network.prefixlen)))
-
-
-def is_from_this_machine(request: HttpRequest) -> bool:
-    """Whether REQUEST comes from this machine itself, and not through a proxy on it."""
-    if any(name in request.META for name in FORWARDED):
-        return False
-    try:
-        address = ipaddress.ip_address(request.META.get("REMOTE_ADDR", ""))
-    except ValueError:
-        return False
-    return (getattr(address, "ipv4_mapped", None) or address).is_loopback

@@ -15,7 +15,7 @@ from rest_framework.request import Request
 
 from crowd import codes, limits
 from crowd.api import Endpoint, answer
-from crowd.results.intake import schema
+from crowd.results.intake import allowance, schema
 
 TEMPLATE = "#/components/schemas/{name}"
 PROBLEM = {
@@ -120,5 +120,7 @@ def docs(request: HttpRequest) -> HttpResponse:
         "operations": operations,
         "groups": codes.GROUPS,
         "limits": limits.in_force(),
+        "daily": allowance.in_force(),
+        "per_address": allowance.PER_ADDRESS,
     }
     return render(request, "api/docs.html", context)

@@ -84,7 +84,8 @@ class Comparison:
     @property
     def unconfirmed(self) -> bool:
         """Whether a figure in it is unconfirmed."""
-        figures = [column.figure for column in (*self.devices, *self.configurations)]
+        figures = [column.figure for column in self.devices]
+        figures += [column.figure for column in self.configurations]
         return any(not figure.confirmed for figure in figures if figure and not figure.suspect)
 
     @property

@@ -1,4 +1,4 @@
-"""How a device held out over a session: its speed run by run, and what its sensors told meanwhile."""
+"""How a device's speed changed over a session, run by run, and what its sensors reported meanwhile."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from crowd.dashboard.protocols import first_counted_frame
 from crowd.results.reading.rows import RunSeries, SessionDetail
 from crowd.results.validity import measures
 
-# What a sample may tell: its name, as a reader calls it, its unit.
+# What a sample may hold: its name, as a reader calls it, its unit.
 SENSORS = {
     "temperature_c": ("temperature", "°C"),
     "cpu_mhz": ("processor clock", "MHz"),
@@ -29,7 +29,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Readings:
-    """What one sensor told: seconds after the start, and values in its unit; at least two of them."""
+    """What one sensor reported: seconds after the start, and values in its unit; at least two of them."""
 
     name: str
     unit: str
@@ -43,7 +43,7 @@ def steps(session: SessionDetail) -> tuple[Step, ...]:
     first: dict[str, RunSeries] = {}
     found = []
     for series in session.runs:
-        # A run that failed early is nothing that others could be compared with.
+        # A run that failed early has nothing to compare others with.
         if not (series.frame_seconds[counted_from:] > 0).any():
             continue
         reference = first.setdefault(series.run.configuration, series)
@@ -57,16 +57,16 @@ def steps(session: SessionDetail) -> tuple[Step, ...]:
 
 
 def readings(samples: Sequence[dict[str, object]]) -> tuple[Readings, ...]:
-    """What each of SENSORS told in SAMPLES; one that told less than two values is left out."""
+    """What each of SENSORS reported in SAMPLES; one with fewer than two values is left out."""
     found = []
     for key, (name, unit) in SENSORS.items():
-        told = [
+        values = [
             (float(t), float(value))
             for sample in samples
             if isinstance(t := sample.get("t"), int | float)
             and isinstance(value := sample.get(key), int | float)
         ]
-        if len(told) > 1:
-            seconds, values = zip(*sorted(told), strict=True)
-            found.append(Readings(name, unit, seconds, values))
+        if len(values) > 1:
+            moments, readings_of = zip(*sorted(values), strict=True)
+            found.append(Readings(name, unit, moments, readings_of))
     return tuple(found)

@@ -119,7 +119,7 @@ def share(number: int, of: int) -> str:
 
 
 def failures(failed: int, lost: int, of: int, noun: str) -> str:
-    """'did not finish on 2 of 83 devices, lost the camera on 20 of 83'; "" of none. NOUN: device or session."""
+    """'did not finish on 2 of 83 devices, lost the camera on 20 of 83'; "" of none. NOUN: device, session."""
     if not of:
         return ""
     where = "in" if noun == "session" else "on"

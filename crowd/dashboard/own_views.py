@@ -17,6 +17,6 @@ def mine(request: HttpRequest, signed: str) -> HttpResponse:
         raise Http404
     answer = render(request, "dashboard/mine.html", {"page": page})
     answer["X-Robots-Tag"] = "noindex"
-    # A link from here to another site must not tell it this address.
+    # Links from here must not give this address to other sites.
     answer["Referrer-Policy"] = "no-referrer"
     return answer

@@ -22,7 +22,7 @@ def enrol(
     app: str, app_version: str, consent_version: int, simulated: bool = False, network: str = ""
 ) -> tuple[Installation, str]:
     """A new installation and its token, which is shown this once; only its digest is kept. A SIMULATED one
-    stays so. NETWORK is the keyed hash of where it enrols from (`crowd.limits.network_of`).
+    stays so. NETWORK is the keyed hash of where it enrols from (`crowd.addresses.network_of`).
     """
     token = secrets.token_urlsafe(32)
     installation = Installation.objects.create(

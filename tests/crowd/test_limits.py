@@ -12,7 +12,8 @@ import pytest
 from django.test import Client, RequestFactory
 from rest_framework.settings import api_settings
 
-from crowd import counters, limits
+from crowd import counters
+from crowd.addresses import address_of
 from crowd.counters import FileStore, RedisStore, Store
 from crowd.devices.models import Installation
 from crowd.results.models import Submission
@@ -111,7 +112,7 @@ def test_only_ones_own_proxies_are_believed(
     monkeypatch.setattr(api_settings, "NUM_PROXIES", proxies)
     headers = {} if forwarded is None else {"X-Forwarded-For": forwarded}
 
-    assert limits.address_of(rf.get("/", REMOTE_ADDR="192.0.2.9", headers=headers)) == address
+    assert address_of(rf.get("/", REMOTE_ADDR="192.0.2.9", headers=headers)) == address
 
 
 def test_answers_tell_the_limit_and_what_is_left(client: Client, front: Any, settings: Any) -> None:
@@ -221,11 +222,13 @@ def test_pages_without_a_limit(client: Client, front: Any, settings: Any) -> Non
 
 def test_the_docs_page_tells_this_servers_limits(client: Client, db: None, settings: Any) -> None:
     settings.FRONTRUNNER_READS_PER_MINUTE, settings.FRONTRUNNER_ENROLMENTS_PER_HOUR = 77, 0
+    settings.FRONTRUNNER_BYTES_PER_DAY = 4321
 
     page = client.get(f"{API}/docs").content.decode()
 
     assert "77 in 60 seconds" in page
     assert "enrolments of an address" not in page
+    assert "4321 in a day" in page
 
 
 def test_a_limit_of_0_is_none(client: Client, front: Any, settings: Any) -> None:

@@ -2,7 +2,12 @@
 
 from typing import Any
 
-from tests.crowd.documents import device_document, session_document, submission_document
+from tests.crowd.documents import (
+    device_document,
+    run_document,
+    session_document,
+    submission_document,
+)
 from tests.crowd.participant import Participant
 
 
@@ -12,3 +17,15 @@ def measure(participant: Participant, model: str = "Pixel 8", **changes: Any) ->
     response = participant.submit(submission_document(session, device=device_document(model)))
     assert response.status_code == 202, response.content
     return session
+
+
+def in_balanced_order(frame_us: dict[str, int]) -> list[dict[str, Any]]:
+    """Two runs of each configuration of FRAME_US, forwards and then backwards, so that drift cancels."""
+    last = 2 * len(frame_us) - 1
+    runs = []
+    for place, (name, microseconds) in enumerate(frame_us.items()):
+        runs += [
+            run_document(name, 0, place, microseconds),
+            run_document(name, 1, last - place, microseconds),
+        ]
+    return sorted(runs, key=lambda run: run["order"])

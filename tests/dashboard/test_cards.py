@@ -13,7 +13,7 @@ from crowd.dashboard.figures.card import BOTTOM, HEIGHT, MOST_BARS, WIDTH, Card,
 from crowd.dashboard.palette import LIGHT
 from crowd.dashboard.views import cards
 from crowd.results.reading.filters import SpeedupFilters
-from crowd.results.reading.rows import Speedup
+from crowd.results.reading.rows import DeviceDetail, Speedup
 from crowd.results.reading.selectors import Speedups
 from tests.crowd.participant import Participant
 from tests.dashboard.measuring import measure
@@ -144,18 +144,53 @@ def test_a_card_of_filters_that_mean_nothing_is_refused_as_figures_are(
 
 def crowd(*rows: Speedup, **filters: Any) -> Speedups:
     asked = SpeedupFilters(**filters)
-    return Speedups(asked, "kfusion-test", rows)
+    return Speedups(asked, "kfusion-test", rows, ())
 
 
 def test_a_card_says_what_it_is_about() -> None:
     slow = cards.of_crowd(
         crowd(speedup(0.5, configuration="accurate"), configuration="accurate", vendor="Mali")
     )
-    suspect = cards.of_crowd(crowd(speedup(2.0, suspect=True)))
 
     assert slow.title == "Configuration accurate over default, on one device"
     assert slow.figure == "0.500\N{MULTIPLICATION SIGN} as fast"
     assert slow.scope == "configuration accurate, Arm Mali"
-    assert (suspect.figure, suspect.scope) == ("2.00\N{MULTIPLICATION SIGN} faster", "")
-    assert suspect.note.startswith("Suspect: no session is valid. ")
     assert png(slow) != png(replace(slow, scope=""))
+
+
+def test_a_card_of_the_crowd_rests_on_confirmed_figures_and_counts_the_others(settings: Any) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+    rows = (
+        speedup(23.0, "invented", confirmed=False),
+        speedup(2.0, "phone"),
+        speedup(9.0, "throttled", suspect=True),
+    )
+
+    mixed, none = cards.of_crowd(crowd(*rows)), cards.of_crowd(crowd(rows[0], rows[2]))
+
+    assert mixed.title == "Tuned on one machine, on one device"
+    assert (mixed.figure, mixed.bars) == ("2.00\N{MULTIPLICATION SIGN} faster", (2.0,))
+    assert plain(mixed.note).endswith("Not in it: 1 unconfirmed device and 1 suspect device")
+    assert (none.figure, none.bars) == ("How fast on yours?", ())
+    assert plain(none.note) == (
+        "Measured so far: 1 unconfirmed device and 1 suspect device. "
+        "Three independent installations have to agree."
+    )
+
+
+def test_a_card_of_an_unconfirmed_device_has_no_figure(settings: Any) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+    row = speedup(23.0, "invented", confirmed=False)
+    detail = DeviceDetail(row.device, (row,), (), 2, 1, None)
+
+    card = cards.of_device(detail, crowd(row, speedup(2.0)))
+
+    assert (card.figure, card.bars) == ("not confirmed yet", ())
+    assert "23" not in card.note
+    assert "Three independent installations have to agree" in card.note
+
+
+def test_a_card_of_a_private_server_says_so(settings: Any) -> None:
+    for quorum, told in ((1, True), (2, True), (3, False)):
+        settings.FRONTRUNNER_QUORUM = quorum
+        assert ("This server confirms" in cards.of_crowd(crowd(speedup())).note) is told

@@ -27,7 +27,7 @@ def session(*runs: Any, samples: Any = ()) -> SessionDetail:
     row = SessionRow(
         UUID(int=1), device(), "kfusion-test", "opencl", "Mali", datetime(2026, 11, 20, tzinfo=UTC), True, ()
     )
-    return SessionDetail(row, {"first_counted_frame": 10}, "", "", list(samples), tuple(runs))
+    return SessionDetail(row, {"first_counted_frame": 10}, "", list(samples), tuple(runs))
 
 
 def test_configurations_are_sorted_and_best_has_its_colour() -> None:

@@ -8,7 +8,7 @@ from crowd.dashboard.figures.decimation import MOST_DRAWN
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.layout import log_ticks
-from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, speedup_bars
+from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, bar_names, speedup_bars
 from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme
 from crowd.dashboard.stages import stage_times
 from crowd.fronts.selectors import Point
@@ -76,6 +76,43 @@ def test_suspect_figures_are_hatched_and_say_so() -> None:
 
     assert list(trace.marker.pattern.shape) == ["", "/"]
     assert "suspect" in trace.customdata[1][0]
+
+
+def test_unconfirmed_figures_stand_behind_all_that_count_with_a_pattern_of_their_own() -> None:
+    rows = [speedup(23.0, "invented", confirmed=False), speedup(9.0, "hot", suspect=True), speedup(2.0, "a")]
+
+    for theme in THEMES.values():
+        (trace,) = bars(rows, theme)
+        assert list(trace.x) == [2.0, 23.0, 9.0]
+        shapes = list(trace.marker.pattern.shape)
+        assert shapes[0] == ""
+        assert len(set(shapes)) == 3
+    assert "unconfirmed" in trace.customdata[1][0]
+    assert "unconfirmed" not in trace.customdata[0][0]
+
+
+def test_the_interval_of_one_session_is_grey_and_says_what_it_is() -> None:
+    row = speedup(6.0, "b", confirmed=False, session_low=5.0, session_high=8.0)
+
+    over_installations, of_one = (
+        trace for trace in speedup_bars([row], LIGHT).data if trace.type == "scatter"
+    )
+
+    assert list(over_installations.x) == []
+    assert (list(of_one.x), list(of_one.error_x.array)) == ([6.0], [2.0])
+    assert of_one.error_x.color == LIGHT.muted
+    (trace,) = bars([row])
+    assert "95 % interval of one session 5.00" in trace.customdata[0][0]
+
+
+def test_a_cpu_and_a_gpu_that_drivers_call_the_same_are_told_apart() -> None:
+    rows = [speedup(6.0, processor="Apple M2"), speedup(2.0, processor="Apple M2", processor_class="cpu")]
+
+    assert bar_names(rows) == ["Phone (GPU)", "Phone (CPU)"]
+
+
+def test_without_a_figure_the_chart_says_so() -> None:
+    assert "No figure to show yet" in speedup_bars([], LIGHT).layout.annotations[0].text
 
 
 def test_many_devices_stand_upright_without_names() -> None:

@@ -35,7 +35,7 @@ def test_pages_without_charts_do_not_load_the_plot_library(client: Client, front
         assert b"plotly" not in client.get(reverse(f"dashboard:{name}")).content, name
 
 
-@pytest.mark.parametrize(("address", "budget"), [("/", 12), ("/devices/", 12), ("/fronts/", 2)])
+@pytest.mark.parametrize(("address", "budget"), [("/", 20), ("/devices/", 18), ("/fronts/", 2)])
 def test_lists_ask_the_database_as_often_for_one_device_as_for_many(
     client: Client,
     join: Callable[[], Participant],
@@ -57,8 +57,27 @@ def test_the_device_page_keeps_to_its_queries_with_many_sessions(
     for best_us in range(8_000, 14_000, 1_000):
         measure(participant, best_us=best_us)
 
-    with django_assert_max_num_queries(16):
+    with django_assert_max_num_queries(23):
         client.get("/devices/google-pixel-8/")
+
+
+@pytest.mark.parametrize(
+    ("address", "budget"), [("/", 10), ("/devices/", 8), ("/devices/google-pixel-1/", 15)]
+)
+def test_a_page_asks_less_while_no_figure_changes(
+    client: Client,
+    join: Callable[[], Participant],
+    front: FrontVersion,
+    django_assert_max_num_queries: Any,
+    address: str,
+    budget: int,
+) -> None:
+    for number in range(3):
+        measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
+    client.get(address)
+
+    with django_assert_max_num_queries(budget):
+        client.get(address)
 
 
 def test_the_home_page_stays_small_without_the_plot_library(

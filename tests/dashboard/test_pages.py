@@ -80,7 +80,7 @@ def test_every_page_says_what_it_counts_and_what_it_means(client: Client, partic
             assert 'role="img" aria-label="' in figure
 
 
-def test_the_device_page_shows_its_speedup_stages_and_raw_strings(
+def test_the_device_page_shows_its_speedup_and_stages_and_no_raw_strings(
     client: Client, participant: Participant
 ) -> None:
     session = measure(participant, default_us=80_000, best_us=10_000)
@@ -88,10 +88,11 @@ def test_the_device_page_shows_its_speedup_stages_and_raw_strings(
     page = read(client, "/devices/google-pixel-8/")
 
     assert "Google Pixel 8" in page
-    assert "Speedup of best over default 8.00x no interval yet" in page
+    assert "Speedup of best over default 8.00x 95 % interval of its one session: 8.00-8.00x" in page
+    assert "best did not finish in 0 of 1 session, lost the camera in 0 of 1" in page
     assert "default , newest session 80.0 ms" in page
     assert "raycasting 40.0 ms 5.00 ms 8.00x" in page
-    assert "opencl_driver 3.0 v1.r44p1" in page
+    assert "3.0 v1.r44p1" not in page
     assert session["id"] in client.get("/devices/google-pixel-8/").content.decode()
 
 
@@ -106,7 +107,7 @@ def test_three_installations_give_the_device_an_interval(
     (row,) = selectors.speedups(SpeedupFilters()).rows
     assert row.low is not None
     assert "95 % interval" in page
-    assert "over 3 installations" in page
+    assert "over 3 independent installations" in page
 
 
 def test_three_sessions_of_one_installation_give_repeatability_and_no_interval(
@@ -146,8 +147,30 @@ def test_a_failed_run_shows_what_the_client_reported(client: Client, participant
     page = read(client, f"/runs/{failed['id']}/")
 
     assert "the run did not finish" in page
-    assert "out of memory at frame 3" in page
+    assert "out of memory" in page
+    assert "at frame 3" not in page
     assert "of 3 frames" in page
+
+
+def test_no_page_shows_the_version_of_the_client_or_the_platform(
+    client: Client, participant: Participant
+) -> None:
+    device = device_document(opencl_platform="zz platform zz", os_version="zz version zz", cpu="zz cpu zz")
+    session = session_document()
+    document = submission_document(session, device=device, app_version="0.1.99")
+    assert participant.submit(document).status_code == 202
+    run = session["runs"][0]["id"]
+
+    for address in (
+        "/",
+        "/devices/",
+        "/devices/google-pixel-8/",
+        f"/sessions/{session['id']}/",
+        f"/runs/{run}/",
+    ):
+        page = client.get(address).content.decode()
+        for words in ("zz platform zz", "0.1.99", "zz cpu zz"):
+            assert words not in page, (address, words)
 
 
 def test_a_run_that_failed_at_once_has_a_page_without_frames(
@@ -187,9 +210,9 @@ def test_a_slowing_session_is_suspect_with_its_reason(client: Client, participan
 
     page = read(client, f"/sessions/{session['id']}/")
 
-    assert "the last repeat of a configuration was much slower, or much faster, than the first" in page
+    assert "suspect the last repeat of a configuration was much slower" in page
     assert "+50.0" in page
-    assert "Hatched: 1" in read(client, "/")
+    assert "Striped: 1" in read(client, "/")
 
 
 def test_the_front_page_sets_prediction_beside_the_crowd(client: Client, participant: Participant) -> None:
@@ -197,8 +220,8 @@ def test_the_front_page_sets_prediction_beside_the_crowd(client: Client, partici
 
     page = read(client, "/fronts/kfusion-test/")
 
-    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 4.00x 1 128" in page
-    assert "default 80.0 ms 12.5 fps 1.00 cm 1.00x - - 256" in page
+    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 4.00x 1 0 0 of 1 0 of 1 128" in page
+    assert "default 80.0 ms 12.5 fps 1.00 cm 1.00x - - - - - 256" in page
     assert "made up for testing" in page
     assert "first counted frame 10" in page
 
@@ -212,9 +235,9 @@ def test_the_front_page_shows_the_crowd_under_filters(
 
     shown = client.get("/fronts/kfusion-test/?vendor=NVIDIA")
 
-    assert "4.00 cm 8.00x 5.66x 2 128" in read(client, "/fronts/kfusion-test/")
+    assert "4.00 cm 8.00x 5.66x 2 0 0 of 2 0 of 2 128" in read(client, "/fronts/kfusion-test/")
     assert "crowd (NVIDIA) measured" in text(shown)
-    assert "4.00 cm 8.00x 8.00x 1 128" in text(shown)
+    assert "4.00 cm 8.00x 8.00x 1 0 0 of 1 0 of 1 128" in text(shown)
     assert 'href="/transfer/?front=kfusion-test&amp;vendor=NVIDIA"' in shown.content.decode()
     assert client.get("/fronts/kfusion-test/?vendor=nobody").status_code == 400
     assert client.get("/fronts/nothing/?vendor=NVIDIA").status_code == 404
@@ -279,7 +302,7 @@ def test_the_crowd_is_parted_by_chip_and_system(
 
     page = client.get("/")
 
-    assert "Mali 4.00x - 2 2" in text(page)
+    assert "Mali 4.00x - 2 0 0 of 2 0 of 2" in text(page)
     assert 'href="/devices/?vendor=Mali"' in page.content.decode()
     assert 'href="/devices/?os=%22Android%22"' in page.content.decode()
     assert "2 device models (system “Android”)" in read(client, "/devices/?os=%22Android%22").replace(
@@ -295,15 +318,14 @@ def test_figures_of_another_configuration_bear_its_name(
     for model in ("Pixel 8", "Pixel 7"):
         measure(join(), model, default_us=80_000, best_us=40_000)
     accurate = front.configurations.get(name="accurate")
-    DeviceSpeedup.objects.update(configuration=accurate, speedup=0.5, state=State.SUSPECT)
+    DeviceSpeedup.objects.update(configuration=accurate, speedup=0.5)
 
     page = read(client, "/?configuration=accurate")
 
     assert "Configuration accurate: 0.500x as fast across 2 devices" in page
-    assert "Geometric mean speedup of accurate over default 0.500x" in page
+    assert "Mean speedup of accurate over default 0.500x" in page
     assert "Time of the default configuration over time of accurate" in page
     assert "accurate 2 frames" in page.replace("\N{NO-BREAK SPACE}", " ")
-    assert "Mali suspect 0.500x" in page
     assert "0.500x faster" not in page
     assert " of best over default" not in page
 
@@ -319,7 +341,10 @@ def test_suspect_figures_are_marked_wherever_they_stand(
     assert read(client, f"/compare/?{devices}").count("x suspect") == 2
     names = "configurations=default,best&device=google-pixel-8"
     assert read(client, f"/compare/?{names}").count("x suspect") == 1
-    assert read(client, "/fronts/kfusion-test/").count("x suspect") == 1
+    assert read(client, "/devices/").count("Mali-G715 suspect") == 0
+    assert len(re.findall(r"Pixel \d suspect", read(client, "/devices/"))) == 2
+    assert "0 of 2 0 of 2" in read(client, "/fronts/kfusion-test/")
+    assert "4.00 cm 8.00x - 0 2" in read(client, "/fronts/kfusion-test/")
 
 
 @pytest.mark.parametrize("query", ["since=yesterday", "min_sessions=0", "min_sessions=many"])

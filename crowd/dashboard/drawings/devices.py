@@ -63,28 +63,24 @@ def crowd_of(detail: DeviceDetail, figure: Speedup | None) -> Speedups:
     return results.speedups(SpeedupFilters(front=front, simulated=detail.device.simulated))
 
 
-def rank_of(detail: DeviceDetail, figure: Speedup | None) -> Rank | None:
-    """Where the device of FIGURE stands, or would stand; None without a figure and for suspect ones."""
-    if figure is None:
-        return None
-    rows = crowd_of(detail, figure).rows
-    slug = detail.device.slug
-    place = results.place(rows, slug)
+def rank_of(crowd: Speedups, slug: str) -> Rank | None:
+    """Where the device SLUG stands in CROWD, or would stand; None without a figure and for suspect ones."""
+    place = results.place(crowd.rows, slug)
     if place is not None:
         return Rank(place, confirmed=True)
-    once_confirmed = [replace(row, confirmed=True) if row.device.slug == slug else row for row in rows]
+    once_confirmed = [replace(row, confirmed=True) if row.device.slug == slug else row for row in crowd.rows]
     place = results.place(once_confirmed, slug)
     return None if place is None else Rank(place, confirmed=False)
 
 
-def attempts_of(detail: DeviceDetail, figure: Speedup | None) -> tuple[int, int, int]:
-    """In how many sessions of the device `best` ran, did not finish, lost the camera; on the processor of
-    FIGURE, or on all of them.
+def attempts_of(crowd: Speedups, slug: str, figure: Speedup | None) -> tuple[int, int, int]:
+    """In how many sessions of the device SLUG `best` ran, did not finish, lost the camera; on the processor
+    of FIGURE, or on all of them.
     """
     own = [
         row
-        for row in crowd_of(detail, figure).attempts
-        if row.device.slug == detail.device.slug
+        for row in crowd.attempts
+        if row.device.slug == slug
         and row.configuration == BEST
         and (figure is None or (row.backend, row.processor) == (figure.backend, figure.processor))
     ]
@@ -98,7 +94,7 @@ def read_configurations(request: HttpRequest, slug: str) -> Configurations:
 
 def read_place(request: HttpRequest, slug: str) -> Rank:
     detail = _measured(request, slug).detail
-    return found(rank_of(detail, newest_figure(detail)))
+    return found(rank_of(crowd_of(detail, newest_figure(detail)), slug))
 
 
 def read_history(request: HttpRequest, slug: str) -> Past:

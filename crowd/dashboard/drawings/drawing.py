@@ -69,7 +69,7 @@ def with_query(address: str, query: str) -> str:
 
 def titled(words: str, front: str | None, filters: SpeedupFilters) -> str:
     """A title: WORDS, the FRONT that is shown, and what FILTERS leave of the crowd."""
-    # The front's name tells the application.
+    # The front's name says which application it is.
     left = replace(filters, front="", application=DEFAULT_APPLICATION)
-    told = [words, f"front {front}" if front else "", left.describe()]
-    return ", ".join(filter(None, told))
+    parts = [words, f"front {front}" if front else "", left.describe()]
+    return ", ".join(filter(None, parts))

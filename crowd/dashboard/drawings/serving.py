@@ -107,7 +107,7 @@ def page_address(request: HttpRequest, drawing: Drawing[Any], arguments: dict[st
 
 
 def refusing(view: View) -> View:
-    """VIEW with a word on a query that it cannot understand."""
+    """VIEW, with an answer that explains a query that it cannot understand."""
 
     @wraps(view)
     def answer(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
@@ -130,7 +130,7 @@ def _shown(drawing: Drawing[Any], show: Show, kind: str) -> View:
         rows = drawing.read(request, **arguments)
         response = conditional(request, show(request, drawing, rows, arguments).encode(), kind)
         if kind != HTML:
-            # In a CSV, nothing else could tell.
+            # Nothing inside a CSV says so.
             label = "-simulated" if drawing.simulated(rows) else ""
             name = f"frontrunner-{drawing.name}{label}.{'csv' if kind == CSV else 'json'}"
             response["Content-Disposition"] = f'attachment; filename="{name}"'

@@ -20,7 +20,10 @@ from crowd.results.reading import correlations
 from crowd.results.reading import selectors as results
 from crowd.results.reading.transfer_rows import CorrelationMatrix, Winners
 
-COUNTED = "Devices count that measured at least three configurations of the front, the default among them."
+COUNTED = (
+    "Devices count that have confirmed figures of at least three configurations of the front, the default "
+    "among them."
+)
 
 
 @dataclass(frozen=True)
@@ -87,11 +90,22 @@ def winners_table(found: Winners) -> Table:
 
 def _map_n(shown: Map) -> str:
     devices = formats.plural(len(shown.matrix.devices), "device")
-    return f"{formats.plural(len(pairs(shown.matrix, shown.kind)), 'pair')} of {devices}"
+    count = formats.plural(len(pairs(shown.matrix, shown.kind)), "pair")
+    return f"{count} of {devices}{_others(shown.matrix)}"
 
 
 def _winners_n(found: Winners) -> str:
-    return formats.plural(len(found.rows), "device")
+    return formats.plural(len(found.rows), "device") + _others(found)
+
+
+def _judged_n(found: Winners) -> str:
+    return formats.plural(found.judged, "device") + _others(found)
+
+
+def _others(found: Winners | CorrelationMatrix) -> str:
+    """How many devices are not shown because their figures are not confirmed."""
+    count = found.unconfirmed
+    return f"; not shown: {formats.plural(count, 'unconfirmed device')}" if count else ""
 
 
 def _title(words: str, found: Winners | CorrelationMatrix) -> str:
@@ -121,19 +135,19 @@ DRAWINGS = (
         name="transfer-regret",
         path="transfer/best",
         definition="Time of the configuration that is best on the reference device, over that of the fastest "
-        "valid configuration measured on the device itself. " + COUNTED,
+        "configuration measured on the device itself. " + COUNTED,
         read=read_winners,
         draw=lambda found, theme: regret_bars(found.rows, theme),
         table=winners_table,
         title=lambda found: _title("The reference's best on each device", found),
         simulated=lambda found: found.filters.simulated,
-        n=lambda found: formats.plural(found.judged, "device"),
+        n=_judged_n,
         page=_page,
     ),
     Drawing(
         name="transfer-winners",
         path="transfer/winners",
-        definition="The configuration with the largest valid speedup on each device. " + COUNTED,
+        definition="The configuration with the largest confirmed speedup on each device. " + COUNTED,
         read=read_winners,
         draw=lambda found, theme: winner_bars(found.counts, theme),
         table=winners_table,

@@ -1,4 +1,4 @@
-"""Charts of one device: its configurations, its place in the crowd, its history, how it held out."""
+"""Charts of one device: its configurations, its place in the crowd, its history, how its speed changed."""
 
 from collections.abc import Sequence
 
@@ -130,6 +130,7 @@ def crowd_bars(place: Place, theme: Theme, confirmed: bool = True) -> go.Figure:
             "title": {"text": "device models, largest gain first"},
             "showgrid": False,
             "tickformat": "d",
+            "dtick": 1 if len(slugs) <= 12 else None,
         },
         yaxis={
             "title": {"text": "speedup"},
@@ -169,8 +170,8 @@ def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
     )
     _add_intervals(figure, list(enumerate(releases)), theme)
     names = [", ".join(filter(None, (row.driver, row.os_version))) or "unknown" for row in releases]
-    told = [formats.speedup(row.speedup) for row in releases]
-    layout.name_bars(figure, zip(told, names, strict=True), theme)
+    values = [formats.speedup(row.speedup) for row in releases]
+    layout.name_bars(figure, zip(values, names, strict=True), theme)
     reach = max((row.high or row.speedup for row in releases), default=1.0)
     return figure.update_layout(
         xaxis={
@@ -230,10 +231,10 @@ def sensors_height(sensors: int) -> int:
 
 
 def sensor_lines(sensors: Sequence[Readings], theme: Theme) -> go.Figure:
-    """What each sensor told over the session, one below the other over one axis of time."""
+    """What each sensor reported over the session, one below the other over one axis of time."""
     figure = layout.blank(theme, sensors_height(len(sensors)))
     if not sensors:
-        return layout.note(figure, "The device told nothing of its state", theme)
+        return layout.note(figure, "The device reported no sensors", theme)
     share = 1 / len(sensors)
     for number, sensor in enumerate(sensors):
         axis = "" if number == 0 else str(number + 1)

@@ -23,7 +23,7 @@ DENSE = 200
 LEGEND_ENTRY = 58
 # What bars can be coloured by.
 VENDOR, SOC = "vendor", "soc"
-UNTOLD = "unknown"
+UNKNOWN = "unknown"
 # Vendors with a colour of their own, in the order of the palette; CPU gets its grey.
 COLOURED = ("Adreno", "Mali", "NVIDIA", "Intel", "Radeon", "Apple", CPU)
 
@@ -38,7 +38,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     computed, or BY the system on a chip.
 
     Figures that count come first, largest gain first. Unconfirmed figures follow them and are dotted, suspect
-    ones are striped. Dark whiskers are 95 % intervals over installations, light ones the interval of the one
+    ones are striped. Whiskers are 95 % intervals over installations, grey ones the interval of the one
     session behind a figure. Up to NAMED_BARS bars lie flat with the name above each. Of more than
     decimation.MOST_DRAWN bars every n-th is drawn, and the figure says so.
     """
@@ -50,7 +50,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     names = bar_names(ranked)
     vendors = [row.vendor for row in ranked]
     if by == SOC:
-        groups = frequent([row.device.soc or UNTOLD for row in ranked], len(theme.series) - 1)
+        groups = frequent([row.device.soc or UNKNOWN for row in ranked], len(theme.series) - 1)
         colours = _group_colours(groups, theme)
     else:
         groups = [name if name in COLOURED else OTHER for name in vendors]
@@ -92,8 +92,8 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     }
     no_gain = {"type": "line", "line": {"color": theme.ink, "width": 1.5, "dash": "dot"}}
     if flat:
-        told = [formats.speedup(row.speedup) for row in ranked]
-        layout.name_bars(figure, zip(told, names, strict=True), theme)
+        written = [formats.speedup(row.speedup) for row in ranked]
+        layout.name_bars(figure, zip(written, names, strict=True), theme)
         figure.add_shape(x0=1, x1=1, yref="paper", y0=0, y1=1, **no_gain)
         return figure.update_layout(
             xaxis=values_axis, yaxis=layout.flat_rows(len(ranked)), legend={"entrywidth": LEGEND_ENTRY}
@@ -129,16 +129,23 @@ def bar_names(rows: Sequence[Speedup]) -> list[str]:
     of_device: dict[str, list[Speedup]] = defaultdict(list)
     for row in rows:
         of_device[row.device.slug].append(row)
-    differing = {
-        slug: [tell for tell in DISTINGUISHING if len({tell(row) for row in own}) > 1]
-        for slug, own in of_device.items()
-    }
-    return [_bar_name(row, [tell(row) for tell in differing[row.device.slug]]) for row in rows]
+    needed = {slug: _distinguishing(own) for slug, own in of_device.items()}
+    return [_bar_name(row, [tell(row) for tell in needed[row.device.slug]]) for row in rows]
+
+
+def _distinguishing(rows: Sequence[Speedup]) -> list[Callable[[Speedup], str]]:
+    """As few of DISTINGUISHING as tell all of ROWS apart; all that differ where none do."""
+    needed: list[Callable[[Speedup], str]] = []
+    for tell in DISTINGUISHING:
+        if len({tuple(known(row) for known in needed) for row in rows}) == len(rows):
+            break
+        if len({tell(row) for row in rows}) > 1:
+            needed.append(tell)
+    return needed
 
 
 def _bar_name(row: Speedup, parts: Sequence[str]) -> str:
-    title = row.device.title
-    return f"{title} ({', '.join(dict.fromkeys(filter(None, parts)))})" if parts else title
+    return f"{row.device.title} ({', '.join(parts)})" if parts else row.device.title
 
 
 def _address(row: Speedup) -> str:
@@ -146,7 +153,7 @@ def _address(row: Speedup) -> str:
 
 
 def frequent(groups: Sequence[str], most: int) -> list[str]:
-    """GROUPS with all but the MOST frequent ones called OTHER: more colours nobody tells apart."""
+    """GROUPS with all but the MOST frequent ones called OTHER: more colours cannot be distinguished."""
     counts = Counter(group for group in groups if group != OTHER)
     kept = {group for group, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]}
     return [group if group in kept else OTHER for group in groups]

@@ -9,7 +9,7 @@ from crowd.dashboard.choosing import measured, named, onward, query
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.confirmation import confirmed_by_chip, left_out, ordered
 from crowd.dashboard.drawings.comparison import read
-from crowd.dashboard.drawings.devices import attempts_of, rank_of
+from crowd.dashboard.drawings.devices import attempts_of, crowd_of, rank_of
 from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures.devices import configurations_height, releases_height
 from crowd.dashboard.figures.frames import stages_height
@@ -55,6 +55,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
     shown = measured(slug, request.GET.get("application", ""))
     detail = shown.detail
     figure = newest_figure(detail)
+    crowd = crowd_of(detail, figure)
     here = standing(detail, figure)
     history = results.history(slug, application=shown.application)
     return render(
@@ -72,8 +73,8 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "figure": figure,
             "by_chip": confirmed_by_chip(figure),
             "lanes": race(figure.speedup if figure else None),
-            "rank": rank_of(detail, figure),
-            "fared": attempts_of(detail, figure),
+            "rank": rank_of(crowd, slug),
+            "fared": attempts_of(crowd, slug, figure),
             "standing": here,
             "configurations_height": configurations_height(len(here.rows) if here else 0),
             "others": [row for row in detail.speedups if here is None or row not in here.rows],

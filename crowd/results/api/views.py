@@ -8,6 +8,7 @@ from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from crowd import limits
+from crowd.addresses import address_of, network_of
 from crowd.api import Endpoint, answer, body
 from crowd.devices import permits
 from crowd.devices.authentication import OwnEndpoint, installation_asking
@@ -53,7 +54,7 @@ class EnrolView(Endpoint):
             enrolment.app_version,
             enrolment.consent_version,
             simulated=simulated,
-            network="" if simulated else limits.network_of(request),
+            network="" if simulated else network_of(request),
         )
         return answer(answers.Enrolled(installation.pk, token), 201, {"Cache-Control": "no-store"})
 
@@ -124,4 +125,4 @@ class SubmissionView(OwnEndpoint):
 
 
 def _sender(request: Request) -> Sender:
-    return Sender(installation_asking(request), limits.address_of(request), limits.network_of(request))
+    return Sender(installation_asking(request), address_of(request), network_of(request))

@@ -60,6 +60,11 @@ VALUES = Allowance("values", "FRONTRUNNER_VALUES_PER_DAY", "values")
 STORED = Allowance("stored", "FRONTRUNNER_STORED_BYTES_PER_DAY", "bytes in the database")
 
 
+def in_force() -> list[Allowance]:
+    """The daily limits of this deployment, for people to read."""
+    return [allowance for allowance in (BYTES, VALUES, STORED) if allowance.quota]
+
+
 def charge_body(sender: Sender, body: bytes) -> None:
     """Count BODY, before it is decoded. Raises Problem 429."""
     _charge(sender, BYTES, len(body))

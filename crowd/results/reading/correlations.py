@@ -58,6 +58,7 @@ def matrix(filters: SpeedupFilters, most: int = MOST_DEVICES) -> CorrelationMatr
         spearman=spearman,
         common=common,
         left_out=len(found.devices) - len(shown),
+        unconfirmed=found.unconfirmed,
     )
 
 

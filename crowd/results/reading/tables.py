@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,6 @@ from crowd.devices import revision
 from crowd.devices.vendors import vendor
 from crowd.fronts.models import Configuration
 from crowd.results.figures.cohorts import figures
-from crowd.results.figures.confirmation import confirmed
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
 from crowd.results.reading.figures import devices_of, is_confirmed, simulated_only
 from crowd.results.reading.filters import ALL, SpeedupFilters
@@ -19,15 +19,25 @@ from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import between, cohorts_of, matches, measured_front
 from crowd.results.reading.versioned_cache import VersionedCache
 
-# device, backend, processor, configuration, baseline, logarithm of the speedup, sessions
-Cell = tuple[Device, str, str, str, str, float, int]
+
+class Cell(NamedTuple):
+    """One valid figure: the logarithm of a configuration's speedup over the baseline on a device."""
+
+    device: Device
+    backend: str
+    processor: str
+    configuration: str
+    baseline: str
+    log_speedup: float
+    sessions: int
+    confirmed: bool
 
 
 @dataclass(frozen=True)
 class Table:
-    """Logarithms of speedup over the default, (devices, configurations): NaN without a confirmed figure,
-    0 in the default's column. One row a device: that of the processor with the most configurations, then
-    sessions.
+    """Logarithms of speedup over the default, (devices, configurations): NaN where there is no confirmed
+    figure, 0 in the default's column. One row a device: that of the processor with the most configurations,
+    then sessions. `unconfirmed`: how many other devices have enough figures that are valid but not confirmed.
     """
 
     front: str | None
@@ -37,6 +47,7 @@ class Table:
     sessions: tuple[int, ...]  # of the configuration with the most
     configurations: tuple[str, ...]
     log_speedups: NDArray[np.float64]
+    unconfirmed: int
 
 
 # Of 2,000 devices and twenty configurations one takes a megabyte.
@@ -44,9 +55,9 @@ _cache: VersionedCache[Table] = VersionedCache(8)
 
 
 def table(filters: SpeedupFilters, least: int) -> Table:
-    """The confirmed figures of every configuration under FILTERS (whatever configuration they name), of devices
-    with at least LEAST configurations, the default among them. Nine queries at most; four at most where
-    nothing changed since this process answered the same.
+    """The confirmed figures of every configuration under FILTERS (whatever configuration they name), of
+    devices with at least LEAST configurations, the default among them. Nine queries at most; four at most
+    where nothing changed since this process answered the same.
 
     What a period's figures are made of changes together with stored figures, or waits to be worked into them.
     """
@@ -56,8 +67,9 @@ def table(filters: SpeedupFilters, least: int) -> Table:
 
 
 def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
-    cells = _of_period(filters, front) if filters.period else _stored(filters, front)
-    chosen = _chosen(cells, least)
+    cells = list(_of_period(filters, front) if filters.period else _stored(filters, front))
+    chosen = _chosen((cell for cell in cells if cell.confirmed), least)
+    unconfirmed = _chosen(cells, least).keys() - chosen.keys()
     names = sorted({name for row in chosen.values() for name in row.logs})
     columns = {name: column for column, name in enumerate(names)}
     values = np.full((len(chosen), len(names)), np.nan)
@@ -75,6 +87,7 @@ def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
         sessions=tuple(row.sessions for row in rows),
         configurations=tuple(names),
         log_speedups=values,
+        unconfirmed=len(unconfirmed),
     )
 
 
@@ -95,8 +108,6 @@ def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
         state=State.VALID,
         sessions__gte=filters.min_sessions,
     ).order_by()
-    if not filters.simulated:
-        rows = rows.filter(confirmed())
     found = list(
         rows.values_list(
             "device_id",
@@ -107,13 +118,17 @@ def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
             "baseline__name",
             "speedup",
             "sessions",
+            "witnesses",
+            "chip_witnesses",
         )
     )
     devices = devices_of(row[0] for row in found)
-    for key, backend, processor, kind, configuration, baseline, speedup, sessions in found:
+    for key, backend, processor, kind, configuration, baseline, speedup, sessions, own, chip in found:
         device = devices[key]
         if matches(filters, device, vendor(processor, device.gpu, kind), backend):
-            yield device, backend, processor, configuration, baseline, math.log(speedup), sessions
+            sure = is_confirmed(device, own, chip)
+            log = math.log(speedup)
+            yield Cell(device, backend, processor, configuration, baseline, log, sessions, sure)
 
 
 def _of_period(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
@@ -129,19 +144,19 @@ def _of_period(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
     for key, figure in figures(rows.filter(state=State.VALID)).items():
         device_key, backend, processor, kind = found[key.cohort]
         device, sessions = devices[device_key], figure.model.sessions
-        if (
-            sessions >= filters.min_sessions
-            and is_confirmed(device, figure.witnesses)
-            and matches(filters, device, vendor(processor, device.gpu, kind), backend)
+        if sessions >= filters.min_sessions and matches(
+            filters, device, vendor(processor, device.gpu, kind), backend
         ):
+            configuration, baseline = names[key.configuration], names[key.baseline]
+            sure = is_confirmed(device, figure.witnesses)
             log = math.log(figure.model.speedup.value)
-            yield device, backend, processor, names[key.configuration], names[key.baseline], log, sessions
+            yield Cell(device, backend, processor, configuration, baseline, log, sessions, sure)
 
 
 def _chosen(cells: Iterable[Cell], least: int) -> dict[str, _Row]:
     """One row a device with enough configurations, by its slug and in the order of slugs."""
     rows: dict[tuple[str, str, str], _Row] = {}
-    for device, backend, processor, configuration, baseline, log, sessions in cells:
+    for device, backend, processor, configuration, baseline, log, sessions, _ in cells:
         key = (device.slug, backend, processor)
         row = rows.get(key)
         if row is None:

@@ -17,8 +17,8 @@ NEAR = 1.1
 
 
 def winners(filters: SpeedupFilters) -> Winners:
-    """The fastest valid configuration of each device that measured at least LEAST_CONFIGURATIONS of them, the
-    default among them; in the order of slugs. No query beside those of the table.
+    """The fastest configuration of each device that has confirmed figures of LEAST_CONFIGURATIONS or more,
+    the default among them; in the order of slugs. No query beside those of the table.
     """
     found = table(filters, LEAST_CONFIGURATIONS)
     rows = tuple(_winner(found, place, device) for place, device in enumerate(found.devices))
@@ -34,6 +34,7 @@ def winners(filters: SpeedupFilters) -> Winners:
         wins=sum(row.best_rank == 1 for row in rows),
         median_regret=median(regrets) if regrets else None,
         nearly_wins=sum(regret <= NEAR for regret in regrets) / len(regrets) if regrets else None,
+        unconfirmed=found.unconfirmed,
     )
 
 

@@ -39,7 +39,8 @@ class Winners:
 
     `counts`: how many devices each winning configuration wins on, most first. Of the `judged` devices that
     measured the reference's best, it is the fastest on `wins`, and within a tenth of the fastest on the share
-    nearly_wins; nearly_wins and median_regret are None where none measured it.
+    nearly_wins; nearly_wins and median_regret are None where none measured it. All figures are confirmed;
+    `unconfirmed` other devices measured enough configurations, but too few of their figures are confirmed.
     """
 
     filters: SpeedupFilters
@@ -51,6 +52,7 @@ class Winners:
     wins: int
     median_regret: float | None
     nearly_wins: float | None
+    unconfirmed: int
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,8 @@ class CorrelationMatrix:
 
     `pearson` is that of logarithms of time, `spearman` that of ranks, over the `common` configurations that
     both measured, the default among them; NaN on the diagonal, where those are too few, and where one device
-    runs them all equally fast. `left_out` devices with fewer sessions are not among `devices`.
+    runs them all equally fast. `left_out` devices with fewer sessions are not among `devices`, nor are
+    the `unconfirmed` ones.
     """
 
     filters: SpeedupFilters
@@ -71,6 +74,7 @@ class CorrelationMatrix:
     spearman: NDArray[np.float64]
     common: NDArray[np.int64]
     left_out: int
+    unconfirmed: int
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,308 @@
+"""What pages say in every state: nothing measured, nothing confirmed, some confirmed, simulated, private."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.dashboard.confirmation import left_out, ordered, requirement
+from crowd.devices.models import DeviceModel, Installation
+from crowd.fronts.models import FrontVersion
+from crowd.results.models import DeviceSpeedup, State, Tombstone
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.selectors import Speedups
+from tests.crowd.documents import run_document
+from tests.crowd.participant import Participant
+from tests.dashboard.measuring import measure
+from tests.dashboard.reading import read, text
+from tests.dashboard.rows import speedup
+
+UNCONFIRMED = "unconfirmed : three independent installations have to agree before"
+
+
+@pytest.fixture(autouse=True)
+def quorum(settings: Any) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+
+
+def plain(client: Client, address: str) -> str:
+    """The text of the page at ADDRESS, with ordinary blanks."""
+    return read(client, address).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def confirmed_phone(join: Callable[[], Participant], model: str, best_us: int) -> None:
+    for _ in range(3):
+        measure(join(), model, best_us=best_us)
+
+
+def test_the_models_left_out_are_counted_once_by_their_state() -> None:
+    rows = (
+        speedup(9.0, "counted"),
+        speedup(8.0, "counted", processor="pthread", processor_class="cpu", confirmed=False),
+        speedup(7.0, "waiting", confirmed=False),
+        speedup(6.0, "waiting", processor="pthread", processor_class="cpu", suspect=True),
+        speedup(5.0, "hot", suspect=True),
+        speedup(4.0, "other", configuration="accurate", confirmed=False),
+    )
+    crowd = Speedups(SpeedupFilters(), "kfusion-test", rows, ())
+
+    found = left_out(crowd)
+
+    assert (found.unconfirmed, found.suspect, found.devices) == (1, 1, 2)
+    assert found.devices == crowd.headline.unconfirmed
+    assert (found.smallest, found.largest, found.only) == (5.0, 7.0, None)
+    assert found.words.replace("\N{NO-BREAK SPACE}", " ") == "1 unconfirmed device and 1 suspect device"
+
+
+def test_no_unconfirmed_figure_stands_above_one_that_counts() -> None:
+    rows = (speedup(23.0, "a", confirmed=False), speedup(9.0, "b", suspect=True), speedup(2.0, "c"))
+
+    assert [row.device.slug for row in ordered(rows)] == ["c", "a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("installations", "words"),
+    [
+        (1, "one independent installation has to measure it"),
+        (2, "two independent installations have to agree"),
+        (5, "5 independent installations have to agree"),
+    ],
+)
+def test_the_requirement_is_in_words(settings: Any, installations: int, words: str) -> None:
+    settings.FRONTRUNNER_QUORUM = installations
+
+    assert requirement() == words
+
+
+@pytest.mark.django_db
+def test_the_first_device_is_shown_with_its_sessions_interval_and_claims_no_crowd(
+    client: Client, participant: Participant
+) -> None:
+    runs = [
+        run_document("default", 0, 0, 80_000),
+        run_document("best", 0, 1, 10_000),
+        run_document("best", 1, 2, 10_200),
+        run_document("default", 1, 3, 80_000),
+    ]
+    measure(participant, runs=runs)
+    row = DeviceSpeedup.objects.get()
+    assert row.session_low is not None
+    assert row.session_low < row.speedup
+
+    page = plain(client, "/")
+
+    assert "Tuned on one machine. One device measured so far: 7.92x faster" in page
+    assert f"{UNCONFIRMED} it counts. 1 installation measured it so far." in page
+    assert "Speedup of best over default on Google Pixel 8 7.92x 95 % interval of its one session: " in page
+    assert "one device so far" in page
+    assert "x best did not finish on 0 of 1 device, lost the camera on 0 of 1" in page
+    assert "none confirmed; in 1 session" in page
+    assert "Mean speedup" not in page
+    assert "Dotted: 1 unconfirmed figure, in no mean." in page
+    assert "across" not in page.partition("Save, cite")[0]
+    assert "Google Pixel 8 Mali-G715 unconfirmed 7.92x" in page
+    assert "one session 1" in page
+
+
+@pytest.mark.django_db
+def test_several_unconfirmed_devices_have_a_range_and_no_mean(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    measure(join(), "Pixel 8", best_us=10_000)
+    measure(join(), "Pixel 7", best_us=40_000)
+
+    home, devices = plain(client, "/"), plain(client, "/devices/")
+
+    assert "Tuned on one machine. 2 devices measured so far, none confirmed" in home
+    assert "From the smallest speedup to the largest 2.00-8.00x 2 unconfirmed devices" in home
+    assert "Mean speedup" not in home
+    assert "frames" not in home.partition("Filters")[0]
+    assert "2 unconfirmed devices so far: no figure counts yet, so there is no mean." in devices
+    assert UNCONFIRMED in devices
+
+
+@pytest.mark.django_db
+def test_an_invented_figure_changes_neither_headline_nor_order_nor_breakdown(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    confirmed_phone(join, "Pixel 8", 40_000)
+    confirmed_phone(join, "Pixel 7", 40_000)
+    measure(join(), "Pixel 6", best_us=6_000)
+
+    home = plain(client, "/")
+    devices = plain(client, "/devices/")
+
+    assert "2.00x faster across 2 devices" in home
+    assert "over 2 device models with a confirmed figure" in home
+    assert "not in it: 1 unconfirmed device" in home
+    assert "13.3x" not in home.partition("Speedup by device")[0]
+    table = home.partition("Device Speedup 95 % interval Sessions")[2]
+    assert table.index("Pixel 7") < table.index("Pixel 8") < table.index("Pixel 6 Mali-G715 unconfirmed")
+    assert "Mali 2.00x - 2 1 0 of 3 0 of 3" in home
+    assert "2 device models: 2.00x faster in the mean" in devices
+    assert "Not in it: 1 unconfirmed device." in devices
+    assert "Best did not finish on 0 of 3 devices, lost the camera on 0 of 3." in devices
+    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 2.00x 2 1 0 of 3 0 of 3" in plain(
+        client, "/fronts/kfusion-test/"
+    )
+
+
+@pytest.mark.django_db
+def test_an_unconfirmed_device_has_no_rank_and_its_page_says_where_it_would_stand(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    confirmed_phone(join, "Pixel 8", 40_000)
+    confirmed_phone(join, "Pixel 7", 20_000)
+    measure(join(), "Pixel 6", best_us=30_000)
+
+    page = plain(client, "/devices/google-pixel-6/")
+    other = plain(client, "/devices/google-pixel-8/")
+
+    assert f"{UNCONFIRMED} it counts. 1 installation measured it so far." in page
+    assert "It has no rank: its figure is unconfirmed. Once confirmed it would have rank 2 of 3" in page
+    assert "rank 2 of 2 device models" in other
+    table = client.get("/tables/devices/google-pixel-6/crowd.json").json()
+    assert [(row["device"], row["state"]) for row in table["rows"]] == [
+        ("google-pixel-7", "confirmed"),
+        ("google-pixel-6", "unconfirmed"),
+        ("google-pixel-8", "confirmed"),
+    ]
+    assert "(unconfirmed)" in table["title"]
+    (bars,) = client.get("/figures/devices/google-pixel-6/crowd.json").json()["data"]
+    assert bars["marker"]["pattern"]["shape"] == ["", ".", ""]
+
+
+@pytest.mark.django_db
+def test_a_suspect_device_has_no_rank_at_all(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    confirmed_phone(join, "Pixel 8", 40_000)
+    measure(join(), "Pixel 6")
+    DeviceSpeedup.objects.filter(device__name="Pixel 6").update(state=State.SUSPECT)
+
+    page = plain(client, "/devices/google-pixel-6/")
+
+    assert "suspect : none of its sessions is valid, so it is in no mean." in page
+    assert "rank" not in page
+
+
+@pytest.mark.django_db
+def test_other_sites_show_confirmed_figures_and_count_the_others(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    confirmed_phone(join, "Pixel 8", 40_000)
+    measure(join(), "Pixel 6", best_us=6_000)
+
+    embed = client.get("/embed/speedups/")
+    (address,) = re.findall(r'data-figure="([^"]+)"', embed.content.decode())
+
+    assert "1 figure from 3 sessions; not shown: 1 unconfirmed device" in text(embed).replace("\xa0", " ")
+    assert shown(client, address) == [2.0]
+    assert shown(client, "/figures/speedups.json") == [2.0, 13.3333]
+    assert "embedded" not in client.get("/tables/speedups.json").json()["page"]
+
+
+def shown(client: Client, address: str) -> list[float]:
+    """The lengths of the bars of the figure at ADDRESS."""
+    traces = client.get(address).json()["data"]
+    return [value for trace in traces if trace["type"] == "bar" for value in trace["x"]]
+
+
+@pytest.mark.django_db
+def test_downloads_tell_confirmation_and_suspicion_apart(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    confirmed_phone(join, "Pixel 8", 40_000)
+    measure(join(), "Pixel 7")
+    measure(join(), "Pixel 6")
+    DeviceSpeedup.objects.filter(device__name="Pixel 6").update(state=State.SUSPECT)
+
+    rows = client.get("/tables/speedups.json").json()["rows"]
+
+    assert {row["model"]: (row["state"], row["suspect"]) for row in rows} == {
+        "Pixel 8": ("confirmed", False),
+        "Pixel 7": ("unconfirmed", False),
+        "Pixel 6": ("unconfirmed", True),
+    }
+    (row,) = client.get("/tables/devices/google-pixel-7/configurations.json").json()["rows"]
+    assert (row["state"], row["suspect"], row["processor_class"]) == ("unconfirmed", False, "gpu")
+
+
+@pytest.mark.django_db
+def test_every_simulated_figure_is_treated_as_confirmed(client: Client, participant: Participant) -> None:
+    Installation.objects.update(simulated=True)
+    measure(participant)
+
+    page = plain(client, "/?simulated=1")
+
+    assert "Simulated. Nobody measured these devices" in page
+    assert "Every figure is treated as confirmed" in page
+    assert "Tuned on one machine, 8.00x faster on one device" in page
+    assert UNCONFIRMED not in page
+
+
+@pytest.mark.django_db
+@pytest.mark.parametrize("address", ["/", "/devices/", "/transfer/", "/fronts/kfusion-test/", "/about/"])
+def test_a_private_server_says_how_few_installations_it_asks_for(
+    client: Client, front: FrontVersion, settings: Any, address: str
+) -> None:
+    notice = "This server confirms a figure with"
+    assert notice not in plain(client, address)
+
+    settings.FRONTRUNNER_QUORUM = 2
+
+    assert f"{notice} 2 installations." in plain(client, address)
+
+
+@pytest.mark.django_db
+def test_failures_stand_beside_the_mean(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    confirmed_phone(join, "Pixel 8", 40_000)
+    lost = [
+        run_document("default", 0, 0, 80_000),
+        run_document("best", 0, 1, 1_000, ate_max=0.4),
+        run_document("best", 1, 2, 1_000, ate_max=0.4),
+        run_document("default", 1, 3, 80_000),
+    ]
+    measure(join(), "Pixel 7", runs=lost)
+
+    assert "best did not finish on 0 of 2 devices, lost the camera on 1 of 2" in plain(client, "/")
+    assert "Best did not finish on 0 of 2 devices, lost the camera on 1 of 2." in plain(client, "/devices/")
+    assert "8.00x 2.00x 1 0 0 of 2 1 of 2" in plain(client, "/fronts/kfusion-test/")
+    assert "Best did not finish in 0 of 1 session, lost the camera in 1 of 1." in plain(
+        client, "/devices/google-pixel-7/"
+    )
+
+
+@pytest.mark.django_db
+def test_runs_that_were_deleted_one_by_one_are_counted_in_public(
+    client: Client, participant: Participant
+) -> None:
+    session = measure(participant)
+    assert "deleted one by one" not in plain(client, "/")
+    assert "0 runs were deleted one by one by participants" in plain(client, "/data/")
+
+    participant.delete(f"/me/runs/{session['runs'][0]['id']}")
+    Tombstone.objects.update(single=True)
+
+    assert "1 run was deleted one by one by participants" in plain(client, "/")
+    assert "1 run was deleted one by one by participants" in plain(client, "/data/")
+
+
+@pytest.mark.django_db
+def test_a_masked_device_says_why_it_has_no_name(
+    client: Client, participant: Participant, settings: Any
+) -> None:
+    settings.FRONTRUNNER_RARE_BELOW = 5
+    measure(participant)
+    DeviceModel.objects.update(rare=True)
+
+    home = client.get("/")
+    (slug,) = set(re.findall(r'"/devices/([a-z0-9-]+)/"', home.content.decode()))
+    page = plain(client, f"/devices/{slug}/")
+
+    assert "Pixel" not in page + text(home)
+    assert "This model is shown by its chip only: fewer than 5 installations measured it" in page
