@@ -38,7 +38,8 @@ class Chip:
 
 
 MODELS: tuple[tuple[str, str, str, Chip], ...] = (
-    ("Android", "Google", "Pixel 8", Chip("ARM Platform", "Mali-G715", "3.0 v1.r44p1", "Google", "Tensor G3")),
+    ("Android", "Google", "Pixel 8",
+     Chip("ARM Platform", "Mali-G715", "3.0 v1.r44p1", "Google", "Tensor G3")),
     ("Android", "samsung", "SM-S911B", Chip("QUALCOMM Snapdragon(TM)", "QUALCOMM Adreno(TM) 740",
      "OpenCL 3.0 QUALCOMM build: commit #2 Compiler E031.41.03.36", "QTI", "SM8550")),
     ("Android", "Xiaomi", "MI 9", Chip("QUALCOMM Snapdragon(TM)", "QUALCOMM Adreno(TM) 640",
@@ -48,7 +49,8 @@ MODELS: tuple[tuple[str, str, str, Chip], ...] = (
     ("Windows 11", "LENOVO", "20W0CTO1WW", Chip("Intel(R) OpenCL Graphics", "Intel(R) Iris(R) Xe Graphics",
      "31.0.101.5186", cpu="11th Gen Intel(R) Core(TM) i5-1135G7")),
     ("Linux", "HP", "Z2 G9 Tower Workstation", Chip("Portable Computing Language",
-     "cpu-skylake-Intel(R) Core(TM) i9-9900K CPU @ 3.60GHz", "5.0", cpu="Intel(R) Core(TM) i9-9900K CPU @ 3.60GHz")),
+     "cpu-skylake-Intel(R) Core(TM) i9-9900K CPU @ 3.60GHz", "5.0",
+     cpu="Intel(R) Core(TM) i9-9900K CPU @ 3.60GHz")),
 )  # fmt: skip
 
 
@@ -58,7 +60,7 @@ def device(system: str, maker: str, model: str, chip: Chip, **changes: Any) -> D
 
 
 def session(speedup: float, chance: random.Random, **changes: Any) -> Document:
-    """Default, best, best, default with SPEEDUP, a few per cent of noise on each, and times like no other's."""
+    """Default, best, best, default with SPEEDUP and a few per cent of noise; no other has the same times."""
     runs = []
     for order, (name, repeat) in enumerate([("default", 0), ("best", 0), ("best", 1), ("default", 1)]):
         level = DEFAULT_US / (speedup if name == "best" else 1) * chance.gauss(1, 0.01)
@@ -81,7 +83,7 @@ class Caller:
     statuses: list[int] = field(default_factory=list)
 
     def ask(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, bytes]:
-        """Status and content of one request; a document as BODY is sent as JSON, bytes as they are, packed."""
+        """Status and content of one request. A document is sent as JSON, bytes as they are, both packed."""
         content = body if isinstance(body, bytes | None) else json.dumps(body).encode()
         more = {"X-Forwarded-For": self.address, "Content-Type": "application/json"} | headers
         if content is not None:
@@ -138,7 +140,8 @@ def honest_crowd(server: Serving) -> None:
             caller = Caller(server, f"10.{number}.{place}.1")
             member = caller.enrol()
             assert member is not None
-            assert member.send(submission(device(*model), session(SPEEDUP * chance.gauss(1, 0.03), chance))) == 202
+            measured = session(SPEEDUP * chance.gauss(1, 0.03), chance)
+            assert member.send(submission(device(*model), measured)) == 202
 
 
 class Attacker:
@@ -206,7 +209,11 @@ class Attacker:
                 extreme = session_document(FRONT, default_us, best_us, backend=backend)
                 member = next(fresh)
                 self._send(member, device(system, maker, model, chip), extreme)
-                self._send(member, device(system, maker, f"{WORD}{backend}", chip), extreme | {"id": str(uuid.uuid4())})
+                self._send(
+                    member,
+                    device(system, maker, f"{WORD}{backend}", chip),
+                    extreme | {"id": str(uuid.uuid4())},
+                )
 
     def _use_own_words(self, fresh: Iterator[Installation]) -> None:
         """The attacker's text wherever a text is taken."""
