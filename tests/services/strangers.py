@@ -152,6 +152,7 @@ class Attacker:
         self.chance = random.Random(3)
         self.members: list[Installation] = []
         self.taken = 0  # submissions that were accepted
+        self.worded: list[Document] = []  # sessions with own words
 
     def attack(self) -> None:
         """Everything, until each request is refused because there were too many."""
@@ -237,6 +238,7 @@ class Attacker:
         first, second, *_ = made["runs"]
         first |= {"status": "failed", "failure": f"{text}: out of memory", "note": text}
         second |= {"stages_us": {WORD.lower(): second["frame_us"]}}
+        self.worded.append(made)
         return made
 
     def _toggle(self, member: Installation) -> None:
