@@ -161,6 +161,7 @@ class Attacker:
         self._ride_on_chips(fresh)
         self._measure_existing_models(fresh)
         self._exaggerate(fresh)
+        self._fail(fresh)
         self._use_own_words(fresh)
         self._toggle(next(fresh))
         self._replay(next(fresh))
@@ -184,7 +185,7 @@ class Attacker:
 
     def _ride_on_chips(self, fresh: Iterator[Installation]) -> None:
         """Invented models with the chips of honest ones, as fast as these allow."""
-        for number in range(4):
+        for number in range(2):
             for system, maker, _, chip in MODELS:
                 described = device(system, maker, f"{WORD} {number}", chip)
                 self._send(next(fresh), described, session(SPEEDUP * PLAUSIBLE, self.chance), show_model=True)
@@ -207,14 +208,24 @@ class Attacker:
             MODELS, ["opencl", "webgpu", "vulkan", "metal", "cuda", "cpu"], strict=True
         ):
             for default_us, best_us in ((slow, fast), (fast, slow), (4_200_000_000, fast)):
-                extreme = session_document(FRONT, default_us, best_us, backend=backend)
-                member = next(fresh)
-                self._send(member, device(system, maker, model, chip), extreme)
-                self._send(
-                    member,
-                    device(system, maker, f"{WORD}{backend}", chip),
-                    extreme | {"id": str(uuid.uuid4())},
-                )
+                for name in (model, f"{WORD}{backend}"):
+                    extreme = session_document(FRONT, default_us, best_us, backend=backend)
+                    self._send(next(fresh), device(system, maker, name, chip), extreme)
+
+    def _fail(self, fresh: Iterator[Installation]) -> None:
+        """Failures and lost cameras, on models that are there and on invented ones."""
+        for system, maker, model, chip in MODELS:
+            for name in (model, f"{WORD} fails"):
+                failing = [self._failing() for _ in range(6)]
+                self._send(next(fresh), device(system, maker, name, chip), *failing)
+
+    def _failing(self) -> Document:
+        made = session(SPEEDUP, self.chance)
+        for run in made["runs"]:
+            if run["configuration"] == "best":
+                run["ate_max"] = 1.0
+        made["runs"][1] |= {"status": "failed", "failure": WORD}
+        return made
 
     def _use_own_words(self, fresh: Iterator[Installation]) -> None:
         """The attacker's text wherever a text is taken."""
@@ -234,7 +245,11 @@ class Attacker:
     def _worded(self, text: str) -> Document:
         """A session with TEXT in everything that it says besides numbers."""
         made = session(SPEEDUP, self.chance, extra={"note": text}, note=text)
-        made["samples"] = [{"t": 0.0, "note": text}]
+        made |= {"started_at": "0001-01-01T00:00:00Z"}
+        made["samples"] = [
+            {"t": 0.0, "note": text, "temperature_c": 1e308, "cpu_mhz": -1e308, "battery": 1e308}
+        ]
+        made["runs"][3] |= {"ate_mean": 1e308, "ate_rmse": 1e308, "order": 32_767, "tracked": 100}
         first, second, *_ = made["runs"]
         first |= {"status": "failed", "failure": f"{text}: out of memory", "note": text}
         second |= {"stages_us": {WORD.lower(): second["frame_us"]}}

@@ -106,6 +106,14 @@ def test_the_headline_stays_where_the_honest_put_it(attacked: Attacked) -> None:
     assert abs(after["geometric_mean"] / before["geometric_mean"] - 1) < MOST_SHIFT
 
 
+@pytest.mark.xfail(strict=True, reason="failures are counted by sessions and models, not by networks")
+def test_failures_that_one_network_reports_are_not_the_crowds(attacked: Attacked) -> None:
+    before, after = attacked.before.summary, attacked.after.summary
+
+    assert (before["attempted"], before["failing"], before["losing"]) == (len(MODELS), 0, 0)
+    assert (after["failing"], after["losing"]) == (0, 0)
+
+
 def test_the_database_grows_by_little(attacked: Attacked) -> None:
     assert attacked.after.database - attacked.before.database < MOST_GROWTH
 
