@@ -62,6 +62,7 @@ class QueueFilter(admin.SimpleListFilter):
 class DescriptionInline(ReadOnlyInline):
     model = DeviceDescription
     fields = ("first_seen_at", "driver_name", "driver_version", "raw")
+    readonly_fields = ("first_seen_at",)
 
 
 @admin.register(DeviceModel)
