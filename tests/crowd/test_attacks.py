@@ -12,7 +12,8 @@ from django.urls import reverse
 from crowd.devices import revision
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation, Revision
 from crowd.results import tasks
-from crowd.results.models import DeviceSpeedup, SessionSummary
+from crowd.results.models import DeviceSpeedup, ExportFile, SessionSummary
+from crowd.results.opendata import exports
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
@@ -120,3 +121,19 @@ def test_the_true_name_of_a_masked_model_finds_nothing(
     assert set(statuses.values()) == {404}, statuses
     assert "Pixel" not in beside
     assert "Pixel" not in client.get("/?device=google").content.decode()
+
+
+def test_a_toggled_choice_rewrites_files_at_most_once_an_hour(
+    client: Client, participant: Participant, settings: Any
+) -> None:
+    settings.FRONTRUNNER_RARE_BELOW = 5
+    participant.submit(submission_document())
+    exports.make()
+
+    for number in range(12):
+        named = number % 2 == 0
+        participant.submit(submission_document(session_document(), show_model=named))
+
+    # Named once, and masked again.
+    assert set(ExportFile.objects.filter(table="devices").values_list("marked", flat=True)) == {2}
+    assert client.get("/devices/google-pixel-8/").status_code == 404

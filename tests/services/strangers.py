@@ -298,9 +298,22 @@ class Attacker:
 
     def _fill_the_database(self, fresh: Iterator[Installation]) -> None:
         """The largest sessions that are taken, until the address may store nothing more."""
-        for member in itertools.cycle(list(fresh)):
-            if self._send(member, device(*MODELS[3]), *self._stormy(8)) == 429:
+        members = list(fresh)
+        for member in members[:4]:
+            assert self._send(member, device(*MODELS[3]), *self._stormy(8)) == 202
+        for member in itertools.cycle(members):
+            if self._send(member, device(*MODELS[3]), self._heavy()) == 429:
                 return
+
+    def _heavy(self) -> Document:
+        """A session of fifty runs with as much beside them as is kept."""
+        runs = [
+            run_document(name, repeat, 2 * repeat + place, 1, frame_us=[], stages_us=None, tracked=None,
+                         status="failed", failure=WORD, note=WORD[0] * 4_000)
+            for repeat in range(25)
+            for place, name in enumerate(("default", "best"))
+        ]  # fmt: skip
+        return session_document(FRONT, runs=runs, note=WORD[0] * 16_000)
 
     def _use_up_what_is_left(self) -> None:
         """Garbage of the largest size, until the address may send nothing more."""
