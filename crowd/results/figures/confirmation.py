@@ -4,15 +4,13 @@ A figure is confirmed by a quorum of independent networks. Those of its own mode
 is computed; here the models with the same chip, backend and processor class are asked, where those are few.
 """
 
-from collections.abc import Iterable
-from uuid import UUID
+import math
 
 from django.conf import settings
 from django.db import transaction
 from django.db.models import Avg, Q
 
 from crowd.devices import revision
-from crowd.devices.models import Installation
 from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
 
@@ -43,10 +41,10 @@ def _settle(chip: Chip) -> None:
     rows = DeviceSpeedup.objects.filter(**dict(zip(CHIP, chip, strict=True)))
     doubtful = rows.filter(witnesses__lt=settings.FRONTRUNNER_QUORUM, state=State.VALID)
     figures = list(doubtful.select_for_update().order_by("pk")) if _is_one_chip(chip[2]) else []
-    pool = _pool(chip) if figures else []
+    found = _agreement(chip) if figures else None
     changed = 0
     for figure in figures:
-        witnesses = _witnesses(figure, pool)
+        witnesses = found.witnesses(math.log(figure.speedup)) if found else 0
         if figure.chip_witnesses != witnesses:
             changed += rows.filter(pk=figure.pk).update(chip_witnesses=witnesses)
     others = rows.exclude(pk__in=[figure.pk for figure in figures]).exclude(chip_witnesses=0)
@@ -61,18 +59,8 @@ def _is_one_chip(processor: str) -> bool:
     return any(letter.isdigit() for letter in processor)
 
 
-def _witnesses(figure: DeviceSpeedup, pool: Iterable[tuple[int, str, float]]) -> int:
-    """How many independent networks of POOL (device, network, log ratio) agree with FIGURE."""
-    values = list(pool)
-    return statistics.witnesses(
-        [network or None for _, network, _ in values],
-        [log for _, _, log in values],
-        [device == figure.device_id for device, _, _ in values],
-    )
-
-
-def _pool(chip: Chip) -> list[tuple[int, str, float]]:
-    """Device, network and mean log ratio of each installation that measured CHIP; none where too many did."""
+def _agreement(chip: Chip) -> statistics.Agreement | None:
+    """Which networks that measured CHIP agree; None where too many installations did."""
     configuration, backend, processor, processor_class = chip
     rows = SessionSummary.objects.filter(
         configuration=configuration,
@@ -84,12 +72,9 @@ def _pool(chip: Chip) -> list[tuple[int, str, float]]:
     )
     means = list(
         rows.order_by()
-        .values_list("cohort__device_id", "installation_id")
+        .values_list("installation_id", "installation__network")
         .annotate(mean=Avg("log_ratio"))[: MOST + 1]
     )
     if len(means) > MOST:
-        return []
-    networks: dict[UUID, str] = dict(
-        Installation.objects.filter(sessions__processor=processor).distinct().values_list("pk", "network")
-    )
-    return [(device, networks.get(who, ""), mean) for device, who, mean in means]
+        return None
+    return statistics.agreement([network or None for _, network, _ in means], [mean for *_, mean in means])
