@@ -238,7 +238,7 @@ class Agreement:
     networks: int
 
     def witnesses(self, log_ratio: float) -> int:
-    """The networks of a pool that agree with each other, by the outlier rule.
+        """How many independent networks agree with LOG_RATIO; 0 where it lies outside the range."""
         return self.networks if self.low <= log_ratio <= self.high else 0
 
 
