@@ -67,7 +67,11 @@ def tokens(
     reference = issue_token(exploration.reference_device)
     for signal in (request_started, request_finished):
         signal.disconnect(close_old_connections)
-    yield {"installation": participant.token, "reference_device": reference}
+    yield {
+        "installation": participant.token,
+        "installation_also_revoked": participant.token,
+        "reference_device": reference,
+    }
     for signal in (request_started, request_finished):
         signal.connect(close_old_connections)
 

@@ -179,36 +179,38 @@ def test_agreement_takes_another_unit(sessions: list[tuple[int, float]]) -> None
     assert statistics.without_agreement(sessions) == expected
 
 
+def witnesses(figure: float, networks: list[str | None], log_ratios: list[float]) -> int:
+    return statistics.agreement(networks, log_ratios).witnesses(figure)
+
+
 def test_each_network_that_agrees_is_a_witness() -> None:
-    own = [True] * 3
-
-    assert statistics.witnesses(["a", "b", "c"], [1.0, 1.1, 0.95], own) == 3
-    assert statistics.witnesses(["a", "b", "b"], [1.0, 1.1, 0.95], own) == 2
-    assert statistics.witnesses(["a", "b", None], [1.0, 1.1, 0.95], own) == 2
-    assert statistics.witnesses(["a", "b", "c"], [1.0, 1.1, 3.0], own) == 2
+    assert witnesses(1.0, ["a", "b", "c"], [1.0, 1.1, 0.95]) == 3
+    assert witnesses(1.0, ["a", "b", "b"], [1.0, 1.1, 0.95]) == 2
+    assert witnesses(1.0, ["a", "b", None], [1.0, 1.1, 0.95]) == 2
+    assert witnesses(1.0, ["a", "b", "c"], [1.0, 1.1, 3.0]) == 2
 
 
-def test_other_models_with_the_chip_are_witnesses() -> None:
-    networks, own = ["a", "b", "c", "d"], [True, False, False, False]
+def test_a_figure_outside_of_the_pools_range_has_no_witness() -> None:
+    networks: list[str | None] = ["a", "b", "c", "d"]
 
-    assert statistics.witnesses(networks, [1.1, 1.0, 1.05, 0.95], own) == 4
-    assert statistics.witnesses(networks, [2.0, 1.0, 1.05, 0.95], own) == 0
-    assert statistics.witnesses(networks, [1.0] * 4, [False] * 4) == 0  # nothing to confirm
+    assert witnesses(1.1, networks, [1.1, 1.0, 1.05, 0.95]) == 4
+    assert witnesses(2.0, networks, [2.0, 1.0, 1.05, 0.95]) == 0
+    assert witnesses(1.0, [], []) == 0
 
 
-def test_one_network_that_measured_several_models_agrees_once() -> None:
-    assert statistics.witnesses(["a", "a", "a", "b"], [1.0] * 4, [True, False, False, False]) == 2
+def test_one_network_that_measured_several_devices_agrees_once() -> None:
+    assert witnesses(1.0, ["a", "a", "a", "b"], [1.0] * 4) == 2
 
 
 def test_one_bad_unit_takes_no_witness_away() -> None:
-    assert statistics.witnesses(["a", "b", "c", "bad"], [1.0, 1.1, 0.95, 4.0], [True] * 4) == 3
+    assert witnesses(1.02, ["a", "b", "c", "bad"], [1.0, 1.1, 0.95, 4.0]) == 3
 
 
 def test_one_or_two_networks_have_to_agree_with_their_median() -> None:
-    assert statistics.witnesses(["a"], [1.0], [True]) == 1
-    assert statistics.witnesses(["a", "b"], [1.0, 1.1], [True] * 2) == 2
-    assert statistics.witnesses(["a", "b"], [1.0, 2.0], [True] * 2) == 0
-    assert statistics.witnesses([None], [1.0], [True]) == 0
+    assert witnesses(1.0, ["a"], [1.0]) == 1
+    assert witnesses(1.05, ["a", "b"], [1.0, 1.1]) == 2
+    assert witnesses(1.5, ["a", "b"], [1.0, 2.0]) == 0
+    assert witnesses(1.0, [None], [1.0]) == 0
 
 
 def covered(means: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -99,11 +99,36 @@ def lock(cohorts: QuerySet[Cohort]) -> list[Cohort]:
     return list(cohorts.select_for_update().order_by("pk"))
 
 
-def refresh(cohorts: Iterable[Cohort]) -> None:
+class Plausibility:
+    """Which speedups are plausible, by the configuration. What is known of one is read once."""
+
+    def __init__(self) -> None:
+        self._predicted: dict[int, dict[int, float]] = {}
+        self._reached: dict[int, list[tuple[float, int]]] = {}
+
+    def bounds(self, cohort: Cohort, configuration: int) -> plausibility.Bounds:
+        """Between which log ratios a session of COHORT with CONFIGURATION is plausible."""
+        if cohort.front_id not in self._predicted:
+            self._predicted[cohort.front_id] = _predicted(cohort.front_id)
+        if configuration not in self._reached:
+            self._reached[configuration] = _reached(configuration)
+        reached = self._reached[configuration]
+        others = (
+            next((speedup for speedup, device in rows if device != cohort.device_id), None)
+            for rows in (reached, reversed(reached))
+        )
+        return plausibility.plausible_range(
+            self._predicted[cohort.front_id].get(configuration),
+            [math.log(speedup) for speedup in others if speedup],
+        )
+
+
+def refresh(cohorts: Iterable[Cohort], plausible: Plausibility | None = None) -> None:
     """Compute the figures of COHORTS, which the caller has locked. Cohorts without sessions are deleted."""
+    plausible = plausible or Plausibility()
     for cohort in cohorts:
         own = SessionSummary.objects.filter(cohort=cohort)
-        judge_among_others(cohort, own)
+        judge_among_others(cohort, own, plausible)
         found = figures(own)
         _store(cohort, found)
         _store_outcomes(cohort, own)
@@ -117,13 +142,11 @@ def refresh(cohorts: Iterable[Cohort]) -> None:
 def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
     """The figure of every key that SUMMARIES hold a usable session of.
 
-    Two queries, which answer a row for each installation, however many sessions it sent. Valid sessions make
+    One query, which answers a row for each installation, however many sessions it sent. Valid sessions make
     the figure; suspect ones do only where there is no valid session. Others never count.
     """
     groups: dict[Key, dict[str, list[_Installation]]] = defaultdict(lambda: defaultdict(list))
-    rows = list(_by_installation(summaries))
-    networks = networks_of({row["installation_id"] for row in rows})
-    for row in rows:
+    for row in _by_installation(summaries):
         key = Key(row["cohort_id"], row["configuration_id"], row["baseline_id"])
         only = row["sessions"] == 1 and row["low"] is not None
         groups[key][row["state"]].append(
@@ -132,7 +155,7 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
                     row["mean"],
                     _deviation(row["mean"], row["mean_square"], row["sessions"]),
                     row["sessions"],
-                    networks.get(row["installation_id"]),
+                    row["installation__network"] or None,
                 ),
                 (row["low"], row["high"]) if only else None,
                 row["error"],
@@ -162,7 +185,7 @@ def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], tuple
     return {(cohort, configuration): (n, failed, lost) for cohort, configuration, n, failed, lost in rows}
 
 
-def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> None:
+def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary], plausible: Plausibility) -> None:
     """Give the valid sessions of COHORT, whose SUMMARIES these are, the states that others decide.
 
     Outside the usual range of its units a session is an outlier, outside of what the front and other models
@@ -172,19 +195,18 @@ def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> N
     judged = summaries.filter(Q(state=State.VALID) | Q(reason__in=DEPENDING)).exclude(log_ratio=None)
     means = list(
         judged.order_by("configuration_id")
-        .values_list("configuration_id", "installation_id")
+        .values_list("configuration_id", "installation_id", "installation__network")
         .annotate(mean=Avg("log_ratio"), hidden=Count("pk", filter=Q(reason__in=DEPENDING)))
     )
-    networks = networks_of({who for _, who, _, _ in means})
-    predicted = _predicted(cohort.front_id)
+    networks = {who: network for _, who, network, *_ in means if network}
     wanted: dict[tuple[State, str], list[int]] = defaultdict(list)
     for configuration, rows in groupby(means, key=itemgetter(0)):
         own = list(rows)
         units: dict[Unit, list[float]] = defaultdict(list)
-        for _, who, mean, _ in own:
+        for _, who, _, mean, _ in own:
             units[networks.get(who, who)].append(mean)
         usual = statistics.usual_range([fmean(logs) for logs in units.values()])
-        ranges = Ranges(usual or (-math.inf, math.inf), _plausible(cohort, configuration, predicted))
+        ranges = Ranges(usual or (-math.inf, math.inf), plausible.bounds(cohort, configuration))
         near = Q(log_ratio__lt=ranges.low + AGREEMENT) | Q(log_ratio__gt=ranges.high - AGREEMENT)
         if any(hidden for *_, hidden in own):
             near |= Q(reason__in=DEPENDING)
@@ -233,16 +255,12 @@ def _broken(sessions: Sequence[tuple[str | None, UUID, float]], ranges: Ranges) 
     return found
 
 
-def _plausible(cohort: Cohort, configuration: int, predicted: Mapping[int, float]) -> plausibility.Bounds:
-    """Between which log ratios a session of COHORT with CONFIGURATION is plausible. One query."""
-    others = DeviceSpeedup.objects.filter(
+def _reached(configuration: int) -> list[tuple[float, int]]:
+    """The confirmed speedups of CONFIGURATION, ascending, each with its device. One query."""
+    rows = DeviceSpeedup.objects.filter(
         configuration=configuration, witnesses__gte=settings.FRONTRUNNER_QUORUM, state=State.VALID
-    ).exclude(device=cohort.device_id)
-    reached = others.order_by().aggregate(low=Min("speedup"), high=Max("speedup"))
-    return plausibility.plausible_range(
-        predicted.get(configuration),
-        [math.log(speedup) for speedup in reached.values() if speedup],
     )
+    return sorted(rows.order_by().values_list("speedup", "device_id"))
 
 
 def _predicted(front: int) -> dict[int, float]:
@@ -331,13 +349,20 @@ def _store(cohort: Cohort, found: Mapping[Key, Figure]) -> None:
 
 def _store_outcomes(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> None:
     found = outcomes(summaries)
-    Outcome.objects.filter(cohort=cohort).exclude(configuration__in=[key for _, key in found]).delete()
+    old = Outcome.objects.filter(cohort=cohort)
+    stored = {
+        (cohort.pk, row["configuration_id"]): (row["sessions"], row["failed"], row["lost"])
+        for row in old.values("configuration_id", "sessions", "failed", "lost")
+    }
+    if gone := stored.keys() - found.keys():
+        old.filter(configuration__in=[key for _, key in gone]).delete()
+    changed = {key: counts for key, counts in found.items() if stored.get(key) != counts}
     Outcome.objects.bulk_create(
         [
             Outcome(
                 cohort=cohort, configuration_id=configuration, sessions=sessions, failed=failed, lost=lost
             )
-            for (_, configuration), (sessions, failed, lost) in found.items()
+            for (_, configuration), (sessions, failed, lost) in changed.items()
         ],
         update_conflicts=True,
         unique_fields=["cohort", "configuration"],
@@ -349,7 +374,14 @@ def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[st
     return (
         summaries.filter(counted=True, state__in=[State.VALID, State.SUSPECT])
         .order_by("configuration_id", "cohort_id", "installation_id")
-        .values("cohort_id", "configuration_id", "baseline_id", "installation_id", "state")
+        .values(
+            "cohort_id",
+            "configuration_id",
+            "baseline_id",
+            "installation_id",
+            "installation__network",
+            "state",
+        )
         .annotate(
             mean=Avg("log_ratio"),
             mean_square=Sum(F("log_ratio") * F("log_ratio")) / Count("id"),
@@ -381,11 +413,13 @@ def _deviation(mean: float, mean_square: float, count: int) -> float:
 
 def _figure(installations: Sequence[_Installation], state: State) -> Figure:
     values = [each.value for each in installations]
+    model = statistics.model_speedup(values)
+    agreement = statistics.agreement(
+        [value.network for value in values], [value.log_ratio for value in values]
+    )
     return Figure(
-        model=statistics.model_speedup(values),
-        witnesses=statistics.witnesses(
-            [value.network for value in values], [value.log_ratio for value in values], [True] * len(values)
-        ),
+        model=model,
+        witnesses=agreement.witnesses(math.log(model.speedup.value)),
         session=installations[0].session if len(installations) == 1 else None,
         ate_max=max((each.ate_max for each in installations if each.ate_max is not None), default=None),
         state=state,

@@ -141,10 +141,11 @@ def summarise_session(key: int) -> None:
 def refresh_stale(limit: int | None = None) -> int:
     """Compute the figures of at most LIMIT cohorts that do not know their newest sessions; how many."""
     keys = list(Cohort.objects.filter(stale=True).order_by("pk").values_list("pk", flat=True)[:limit])
+    plausible = cohorts.Plausibility()
     for key in keys:
         with transaction.atomic():
             found = cohorts.lock(Cohort.objects.filter(pk=key))
-            cohorts.refresh(found)
+            cohorts.refresh(found, plausible)
             count_activity({cohort.device_id for cohort in found})
     return len(keys)
 

@@ -229,33 +229,38 @@ def without_agreement(sessions: Sequence[tuple[Hashable, float]]) -> list[bool]:
     return [not agreed for agreed in corroborated(sessions)]
 
 
-def witnesses(networks: Sequence[Hashable | None], log_ratios: ArrayLike, own: ArrayLike) -> int:
-    """How many independent networks agree with a figure, by the outlier rule.
+@dataclass(frozen=True)
+class Agreement:
+    """The usual range of a pool of installations, and how many known networks lie in it."""
 
-    One entry for each installation of the pool: of the figure's own model (OWN true) and, where wanted, of
-    other models with the same chip, backend and processor class. NETWORKS: its network's key, None where
-    unknown, which counts towards the range and is not a witness. LOG_RATIOS (n,): its mean.
+    low: float
+    high: float
+    networks: int
 
-    The figure itself, the location of the own units, has to lie within the usual range of the pool; each
-    known network with a unit in that range is a witness. A pool of fewer than LEAST_UNITS has no usual range:
-    there the figure and the others have to lie within AGREEMENT of the median. 0 without own units.
+    def witnesses(self, log_ratio: float) -> int:
+        """How many independent networks agree with LOG_RATIO; 0 where it lies outside the range."""
+        return self.networks if self.low <= log_ratio <= self.high else 0
+
+
+def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) -> Agreement:
+    """Which networks of a pool agree with each other, by the outlier rule.
+
+    One entry for each installation of the pool: those of one model, or of all models with the same chip,
+    backend and processor class. NETWORKS: its network's key, None where unknown, which counts towards the
+    range and is not a witness. LOG_RATIOS: its mean. A network counts once, however many it measured.
+
+    A pool of fewer than LEAST_UNITS has no usual range: there AGREEMENT around the median takes its place.
     """
-    values, is_own = np.asarray(log_ratios, dtype=np.float64), np.asarray(own, dtype=np.bool_)
-    entries = [
-        InstallationValue(value, 0.0, 1, network)
-        for value, network in zip(values.tolist(), networks, strict=True)
-    ]
-    # A network that measured this model and others is a unit in each of the two groups.
-    own_units = units(entry for entry, mine in zip(entries, is_own, strict=True) if mine)
-    if not own_units:
-        return 0
-    pool = [*own_units, *units(entry for entry, mine in zip(entries, is_own, strict=True) if not mine)]
+    pool = units(
+        InstallationValue(value, 0.0, 1, network) for value, network in zip(log_ratios, networks, strict=True)
+    )
+    if not pool:
+        return Agreement(math.inf, -math.inf, 0)
     logs = [unit.log_ratio for unit in pool]
     median = float(np.median(logs))
     low, high = usual_range(logs) or (median - AGREEMENT, median + AGREEMENT)
-    agreeing = {unit.network for unit in pool if low <= unit.log_ratio <= high} - {None}
-    figure = float(location([unit.log_ratio for unit in own_units]))
-    return len(agreeing) if low <= figure <= high else 0
+    inside = sum(unit.network is not None and low <= unit.log_ratio <= high for unit in pool)
+    return Agreement(low, high, inside)
 
 
 def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> NDArray[np.float64]:
