@@ -62,6 +62,7 @@ class QueueFilter(admin.SimpleListFilter):
 class DescriptionInline(ReadOnlyInline):
     model = DeviceDescription
     fields = ("first_seen_at", "driver_name", "driver_version", "raw")
+    readonly_fields = ("first_seen_at",)
 
 
 @admin.register(DeviceModel)
@@ -216,8 +217,10 @@ class InstallationAdmin(ReadOnlyAdmin):
         "show_model",
         ("revoked_at", admin.EmptyFieldListFilter),
     )
-    search_fields = ("id",)
+    search_fields = ("id", "=network")
     exclude = ("token_sha256", "next_token_sha256")
+    # Shown, because the page that erases a network asks for it.
+    readonly_fields = ("network", "simulated", "description")
     actions = ("revoke", "erase")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Installation]:

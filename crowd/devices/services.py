@@ -1,6 +1,7 @@
 """Writes of installations: enrolment, tokens, their device, whether their models are named."""
 
 import hashlib
+import logging
 import secrets
 from collections.abc import Mapping
 from typing import Any
@@ -9,11 +10,17 @@ from django.conf import settings
 from django.db import DEFAULT_DB_ALIAS, transaction
 from django.db.models import CharField, Q, QuerySet
 
+from crowd import counters
 from crowd.devices import disclosure, revision
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.devices.normalisation import identify
 from crowd.prepared import Placeholder, Query
 from crowd.problems import Problem
+
+# How long a participant who agreed, and then did not, waits to agree again.
+AGREED_SECONDS = 3600
+
+log = logging.getLogger(__name__)
 
 COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
@@ -121,14 +128,26 @@ def _refuse_another_device(
 def choose_disclosure(installation: Installation, show_model: bool | None) -> None:
     """Agree that the models of INSTALLATION are named however rare they are, or do not; None: as before.
 
-    It takes effect at once and changes no session.
+    It takes effect at once and changes no session. Files of the open data are rewritten for it, so the name
+    is shown again at most once an hour; it can be hidden at any time.
     """
     if show_model is None or show_model == installation.show_model:
+        return
+    if show_model and _has_agreed_lately(installation):
         return
     installation.show_model = show_model
     installation.save(update_fields=["show_model"])
     for model in DeviceModel.objects.filter(sessions__installation=installation, rare=True).distinct():
         refresh_disclosure(model.pk)
+
+
+def _has_agreed_lately(installation: Installation) -> bool:
+    """Whether INSTALLATION agreed within the hour already; counts this time."""
+    try:
+        return counters.count(f"agreed:{installation.pk}", AGREED_SECONDS).used > 1
+    except counters.CountingError as error:
+        log.warning("changes of disclosure are not counted now: %s", error)
+        return False
 
 
 @transaction.atomic

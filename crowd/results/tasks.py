@@ -7,6 +7,7 @@ from celery import shared_task
 from celery.signals import worker_ready
 from kombu.exceptions import OperationalError
 
+from crowd import counters
 from crowd.devices import decisions, recognition, revision
 from crowd.results.figures import confirmation, reassigning
 from crowd.results.figures import sessions as session_figures
@@ -14,6 +15,10 @@ from crowd.results.opendata import exports
 from crowd.results.privacy import disclosure
 
 SWEEP_LIMIT = 2_000
+# How often a message about stale files is sent, and how long it may keep a worker from new sessions: a
+# participant may erase runs one by one.
+REWRITING_PAUSE_SECONDS = 60
+REWRITING_SECONDS = 10.0
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +62,7 @@ def export() -> None:
 @shared_task
 def rewrite_exports() -> None:
     """Remove what was erased from the files of the open data, before a reader has to wait for it."""
-    exports.rewrite_all()
+    exports.rewrite_all(REWRITING_SECONDS)
 
 
 def announce(sessions: Iterable[int]) -> None:
@@ -78,7 +83,14 @@ def announce_models(keys: list[int], **_: object) -> None:
 
 
 def announce_stale_files(**_: object) -> None:
-    """Tell the workers that files of exports are stale. Without a broker readers and the next sweep do it."""
+    """Tell the workers that files of exports are stale, once in a while. What becomes stale meanwhile, or
+    without a broker, is rewritten by readers and by the next `export`.
+    """
+    try:
+        if counters.count("stale files", REWRITING_PAUSE_SECONDS).used > 1:
+            return
+    except counters.CountingError as error:
+        log.warning("messages about stale files are not counted now: %s", error)
     try:
         rewrite_exports.apply_async(retry=False)
     except (OperationalError, OSError) as error:

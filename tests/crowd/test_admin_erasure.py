@@ -272,3 +272,14 @@ def test_only_those_who_may_erase_do(front: Any, participant: Participant, role:
 def test_the_page_is_linked_for_those_who_may(staff: Client) -> None:
     assert f'href="{PAGE}"' in staff.get(reverse("admin:results_tombstone_changelist")).content.decode()
     assert "condition" in staff.get(PAGE).content.decode()
+
+
+def test_the_page_of_an_installation_shows_its_network(staff: Client, front: Any, join: Join) -> None:
+    hostile, other = measured(join(), "spoiled"), measured(join(), "another")
+
+    page = staff.get(reverse("admin:devices_installation_change", args=[hostile.installation_id]))
+    found = staff.get(reverse("admin:devices_installation_changelist"), {"q": "spoiled"})
+
+    assert "spoiled" in page.content.decode()
+    assert hostile.installation_id in found.content.decode()
+    assert other.installation_id not in found.content.decode()

@@ -11,6 +11,7 @@ from typing import Any
 
 import pyarrow.parquet
 import pytest
+from celery.signals import task_prerun
 from django.test import Client
 
 from crowd.devices.models import Installation
@@ -297,6 +298,31 @@ def test_stale_files_are_rewritten_before_anybody_asks(
     assert digests(export)["runs.parquet"] != before["runs.parquet"]
     folder = exports.root() / export.folder
     assert {path.name for path in folder.iterdir()} == set(export.files.values_list("stored_as", flat=True))
+
+
+def test_erasing_run_after_run_sends_one_message(
+    client: Client, participant: Participant, django_capture_on_commit_callbacks: Any
+) -> None:
+    """A worker rewrites for seconds: a message for each run would keep it from everything else."""
+    session = session_document()
+    participant.submit(submission_document(session))
+    exports.make()
+    sent: list[str] = []
+
+    def note(sender: Any, **_: Any) -> None:
+        sent.append(sender.name)
+
+    task_prerun.connect(note)
+    try:
+        for run in session["runs"][:3]:
+            with django_capture_on_commit_callbacks(execute=True):
+                participant.delete(f"/me/runs/{run['id']}")
+    finally:
+        task_prerun.disconnect(note)
+
+    assert sent.count("crowd.results.tasks.rewrite_exports") == 1
+    # The others are rewritten for the reader.
+    assert [row["run"] for row in rows(client, "runs")] == [session["runs"][3]["id"]]
 
 
 def test_a_reader_never_waits_for_another_rewriting(client: Client, participant: Participant) -> None:

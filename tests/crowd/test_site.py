@@ -123,7 +123,10 @@ def test_the_admin_shows_everything_and_edits_no_raw_data(
         assert administrator.get(reverse(f"{name}_add")).status_code == 403
         assert administrator.post(reverse(f"{name}_delete", args=[row.pk])).status_code == 403
     for path in ("devices_devicemodel", "devices_installation"):
-        assert administrator.get(reverse(f"admin:{path}_changelist")).status_code == 200
+        listed = administrator.get(reverse(f"admin:{path}_changelist"))
+        (row,) = listed.context["cl"].result_list
+        page = administrator.get(reverse(f"admin:{path}_change", args=[row.pk]))
+        assert (listed.status_code, page.status_code) == (200, 200)
 
 
 def test_a_token_can_be_revoked(administrator: Client, participant: Participant) -> None:

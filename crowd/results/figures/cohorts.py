@@ -18,7 +18,7 @@ from crowd.devices import revision
 from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import DEFAULT
-from crowd.results.figures import statistics
+from crowd.results.figures import confirmation, statistics
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.validity import plausibility, rules, version
 from crowd.results.validity.measures import AGREEMENT
@@ -323,7 +323,10 @@ def _store(cohort: Cohort, found: Mapping[Key, Figure]) -> None:
         "processor_class": cohort.processor_class,
     }
     old = DeviceSpeedup.objects.filter(**group)
-    old.exclude(configuration_id__in=[key.configuration for key in found]).delete()
+    gone = old.exclude(configuration_id__in=[key.configuration for key in found])
+    if keys := list(gone.values_list("configuration", flat=True)):
+        gone.delete()
+        confirmation.ask_again(keys)
     DeviceSpeedup.objects.bulk_create(
         [
             DeviceSpeedup(

@@ -1,0 +1,143 @@
+"""Which figures are confirmed: by three networks of their own model, or by other models with their chip."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from crowd.devices.models import Installation
+from crowd.results.figures import confirmation
+from crowd.results.models import DeviceSpeedup
+from crowd.results.privacy.erasure import erase_installation
+from tests.crowd.documents import device_document, session_document, submission_document
+from tests.crowd.participant import Participant
+
+Join = Callable[[], Participant]
+MALI, ADRENO = "Mali-G715", "QUALCOMM Adreno(TM) 740"
+
+
+@pytest.fixture(autouse=True)
+def of_three(settings: Any, front: Any) -> None:
+    settings.FRONTRUNNER_QUORUM = 3
+
+
+@pytest.fixture
+def send(join: Join) -> Callable[..., Participant]:
+    """One more installation, from a network of its own or from NETWORK, that measured MODEL twice as fast."""
+
+    def sent(
+        model: str, network: str = "", chip: str = MALI, speedup: float = 2.0, **device: Any
+    ) -> Participant:
+        participant = join()
+        if network:
+            Installation.objects.filter(pk=participant.installation_id).update(network=network)
+        described = device_document(model, opencl_device=chip, **device)
+        session = session_document(default_us=80_000, best_us=round(80_000 / speedup))
+        assert participant.submit(submission_document(session, device=described)).status_code == 202
+        return participant
+
+    return sent
+
+
+def confirmed() -> set[tuple[str, str]]:
+    """Names and chips of the models with a confirmed figure, once all chips were asked."""
+    confirmation.settle()
+    rows = DeviceSpeedup.objects.filter(confirmation.confirmed())
+    return set(rows.values_list("device__name", "processor"))
+
+
+def test_three_networks_of_one_model_confirm_it(send: Callable[..., Participant]) -> None:
+    send("Pixel 8")
+    send("Pixel 8")
+    assert confirmed() == set()
+
+    send("Pixel 8")
+
+    assert confirmed() == {("Pixel 8", "Mali-G715")}
+
+
+def test_many_installations_of_one_network_confirm_nothing(send: Callable[..., Participant]) -> None:
+    for _ in range(5):
+        send("Pixel 8", network="one")
+
+    assert confirmed() == set()
+
+
+def test_other_models_with_the_chip_confirm_a_figure(send: Callable[..., Participant]) -> None:
+    for model in ("Pixel 8", "Pixel 8 Pro", "Pixel 8a"):
+        send(model)
+
+    assert confirmed() == {(model, "Mali-G715") for model in ("Pixel 8", "Pixel 8 Pro", "Pixel 8a")}
+
+
+def test_another_class_of_processor_confirms_nothing(send: Callable[..., Participant]) -> None:
+    for model in ("Pixel 8", "Pixel 8 Pro"):
+        send(model)
+    send("Pixel 8a", chip="pthread-cortex-a78", opencl_platform="Portable Computing Language")
+
+    assert confirmed() == set()
+
+
+def test_a_figure_far_from_its_chip_is_not_confirmed(send: Callable[..., Participant]) -> None:
+    for _ in range(3):
+        send("Pixel 8")
+    send("Pixel 8 Pro", speedup=4.0)
+
+    assert confirmed() == {("Pixel 8", "Mali-G715")}
+
+
+def test_a_network_has_one_model_that_its_chip_confirms(send: Callable[..., Participant]) -> None:
+    for _ in range(3):
+        send("Pixel 8")
+        send("SM-S911B", chip=ADRENO)
+    honest = confirmed()
+
+    for number in range(4):
+        send(f"Invented {number}", network="one", speedup=3.1)
+        send(f"Invented {number}", network="one", chip=ADRENO, speedup=3.1)
+        send("Pixel 8", network="one", chip=ADRENO, speedup=3.1)
+
+    assert len(confirmed() - honest) == 1
+
+
+def test_an_earlier_figure_of_a_network_stays_confirmed(send: Callable[..., Participant]) -> None:
+    for _ in range(3):
+        send("Pixel 8")
+    send("Pixel 8 Pro", network="home")
+    before = confirmed()
+
+    send("Pixel 7", network="home")
+
+    assert confirmed() == before == {("Pixel 8", "Mali-G715"), ("Pixel 8 Pro", "Mali-G715")}
+
+
+def test_a_network_supports_another_model_once_the_first_is_erased(send: Callable[..., Participant]) -> None:
+    for _ in range(3):
+        send("Pixel 8")
+        send("SM-S911B", chip=ADRENO)
+    first = send("Pixel 8 Pro", network="home")
+    confirmed()
+    send("SM-S916B", network="home", chip=ADRENO)
+    assert ("SM-S916B", "Adreno 740") not in confirmed()
+
+    erase_installation(Installation.objects.get(pk=first.installation_id))
+
+    assert ("SM-S916B", "Adreno 740") in confirmed()
+
+
+def test_a_network_supports_another_model_once_the_first_has_its_own_networks(
+    send: Callable[..., Participant],
+) -> None:
+    for _ in range(3):
+        send("Pixel 8")
+        send("SM-S911B", chip=ADRENO)
+    send("Pixel 8 Pro", network="home")
+    confirmed()
+    send("SM-S916B", network="home", chip=ADRENO)
+    assert ("SM-S916B", "Adreno 740") not in confirmed()
+
+    for _ in range(2):
+        send("Pixel 8 Pro")
+    confirmed()
+
+    assert ("SM-S916B", "Adreno 740") in confirmed()
