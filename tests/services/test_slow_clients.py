@@ -24,11 +24,12 @@ JSON = {"Content-Type": "application/json"}
 PUBLISH = f"""
 import os
 from crowd.results.opendata import exports
+from crowd.results.opendata.rewriting import root
 export = exports.make()
-os.truncate(exports.root() / export.folder / "runs.parquet", {LARGE_BYTES})
-for file in export.files:
-    file["bytes"] = {LARGE_BYTES}
-export.save()
+file = export.files.get(name="runs.parquet")
+os.truncate(root() / export.folder / file.stored_as, {LARGE_BYTES})
+file.bytes = {LARGE_BYTES}
+file.save()
 """
 
 

@@ -9,11 +9,11 @@ configuration at most that its chip confirms, and such a figure needs a network 
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
 from django.conf import settings
 from django.db import transaction
-from django.db.models import Avg, Q, QuerySet
+from django.db.models import Avg, Q
 
 from crowd.devices import revision
 from crowd.results.figures import statistics
@@ -49,16 +49,28 @@ def _settle(chip: Chip) -> None:
     rows = DeviceSpeedup.objects.filter(**dict(zip(CHIP, chip, strict=True)))
     doubtful = rows.filter(witnesses__lt=quorum, state=State.VALID)
     figures = list(doubtful.select_for_update().order_by("pk")) if _is_one_chip(chip[2]) else []
-    found = _agreement(chip) if figures else None
-    witnesses = {figure: found.witnesses(math.log(figure.speedup)) if found else 0 for figure in figures}
-    witnesses |= dict.fromkeys(
-        _without_network(chip, [each for each in figures if witnesses[each] >= quorum]), 0
+    measured = _measured(chip) if figures else []
+    agreement = statistics.agreement(
+        [network or None for _, network, _ in measured], [log for *_, log in measured]
     )
+    networks_of: dict[int, set[str]] = defaultdict(set)
+    for device, network, _ in measured:
+        if network:
+            networks_of[device].add(network)
+    supported = _supported(chip[0], {name for figure in figures for name in networks_of[figure.device_id]})
     changed = released = 0
-    for figure, count in witnesses.items():
-        if figure.chip_witnesses != count:
-            changed += rows.filter(pk=figure.pk).update(chip_witnesses=count)
-            released += figure.chip_witnesses >= quorum > count
+    for figure in figures:
+        networks, key = networks_of[figure.device_id], _key(figure)
+        free = any(supported[network] <= {key} for network in networks)
+        witnesses = agreement.witnesses(math.log(figure.speedup)) if free else 0
+        for network in networks:
+            if witnesses >= quorum:
+                supported[network].add(key)
+            else:
+                supported[network].discard(key)
+        if figure.chip_witnesses != witnesses:
+            changed += rows.filter(pk=figure.pk).update(chip_witnesses=witnesses)
+            released += figure.chip_witnesses >= quorum > witnesses
     others = rows.exclude(pk__in=[figure.pk for figure in figures]).exclude(chip_witnesses=0)
     released += others.filter(chip_witnesses__gte=quorum).count()
     changed += others.update(chip_witnesses=0)
@@ -79,51 +91,31 @@ def ask_again(configurations: Collection[int]) -> None:
     ).update(unsettled=True)
 
 
-def _without_network(chip: Chip, figures: Sequence[DeviceSpeedup]) -> list[DeviceSpeedup]:
-    """Those of FIGURES, which CHIP would confirm, all of whose networks support another figure already."""
-    networks = _networks(chip, [figure.device_id for figure in figures])
-    supported = _supported(chip, set().union(*networks.values()))
-    refused = []
-    # Those that are confirmed already stay so.
-    for figure in sorted(figures, key=lambda each: each.chip_witnesses < settings.FRONTRUNNER_QUORUM):
-        own = networks[figure.device_id]
-        if any(supported[network] <= {_key(figure)} for network in own):
-            for network in own:
-                supported[network].add(_key(figure))
-        else:
-            refused.append(figure)
-    return refused
-
-
 def _key(figure: DeviceSpeedup) -> FigureKey:
     return figure.device_id, figure.backend, figure.processor, figure.processor_class
 
 
-def _networks(chip: Chip, devices: Collection[int]) -> dict[int, set[str]]:
-    """The known networks from which each of DEVICES was measured with CHIP. One query, none for no device."""
-    found: dict[int, set[str]] = defaultdict(set)
-    rows = _measured(chip).filter(cohort__device__in=devices).exclude(installation__network="")
-    for device, network in rows.values_list("cohort__device_id", "installation__network").distinct():
-        found[device].add(network)
-    return found
-
-
-def _supported(chip: Chip, networks: Collection[str]) -> dict[str, set[FigureKey]]:
-    """Which figures with other chips than CHIP, confirmed by these, each of NETWORKS measured."""
+def _supported(configuration: int, networks: Collection[str]) -> dict[str, set[FigureKey]]:
+    """Which figures of CONFIGURATION that their chip confirms each of NETWORKS measured. Two queries."""
     found: dict[str, set[FigureKey]] = defaultdict(set)
     quorum = settings.FRONTRUNNER_QUORUM
     confirmed_by_chip = DeviceSpeedup.objects.filter(
-        configuration=chip[0], witnesses__lt=quorum, chip_witnesses__gte=quorum, state=State.VALID
+        configuration=configuration, witnesses__lt=quorum, chip_witnesses__gte=quorum, state=State.VALID
     )
-    keys = {_key(figure) for figure in confirmed_by_chip} if networks else set()
-    keys -= {key for key in keys if key[1:] == chip[1:]}
-    if not keys:
+    keys = {_key(figure) for figure in confirmed_by_chip}
+    if not keys or not networks:
         return found
     rows = SessionSummary.objects.filter(
-        configuration=chip[0], counted=True, state=State.VALID, installation__network__in=networks
+        configuration=configuration, counted=True, state=State.VALID, installation__network__in=networks
     )
-    cohort = (f"cohort__{name}" for name in ("device_id", "backend", "processor", "processor_class"))
-    for network, *columns in rows.order_by().values_list("installation__network", *cohort).distinct():
+    measured = rows.order_by().values_list(
+        "installation__network",
+        "cohort__device_id",
+        "cohort__backend",
+        "cohort__processor",
+        "cohort__processor_class",
+    )
+    for network, *columns in measured.distinct():
         if (key := tuple(columns)) in keys:
             found[network].add(key)
     return found
@@ -134,26 +126,20 @@ def _is_one_chip(processor: str) -> bool:
     return any(letter.isdigit() for letter in processor)
 
 
-def _measured(chip: Chip) -> QuerySet[SessionSummary]:
-    """The summaries of CHIP that count."""
+def _measured(chip: Chip) -> list[tuple[int, str, float]]:
+    """Device, network and mean log ratio of each installation that measured CHIP; none where too many did."""
     configuration, backend, processor, processor_class = chip
-    return SessionSummary.objects.filter(
+    rows = SessionSummary.objects.filter(
         configuration=configuration,
         cohort__backend=backend,
         cohort__processor=processor,
         cohort__processor_class=processor_class,
         counted=True,
         state=State.VALID,
-    ).order_by()
-
-
-def _agreement(chip: Chip) -> statistics.Agreement | None:
-    """Which networks that measured CHIP agree; None where too many installations did."""
+    )
     means = list(
-        _measured(chip)
-        .values_list("installation_id", "installation__network")
+        rows.order_by()
+        .values_list("cohort__device_id", "installation__network", "installation_id")
         .annotate(mean=Avg("log_ratio"))[: MOST + 1]
     )
-    if len(means) > MOST:
-        return None
-    return statistics.agreement([network or None for _, network, _ in means], [mean for *_, mean in means])
+    return [] if len(means) > MOST else [(device, network, mean) for device, network, _, mean in means]
