@@ -82,7 +82,9 @@ def test_a_models_gpu_and_its_cpu_are_never_averaged() -> None:
 def test_failures_and_lost_cameras_are_counted_by_models() -> None:
     def ran(slug: str, sessions: int, failed: int, lost: int, configuration: str = "best") -> Attempt:
         device = bar(slug, 1.0).device
-        return Attempt(device, configuration, "opencl", "Mali-G78", "gpu", sessions, failed, lost)
+        return Attempt(
+            device, configuration, "opencl", "Mali-G78", "gpu", sessions, failed, lost, sessions, failed, lost
+        )
 
     rows = [ran("a", 4, 1, 2), ran("b", 1, 1, 0), ran("c", 3, 0, 1), ran("d", 1, 1, 1, "accurate")]
 

@@ -106,7 +106,6 @@ def test_the_headline_stays_where_the_honest_put_it(attacked: Attacked) -> None:
     assert abs(after["geometric_mean"] / before["geometric_mean"] - 1) < MOST_SHIFT
 
 
-@pytest.mark.xfail(strict=True, reason="failures are counted by sessions and models, not by networks")
 def test_failures_that_one_network_reports_are_not_the_crowds(attacked: Attacked) -> None:
     before, after = attacked.before.summary, attacked.after.summary
 

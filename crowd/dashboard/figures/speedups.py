@@ -84,7 +84,9 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     _add_intervals(figure, ranked, flat, theme)
     if not ranked:
         layout.note(figure, "No figure to show yet", theme)
-    reach = max([row.high or row.session_high or row.speedup for row in ranked], default=1.0)
+    # A figure that does not count may lie far beyond all others: it must not flatten them.
+    in_sight = [row for row in ranked if row.counts] or ranked
+    reach = max([row.high or row.session_high or row.speedup for row in in_sight], default=1.0)
     values_axis = {
         "title": {"text": "speedup over the default, on the same device"},
         "range": [0, max(reach * 1.06, 1.5)],

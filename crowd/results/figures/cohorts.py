@@ -8,7 +8,7 @@ from datetime import date, datetime
 from itertools import groupby
 from operator import itemgetter
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import UUID
 
 from django.conf import settings
@@ -81,6 +81,19 @@ class Figure:
             "installations": model.installations,
             "ate_max": self.ate_max,
         }
+
+
+class OutcomeCounts(NamedTuple):
+    """How many sessions ran a configuration, in how many of these a run failed, or lost the camera; the same
+    of the known networks that they come from.
+    """
+
+    sessions: int
+    failed: int
+    lost: int
+    networks: int
+    networks_failed: int
+    networks_lost: int
 
 
 @dataclass(frozen=True)
@@ -169,20 +182,25 @@ def figures(summaries: QuerySet[SessionSummary]) -> dict[Key, Figure]:
     }
 
 
-def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], tuple[int, int, int]]:
-    """By cohort and configuration: how many sessions ran it, in how many of these a run failed, or lost the
-    camera. All of SUMMARIES, whatever their state. One query.
+def outcomes(summaries: QuerySet[SessionSummary]) -> dict[tuple[int, int], OutcomeCounts]:
+    """How each configuration fared, by cohort and configuration. All of SUMMARIES, whatever their state.
+    One query.
     """
+    known = ~Q(installation__network="")
+    failed, lost = Q(failed__gt=0), Q(lost__gt=0)
     rows = (
         summaries.order_by()
         .values_list("cohort_id", "configuration_id")
         .annotate(
             sessions=Count("pk"),
-            failures=Count("pk", filter=Q(failed__gt=0)),
-            losses=Count("pk", filter=Q(lost__gt=0)),
+            failures=Count("pk", filter=failed),
+            losses=Count("pk", filter=lost),
+            networks=Count("installation__network", filter=known, distinct=True),
+            networks_failed=Count("installation__network", filter=known & failed, distinct=True),
+            networks_lost=Count("installation__network", filter=known & lost, distinct=True),
         )
     )
-    return {(cohort, configuration): (n, failed, lost) for cohort, configuration, n, failed, lost in rows}
+    return {(cohort, configuration): OutcomeCounts(*counts) for cohort, configuration, *counts in rows}
 
 
 def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary], plausible: Plausibility) -> None:
@@ -351,22 +369,20 @@ def _store_outcomes(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> None
     found = outcomes(summaries)
     old = Outcome.objects.filter(cohort=cohort)
     stored = {
-        (cohort.pk, row["configuration_id"]): (row["sessions"], row["failed"], row["lost"])
-        for row in old.values("configuration_id", "sessions", "failed", "lost")
+        (cohort.pk, configuration): OutcomeCounts(*counts)
+        for configuration, *counts in old.values_list("configuration_id", *OutcomeCounts._fields)
     }
     if gone := stored.keys() - found.keys():
         old.filter(configuration__in=[key for _, key in gone]).delete()
-    changed = {key: counts for key, counts in found.items() if stored.get(key) != counts}
     Outcome.objects.bulk_create(
         [
-            Outcome(
-                cohort=cohort, configuration_id=configuration, sessions=sessions, failed=failed, lost=lost
-            )
-            for (_, configuration), (sessions, failed, lost) in changed.items()
+            Outcome(cohort=cohort, configuration_id=key[1], **counts._asdict())
+            for key, counts in found.items()
+            if stored.get(key) != counts
         ],
         update_conflicts=True,
         unique_fields=["cohort", "configuration"],
-        update_fields=["sessions", "failed", "lost"],
+        update_fields=OutcomeCounts._fields,
     )
 
 

@@ -18,6 +18,7 @@ from django.db.models import Avg, Q
 from crowd.devices import revision
 from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
+from crowd.results.validity.measures import AGREEMENT
 
 # configuration, backend, processor, processor class: what models share with one chip
 Chip = tuple[int, str, str, str]
@@ -62,7 +63,7 @@ def _settle(chip: Chip) -> None:
     for figure in figures:
         networks, key = networks_of[figure.device_id], _key(figure)
         free = any(supported[network] <= {key} for network in networks)
-        witnesses = agreement.witnesses(math.log(figure.speedup)) if free else 0
+        witnesses = agreement.witnesses(math.log(figure.speedup), AGREEMENT) if free else 0
         for network in networks:
             if witnesses >= quorum:
                 supported[network].add(key)

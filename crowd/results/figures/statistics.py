@@ -234,12 +234,16 @@ class Agreement:
     """The usual range of a pool of installations, and how many known networks lie in it."""
 
     low: float
+    median: float
     high: float
     networks: int
 
-    def witnesses(self, log_ratio: float) -> int:
-        """How many independent networks agree with LOG_RATIO; 0 where it lies outside the range."""
-        return self.networks if self.low <= log_ratio <= self.high else 0
+    def witnesses(self, log_ratio: float, reach: float = math.inf) -> int:
+        """How many independent networks agree with LOG_RATIO; 0 where it lies outside the range, or further
+        than REACH from its median.
+        """
+        agrees = self.low <= log_ratio <= self.high and abs(log_ratio - self.median) <= reach
+        return self.networks if agrees else 0
 
 
 def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) -> Agreement:
@@ -255,12 +259,12 @@ def agreement(networks: Sequence[Hashable | None], log_ratios: Sequence[float]) 
         InstallationValue(value, 0.0, 1, network) for value, network in zip(log_ratios, networks, strict=True)
     )
     if not pool:
-        return Agreement(math.inf, -math.inf, 0)
+        return Agreement(math.inf, 0.0, -math.inf, 0)
     logs = [unit.log_ratio for unit in pool]
     median = float(np.median(logs))
     low, high = usual_range(logs) or (median - AGREEMENT, median + AGREEMENT)
     inside = sum(unit.network is not None and low <= unit.log_ratio <= high for unit in pool)
-    return Agreement(low, high, inside)
+    return Agreement(low, median, high, inside)
 
 
 def figure_variances(units: ArrayLike, deviations: Sequence[float | None]) -> NDArray[np.float64]:

@@ -20,6 +20,9 @@ class Migration(migrations.Migration):
                 ('sessions', models.PositiveIntegerField(help_text='that ran it')),
                 ('failed', models.PositiveIntegerField(help_text='of these, in how many a run did not finish')),
                 ('lost', models.PositiveIntegerField(help_text='of these, in how many a run lost the camera')),
+                ('networks', models.PositiveIntegerField(help_text='known networks that these come from')),
+                ('networks_failed', models.PositiveIntegerField(help_text='of these, in how many a run did not finish')),
+                ('networks_lost', models.PositiveIntegerField(help_text='of these, in how many a run lost the camera')),
             ],
         ),
         migrations.RemoveConstraint(

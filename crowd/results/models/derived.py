@@ -170,6 +170,9 @@ class Outcome(models.Model):
     sessions = models.PositiveIntegerField(help_text="that ran it")
     failed = models.PositiveIntegerField(help_text="of these, in how many a run did not finish")
     lost = models.PositiveIntegerField(help_text="of these, in how many a run lost the camera")
+    networks = models.PositiveIntegerField(help_text="known networks that these come from")
+    networks_failed = models.PositiveIntegerField(help_text="of these, in how many a run did not finish")
+    networks_lost = models.PositiveIntegerField(help_text="of these, in how many a run lost the camera")
 
     class Meta:
         constraints = [

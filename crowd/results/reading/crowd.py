@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from django.conf import settings
+
 from crowd.devices.models import ProcessorClass
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
@@ -45,16 +47,21 @@ class Speedups:
 
 def attempts(rows: Iterable[Attempt], configuration: str = BEST) -> Attempts:
     """How CONFIGURATION fared on the device models of ROWS."""
-    sessions: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
+    models: dict[str, tuple[int, int, int]] = {}
     for row in rows:
-        if row.configuration == configuration:
-            counts = sessions[row.device.slug]
-            for place, count in enumerate((row.sessions, row.failed, row.lost)):
-                counts[place] += count
+        if row.configuration != configuration:
+            continue
+        counts = (row.networks, row.networks_failed, row.networks_lost)
+        if row.device.simulated:
+            counts = (row.sessions, row.failed, row.lost)
+        elif row.networks < settings.FRONTRUNNER_QUORUM:
+            continue
+        # Of a model's processors the one that most of them ran.
+        models[row.device.slug] = max(counts, models.get(row.device.slug, counts))
     return Attempts(
-        devices=len(sessions),
-        failing=sum(2 * failed >= all_of_them for all_of_them, failed, _ in sessions.values()),
-        losing=sum(2 * lost >= all_of_them for all_of_them, _, lost in sessions.values()),
+        devices=len(models),
+        failing=sum(2 * failed >= ran for ran, failed, _ in models.values()),
+        losing=sum(2 * lost >= ran for ran, _, lost in models.values()),
     )
 
 

@@ -93,7 +93,7 @@ class Speedup:
 @dataclass(frozen=True)
 class Attempt:
     """How one configuration fared in the `sessions` of one device model, backend and chip that ran it: in how
-    many of these a run failed, or lost the camera.
+    many of these a run failed, or lost the camera; the same of the known networks that they come from.
     """
 
     device: Device
@@ -104,6 +104,9 @@ class Attempt:
     sessions: int
     failed: int
     lost: int
+    networks: int
+    networks_failed: int
+    networks_lost: int
 
     @property
     def vendor(self) -> str:
@@ -115,7 +118,8 @@ class Attempt:
 class Attempts:
     """How one configuration fared on the device models that ran it, besides the times of those that count.
 
-    A model is counted as failing, or as losing the camera, where at least half of its sessions did.
+    A model is counted once a quorum of independent networks ran it. It is failing, or losing the camera,
+    where at least half of them report so. Of simulated models sessions are counted instead of networks.
     """
 
     devices: int

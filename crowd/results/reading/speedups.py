@@ -138,16 +138,16 @@ def _attempts(filters: SpeedupFilters, front: str | None) -> Iterable[Attempt]:
         counts = [(*key, *found) for key, found in figures_of.outcomes(rows).items()]
     else:
         counts = Outcome.objects.filter(cohort__in=cohorts.values("pk")).values_list(
-            "cohort_id", "configuration_id", "sessions", "failed", "lost"
+            "cohort_id", "configuration_id", *figures_of.OutcomeCounts._fields
         )
     columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
     places = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
     devices = devices_of(device for device, *_ in places.values())
     names = _names(front)
-    for cohort, configuration, sessions, failed, lost in counts:
+    for cohort, configuration, *found in counts:
         device, backend, processor, kind = places[cohort]
-        row = Attempt(devices[device], names[configuration], backend, processor, kind, sessions, failed, lost)
-        if matches(filters, row.device, row.vendor, row.backend) and sessions >= filters.min_sessions:
+        row = Attempt(devices[device], names[configuration], backend, processor, kind, *found)
+        if matches(filters, row.device, row.vendor, row.backend) and row.sessions >= filters.min_sessions:
             yield row
 
 

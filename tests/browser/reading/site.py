@@ -3,6 +3,7 @@
 Filled once, only read from: the tests that change a site make one of their own.
 """
 
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -46,6 +47,7 @@ PHONES = [
 ]
 # Models among them: what the headline counts.
 COUNTED = len({model for model, _, _ in PHONES})
+UNCONFIRMED = "P40"
 
 
 # Charts for other sites to frame: all of one template.
@@ -109,7 +111,9 @@ def running(folder: Path) -> Iterator[Site]:
 
 
 def fill(folder: Path) -> dict[str, str]:
-    """Fronts, phones (one is simulated), a slow and a lost session, a search, an export; where pages are."""
+    """Fronts, phones (one is simulated), a slow, a lost and an unconfirmed session, a search, an export;
+    where pages are.
+    """
     pack = write_pack(folder / "sequences")
     publish_content(front_document(pack, version="early"))
     publish_content(front_document(pack))
@@ -119,6 +123,8 @@ def fill(folder: Path) -> dict[str, str]:
     sessions = [_send(model, processor, session_document(best_us=best)) for model, processor, best in PHONES]
     _send("Nexus 5", "Adreno (TM) 330", session_document(runs=_slowing()))
     _send("Moto G", "PowerVR Rogue GE8320", session_document(runs=_lost()))
+    # No network is known from which it was enrolled: nobody can say whether it is independent.
+    _send(UNCONFIRMED, "PowerVR Rogue GE8320", session_document(best_us=8_000), network="")
     _send("Imaginary", "Mali-G715", session_document(), simulated=True)
     exports.make()
     # By the first word of a page's name.
@@ -140,12 +146,21 @@ def fill(folder: Path) -> dict[str, str]:
     return {name: address(name, pattern) for name, pattern in _patterns().items()}
 
 
-def _send(model: str, processor: str, session: dict[str, Any], simulated: bool = False) -> dict[str, Any]:
-    """SESSION through the API, from an installation of its own; as it was sent."""
-    installation, token = enrol("client_kit", "0.1.0", 1)
+def _send(
+    model: str,
+    processor: str,
+    session: dict[str, Any],
+    simulated: bool = False,
+    network: str | None = None,
+) -> dict[str, Any]:
+    """SESSION through the API, from an installation and a network of its own; as it was sent."""
+    own = secrets.token_hex(16) if network is None else network
+    installation, token = enrol("client_kit", "0.1.0", 1, network=own)
     Installation.objects.filter(pk=installation.pk).update(simulated=simulated)
     device = device_document(model, opencl_device=processor)
-    response = Participant(Client(), token, "").submit(submission_document(session, device=device))
+    # The server sees no address: an unknown network stays unknown.
+    participant = Participant(Client(REMOTE_ADDR="unknown"), token, "")
+    response = participant.submit(submission_document(session, device=device))
     assert response.status_code == 202, response.content
     return session
 
