@@ -93,9 +93,9 @@ def test_a_network_has_one_model_that_its_chip_confirms(send: Callable[..., Part
     honest = confirmed()
 
     for number in range(4):
-        send(f"Invented {number}", network="one", speedup=3.1)
-        send(f"Invented {number}", network="one", chip=ADRENO, speedup=3.1)
-        send("Pixel 8", network="one", chip=ADRENO, speedup=3.1)
+        send(f"Invented {number}", network="one", speedup=2.2)
+        send(f"Invented {number}", network="one", chip=ADRENO, speedup=2.2)
+        send("Pixel 8", network="one", chip=ADRENO, speedup=2.2)
 
     assert len(confirmed() - honest) == 1
 

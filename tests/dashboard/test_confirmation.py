@@ -97,7 +97,7 @@ def test_the_first_device_is_shown_with_its_sessions_interval_and_claims_no_crow
     assert f"{UNCONFIRMED} it counts. 1 installation measured it so far." in page
     assert "Speedup of best over default on Google Pixel 8 7.92x 95 % interval of its one session: " in page
     assert "one device so far" in page
-    assert "x best did not finish on 0 of 1 device, lost the camera on 0 of 1" in page
+    assert "did not finish on" not in page
     assert "none confirmed; in 1 session" in page
     assert "Mean speedup" not in page
     assert "Dotted: 1 unconfirmed figure, in no mean." in page
@@ -140,11 +140,11 @@ def test_an_invented_figure_changes_neither_headline_nor_order_nor_breakdown(
     assert "13.3x" not in home.partition("Speedup by device")[0]
     table = home.partition("Device Speedup 95 % interval Sessions")[2]
     assert table.index("Pixel 7") < table.index("Pixel 8") < table.index("Pixel 6 Mali-G715 unconfirmed")
-    assert "Mali 2.00x - 2 1 0 of 3 0 of 3" in home
+    assert "Mali 2.00x - 2 1 0 of 2 0 of 2" in home
     assert "2 device models: 2.00x faster in the mean" in devices
     assert "Not in it: 1 unconfirmed device." in devices
-    assert "Best did not finish on 0 of 3 devices, lost the camera on 0 of 3." in devices
-    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 2.00x 2 1 0 of 3 0 of 3" in plain(
+    assert "Best did not finish on 0 of 2 devices, lost the camera on 0 of 2." in devices
+    assert "best 10.0 ms 100 fps 4.00 cm 8.00x 2.00x 2 1 0 of 2 0 of 2" in plain(
         client, "/fronts/kfusion-test/"
     )
 
@@ -261,18 +261,20 @@ def test_failures_stand_beside_the_mean(
     client: Client, join: Callable[[], Participant], front: FrontVersion
 ) -> None:
     confirmed_phone(join, "Pixel 8", 40_000)
-    lost = [
-        run_document("default", 0, 0, 80_000),
-        run_document("best", 0, 1, 1_000, ate_max=0.4),
-        run_document("best", 1, 2, 1_000, ate_max=0.4),
-        run_document("default", 1, 3, 80_000),
-    ]
-    measure(join(), "Pixel 7", runs=lost)
+    for model, networks in (("Pixel 7", 3), ("Pixel 6", 2)):
+        for _ in range(networks):
+            lost = [
+                run_document("default", 0, 0, 80_000),
+                run_document("best", 0, 1, 1_000, ate_max=0.4),
+                run_document("best", 1, 2, 1_000, ate_max=0.4),
+                run_document("default", 1, 3, 80_000),
+            ]
+            measure(join(), model, runs=lost)
 
     assert "best did not finish on 0 of 2 devices, lost the camera on 1 of 2" in plain(client, "/")
     assert "Best did not finish on 0 of 2 devices, lost the camera on 1 of 2." in plain(client, "/devices/")
     assert "8.00x 2.00x 1 0 0 of 2 1 of 2" in plain(client, "/fronts/kfusion-test/")
-    assert "Best did not finish in 0 of 1 session, lost the camera in 1 of 1." in plain(
+    assert "Best did not finish in 0 of 3 sessions, lost the camera in 3 of 3." in plain(
         client, "/devices/google-pixel-7/"
     )
 
