@@ -228,7 +228,8 @@ def judge_among_others(cohort: Cohort, summaries: QuerySet[SessionSummary], plau
         near = Q(log_ratio__lt=ranges.low + AGREEMENT) | Q(log_ratio__gt=ranges.high - AGREEMENT)
         if any(hidden for *_, hidden in own):
             near |= Q(reason__in=DEPENDING)
-        candidates = judged.filter(near, configuration=configuration).order_by("pk")
+        # Not in the order of keys: SQLite would go through the summaries of all cohorts for it.
+        candidates = judged.filter(near, configuration=configuration).order_by()
         found = list(candidates.values_list("pk", "installation_id", "log_ratio", "state", "reason"))
         sessions = [(networks.get(who), who, log) for _, who, log, _, _ in found if log is not None]
         for (key, _, _, *present), rule in zip(found, _broken(sessions, ranges), strict=True):
