@@ -79,7 +79,7 @@ def _tokens(home: Home, server: Server) -> list[str]:
 
 
 def renew(home: Home, server: Server) -> bool:
-    """Have other tokens replace those for a server; False where there is none.
+    """Have other tokens replace those for a server; False without any.
 
     An old one ends with the first use of the new one, which is kept before that: a process that is killed in
     between locks nobody out. Raises the server's errors.

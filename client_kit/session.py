@@ -161,7 +161,7 @@ def payload(
 
 
 def _thinned(samples: Sequence[Sample]) -> Sequence[Sample]:
-    """Every nth of SAMPLES, so that there are no more than the server takes: a long session has too many."""
+    """Every nth of SAMPLES: a long session has more than the server accepts."""
     return samples[:: max(1, math.ceil(len(samples) / MOST_SAMPLES))]
 
 

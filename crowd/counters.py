@@ -8,6 +8,7 @@ writer, a request must not cost a transaction, and nothing of an address may end
 import contextlib
 import hashlib
 import hmac
+import logging
 import secrets
 import sqlite3
 import threading
@@ -27,8 +28,11 @@ A_DAY = 24 * 3600
 PREFIX = "frontrunner:"
 
 
+log = logging.getLogger(__name__)
+
+
 class CountingError(Exception):
-    """Nothing can be counted now. The caller decides what that means; requests are let through."""
+    """Nothing can be counted now. Callers go on without (`counting`)."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +147,18 @@ class RedisStore(Store):
 def count(key: str, seconds: int, amount: int = 1) -> Count:
     """Count AMOUNT more under KEY in its window of SECONDS. Raises CountingError."""
     return _store().count(key, seconds, amount)
+
+
+@contextlib.contextmanager
+def counting(what: str) -> Iterator[None]:
+    """Where nothing can be counted, log that WHAT is not counted now and leave the block.
+
+    A full disk or an absent Redis must neither close the server nor lock administrators out.
+    """
+    try:
+        yield
+    except CountingError as error:
+        log.warning("%s are not counted now: %s", what, error)
 
 
 def disguised(address: str) -> str:

@@ -4,7 +4,6 @@ Answers report them in the fields RateLimit-Policy and RateLimit of the IETF's d
 for HTTP" (draft-ietf-httpapi-ratelimit-headers-10): quota q in a window of w seconds, r left for t seconds.
 """
 
-import logging
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, cast
@@ -18,7 +17,6 @@ from crowd import counters
 from crowd.addresses import address_of
 
 A_MINUTE, AN_HOUR = 60, 3600
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -69,14 +67,11 @@ class Limit(BaseThrottle):
         """Count this request, and say whether it may be answered; `usage` is what its answer reports."""
         if not (quota := self.quota):
             return True
-        try:
+        with counters.counting("requests"):
             count = counters.count(f"{self.name}:{self.key(request)}", self.seconds)
-        except counters.CountingError as error:
-            # A full disk or an absent Redis must not close the server.
-            log.warning("requests are not counted now: %s", error)
-            return True
-        self.usage = Usage(self.name, quota, self.seconds, count.used, count.resets_in)
-        return not self.usage.exceeded
+            self.usage = Usage(self.name, quota, self.seconds, count.used, count.resets_in)
+            return not self.usage.exceeded
+        return True
 
     def allow_request(self, request: Request, view: Any) -> bool:
         """`count`, as Django REST framework calls it: `view.usage` is for the answer."""

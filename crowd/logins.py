@@ -8,7 +8,6 @@ An account that has a device for one-time passwords (RFC 6238) must always give 
 FRONTRUNNER_REQUIRE_TOTP every account needs a device, which `manage.py totp USER` makes.
 """
 
-import logging
 import math
 from typing import Any
 
@@ -26,8 +25,6 @@ WINDOW_SECONDS = 900
 # Tries in a window, right or wrong.
 TRIES_OF_KNOWN_BROWSER = 10
 TRIES_OF_ADDRESS_AT_ACCOUNT, TRIES_OF_ADDRESS, TRIES_OF_NETWORK, TRIES_AT_ACCOUNT = 10, 30, 60, 100
-
-log = logging.getLogger(__name__)
 
 
 class LogInForm(AdminAuthenticationForm):
@@ -100,14 +97,11 @@ def seconds_to_wait(request: HttpRequest, account: str) -> int:
     cannot exhaust its network, and one network cannot exhaust the account. Nothing is stored: the counters
     have keyed hashes, for a day at most.
     """
-    try:
+    with counters.counting("tries to log in"):
         for key, most in _limits(request, account):
             count = counters.count(f"login:{key}", WINDOW_SECONDS)
             if count.used > most:
                 return math.ceil(count.resets_in)
-    except counters.CountingError as error:
-        # An administrator must be able to log in to a server with a full disk.
-        log.warning("tries to log in are not counted now: %s", error)
     return 0
 
 

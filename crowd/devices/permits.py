@@ -16,9 +16,9 @@ def permit() -> str:
     return TimestampSigner(salt=SALT).sign(SUBJECT)
 
 
-def issue(by: str = COMMAND_LINE) -> str:
-    """A new permit to be handed out; the audit log says that BY issued it."""
-    record(by, "permit issued", "simulated crowd", f"valid for {SECONDS // 3600} hours")
+def issue() -> str:
+    """A new permit to be handed out; the audit log says so."""
+    record(COMMAND_LINE, "permit issued", "simulated crowd", f"valid for {SECONDS // 3600} hours")
     return permit()
 
 

@@ -1,7 +1,6 @@
 """Writes of installations: enrolment, tokens, their device, whether their models are named."""
 
 import hashlib
-import logging
 import secrets
 from collections.abc import Mapping
 from typing import Any
@@ -19,8 +18,6 @@ from crowd.problems import Problem
 
 # How long a participant who agreed, and then did not, waits to agree again.
 AGREED_SECONDS = 3600
-
-log = logging.getLogger(__name__)
 
 COLUMNS = [field.attname for field in Installation._meta.concrete_fields]
 
@@ -143,11 +140,9 @@ def choose_disclosure(installation: Installation, show_model: bool | None) -> No
 
 def _has_agreed_lately(installation: Installation) -> bool:
     """Whether INSTALLATION agreed within the hour already; counts this time."""
-    try:
+    with counters.counting("changes of disclosure"):
         return counters.count(f"agreed:{installation.pk}", AGREED_SECONDS).used > 1
-    except counters.CountingError as error:
-        log.warning("changes of disclosure are not counted now: %s", error)
-        return False
+    return False
 
 
 @transaction.atomic

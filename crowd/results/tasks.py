@@ -86,11 +86,9 @@ def announce_stale_files(**_: object) -> None:
     """Tell the workers that files of exports are stale, once in a while. What becomes stale meanwhile, or
     without a broker, is rewritten by readers and by the next `export`.
     """
-    try:
+    with counters.counting("messages about stale files"):
         if counters.count("stale files", REWRITING_PAUSE_SECONDS).used > 1:
             return
-    except counters.CountingError as error:
-        log.warning("messages about stale files are not counted now: %s", error)
     try:
         rewrite_exports.apply_async(retry=False)
     except (OperationalError, OSError) as error:

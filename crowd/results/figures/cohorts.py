@@ -15,7 +15,6 @@ from django.conf import settings
 from django.db.models import Avg, Count, F, Max, Min, Q, QuerySet, Sum
 
 from crowd.devices import revision
-from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import DEFAULT
 from crowd.results.figures import confirmation, statistics
@@ -30,9 +29,6 @@ STORED = (
 )  # fmt: skip
 # Summaries whose state depends on others of their cohort; each time all of them are looked at again.
 DEPENDING = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code)
-
-# As many keys as a query names one by one.
-FEW = 500
 
 # An installation's key, or that of its network where it is known: what counts once.
 Unit = UUID | str
@@ -409,16 +405,6 @@ def _by_installation(summaries: QuerySet[SessionSummary]) -> Iterable[Mapping[st
             last=Max("started_at"),
         )
     )
-
-
-def networks_of(installations: Collection[UUID]) -> dict[UUID, str]:
-    """The networks from which INSTALLATIONS, at least, were enrolled; of those for which it is known."""
-    if not installations:
-        return {}
-    rows = Installation.objects.exclude(network="")
-    if len(installations) <= FEW:
-        rows = rows.filter(pk__in=installations)
-    return dict(rows.order_by().values_list("pk", "network"))
 
 
 def _deviation(mean: float, mean_square: float, count: int) -> float:

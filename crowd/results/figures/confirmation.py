@@ -35,13 +35,12 @@ def confirmed() -> Q:
     return Q(witnesses__gte=quorum) | Q(chip_witnesses__gte=quorum)
 
 
-def settle(limit: int | None = None) -> int:
-    """Ask the models with the same chip about figures that changed, at most LIMIT chips; how many."""
+def settle() -> None:
+    """Ask the models with the same chip about figures that changed."""
     unsettled = DeviceSpeedup.objects.filter(unsettled=True)
-    chips = list(unsettled.order_by(*CHIP).values_list(*CHIP).distinct()[:limit])
+    chips = list(unsettled.order_by(*CHIP).values_list(*CHIP).distinct())
     for chip in chips:
         _settle(chip)
-    return len(chips)
 
 
 @transaction.atomic

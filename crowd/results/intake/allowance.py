@@ -5,7 +5,6 @@ is counted before anything is stored. Simulated installations are not limited: a
 """
 
 import json
-import logging
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -26,8 +25,6 @@ PER_ADDRESS = 4
 ROW_BYTES = {Submission: 5_000, MeasurementSession: 1_500, Run: 1_000}
 COLUMN_BYTES = 8
 PAGE_BYTES = 4096  # of SQLite
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -108,7 +105,8 @@ def _size(value: Any) -> int:
 def _charge(sender: Sender, allowance: Allowance, amount: int) -> None:
     if not allowance.quota or sender.installation.simulated:
         return
-    try:
+    counts = []
+    with counters.counting("amounts"):
         quotas = {f"installation:{sender.installation.pk}": allowance.quota}
         if sender.address:
             quotas[f"address:{counters.disguised(sender.address)}"] = PER_ADDRESS * allowance.quota
@@ -117,10 +115,6 @@ def _charge(sender: Sender, allowance: Allowance, amount: int) -> None:
             (counters.count(f"daily-{allowance.name}:{key}", counters.A_DAY, amount), quota)
             for key, quota in quotas.items()
         ]
-    except counters.CountingError as error:
-        # A full disk or an absent Redis must not close the server.
-        log.warning("amounts are not counted now: %s", error)
-        return
     for count, quota in counts:
         if count.used > quota:
             wait = max(math.ceil(count.resets_in), 1)

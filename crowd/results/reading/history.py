@@ -1,7 +1,7 @@
 """What a new driver or a new version of the system did to a device's speedup."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 from uuid import UUID
@@ -13,7 +13,6 @@ from crowd.devices.disclosure import find, is_disclosed
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
-from crowd.results.figures.cohorts import networks_of
 from crowd.results.models import Cohort, DeviceSpeedup, SessionSummary, State
 from crowd.results.reading.failures import public_os_version
 from crowd.results.reading.figures import hour
@@ -53,15 +52,14 @@ def history(slug: str, configuration: str = BEST, application: str | None = None
             cohort__in=cohorts, configuration=figure.configuration_id, state=State.VALID, counted=True
         )
         .order_by("installation_id", "session__description_id", "session__driver")
-        .values("installation_id", "session__description_id", "session__driver")
+        .values("installation_id", "installation__network", "session__description_id", "session__driver")
         .annotate(mean=Avg("log_ratio"), count=Count("id"), first=Min("started_at"), last=Max("started_at"))
     )
     versions = _versions(model, {row["session__description_id"] for row in rows})
     groups: dict[tuple[str, str], list[Mapping[str, Any]]] = defaultdict(list)
     for row in rows:
         groups[row["session__driver"], versions.get(row["session__description_id"], "")].append(row)
-    networks = networks_of({row["installation_id"] for row in rows})
-    releases = [_release(driver, version, members, networks) for (driver, version), members in groups.items()]
+    releases = [_release(driver, version, members) for (driver, version), members in groups.items()]
     return History(
         front=figure.front.slug,
         configuration=configuration,
@@ -79,12 +77,11 @@ def _versions(device: DeviceModel, descriptions: Iterable[int]) -> dict[int, str
     return {key: public_os_version(version) for key, version in rows if isinstance(version, str)}
 
 
-def _release(
-    driver: str, os_version: str, rows: Iterable[Mapping[str, Any]], networks: Mapping[UUID, str]
-) -> Release:
+def _release(driver: str, os_version: str, rows: Sequence[Mapping[str, Any]]) -> Release:
     """ROWS: an installation's sessions with one description each; installations weigh the same, and those of
-    one of NETWORKS count once.
+    one network count once.
     """
+    networks = {row["installation_id"]: row["installation__network"] or None for row in rows}
     logs: dict[UUID, float] = defaultdict(float)
     counts: dict[UUID, int] = defaultdict(int)
     moments: list[datetime] = []
@@ -94,7 +91,7 @@ def _release(
         moments += [row["first"], row["last"]]
     found = statistics.model_speedup(
         [
-            statistics.InstallationValue(logs[who] / counts[who], 0.0, counts[who], networks.get(who))
+            statistics.InstallationValue(logs[who] / counts[who], 0.0, counts[who], networks[who])
             for who in logs
         ]
     )
