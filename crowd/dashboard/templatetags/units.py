@@ -8,8 +8,8 @@ from typing import Any
 from django import template
 
 from crowd.dashboard import confirmation, formats
-from crowd.dashboard.protocols import first_counted_frame, max_ate
 from crowd.disclosure import public
+from crowd.fronts.protocol import first_counted_frame, max_ate
 from crowd.results.reading.rows import Attempts, Device, Speedup
 from crowd.results.validity.rules import RULES
 from slam.protocol import MAX_DRIFT
