@@ -101,13 +101,20 @@ class Session:
         return speedup_of(self.runs, configuration, protocol, baseline)
 
     def drift(self, configuration: str, protocol: Protocol) -> float | None:
-        """How much slower its last good run was than its first: median over the counted frames of last /
-        first. None with fewer than two such runs. Like is compared with like, frame by frame."""
-        good = [run for run in self.of(configuration) if run.status == "ok"]
-        if len(good) < 2:
-            return None
-        first, last = (run.frame_us[protocol.first_counted_frame :] for run in (good[0], good[-1]))
-        ratios = [after / before for before, after in zip(first, last, strict=True) if before > 0]
+        """How much slower the second half of its good runs was than the first: median over the counted
+        frames of the ratio of their means. None with fewer than two such runs."""
+        good = [
+            run.frame_us[protocol.first_counted_frame :]
+            for run in self.of(configuration)
+            if run.status == "ok"
+        ]
+        half = len(good) // 2
+        earlier, later = good[:half], good[len(good) - half :]
+        ratios = [
+            fmean(after) / fmean(before)
+            for before, after in zip(zip(*earlier, strict=True), zip(*later, strict=True), strict=True)
+            if all(before) and all(after)
+        ]
         return median(ratios) if ratios else None
 
 

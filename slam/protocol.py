@@ -2,4 +2,4 @@
 
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
 VALID_BELOW = 0.05  # metres of maximal trajectory error
-MAX_DRIFT = 1.15  # last repeat of a configuration over its first: whoever slows down more is set aside
+MAX_DRIFT = 1.15  # later repeats of a configuration over its earlier ones: who slows down more is set aside

@@ -49,7 +49,7 @@ def steps(session: SessionDetail) -> tuple[Step, ...]:
         reference = first.setdefault(series.run.configuration, series)
         size = min(reference.frame_seconds.size, series.frame_seconds.size)
         [ratio] = measures.drifts(
-            reference.frame_seconds[None, :size], series.frame_seconds[None, :size], counted_from
+            reference.frame_seconds[None, None, :size], series.frame_seconds[None, None, :size], counted_from
         )
         if ratio is not None:
             found.append(Step(series.run.order + 1, series.run.configuration, series.run.repeat, ratio))

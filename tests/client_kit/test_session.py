@@ -95,7 +95,7 @@ def test_one_pair_has_no_interval() -> None:
     assert (speedup.low, speedup.high, speedup.half_width) == (None, None, None)
 
 
-def test_drift_compares_the_last_run_with_the_first_frame_by_frame() -> None:
+def test_drift_compares_the_later_runs_with_the_earlier_frame_by_frame() -> None:
     # The scene's cost varies from frame to frame far more than the device slows down.
     frames = [10.0, 100.0] * 6
     session = session_of(run_of("best", 0, frames), run_of("best", 1, [1.2 * time for time in frames]))

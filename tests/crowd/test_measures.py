@@ -67,15 +67,26 @@ def test_drift_is_the_median_of_like_frames() -> None:
     second = first * 1.2
     second[50:60] *= 50  # a hiccup is not a drift
 
-    assert measures.drifts(first[None], second[None]) == [pytest.approx(1.2)]
-    assert measures.drifts(np.zeros((1, 100)), second[None]) == [None]
+    assert measures.drifts(first[None, None], second[None, None]) == [pytest.approx(1.2)]
+    assert measures.drifts(np.zeros((1, 1, 100)), second[None, None]) == [None]
+
+
+def test_one_slow_repeat_of_many_is_no_drift() -> None:
+    earlier = np.full((1, 5, 100), 1000)
+    later = earlier.copy()
+    later[:, -1] = 1500
+
+    [drift] = measures.drifts(earlier, later)
+
+    assert drift == pytest.approx(1.1)
+    assert not measures.has_drifted(drift)
 
 
 @pytest.mark.parametrize("first_counted_frame", [0, 10, 100])
 def test_drifts_of_many_are_those_of_each(first_counted_frame: int) -> None:
     random = np.random.default_rng(1)
-    first, last = (random.integers(1, 90_000, (6, 100)).astype(np.uint32) for _ in range(2))
-    first[1, 20:25] = 0  # a clock that stood still
+    first, last = (random.integers(1, 90_000, (6, 2, 100)).astype(np.uint32) for _ in range(2))
+    first[1, 0, 20:25] = 0  # a clock that stood still
     last[2] = 0
 
     found = measures.drifts(first, last, first_counted_frame)

@@ -117,6 +117,14 @@ def test_a_device_that_slows_down_or_speeds_up_is_suspect(slower: float) -> None
     assert summary.drift == pytest.approx(slower**3, rel=1e-3)
 
 
+def test_further_repeats_tell_a_drift_from_a_slow_moment() -> None:
+    session = runs(ABBA * 5)
+    last = next(run for run in session if run.order == 19)
+    last.frame_us, last.mean_us = packing.pack([120_000] * FRAMES), 120_000.0
+
+    assert reason(session) == ""
+
+
 def test_a_clock_that_falls_explains_a_device_that_slows_down_and_no_other() -> None:
     falling = [2400.0] * 3 + [1200.0] * 3
 

@@ -210,7 +210,7 @@ def test_a_slowing_session_is_suspect_with_its_reason(client: Client, participan
 
     page = read(client, f"/sessions/{session['id']}/")
 
-    assert "suspect the last repeat of a configuration was much slower" in page
+    assert "suspect the later repeats of a configuration were much slower" in page
     assert "+50.0" in page
     assert "Striped: 1" in read(client, "/")
 

@@ -140,7 +140,7 @@ class Migration(migrations.Migration):
         migrations.AlterField(
             model_name='sessionsummary',
             name='drift',
-            field=models.FloatField(help_text='ratio of the last repeat over the first, frame by frame: the farthest from 1', null=True),
+            field=models.FloatField(help_text='ratio of the later repeats over the earlier ones, frame by frame: the farthest from 1', null=True),
         ),
         migrations.AddIndex(
             model_name='devicespeedup',

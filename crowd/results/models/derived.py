@@ -54,7 +54,8 @@ class SessionSummary(models.Model):
     failed = models.PositiveSmallIntegerField(default=0, help_text="of these, how many did not finish")
     lost = models.PositiveSmallIntegerField(default=0, help_text="of these, how many lost the camera")
     drift = models.FloatField(
-        null=True, help_text="ratio of the last repeat over the first, frame by frame: the farthest from 1"
+        null=True,
+        help_text="ratio of the later repeats over the earlier ones, frame by frame: the farthest from 1",
     )
     ate_max = models.FloatField(null=True, help_text="largest ATE of the configuration's runs, m")
     state = models.CharField(max_length=16, choices=State.choices)

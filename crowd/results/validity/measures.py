@@ -52,18 +52,20 @@ def paired_log_ratios(baseline: Mapping[int, float], candidate: Mapping[int, flo
 
 
 def drifts(
-    first_us: NDArray[np.generic],
-    last_us: NDArray[np.generic],
+    earlier_us: NDArray[np.generic],
+    later_us: NDArray[np.generic],
     first_counted_frame: int = FIRST_COUNTED_FRAME,
 ) -> list[float | None]:
-    """Median over the counted frames of last / first repeat, by row of FIRST_US and LAST_US (n, frames).
+    """Median over the counted frames of later / earlier repeats, by row of both (n, repeats, frames).
 
-    Frames without a time on either side are left out; None where none is left. Like is compared with like:
-    the first and the last third of one run would confound the scene with the heat.
+    A frame's times are averaged over the repeats of either side: one hiccup of a busy computer is no drift.
+    Frames that miss a time are left out; None where none is left. Like is compared with like: the first and
+    the last third of one run would confound the scene with the heat.
     """
-    first = first_us[:, first_counted_frame:].astype(np.float64)
-    last = last_us[:, first_counted_frame:].astype(np.float64)
-    timed = (first > 0) & (last > 0)
+    earlier = earlier_us[:, :, first_counted_frame:].astype(np.float64)
+    later = later_us[:, :, first_counted_frame:].astype(np.float64)
+    first, last = earlier.mean(axis=1), later.mean(axis=1)
+    timed = (earlier.min(axis=1) > 0) & (later.min(axis=1) > 0)
     whole, some = timed.all(axis=1), timed.any(axis=1)
     found: list[float | None] = [None] * len(first)
     if first.size:
@@ -77,7 +79,7 @@ def drifts(
 
 
 def has_drifted(drift: float | None) -> bool:
-    """Whether the last repeat took much longer, or much less time, than the first."""
+    """Whether the later repeats took much longer, or much less time, than the earlier ones."""
     return drift is not None and abs(math.log(drift)) > math.log(MAX_DRIFT)
 
 

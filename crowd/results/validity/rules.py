@@ -108,14 +108,15 @@ THROTTLING = Rule(
     State.SUSPECT,
     Level.SESSION,
     MAX_DRIFT,
-    "the last repeat of a configuration was much slower than the first, and the processor's clock fell",
+    "the later repeats of a configuration were much slower than the earlier ones, and the processor's clock "
+    "fell",
 )
 DRIFT = Rule(
     "drift",
     State.SUSPECT,
     Level.SESSION,
     MAX_DRIFT,
-    "the last repeat of a configuration was much slower, or much faster, than the first",
+    "the later repeats of a configuration were much slower, or much faster, than the earlier ones",
 )
 TRAJECTORY_MISSING = Rule(
     "trajectory_missing",

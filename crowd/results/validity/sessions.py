@@ -69,24 +69,23 @@ def summarise(
 
 
 def _drifts(sessions: Iterable[SessionInput], runs: Mapping[int, Sequence[StoredRun]]) -> Drifts:
-    """The last repeat of each configuration against its first. Those of one length are computed at once."""
-    pairs: dict[tuple[int, int], list[tuple[int, int, StoredRun, StoredRun]]] = defaultdict(list)
+    """The second half of each configuration's repeats against the first. Those alike are computed at once."""
+    halves: dict[tuple[int, int, int], list[tuple[int, int, Sequence[StoredRun]]]] = defaultdict(list)
     for session in sessions:
         for configuration, repeats in _by_configuration(runs.get(session.key, ())).items():
             timed = [run for run in repeats if run.mean_us]
-            if len(timed) > 1:
-                first, last = timed[0], timed[-1]
-                size = min(len(first.frame_us), len(last.frame_us))
-                alike = (session.front.protocol.first_counted_frame, size)
-                pairs[alike].append((session.key, configuration, first, last))
+            half = len(timed) // 2
+            if half:
+                compared = (*timed[:half], *timed[-half:])
+                size = min(len(run.frame_us) for run in compared)
+                alike = (session.front.protocol.first_counted_frame, half, size)
+                halves[alike].append((session.key, configuration, compared))
     found: dict[int, dict[int, float | None]] = defaultdict(dict)
-    for (first_counted, size), group in pairs.items():
-        values = measures.drifts(
-            packing.unpack_many([first.frame_us[:size] for _, _, first, _ in group]),
-            packing.unpack_many([last.frame_us[:size] for _, _, _, last in group]),
-            first_counted,
-        )
-        for (key, configuration, _, _), value in zip(group, values, strict=True):
+    for (first_counted, half, size), group in halves.items():
+        packed = [run.frame_us[:size] for _, _, compared in group for run in compared]
+        times = packing.unpack_many(packed).reshape(len(group), 2 * half, -1)
+        values = measures.drifts(times[:, :half], times[:, half:], first_counted)
+        for (key, configuration, _), value in zip(group, values, strict=True):
             found[key][configuration] = value
     return found
 
