@@ -30,6 +30,9 @@ STORED = (
 # Summaries whose state depends on others of their cohort; each time all of them are looked at again.
 DEPENDING = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code)
 
+# What makes a cohort, and the figures of it.
+GROUP = ("device_id", "front_id", "backend", "processor", "processor_class")
+
 # An installation's key, or that of its network where it is known: what counts once.
 Unit = UUID | str
 
@@ -135,16 +138,17 @@ class Plausibility:
 def refresh(cohorts: Iterable[Cohort], plausible: Plausibility | None = None) -> None:
     """Compute the figures of COHORTS, which the caller has locked. Cohorts without sessions are deleted."""
     plausible = plausible or Plausibility()
-    for cohort in cohorts:
-        own = SessionSummary.objects.filter(cohort=cohort)
-        judge_among_others(cohort, own, plausible)
-        found = figures(own)
-        _store(cohort, found)
-        _store_outcomes(cohort, own)
-        if not found and not own.exists():
-            cohort.delete()
-        elif cohort.stale:
-            Cohort.objects.filter(pk=cohort.pk).update(stale=False)
+    by_key = {cohort.pk: cohort for cohort in cohorts}
+    for cohort in by_key.values():
+        judge_among_others(cohort, SessionSummary.objects.filter(cohort=cohort), plausible)
+    summaries = SessionSummary.objects.filter(cohort__in=by_key)
+    _store(by_key, figures(summaries))
+    counts = outcomes(summaries)
+    _store_outcomes(by_key, counts)
+    left = {cohort for cohort, _ in counts}
+    Cohort.objects.filter(pk__in=by_key.keys() - left).delete()
+    Cohort.objects.filter(pk__in=left, stale=True).update(stale=False)
+    if by_key:
         revision.bump()
 
 
@@ -329,23 +333,26 @@ def count_days(cohort_days: QuerySet[SessionSummary]) -> None:
             SessionSummary.objects.filter(pk__in=wrong).update(counted=value)
 
 
-def _store(cohort: Cohort, found: Mapping[Key, Figure]) -> None:
-    group = {
-        "device_id": cohort.device_id,
-        "front_id": cohort.front_id,
-        "backend": cohort.backend,
-        "processor": cohort.processor,
-        "processor_class": cohort.processor_class,
+def _store(cohorts: Mapping[int, Cohort], found: Mapping[Key, Figure]) -> None:
+    """Replace the figures of COHORTS, by their key, with FOUND."""
+    groups = {key: tuple(getattr(cohort, name) for name in GROUP) for key, cohort in cohorts.items()}
+    present = {(*groups[key.cohort], key.configuration) for key in found}
+    own = set(groups.values())
+    rows = DeviceSpeedup.objects.filter(
+        device__in={cohort.device_id for cohort in cohorts.values()}
+    ).order_by()
+    gone = {
+        key: configuration
+        for key, *group, configuration in rows.values_list("pk", *GROUP, "configuration_id")
+        if tuple(group) in own and (*group, configuration) not in present
     }
-    old = DeviceSpeedup.objects.filter(**group)
-    gone = old.exclude(configuration_id__in=[key.configuration for key in found])
-    if keys := list(gone.values_list("configuration", flat=True)):
-        gone.delete()
-        confirmation.ask_again(keys)
+    if gone:
+        DeviceSpeedup.objects.filter(pk__in=gone).delete()
+        confirmation.ask_again(set(gone.values()))
     DeviceSpeedup.objects.bulk_create(
         [
             DeviceSpeedup(
-                **group,
+                **dict(zip(GROUP, groups[key.cohort], strict=True)),
                 configuration_id=key.configuration,
                 baseline_id=key.baseline,
                 algorithm=version.ALGORITHM,
@@ -362,18 +369,21 @@ def _store(cohort: Cohort, found: Mapping[Key, Figure]) -> None:
     )
 
 
-def _store_outcomes(cohort: Cohort, summaries: QuerySet[SessionSummary]) -> None:
-    found = outcomes(summaries)
-    old = Outcome.objects.filter(cohort=cohort)
-    stored = {
-        (cohort.pk, configuration): OutcomeCounts(*counts)
-        for configuration, *counts in old.values_list("configuration_id", *OutcomeCounts._fields)
-    }
-    if gone := stored.keys() - found.keys():
-        old.filter(configuration__in=[key for _, key in gone]).delete()
+def _store_outcomes(cohorts: Collection[int], found: Mapping[tuple[int, int], OutcomeCounts]) -> None:
+    """Replace the outcomes of COHORTS, keys all, with FOUND, by cohort and configuration."""
+    rows = Outcome.objects.filter(cohort__in=cohorts).order_by()
+    stored, gone = {}, []
+    for key, cohort, configuration, *counts in rows.values_list(
+        "pk", "cohort_id", "configuration_id", *OutcomeCounts._fields
+    ):
+        stored[cohort, configuration] = OutcomeCounts(*counts)
+        if (cohort, configuration) not in found:
+            gone.append(key)
+    if gone:
+        Outcome.objects.filter(pk__in=gone).delete()
     Outcome.objects.bulk_create(
         [
-            Outcome(cohort=cohort, configuration_id=key[1], **counts._asdict())
+            Outcome(cohort_id=key[0], configuration_id=key[1], **counts._asdict())
             for key, counts in found.items()
             if stored.get(key) != counts
         ],

@@ -31,8 +31,9 @@ from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.runs import Front, SessionContext, judge_runs
 from crowd.results.validity.sessions import SessionInput
 
-# Sessions that one transaction works on: other writers wait for a fraction of a second at most.
-BATCH = 100
+# Sessions and cohorts that one transaction works on: other writers wait for a fraction of a second at most.
+BATCH = 200
+COHORTS = 20
 MARKED = 5_000
 # A device with more sessions gets its figures from the sweep, for many new sessions at once: what one more
 # session costs does not grow with those that are there.
@@ -142,9 +143,9 @@ def refresh_stale(limit: int | None = None) -> int:
     """Compute the figures of at most LIMIT cohorts that do not know their newest sessions; how many."""
     keys = list(Cohort.objects.filter(stale=True).order_by("pk").values_list("pk", flat=True)[:limit])
     plausible = cohorts.Plausibility()
-    for key in keys:
+    for begin in range(0, len(keys), COHORTS):
         with transaction.atomic():
-            found = cohorts.lock(Cohort.objects.filter(pk=key))
+            found = cohorts.lock(Cohort.objects.filter(pk__in=keys[begin : begin + COHORTS]))
             cohorts.refresh(found, plausible)
             count_activity({cohort.device_id for cohort in found})
     return len(keys)
