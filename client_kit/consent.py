@@ -23,8 +23,9 @@ What is sent, with the values of this device
 {sample}
 
 What is never sent: your name, the device's name, serial numbers, network addresses, places.
-The server knows this installation by a random number. What you sent can be read at any time with
-`python -m client_kit export` and is erased, here and there, by `python -m client_kit erase`.
+The server knows this installation by a random number. It stores a keyed hash of your network with it.
+What you sent can be read at any time with `python -m client_kit export` and is erased, here and there, by
+`python -m client_kit erase`.
 Consent {version}.
 """
 

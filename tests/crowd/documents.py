@@ -18,6 +18,9 @@ STANDARD = {
     "icp_threshold": 1e-5,
     "integration_rate": 2,
 }
+# Of protocol 2, in metres: how far positions may be from the reference, and how far those of a run are.
+BAND, DEVIATION = 0.003, 0.0005
+EMPTY_FRAME_US = 250
 STAGES = {"preprocessing": 0.1, "tracking": 0.2, "integration": 0.2, "raycasting": 0.5}
 
 
@@ -46,10 +49,12 @@ def write_pack(
     return description
 
 
-def front_document(pack: dict[str, Any], version: str = "test", **changes: Any) -> dict[str, Any]:
-    """A small front measured on PACK: default, best and a third point."""
+def front_document(
+    pack: dict[str, Any], version: str = "test", protocol_version: int = 1, **changes: Any
+) -> dict[str, Any]:
+    """A small front measured on PACK by that version of the protocol: default, best and a third point."""
     best = STANDARD | {"compute_size_ratio": 4, "volume_resolution": 128, "integration_rate": 20}
-    return {
+    document = {
         "application": "kfusion",
         "version": version,
         "protocol": {
@@ -81,13 +86,30 @@ def front_document(pack: dict[str, Any], version: str = "test", **changes: Any) 
             },
         ],
         "provenance": {"note": "made up for testing", "evaluations": 0},
-    } | changes
+    }
+    if protocol_version == 2:
+        document["protocol"] |= {"version": 2, "repeats": 4}
+        for place, point in enumerate(document["configurations"]):
+            point |= {"band": BAND, "trajectory": trajectory(0.001 * place)}
+    return document | changes
+
+
+def trajectory(beside: float = 0.0) -> list[list[float]]:
+    """The reference positions of each frame, that many metres BESIDE a straight line."""
+    return [[0.01 * frame, 0.5 + beside, 0.1] for frame in range(FRAMES)]
 
 
 def run_document(
-    configuration: str, repeat: int, order: int, frame_us: int, /, **changes: Any
+    configuration: str,
+    repeat: int,
+    order: int,
+    frame_us: int,
+    protocol_version: int = 1,
+    /,
+    **changes: Any,
 ) -> dict[str, Any]:
     """A run whose frames all take FRAME_US microseconds, and whose trajectory is good."""
+    known = {"deviation": DEVIATION} if protocol_version == 2 else {"trajectory_sha256": "0" * 64}
     return {
         "id": str(uuid.uuid4()),
         "configuration": configuration,
@@ -101,27 +123,33 @@ def run_document(
         "ate_max": 0.012,
         "ate_mean": 0.008,
         "ate_rmse": 0.009,
-        "trajectory_sha256": "0" * 64,
+        **known,
     } | changes
 
 
 def session_document(
-    front: str = "kfusion-test", default_us: int = 80_000, best_us: int = 10_000, **changes: Any
+    front: str = "kfusion-test",
+    default_us: int = 80_000,
+    best_us: int = 10_000,
+    protocol_version: int = 1,
+    **changes: Any,
 ) -> dict[str, Any]:
-    """Default, best, best, default: a session whose speedup is default_us / best_us."""
+    """Default, best, best, default, twice in protocol 2: a session whose speedup is default_us / best_us."""
+    times = {"default": default_us, "best": best_us}
+    names = ["default", "best", "best", "default"] * (2 if protocol_version == 2 else 1)
+    known = {"empty_frame_us": EMPTY_FRAME_US, "stage_clock": "wall"} if protocol_version == 2 else {}
     return {
         "id": str(uuid.uuid4()),
         "started_at": "2026-11-20T10:17:00Z",
         "application": "kfusion",
         "front_version": front,
-        "protocol_version": 1,
+        "protocol_version": protocol_version,
         "backend": "opencl",
+        **known,
         "samples": [{"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": None}],
         "runs": [
-            run_document("default", 0, 0, default_us),
-            run_document("best", 0, 1, best_us),
-            run_document("best", 1, 2, best_us),
-            run_document("default", 1, 3, default_us),
+            run_document(name, names[:order].count(name), order, times[name], protocol_version)
+            for order, name in enumerate(names)
         ],
     } | changes
 
@@ -147,7 +175,7 @@ def submission_document(*sessions: dict[str, Any], **changes: Any) -> dict[str, 
     return {
         "schema_version": 1,
         "app_version": "0.1.0",
-        "consent_version": 1,
+        "consent_version": 2,
         "device": device_document(),
         "sessions": list(sessions) or [session_document()],
     } | changes

@@ -134,7 +134,7 @@ def test_simulated_installations_are_permitted_to_send_more(
 ) -> None:
     for setting in DAILY:
         setattr(settings, setting, 1)
-    wish = {"app": "test", "app_version": "0.1.0", "consent_version": 1, "simulated": permits.permit()}
+    wish = {"app": "test", "app_version": "0.1.0", "consent_version": 2, "simulated": permits.permit()}
     token = client.post(f"{API}/enrol", wish, content_type="application/json").json()["token"]
 
     assert Participant(client, token, "").submit(document()).status_code == 202

@@ -26,7 +26,7 @@ from tests.crowd.participant import API, Participant
 def test_enrolment_gives_a_token_that_is_not_kept(client: Client, db: None) -> None:
     response = client.post(
         f"{API}/enrol",
-        {"app": "client_kit", "app_version": "0.1.0", "consent_version": 1},
+        {"app": "client_kit", "app_version": "0.1.0", "consent_version": 2},
         content_type="application/json",
     )
 
@@ -48,7 +48,7 @@ def test_enrolment_gives_a_token_that_is_not_kept(client: Client, db: None) -> N
 def test_an_enrolment_that_is_refused(
     client: Client, db: None, changes: dict[str, object], status: int, code: str
 ) -> None:
-    wish = {"app": "client_kit", "app_version": "0.1.0", "consent_version": 1} | changes
+    wish = {"app": "client_kit", "app_version": "0.1.0", "consent_version": 2} | changes
 
     response = client.post(f"{API}/enrol", wish, content_type="application/json")
 

@@ -34,7 +34,7 @@ def test_without_a_decision_the_settings_hold(db: None, settings: Any) -> None:
     settings.FRONTRUNNER_ACCEPTING = False
     settings.FRONTRUNNER_MINIMUM_APP_VERSION = "1.2"
 
-    assert policy.current() == policy.Policy(False, "", "1.2", 1)
+    assert policy.current() == policy.Policy(False, "", "1.2", 2)
 
 
 def test_a_closed_intake_says_why_and_opens_again(administrator: Client, participant: Participant) -> None:
@@ -80,7 +80,7 @@ def test_older_programs_are_told_to_update(
     administrator: Client, participant: Participant, client: Client
 ) -> None:
     decide(administrator, minimum_app_version="0.2")
-    wish = {"app": "test", "app_version": "0.1.9", "consent_version": 1}
+    wish = {"app": "test", "app_version": "0.1.9", "consent_version": 2}
 
     enrolment = client.post(f"{API}/enrol", wish, content_type="application/json")
     refused = participant.submit(submission_document(app_version="0.1.9"))
@@ -117,7 +117,7 @@ def test_a_version_is_numbers_and_a_short_suffix(participant: Participant, versi
     "version", ["", "new", "1.0-visit-my-shop", "1.0 best phone", "1.0\n", "1.0-beta-sale", "9" * 7]
 )
 def test_a_version_has_no_room_for_words(participant: Participant, client: Client, version: str) -> None:
-    wish = {"app": "test", "app_version": version, "consent_version": 1}
+    wish = {"app": "test", "app_version": version, "consent_version": 2}
 
     submitted = participant.submit(submission_document(app_version=version))
     enrolled = client.post(f"{API}/enrol", wish, content_type="application/json")
@@ -128,7 +128,7 @@ def test_a_version_has_no_room_for_words(participant: Participant, client: Clien
 
 @pytest.mark.parametrize("app", ["", "my app", "<b>", "a" * 33, "0", "visit https://example.org"])
 def test_a_program_is_named_by_a_short_identifier(client: Client, db: None, app: str) -> None:
-    wish = {"app": app, "app_version": "1.0", "consent_version": 1}
+    wish = {"app": app, "app_version": "1.0", "consent_version": 2}
 
     response = client.post(f"{API}/enrol", wish, content_type="application/json")
 

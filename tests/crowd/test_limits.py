@@ -22,7 +22,7 @@ from tests.crowd.participant import API, Participant
 from tests.services.redis import Redis
 
 ROOT = Path(__file__).resolve().parents[2]
-ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 1}
+ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
 
 
 @pytest.fixture(params=["file", "redis"])

@@ -20,7 +20,7 @@ def test_the_manifest_tells_front_protocol_and_sequence(
     assert manifest["front_version"] == "kfusion-test"
     assert manifest["configurations"] == document["configurations"]
     assert manifest["protocol"] == document["protocol"]
-    assert (manifest["accepting"], manifest["consent_version"]) == (True, 1)
+    assert (manifest["accepting"], manifest["consent_version"]) == (True, 2)
     assert manifest["minimum_app_version"] == "0.1.0"
     sequence = manifest["sequence"]
     assert {name: sequence[name] for name in pack if name != "chunks"} == {

@@ -21,7 +21,7 @@ from tests.crowd.documents import device_document, submission_document
 from tests.crowd.participant import API, Participant
 from tests.crowd.refusals import problem
 
-ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 1}
+ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
 PC: dict[str, Any] = {
     "os": "Debian GNU/Linux",
     "manufacturer": "LENOVO",

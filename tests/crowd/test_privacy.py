@@ -47,7 +47,7 @@ def test_nothing_tells_who_measured_or_from_where(
     client = Client(**WHO)
     enrolled = client.post(
         f"{API}/enrol",
-        {"app": "client_kit", "app_version": "0.1.0", "consent_version": 1},
+        {"app": "client_kit", "app_version": "0.1.0", "consent_version": 2},
         content_type="application/json",
     ).json()
     visitor = Participant(client, enrolled["token"], enrolled["installation_id"])

@@ -88,7 +88,7 @@ def test_a_submission_costs_the_same_however_many_runs_it_has(
 
 
 def test_an_enrolment_costs_at_most(client: Client, db: None, django_assert_max_num_queries: Any) -> None:
-    wish = {"app": "test", "app_version": "0.1.0", "consent_version": 1}
+    wish = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
 
     with django_assert_max_num_queries(ENROLMENT):
         assert client.post(f"{API}/enrol", wish, content_type="application/json").status_code == 201

@@ -96,7 +96,7 @@ def test_a_session_of_every_configuration_comes_back_the_way_it_went(
 
 
 def enrol(client: Client, **changes: Any) -> Any:
-    wish = {"app": "x", "app_version": "0.1.0", "consent_version": 1} | changes
+    wish = {"app": "x", "app_version": "0.1.0", "consent_version": 2} | changes
     return client.post(f"{API}/enrol", json.dumps(wish), content_type="application/json")
 
 

@@ -94,7 +94,7 @@ class Serving(Program):
 
     def enrol(self) -> str:
         """The token of a new installation."""
-        wish = {"app": "test", "app_version": "0.1.0", "consent_version": 1}
+        wish = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
         status, answer = self.call("POST", "/api/v1/enrol", wish)
         assert status == 201, answer
         return str(answer["token"])

@@ -105,7 +105,7 @@ class Caller:
 
     def enrol(self, app: str = "test") -> "Installation | None":
         """A new installation; None where there were too many from this address."""
-        wish = {"app": app, "app_version": "0.1.0", "consent_version": 1}
+        wish = {"app": app, "app_version": "0.1.0", "consent_version": 2}
         status, content = self.ask("POST", "/api/v1/enrol", wish)
         if status == 429:
             return None

@@ -84,7 +84,7 @@ def test_bodies_beyond_the_limits_are_refused_over_the_wire(server: Serving) -> 
 
 
 def test_a_body_in_chunks_is_read(server: Serving) -> None:
-    wish = json.dumps({"app": "test", "app_version": "0.1.0", "consent_version": 1}).encode()
+    wish = json.dumps({"app": "test", "app_version": "0.1.0", "consent_version": 2}).encode()
     connection = http.client.HTTPConnection("127.0.0.1", server.port)
     connection.request(
         "POST", "/api/v1/enrol", iter([wish[:9], wish[9:]]), {"Content-Type": "application/json"}

@@ -19,7 +19,7 @@ HALF_OPEN, SLOW_READERS = 200, 50
 ANSWERED_WITHIN_SECONDS = 2.0
 LARGE_BYTES = 64 << 20
 CHUNK, EXPORT = f"/sequences/{'f' * 64}", "/data/latest/runs.parquet"
-ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 1}
+ENROLMENT = {"app": "test", "app_version": "0.1.0", "consent_version": 2}
 JSON = {"Content-Type": "application/json"}
 PUBLISH = f"""
 import os
