@@ -24,7 +24,7 @@ from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
 class ConfigurationInline(ReadOnlyInline):
     model = Configuration
-    fields = ("position", "name", "parameters", "predicted")
+    fields = ("position", "name", "parameters", "predicted", "band")
     show_change_link = False
 
 

@@ -5,17 +5,32 @@ from datetime import datetime
 from typing import Any
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from crowd.fronts.policy import Policy
-from crowd.fronts.selectors import Front
+from crowd.fronts.selectors import Front, Point
+
+
+class ReferenceTrajectory(msgspec.Struct):
+    """The reference positions: at `url` a JSON list of [x, y, z] in metres, one a frame, which never
+    changes. `url` is relative to the server.
+    """
+
+    sha256: str
+    url: str
 
 
 class Configuration(msgspec.Struct):
-    """One point: its name, its parameters, what the reference device predicts (seconds a frame, metres)."""
+    """One point: its name, its parameters, what the reference device predicts (seconds a frame, metres).
+
+    Protocol 2 alone: `band`, how far (m) positions may be from the reference `trajectory`.
+    """
 
     name: str
     parameters: dict[str, Any]
     predicted: dict[str, Any]
+    band: float | UnsetType = UNSET
+    trajectory: ReferenceTrajectory | UnsetType = UNSET
 
 
 class Chunk(msgspec.Struct):
@@ -136,7 +151,16 @@ def _chunks(pack: Mapping[str, Any]) -> list[Chunk]:
 
 def configurations(front: Front) -> list[Configuration]:
     """The points of FRONT in published order."""
-    return [Configuration(point.name, point.parameters, point.predicted) for point in front.points]
+    return [_configuration(point) for point in front.points]
+
+
+def _configuration(point: Point) -> Configuration:
+    found = Configuration(point.name, point.parameters, point.predicted)
+    if point.band is not None and point.trajectory_sha256 is not None:
+        found.band = point.band
+        address = f"/trajectories/{point.trajectory_sha256}"
+        found.trajectory = ReferenceTrajectory(point.trajectory_sha256, address)
+    return found
 
 
 def summary(front: Front) -> FrontSummary:

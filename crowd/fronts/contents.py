@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
-from crowd.fronts.protocol import MEMBERS, Protocol, disagreements
+from crowd.fronts import trajectories
+from crowd.fronts.protocol import FIXED_PAIRS, MEMBERS, Metres, Protocol, disagreements
 from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
@@ -24,6 +26,8 @@ REMEDIES = {
 }
 MISSING = re.compile(r"Object missing required field `(.+)`")
 UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
+# Three numbers, a line each, in indented JSON: one line for a position reads better.
+ONE_POSITION = re.compile(r"\[\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*)\n\s+\]")
 NOT_TEXT = re.compile("[\\x00\\ud800-\\udfff]")
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
@@ -60,11 +64,17 @@ class Predicted(msgspec.Struct):
 
 
 class Point(msgspec.Struct):
-    """One configuration of the front."""
+    """One configuration of the front. Protocol 2 alone has the last two.
+
+    `trajectory`: the reference positions [x, y, z], one a frame, in metres in the volume's frame. `band`: how
+    far (m) a device's positions may be from these.
+    """
 
     name: Name
     parameters: dict[str, bool | int | float | str]
     predicted: Predicted
+    band: Metres | UnsetType = UNSET
+    trajectory: list[tuple[float, float, float]] | UnsetType = UNSET
 
 
 class Sequence(msgspec.Struct):
@@ -134,12 +144,18 @@ def canonical(document: dict[str, Any]) -> dict[str, Any]:
         "version": str(document["version"]),
         "protocol": document["protocol"],
         "sequence": {name: sequence[name] for name in SEQUENCE if sequence.get(name) is not None},
-        "configurations": [
-            {name: point[name] for name in ("name", "parameters", "predicted")}
-            for point in document["configurations"]
-        ],
+        "configurations": [_canonical_point(point) for point in document["configurations"]],
         "provenance": document["provenance"],
     }
+
+
+def _canonical_point(point: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {name: point[name] for name in ("name", "parameters", "predicted")}
+    if "band" in point:
+        # As they are read from the database, so that the digest stays the same.
+        kept["band"] = float(point["band"])
+        kept["trajectory"] = trajectories.floats(point["trajectory"])
+    return kept
 
 
 def needs_colour(application: str) -> bool:
@@ -149,7 +165,7 @@ def needs_colour(application: str) -> bool:
 
 def text(document: dict[str, Any]) -> str:
     """DOCUMENT as a file that people can read too."""
-    return json.dumps(document, indent=2) + "\n"
+    return ONE_POSITION.sub(r"[\1, \2, \3]", json.dumps(document, indent=2)) + "\n"
 
 
 def digest(document: dict[str, Any]) -> str:
@@ -185,12 +201,29 @@ def _mistakes(content: Content) -> Iterator[str]:
         yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
     yield from (f"protocol.{reason}" for reason in disagreements(content.protocol, names))
     for place, point in enumerate(content.configurations):
+        for member, reason in _band_mistakes(point, content.protocol):
+            yield f"configurations[{place}].{member} of {point.name}: {reason}"
         try:
             # Those of an application that is not known here are taken as they are.
             if content.application in APPLICATIONS:
                 APPLICATIONS[content.application].check(point.parameters)
         except ConfigurationError as error:
             yield f"configurations[{place}].parameters of {point.name}: {error}"
+
+
+def _band_mistakes(point: Point, protocol: Protocol) -> Iterator[tuple[str, str]]:
+    """Members of protocol 2 that POINT lacks, has without need, or of a wrong length; and the remedy."""
+    for member in ("band", "trajectory"):
+        present = getattr(point, member) is not UNSET
+        if present and protocol.version != FIXED_PAIRS:
+            yield member, f"belongs to protocol {FIXED_PAIRS}: leave it out, or set protocol.version to it"
+        if not present and protocol.version == FIXED_PAIRS:
+            yield member, f"is missing, add it: protocol {FIXED_PAIRS} compares trajectories"
+    if point.trajectory is not UNSET and len(point.trajectory) != protocol.frames:
+        yield (
+            "trajectory",
+            f"has {len(point.trajectory)} positions: give one for each of the {protocol.frames} frames",
+        )
 
 
 def _not_storable(value: Any, place: str = "") -> str | None:

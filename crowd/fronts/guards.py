@@ -10,10 +10,12 @@ from typing import Any
 from django.db import connections
 
 from crowd import triggers
-from crowd.fronts.models import MUTABLE, PERMITTED, Configuration, FrontVersion
+from crowd.fronts.models import MUTABLE, PERMITTED, Configuration, FrontVersion, Trajectory
 from crowd.triggers import Trigger
 
-FRONT, CONFIGURATION = (model._meta.db_table for model in (FrontVersion, Configuration))
+FRONT, CONFIGURATION, TRAJECTORY = (
+    model._meta.db_table for model in (FrontVersion, Configuration, Trajectory)
+)
 DRAFT = FrontVersion.State.DRAFT.value
 
 
@@ -62,6 +64,12 @@ def _triggers(vendor: str) -> tuple[Trigger, ...]:
             "INSERT",
             "a front takes no further configuration after its draft",
             _after_draft("NEW"),
+        ),
+        Trigger(
+            "front_trajectory_fixed",
+            TRAJECTORY,
+            "UPDATE",
+            "a trajectory cannot change: its digest is its name",
         ),
     )
 

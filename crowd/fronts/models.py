@@ -167,6 +167,21 @@ class ConfigurationQuerySet(models.QuerySet["Configuration"]):
         return super().bulk_create(configurations, *args, **kwargs)
 
 
+class Trajectory(models.Model):
+    """A reference trajectory. Its digest is its name, so it never changes."""
+
+    sha256 = models.CharField(
+        primary_key=True, max_length=64, help_text="of the positions as they are stored"
+    )
+    positions = models.TextField(help_text="JSON: [x, y, z] of each frame, in metres in the volume's frame")
+
+    class Meta:
+        verbose_name_plural = "trajectories"
+
+    def __str__(self) -> str:
+        return self.sha256
+
+
 class Configuration(models.Model):
     """One point of a front: its name, its parameters, and what the reference device predicts of it."""
 
@@ -175,6 +190,19 @@ class Configuration(models.Model):
     position = models.PositiveSmallIntegerField(help_text="place in the published list, from 0")
     parameters = models.JSONField()
     predicted = models.JSONField(help_text="runtime (s), ate_max (m), ate_mean (m) on the reference device")
+    band = models.FloatField(
+        null=True,
+        blank=True,
+        help_text="how far (m) positions may be from the reference trajectory; empty in protocol 1",
+    )
+    trajectory = models.ForeignKey(
+        Trajectory,
+        on_delete=models.PROTECT,
+        null=True,
+        blank=True,
+        related_name="configurations",
+        help_text="the reference trajectory; empty in protocol 1",
+    )
 
     objects = ConfigurationQuerySet.as_manager()
 

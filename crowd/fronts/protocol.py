@@ -16,18 +16,22 @@ from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 MAX_RUNS = 50  # of one session, as clients measure and the server accepts it
 MAX_FRAMES = 10_000
 AN_HOUR, A_DAY = 3600, 24 * 3600
+# Clients of version 1 repeat until their interval is narrow. Version 2 fixes the number of pairs, and each
+# configuration has a reference trajectory and a band around it.
+FIXED_PAIRS = 2
+ONLY_IN_VERSION_1 = ("max_repeats", "precision", "max_seconds")
 
 Frames = Annotated[int, msgspec.Meta(ge=1, le=MAX_FRAMES)]
 FrameNumber = Annotated[int, msgspec.Meta(ge=0, le=MAX_FRAMES)]
 Repeats = Annotated[int, msgspec.Meta(ge=1, le=MAX_RUNS)]
-Version = Annotated[int, msgspec.Meta(ge=1, le=1000)]
+Version = Annotated[int, msgspec.Meta(ge=1, le=FIXED_PAIRS)]
 Metres = Annotated[float, msgspec.Meta(gt=0, le=10)]
 
 
 class Protocol(msgspec.Struct, forbid_unknown_fields=True):
     """How clients measure. Times are seconds, `max_ate` metres, frames are counted from 0.
 
-    Clients have their own defaults for the last three (docs/protocol.md).
+    The last three belong to version 1, for which clients have their own defaults (docs/protocol.md).
     """
 
     version: Version
@@ -49,7 +53,7 @@ MEMBERS = tuple(field.name for field in msgspec.structs.fields(Protocol))
 class _Judged(msgspec.Struct):
     """The members by which the server judges runs."""
 
-    version: Version
+    version: Annotated[int, msgspec.Meta(ge=1)]
     frames: Frames
     first_counted_frame: FrameNumber
     order: list[str]
@@ -79,7 +83,11 @@ def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterat
         yield f"repeats: order names each configuration {each} times: give {each} or a multiple of it"
     if (runs := protocol.repeats * len(counts)) > MAX_RUNS:
         yield f"repeats: {protocol.repeats} of {len(counts)} names are {runs} runs, at most {MAX_RUNS}"
-    if protocol.max_repeats is not UNSET and protocol.max_repeats < protocol.repeats:
+    if protocol.version == FIXED_PAIRS:
+        for name in ONLY_IN_VERSION_1:
+            if getattr(protocol, name) is not UNSET:
+                yield f"{name}: version {FIXED_PAIRS} has a fixed number of pairs: leave it out, set repeats"
+    elif protocol.max_repeats is not UNSET and protocol.max_repeats < protocol.repeats:
         yield f"max_repeats: {protocol.max_repeats} is less than repeats ({protocol.repeats})"
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 from django.db.models import QuerySet
 
-from crowd.fronts.models import FrontVersion
+from crowd.fronts import trajectories
+from crowd.fronts.models import Configuration, FrontVersion
 
 DEFAULT = "default"
 BEST = "best"
@@ -16,7 +17,10 @@ DEFAULT_APPLICATION = "kfusion"
 
 @dataclass(frozen=True)
 class Point:
-    """One configuration of a front with what the reference device predicts of it (seconds, metres)."""
+    """One configuration of a front with what the reference device predicts of it (seconds, metres).
+
+    Protocol 2: how far (m) a device's positions may be from the reference trajectory, and that one's digest.
+    """
 
     name: str
     parameters: dict[str, Any]
@@ -24,6 +28,8 @@ class Point:
     ate_max: float | None
     ate_mean: float | None
     predicted: dict[str, Any]
+    band: float | None = None
+    trajectory_sha256: str | None = None
 
 
 @dataclass(frozen=True)
@@ -57,11 +63,28 @@ def _front(row: FrontVersion) -> Front:
         protocol=row.protocol,
         sequence=row.sequence,
         provenance=row.provenance,
-        points=tuple(_point(one.name, one.parameters, one.predicted) for one in row.configurations.all()),
+        points=tuple(map(_stored_point, row.configurations.all())),
     )
 
 
-def _point(name: str, parameters: dict[str, Any], predicted: dict[str, Any]) -> Point:
+def _stored_point(row: Configuration) -> Point:
+    return _point(row.name, row.parameters, row.predicted, row.band, row.trajectory_id)
+
+
+def _described_point(point: Mapping[str, Any]) -> Point:
+    known = point["name"], point["parameters"], point["predicted"]
+    if "band" not in point:
+        return _point(*known)
+    return _point(*known, point["band"], trajectories.digest(trajectories.encoded(point["trajectory"])))
+
+
+def _point(
+    name: str,
+    parameters: dict[str, Any],
+    predicted: dict[str, Any],
+    band: float | None = None,
+    trajectory_sha256: str | None = None,
+) -> Point:
     return Point(
         name=name,
         parameters=parameters,
@@ -69,6 +92,8 @@ def _point(name: str, parameters: dict[str, Any], predicted: dict[str, Any]) -> 
         ate_max=predicted.get("ate_max"),
         ate_mean=predicted.get("ate_mean"),
         predicted=predicted,
+        band=band,
+        trajectory_sha256=trajectory_sha256,
     )
 
 
@@ -112,15 +137,17 @@ def front_of(document: Mapping[str, Any]) -> Front:
         protocol=document["protocol"],
         sequence=document["sequence"],
         provenance=document["provenance"],
-        points=tuple(
-            _point(point["name"], point["parameters"], point["predicted"])
-            for point in document["configurations"]
-        ),
+        points=tuple(map(_described_point, document["configurations"])),
     )
 
 
 def document(front: Front) -> dict[str, Any]:
-    """FRONT in the shape of a front's file; its digest is the front's own."""
+    """FRONT, which is stored, in the shape of a front's file; its digest is the front's own.
+
+    One query where it has reference trajectories.
+    """
+    digests = {point.trajectory_sha256 for point in front.points if point.trajectory_sha256}
+    known = trajectories.read(digests) if digests else {}
     return {
         "application": front.application,
         "version": front.version,
@@ -128,6 +155,11 @@ def document(front: Front) -> dict[str, Any]:
         "sequence": reference(front.sequence),
         "configurations": [
             {"name": point.name, "parameters": point.parameters, "predicted": point.predicted}
+            | (
+                {"band": point.band, "trajectory": known[point.trajectory_sha256]}
+                if point.trajectory_sha256
+                else {}
+            )
             for point in front.points
         ],
         "provenance": front.provenance,

@@ -10,7 +10,7 @@ from django.utils import timezone
 
 from crowd.audit.models import AuditEntry
 from crowd.audit.services import COMMAND_LINE, record
-from crowd.fronts import contents, second_person, selectors, sequences
+from crowd.fronts import contents, second_person, selectors, sequences, trajectories
 from crowd.fronts.models import PERMITTED, Configuration, FrontVersion, TransitionError
 from crowd.fronts.second_person import DRAFTED, REPLACED, SUBMITTED
 
@@ -61,9 +61,9 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
     front.save()
     front.configurations.all().delete()
     Configuration.objects.bulk_create(
-        Configuration(front=front, position=position, **point)
-        for position, point in enumerate(document["configurations"])
+        _configuration(front, position, point) for position, point in enumerate(document["configurations"])
     )
+    trajectories.delete_unused()
     _log(front, action, "", by, note)
     return front
 
@@ -75,6 +75,7 @@ def discard(front: FrontVersion, by: str = COMMAND_LINE) -> None:
         raise ValidationError(f"{front.slug} was in review, so it is kept: correct it with a new draft of it")
     record(by, "discarded", front.slug, from_state=front.state, digest=front.digest)
     front.delete()
+    trajectories.delete_unused()
 
 
 def submit(front: FrontVersion, by: str = COMMAND_LINE, note: str = "") -> FrontVersion:
@@ -172,7 +173,8 @@ def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
 
 def refuse_altered(front: selectors.Front) -> None:
     """Raise FrontConflictError where the stored content of FRONT does not fit its digest."""
-    if contents.digest(selectors.document(front)) != front.digest:
+    document = selectors.document(front)
+    if contents.digest(document) != front.digest or selectors.front_of(document).points != front.points:
         raise FrontConflictError(
             f"{front.slug} does not fit its digest {front.digest[:12]}...: the database was changed by hand; "
             "restore it from a backup, or draft the front again"
@@ -198,6 +200,14 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
     _log(stored, action, before, by, note)
     front.refresh_from_db()
     return front
+
+
+def _configuration(front: FrontVersion, position: int, point: Mapping[str, Any]) -> Configuration:
+    """A row of FRONT, not stored, from a POINT of its canonical file; its trajectory is stored."""
+    values = dict(point)
+    if "trajectory" in values:
+        values["trajectory"] = trajectories.store(values["trajectory"])
+    return Configuration(front=front, position=position, **values)
 
 
 def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The manifest that clients read, the fronts behind it, and the sequence's chunks."""
+"""The manifest that clients read, the fronts behind it, chunks of sequences, and trajectories."""
 
 from django.http import (
     FileResponse,
@@ -15,7 +15,7 @@ from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, page
 from crowd.descriptions import PAGING
-from crowd.fronts import answers, manifests, policy, selectors, sequences
+from crowd.fronts import answers, manifests, policy, selectors, sequences, trajectories
 from crowd.problems import Problem, not_found
 
 A_YEAR = 365 * 24 * 3600
@@ -89,5 +89,20 @@ def chunk(request: HttpRequest, sha256: str) -> HttpResponseBase:
     return FileResponse(
         path.open("rb"),
         content_type="application/octet-stream",
-        headers={"Cache-Control": f"public, max-age={A_YEAR}, immutable", "ETag": f'"{sha256}"'},
+        headers=_for_ever(sha256),
     )
+
+
+@require_safe
+def trajectory(request: HttpRequest, sha256: str) -> HttpResponseBase:
+    """A reference trajectory by its digest: what is there never changes."""
+    if request.headers.get("If-None-Match") == f'"{sha256}"':
+        return HttpResponseNotModified()
+    content = trajectories.released(sha256)
+    if content is None:
+        raise Http404(f"no trajectory {sha256}")
+    return HttpResponse(content, content_type="application/json", headers=_for_ever(sha256))
+
+
+def _for_ever(sha256: str) -> dict[str, str]:
+    return {"Cache-Control": f"public, max-age={A_YEAR}, immutable", "ETag": f'"{sha256}"'}

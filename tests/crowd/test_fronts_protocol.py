@@ -34,8 +34,8 @@ KNOWN_MEMBERS = st.dictionaries(KNOWN, JSON | USUAL, min_size=1, max_size=3)
 MEMBERS = st.dictionaries(KNOWN | TEXT, JSON | USUAL, min_size=1, max_size=3)
 
 
-def with_protocol(pack: dict[str, Any], members: dict[str, Any]) -> dict[str, Any]:
-    document = front_document(pack, version="1")
+def with_protocol(pack: dict[str, Any], members: dict[str, Any], version: int = 1) -> dict[str, Any]:
+    document = front_document(pack, "1", version)
     document["protocol"] |= members
     return document
 
@@ -141,15 +141,16 @@ MANY = settings(suppress_health_check=list(HealthCheck), max_examples=100)
 
 
 @MANY
-@given(members=MEMBERS)
-@example(members={"max_ate": "0.05"})
-@example(members={"max_repeats": 4, "precision": 0.0})
+@given(members=MEMBERS, version=st.sampled_from([1, 2]))
+@example(members={"max_ate": "0.05"}, version=1)
+@example(members={"max_repeats": 4, "precision": 0.0}, version=1)
+@example(members={"rest_seconds": 1}, version=2)
 def test_what_a_draft_accepts_can_be_measured_and_sent(
-    db: None, join: Join, pack: dict[str, Any], members: dict[str, Any]
+    db: None, join: Join, pack: dict[str, Any], members: dict[str, Any], version: int
 ) -> None:
     with rolled_back():
         try:
-            draft = services.create_draft(with_protocol(pack, members))
+            draft = services.create_draft(with_protocol(pack, members, version))
         except InvalidFrontError:
             return
         services.publish(services.submit(draft))
