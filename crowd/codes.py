@@ -59,12 +59,17 @@ SUBMISSION = {
 }
 # One run; the others of the submission are judged by themselves.
 RUN = {
+    "deviation_missing": "Protocol 2 needs each ok run's largest distance from the reference trajectory.",
+    "empty_frame_missing": "Protocol 2 needs what an empty frame costs on the session's backend.",
     "frame_count": "A run has one value a frame: as many as the protocol says unless it failed.",
     "negative_error": "An error is a distance in metres: 0 or more.",
     "negative_time": "A time is 0 microseconds or more.",
     "repeat_taken": "This repeat of the configuration is there already, under another id.",
     "session_taken": "Another session has this id: use a new one.",
+    "stage_clock_missing": "Protocol 2 needs what took the times of the stages: device, wall or none.",
+    "stages_without_clock": "The session's `stage_clock` is none: its runs have no stages.",
     "time_too_large": "A frame takes at most 60 seconds: 60000000 microseconds.",
+    "too_many_repeats": "Protocol 2 fixes the repeats of each configuration: send no more.",
     "too_many_samples": "A session has at most one sample a second, and none after its end.",
     "too_many_stages": "A run has 16 stages at most.",
     "unknown_configuration": "The front has no configuration of this name.",

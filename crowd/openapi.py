@@ -15,7 +15,7 @@ from rest_framework.request import Request
 
 from crowd import codes, limits
 from crowd.api import Endpoint, answer
-from crowd.results.intake import allowance, schema
+from crowd.results.intake import allowance, protocol_2, schema
 
 TEMPLATE = "#/components/schemas/{name}"
 PROBLEM = {
@@ -71,6 +71,9 @@ def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
     schemas.update(_components([*_described, schema.Run]))
     # Runs are read one by one, so that the session's struct holds them undecoded.
     schemas["Session"]["properties"]["runs"]["items"] = {"$ref": TEMPLATE.format(name="Run")}
+    # Read by themselves, because protocol 1 does not have them.
+    for name, struct in (("Session", protocol_2.SessionMembers), ("Run", protocol_2.RunMembers)):
+        schemas[name]["properties"] |= _components([struct])[struct.__name__]["properties"]
     schemas["Problem"] = PROBLEM
     result["components"]["headers"] = {
         name: {"description": text, "schema": {"type": "string"}} for name, text in HEADERS.items()

@@ -13,7 +13,8 @@ from crowd.results.validity.runs import DERIVED, READ, Front, SessionContext, St
 
 FRAMES = 100
 PROTOCOL = Protocol(version=1, frames=FRAMES, first_counted_frame=10, max_ate=0.05, repeats=2)
-AROUND = {1: SessionContext(UUID(int=1), Front(1, PROTOCOL, {1}, 1))}
+BAND = 0.003
+AROUND = {1: SessionContext(UUID(int=1), Front(1, PROTOCOL, {1}, 1, {1: BAND}))}
 # What was sent, and the rule that it breaks.
 SENT: dict[str, tuple[dict[str, Any], str]] = {
     "ordinary": ({}, ""),
@@ -29,6 +30,9 @@ SENT: dict[str, tuple[dict[str, Any], str]] = {
     "no error reported": ({"ate_max": None}, "ate_missing"),
     "lost": ({"ate_max": 0.05}, "ate_above_limit"),
     "no trajectory": ({"trajectory_sha256": ""}, "trajectory_missing"),
+    "within its band": ({"trajectory_sha256": "", "deviation": BAND}, ""),
+    "outside its band": ({"trajectory_sha256": "", "deviation": 1.01 * BAND}, "deviation_above_band"),
+    "lost outside its band": ({"ate_max": 0.06, "deviation": 0.06}, "ate_above_limit"),
 }
 COARSE = {"coarse clock", "too quick", "failed", "failed at once"}  # too few different times
 
@@ -41,7 +45,7 @@ def sent(random: np.random.Generator, case: dict[str, Any]) -> dict[str, Any]:
     names, stages_us = packing.pack_stages(
         {name: (times * share).astype(int).tolist() for name, share in shares.items()}
     )
-    columns = {"status": "ok", "ate_max": 0.01, "trajectory_sha256": "0" * 64} | {
+    columns = {"status": "ok", "ate_max": 0.01, "trajectory_sha256": "0" * 64, "deviation": None} | {
         name: value for name, value in case.items() if name in READ
     }
     return columns | {

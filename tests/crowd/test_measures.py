@@ -190,6 +190,14 @@ def test_each_look_at_the_interval_widens_it() -> None:
     assert low < fixed[0] < fixed[1] < high
 
 
+def test_a_fixed_number_of_pairs_has_a_plain_interval() -> None:
+    logs = [2.0, 2.1, 1.9, 2.05]
+
+    low, high = stats.t.interval(0.95, 3, loc=np.mean(logs), scale=stats.sem(logs))
+    found = measures.session_interval(logs, 4, fixed_pairs=True)
+    assert found == (pytest.approx(low), pytest.approx(high))
+
+
 def stopped(logs: NDArray[np.float64], planned: int) -> list[NDArray[np.float64]]:
     """Pairs of the sessions LOGS (n, most) where the client stops: at 5 % to either side, or at the end."""
     found = []

@@ -33,8 +33,8 @@ def runs(order: Sequence[int], *, slower: float = 1.0, **changes: Any) -> list[S
         columns: dict[str, Any] = {
             "pk": place, "session_id": 1, "configuration_id": configuration, "repeat": seen[configuration],
             "order": place, "status": "ok", "frame_us": packing.pack(frames.tolist()), "stages": [],
-            "stages_us": b"", "ate_max": 0.01, "trajectory_sha256": "0" * 64, "mean_us": float(frames[0]),
-            "fingerprint": None, "state": State.VALID, "reason": "",
+            "stages_us": b"", "ate_max": 0.01, "trajectory_sha256": "0" * 64, "deviation": None,
+            "mean_us": float(frames[0]), "fingerprint": None, "state": State.VALID, "reason": "",
         }  # fmt: skip
         found.append(StoredRun(**columns | changes))
         seen[configuration] += 1

@@ -65,13 +65,19 @@ class SpeedupOfSession(msgspec.Struct):
 
 
 class SessionAnswer(msgspec.Struct):
-    """A session; times of day are rounded down to the hour."""
+    """A session; times of day are rounded down to the hour.
+
+    Protocol 2, else null: `empty_frame_us`, what an empty frame costs, and `stage_clock`: device, wall or
+    none.
+    """
 
     id: UUID
     device: str
     front: str
     backend: str
     processor: str
+    empty_frame_us: float | None
+    stage_clock: str | None
     started_at: datetime
     summarised: bool
     speedups: list[SpeedupOfSession]
@@ -329,6 +335,8 @@ def session(row: SessionRow) -> SessionAnswer:
         front=row.front,
         backend=row.backend,
         processor=row.processor,
+        empty_frame_us=row.empty_frame_us,
+        stage_clock=row.stage_clock,
         started_at=row.started_at,
         summarised=row.summarised,
         speedups=[_session_speedup(answer) for answer in row.speedups],

@@ -226,11 +226,20 @@ def _summaries(
 def _fronts(keys: Collection[int]) -> dict[int, Front]:
     protocols = dict(FrontVersion.objects.filter(pk__in=keys).values_list("pk", "protocol"))
     names: dict[int, dict[str, int]] = {key: {} for key in protocols}
+    bands: dict[int, dict[int, float]] = {key: {} for key in protocols}
     rows = Configuration.objects.filter(front__in=keys).order_by()
-    for front, name, configuration in rows.values_list("front_id", "name", "pk"):
+    for front, name, configuration, band in rows.values_list("front_id", "name", "pk", "band"):
         names[front][name] = configuration
+        if band is not None:
+            bands[front][configuration] = band
     return {
-        key: Front(key, Protocol.of(protocol), frozenset(names[key].values()), names[key].get(DEFAULT))
+        key: Front(
+            key=key,
+            protocol=Protocol.of(protocol),
+            configurations=frozenset(names[key].values()),
+            baseline=names[key].get(DEFAULT),
+            bands=bands[key],
+        )
         for key, protocol in protocols.items()
     }
 

@@ -9,7 +9,7 @@ from uuid import UUID
 from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.problems import Problem
-from crowd.results.intake import checks, schema, unknown_members
+from crowd.results.intake import checks, protocol_2, schema, unknown_members
 from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run
 
@@ -104,6 +104,8 @@ def check(parsed: Parsed, installation: Installation, look: bool) -> Intake:
         refusal = _check_session(
             session, front, sessions.get(session.id), first.get(session.id), installation
         )
+        if refusal is None and front is not None and front.protocol.fixed_pairs:
+            refusal = protocol_2.check_session(beyond.sessions[place].members)
         found = list(_session_items(place, session, beyond.sessions[place], front, refusal))
         if refusal is None:
             refusal = checks.check_samples(session.samples, [item.run for item in found if item.run])
@@ -142,6 +144,9 @@ def _session_items(
                 item.run = schema.run(raw)
                 item.extra = unknown_members.of_run(raw)
                 item.rejection = checks.check_run(item.run, front.configurations, front.protocol)
+                if item.rejection is None and front.protocol.fixed_pairs:
+                    stage_clock = beyond.members["stage_clock"]
+                    item.rejection = protocol_2.check_run(item.run, item.extra, front.protocol, stage_clock)
             except Problem as problem:
                 item.rejection = Rejection(problem.code, problem.detail, problem.field)
         if item.rejection is not None:

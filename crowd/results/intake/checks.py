@@ -53,6 +53,11 @@ class Protocol:
     max_ate: float
     repeats: int
 
+    @property
+    def fixed_pairs(self) -> bool:
+        """Whether a session has exactly `repeats` pairs, as in protocol 2."""
+        return self.version == fronts.FIXED_PAIRS
+
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":
         """From the protocol as published; UNREADABLE where a member is missing or wrong."""

@@ -18,7 +18,7 @@ from crowd.fronts import policy
 from crowd.fronts.policy import Policy
 from crowd.prepared import Placeholder, Query, insert, insert_keyed
 from crowd.problems import Problem
-from crowd.results.intake import checking, packing, schema, unknown_members
+from crowd.results.intake import checking, packing, protocol_2, schema, unknown_members
 from crowd.results.intake.allowance import Sender, charge_body, charge_rows
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, State, Submission
@@ -208,6 +208,8 @@ def _session(
 ) -> MeasurementSession:
     """A new session, that of ITEM's run."""
     session, beyond = item.session, item.beyond
+    version = session.protocol_version
+    known, unknown = protocol_2.columns(version, beyond.members, protocol_2.SessionMembers)
     return MeasurementSession(
         uuid=session.id,
         installation_id=submission.installation_id,
@@ -215,7 +217,7 @@ def _session(
         description_id=device.description,
         device_id=device.model,
         front_id=checked.fronts[session.front_version].row.pk,
-        protocol_version=session.protocol_version,
+        protocol_version=version,
         backend=session.backend,
         processor=device.processor,
         processor_class=device.processor_class,
@@ -226,7 +228,8 @@ def _session(
             msgspec.to_builtins(sample) | more
             for sample, more in zip(session.samples, beyond.samples, strict=True)
         ],
-        extra=beyond.members,
+        extra=unknown,
+        **known,
     )
 
 
@@ -236,7 +239,8 @@ def _run(item: checking.Item, front: checking.Front) -> Run:
     assert run is not None  # an item without a run is rejected
     stages = run.stages_us or {}
     names, stages_us = packing.pack_stages({name: stages[name] for name in stages if name in STAGES})
-    unknown = {name: stages[name] for name in stages if name not in STAGES}
+    unknown_stages = {name: stages[name] for name in stages if name not in STAGES}
+    known, unknown = protocol_2.columns(front.protocol.version, item.extra, protocol_2.RunMembers)
     tracked = run.tracked if isinstance(run.tracked, list) else []
     number_tracked = run.tracked if isinstance(run.tracked, int) else None
     return Run(
@@ -255,6 +259,7 @@ def _run(item: checking.Item, front: checking.Front) -> Run:
         ate_mean=run.ate_mean,
         ate_rmse=run.ate_rmse,
         trajectory_sha256=run.trajectory_sha256 or "",
-        extra=item.extra | ({"stages_us": unknown} if unknown else {}),
+        extra=unknown | ({"stages_us": unknown_stages} if unknown_stages else {}),
         state=State.PENDING,
+        **known,
     )

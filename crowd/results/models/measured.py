@@ -54,6 +54,13 @@ class Submission(models.Model):
 class MeasurementSession(models.Model):
     """Runs of several configurations, one after another on one device: the unit of every comparison."""
 
+    class StageClock(models.TextChoices):
+        """What took the times of the stages."""
+
+        DEVICE = "device"
+        WALL = "wall"
+        NONE = "none"
+
     uuid = models.UUIDField(unique=True, help_text="given by the client")
     installation = models.ForeignKey(Installation, on_delete=models.CASCADE, related_name="sessions")
     submission = models.ForeignKey(Submission, on_delete=models.CASCADE, related_name="sessions")
@@ -76,6 +83,16 @@ class MeasurementSession(models.Model):
     driver = models.CharField(max_length=200, blank=True)
     started_at = models.DateTimeField()
     received_at = models.DateTimeField(auto_now_add=True)
+    empty_frame_us = models.FloatField(
+        null=True, blank=True, help_text="what an empty frame costs on its backend; empty in protocol 1"
+    )
+    stage_clock = models.CharField(  # noqa: DJ001 - without null SQLite would copy the whole table
+        max_length=8,
+        choices=StageClock.choices,
+        null=True,
+        blank=True,
+        help_text="what took the times of the stages; empty in protocol 1",
+    )
     samples = models.JSONField(
         default=list, help_text="temperature, clock and battery, at most once a second"
     )
@@ -128,6 +145,11 @@ class Run(models.Model):
     ate_mean = models.FloatField(null=True, blank=True, help_text="m")
     ate_rmse = models.FloatField(null=True, blank=True, help_text="m")
     trajectory_sha256 = models.CharField(max_length=64, blank=True)
+    deviation = models.FloatField(
+        null=True,
+        blank=True,
+        help_text="m, largest distance of a position from the reference trajectory; empty in protocol 1",
+    )
     extra = models.JSONField(default=dict, blank=True, help_text="members that this version does not know")
     fingerprint = models.BigIntegerField(
         null=True,

@@ -72,7 +72,7 @@ def runs(scope: Scope) -> Iterator[Block]:
     size = Length("frame_us") + Length("stages_us") + Length("tracked")
     plain = (
         *("repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse"),
-        *("trajectory_sha256", "state", "reason", "frame_us", "tracked"),
+        *("trajectory_sha256", "deviation", "state", "reason", "frame_us", "tracked"),
     )
     columns = ("uuid", "session_id", "session__uuid", "configuration_id", "stages", "stages_us", *plain)
     for block in _blocks(rows, *columns, key="session_id", size=size):
@@ -93,7 +93,10 @@ def sessions(scope: Scope) -> Iterator[Block]:
     as_text = Cast("samples", TextField())
     rows = rows.annotate(samples_text=as_text)
     devices = _public_devices()
-    plain = ("protocol_version", "backend", "processor", "processor_class", "driver")
+    plain = (
+        *("protocol_version", "backend", "processor", "processor_class", "driver"),
+        *("empty_frame_us", "stage_clock"),
+    )
     for block in _blocks(
         rows, "uuid", "installation_id", "device_id", "front__application", "front__slug",
         "submission__app_version", "submission__consent_version", "started_at", "received_at",
@@ -182,7 +185,7 @@ def configurations(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - all table
     rows = Configuration.objects.filter(front__in=FrontVersion.objects.released())
     for block in _blocks(
         rows, "front__application", "front__slug", "name", "position", "parameters", "predicted",
-        "front__state", "front__published_at",
+        "band", "front__state", "front__published_at",
     ):  # fmt: skip
         yield block | {
             "application": block["front__application"],

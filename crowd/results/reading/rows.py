@@ -229,7 +229,7 @@ class SessionSpeedup:
 
 @dataclass(frozen=True)
 class RunRow:
-    """A run without its series. Times in seconds, errors in metres."""
+    """A run without its series. Times in seconds, errors and the deviation (protocol 2) in metres."""
 
     uuid: UUID
     configuration: str
@@ -244,6 +244,7 @@ class RunRow:
     ate_rmse: float | None
     state: str
     reason: str
+    deviation: float | None = None
 
 
 @dataclass(frozen=True)
@@ -258,7 +259,10 @@ class RunSeries:
 
 @dataclass(frozen=True)
 class SessionRow:
-    """A session in a list; `speedups` is empty until its task has run (`summarised`)."""
+    """A session in a list; `speedups` is empty until its task has run (`summarised`).
+
+    Protocol 2: what an empty frame costs, and `stage_clock`, what took the times of the stages.
+    """
 
     uuid: UUID
     device: Device
@@ -268,6 +272,12 @@ class SessionRow:
     started_at: datetime
     summarised: bool
     speedups: tuple[SessionSpeedup, ...]
+    empty_frame_us: float | None = None
+    stage_clock: str | None = None
+
+    @property
+    def empty_frame_seconds(self) -> float | None:
+        return None if self.empty_frame_us is None else self.empty_frame_us * 1e-6
 
     def speedup(self, configuration: str = BEST) -> SessionSpeedup | None:
         """The answer for CONFIGURATION, None if the session has none."""

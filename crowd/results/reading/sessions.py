@@ -106,6 +106,8 @@ def session_row(row: MeasurementSession) -> SessionRow:
         front=row.front.slug,
         backend=row.backend,
         processor=row.processor,
+        empty_frame_us=row.empty_frame_us,
+        stage_clock=row.stage_clock,
         started_at=hour(row.started_at),
         summarised=row.summary_algorithm is not None,
         speedups=tuple(_session_speedup(answer) for answer in row.summaries.all()),
@@ -165,6 +167,7 @@ def _run(row: Run) -> RunRow:
         ate_max=row.ate_max,
         ate_mean=row.ate_mean,
         ate_rmse=row.ate_rmse,
+        deviation=row.deviation,
         state=row.state,
         reason=row.reason,
     )

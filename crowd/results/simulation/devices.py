@@ -22,12 +22,15 @@ MAKER = "Simulated"
 
 @dataclass(frozen=True)
 class Configuration:
-    """A configuration of the front as the manifest has it: reference seconds a frame, reference ATE (m)."""
+    """A configuration of the front as the manifest has it: reference seconds a frame, reference ATE (m), and
+    the band (m) around its reference trajectory in protocol 2.
+    """
 
     name: str
     parameters: Mapping[str, Any]
     seconds: float
     ate: float
+    band: float | None = None
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ def configurations_of(manifest: Mapping[str, Any]) -> tuple[Configuration, ...]:
             row["parameters"],
             row["predicted"].get("runtime") or 0.02,
             row["predicted"].get("ate_max") or 0.01,
+            row.get("band"),
         )
         for row in manifest["configurations"]
     )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.fronts.protocol import FIXED_PAIRS
 from crowd.results.simulation.devices import Configuration, SimulatedDevice
 
 MOST_RUNS = 50  # of a submission
@@ -23,18 +24,22 @@ SAMPLE_SECONDS = 1.0
 HOT = 0.5  # of the sessions of a device that throttles
 COOL, HEATING = 31.0, 16.0  # degrees Celsius
 CLOCK_MHZ = 2400.0
+# What a session of protocol 2 says besides.
+PROTOCOL_2 = {"empty_frame_us": 300, "stage_clock": "wall"}
+DEVIATION = 0.2  # of the band: how far a device's trajectory is from the reference
 LOST = "tracking was lost in more than half of the frames"
 REFUSED = "the driver refused to build the program: CL_OUT_OF_RESOURCES"
 
 
 def plan(protocol: Mapping[str, Any], front: Sequence[Configuration], every: bool) -> list[str]:
-    """Names of the runs in their order: the protocol's, or, for EVERY configuration, all of them and back
-    again, so that a steady drift cancels; as many as one submission holds.
+    """Names of the runs in their order: the protocol's, or EVERY configuration, as many as one submission
+    holds. They run forwards and back until each has its repeats, so that a steady drift cancels.
     """
-    if not every:
-        return list(protocol["order"])
-    names = [configuration.name for configuration in front][: MOST_RUNS // 2]
-    return [*names, *reversed(names)]
+    repeats = protocol["repeats"]
+    names = [configuration.name for configuration in front][: MOST_RUNS // repeats]
+    forwards = names if every else list(protocol["order"])
+    rounds = repeats // forwards.count(forwards[0])
+    return [name for number in range(rounds) for name in (forwards[::-1] if number % 2 else forwards)]
 
 
 def session(
@@ -71,6 +76,7 @@ def session(
         "front_version": manifest["front_version"],
         "protocol_version": protocol["version"],
         "backend": device.family.backend,
+        **(PROTOCOL_2 if protocol["version"] == FIXED_PAIRS else {}),
         "samples": _samples(throttling, elapsed, random),
         "runs": runs,
     }
@@ -108,7 +114,11 @@ def _run(
         "ate_max": round(error, 6),
         "ate_mean": round(error * 0.4, 6),
         "ate_rmse": round(error * 0.5, 6),
-        "trajectory_sha256": trajectory.hexdigest(),
+        **(
+            {"trajectory_sha256": trajectory.hexdigest()}
+            if row.band is None
+            else {"deviation": round(row.band * DEVIATION, 6)}
+        ),
     }
 
 

@@ -147,18 +147,24 @@ def t_quantile(degrees: int, alpha: float) -> float:
     return float(stdtrit(degrees, 1 - alpha / 2))
 
 
-def session_interval(log_ratios: ArrayLike, planned_repeats: int) -> tuple[float, float] | None:
+def session_interval(
+    log_ratios: ArrayLike, planned_repeats: int, fixed_pairs: bool = False
+) -> tuple[float, float] | None:
     """A session's own 95 % interval (low, high) of its mean log ratio over its pairs (n,); None for one.
 
-    A client repeats until its interval is narrow: it may stop after PLANNED_REPEATS pairs and after every two
-    more. Each of these looks is another chance to be wrong, so alpha is divided by their number plus one
-    (Bonferroni; divided by their number alone the interval covers the truth in 93.3 % at worst).
+    FIXED_PAIRS, as in protocol 2: Student's t interval. Without it a client repeats until its interval is
+    narrow: it may stop after PLANNED_REPEATS pairs and after every two more. Each of these looks is another
+    chance to be wrong, so alpha is divided by their number plus one (Bonferroni; divided by their number
+    alone the interval covers the truth in 93.3 % at worst).
     """
     values = np.asarray(log_ratios, dtype=np.float64)
     if values.size < 2:
         return None
-    looks = 1 + max(values.size - planned_repeats, 0) // 2
-    quantile = t_quantile(values.size - 1, (1 - CONFIDENCE) / (looks + 1))
+    alpha = 1 - CONFIDENCE
+    if not fixed_pairs:
+        looks = 1 + max(values.size - planned_repeats, 0) // 2
+        alpha /= looks + 1
+    quantile = t_quantile(values.size - 1, alpha)
     half = quantile * float(values.std(ddof=1)) / math.sqrt(values.size)
     mean = float(values.mean())
     return mean - half, mean + half

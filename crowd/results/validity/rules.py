@@ -54,6 +54,13 @@ ATE_ABOVE_LIMIT = Rule(
     VALID_BELOW,
     "the largest trajectory error reached the limit: fast and lost is not faster",
 )
+DEVIATION_ABOVE_BAND = Rule(
+    "deviation_above_band",
+    State.INVALID,
+    Level.RUN,
+    None,
+    "its trajectory leaves the band around the configuration's reference: the device computes something else",
+)
 IMPLAUSIBLE_TIME = Rule(
     "implausible_time",
     State.INVALID,
@@ -123,7 +130,8 @@ TRAJECTORY_MISSING = Rule(
     State.SUSPECT,
     Level.RUN,
     None,
-    "the client reported no digest of the trajectory, so its error cannot be compared with anything",
+    "the client reported neither a digest of the trajectory nor its deviation, so its error cannot be "
+    "compared with anything",
 )
 STAGES_EXCEED_FRAMES = Rule(
     "stages_exceed_frames",
@@ -150,8 +158,8 @@ OUTLIER = Rule(
 RULES: dict[str, Rule] = {
     rule.code: rule
     for rule in (
-        FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, IMPLAUSIBLE_TIME, MODERATED, IDENTICAL_SERIES,
-        NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, THROTTLING, DRIFT,
+        FAILED, FRAME_COUNT, ATE_MISSING, ATE_ABOVE_LIMIT, DEVIATION_ABOVE_BAND, IMPLAUSIBLE_TIME, MODERATED,
+        IDENTICAL_SERIES, NO_PAIR, RELEASED, EMULATOR, INCOMPLETE_PAIRS, UNBALANCED_ORDER, THROTTLING, DRIFT,
         TRAJECTORY_MISSING, STAGES_EXCEED_FRAMES, IMPLAUSIBLE_SPEEDUP, OUTLIER,
     )
 }  # fmt: skip

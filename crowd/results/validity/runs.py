@@ -7,7 +7,7 @@ order: a run is judged alike, alone or among many.
 import hashlib
 from collections import defaultdict
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from uuid import UUID
 
 from django.db import connection
@@ -22,7 +22,7 @@ from crowd.results.validity.rules import Rule
 DERIVED = ("mean_us", "fingerprint", "state", "reason")
 READ = (
     "pk", "session_id", "configuration_id", "repeat", "order", "status", "frame_us", "stages", "stages_us",
-    "ate_max", "trajectory_sha256", *DERIVED,
+    "ate_max", "trajectory_sha256", "deviation", *DERIVED,
 )  # fmt: skip
 
 
@@ -41,6 +41,7 @@ class StoredRun:
     stages_us: bytes
     ate_max: float | None
     trajectory_sha256: str
+    deviation: float | None
     mean_us: float | None
     fingerprint: int | None
     state: str
@@ -49,12 +50,16 @@ class StoredRun:
 
 @dataclass(frozen=True)
 class Front:
-    """The parts of a front version by which runs are judged and compared; configurations by their keys."""
+    """The parts of a front version by which runs are judged and compared; configurations by their keys.
+
+    `bands` (m) has those of protocol 2.
+    """
 
     key: int
     protocol: Protocol
     configurations: Collection[int]
     baseline: int | None  # the default configuration
+    bands: Mapping[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -105,13 +110,13 @@ def _judge_all(runs: Iterable[StoredRun], sessions: Mapping[int, SessionContext]
             sessions[run.session_id].front.key, len(run.frame_us), tuple(run.stages), len(run.stages_us)
         ].append(run)
     for group in alike.values():
-        _judge_alike(group, sessions[group[0].session_id].front.protocol)
+        _judge_alike(group, sessions[group[0].session_id].front)
 
 
-def _judge_alike(runs: Sequence[StoredRun], protocol: Protocol) -> None:
+def _judge_alike(runs: Sequence[StoredRun], front: Front) -> None:
     """RUNS have the same front, the same number of frames and the same stages."""
     frames = packing.unpack_many([run.frame_us for run in runs])
-    first, size = protocol.first_counted_frame, frames.shape[1]
+    first, size = front.protocol.first_counted_frame, frames.shape[1]
     means = measures.mean_times(frames, first).tolist() if size > first else [None] * len(runs)
     distinct = measures.distinct_times(frames) >= measures.LEAST_DISTINCT_TIMES
     names = runs[0].stages
@@ -120,7 +125,7 @@ def _judge_alike(runs: Sequence[StoredRun], protocol: Protocol) -> None:
     for run, mean, enough, exceeds in zip(runs, means, distinct.tolist(), exceeding.tolist(), strict=True):
         run.mean_us = mean
         run.fingerprint = fingerprint(run.frame_us) if enough else None
-        _set(run, _broken(run, size, protocol) or (rules.STAGES_EXCEED_FRAMES if exceeds else None))
+        _set(run, _broken(run, size, front) or (rules.STAGES_EXCEED_FRAMES if exceeds else None))
 
 
 def _store(runs: Sequence[StoredRun]) -> None:
@@ -153,8 +158,9 @@ def _derived(run: StoredRun) -> tuple[float | None, int | None, str, str]:
     return run.mean_us, run.fingerprint, str(run.state), run.reason
 
 
-def _broken(run: StoredRun, frames: int, protocol: Protocol) -> Rule | None:
+def _broken(run: StoredRun, frames: int, front: Front) -> Rule | None:
     """The first rule that RUN, of so many FRAMES, breaks by itself, except the last one, on stages."""
+    protocol, band = front.protocol, front.bands.get(run.configuration_id)
     if run.status == Run.Status.FAILED:
         return rules.FAILED
     if frames != protocol.frames or run.mean_us is None:
@@ -163,9 +169,11 @@ def _broken(run: StoredRun, frames: int, protocol: Protocol) -> Rule | None:
         return rules.ATE_MISSING
     if run.ate_max >= protocol.max_ate:
         return rules.ATE_ABOVE_LIMIT
+    if band is not None and run.deviation is not None and run.deviation > band:
+        return rules.DEVIATION_ABOVE_BAND
     if run.mean_us < measures.SHORTEST_MEAN_US:
         return rules.IMPLAUSIBLE_TIME
-    if not run.trajectory_sha256:
+    if not run.trajectory_sha256 and run.deviation is None:
         return rules.TRAJECTORY_MISSING
     return None
 

@@ -138,7 +138,7 @@ def _comparison(
 
     IN_ORDER: no two runs of the session claim the same place.
     """
-    runs = [*candidate, *against]
+    protocol, runs = session.front.protocol, [*candidate, *against]
     counted, baseline = _counted(candidate), _counted(against)
     ratios = measures.paired_log_ratios(_times(baseline), _times(counted))
     log_ratio = float(ratios.mean()) if len(ratios) else None
@@ -150,7 +150,7 @@ def _comparison(
         broken = {
             rules.EMULATOR: session.emulated,
             rules.INCOMPLETE_PAIRS: not measures.complete_pairs(
-                _places(baseline), _places(counted), session.front.protocol.repeats
+                _places(baseline), _places(counted), protocol.repeats
             ),
             rules.UNBALANCED_ORDER: not in_order
             or not measures.balanced_order(_places(baseline), _places(counted)),
@@ -159,7 +159,8 @@ def _comparison(
         reasons = {run.reason for run in runs} & PASSED_ON
         reasons |= {rule.code for rule, is_broken in broken.items() if is_broken}
         rule = next((rule for rule in RULES.values() if rule.code in reasons), None)
-    low, high = measures.session_interval(ratios, session.front.protocol.repeats) or (None, None)
+    interval = measures.session_interval(ratios, protocol.repeats, protocol.fixed_pairs)
+    low, high = interval or (None, None)
     return {
         "log_ratio": log_ratio,
         "low": low,
