@@ -41,7 +41,7 @@ def manifest(chunks: tuple[bytes, ...] = (b"header", b"frames"), **changes: Any)
             "initial_position": [0.5, 0.5, 0.5],
             "chunks": described,
         },
-        "consent_version": 1,
+        "consent_version": 2,
         "minimum_app_version": "0.1.0",
         "accepting": True,
     }

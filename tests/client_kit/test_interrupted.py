@@ -158,7 +158,7 @@ def test_a_new_consent_text_is_asked_for_and_what_waits_goes_with_it(
         return counting(request)
 
     asked = Manifest.parse(counting.manifest)
-    counting.manifest["consent_version"] = 2
+    counting.manifest["consent_version"] = 3
     server = serve(strict)
     Spool(home.spool).put(server.url, canned.payload(asked))
 

@@ -189,7 +189,7 @@ def test_an_unknown_front_is_the_servers_reason(server: str, home: Home, spool: 
     payload = documents.payload(
         started_at="2026-01-01T00:00:00Z", protocol_version=1, backend="opencl", front_version="kfusion-none"
     )
-    payload["app_version"] = "0.1.0"
+    payload |= {"app_version": "0.1.0", "consent_version": 2}
     item = spool.put(server, payload)
 
     delivery.deliver(spool, home)

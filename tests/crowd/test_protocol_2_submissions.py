@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from django.core.management import call_command
 from django.test import Client
 
 from crowd.fronts.models import FrontVersion
@@ -280,14 +279,6 @@ def test_the_api_document_describes_the_members(client: Client) -> None:
     assert "deviation" in schemas["Run"]["properties"]
     assert {"empty_frame_us", "stage_clock"}.isdisjoint(schemas["Session"]["required"])
     assert {"band", "trajectory"}.isdisjoint(schemas["Configuration"]["required"])
-
-
-def test_a_crowd_is_simulated_by_protocol_2(client: Client, front: FrontVersion) -> None:
-    call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4")
-
-    assert set(MeasurementSession.objects.values_list("protocol_version", "stage_clock")) == {(2, "wall")}
-    assert not SessionSummary.objects.filter(reason="incomplete_pairs").exists()
-    assert client.get(f"{API}/speedups?simulated=1").json()["summary"]["devices"] > 0
 
 
 def test_a_client_written_by_the_page_is_understood(client: Client, participant: Participant) -> None:

@@ -15,7 +15,8 @@ from crowd.devices.normalisation import identify
 from crowd.devices.recognition import recognise
 from crowd.devices.vendors import VENDORS
 from crowd.fronts.models import FrontVersion
-from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, Tombstone
+from crowd.fronts.services import publish_content
+from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.simulation import devices as made_up
 from crowd.results.simulation import sessions as made_up_sessions
 from crowd.results.validity import version
@@ -150,6 +151,17 @@ def test_an_erased_simulation_leaves_no_tombstone(client: Client, front: FrontVe
 
     assert sender.delete("/me").status_code == 204
     assert not Tombstone.objects.exists()
+
+
+def test_a_crowd_measures_by_the_protocol_of_the_front(
+    client: Client, db: None, pack: dict[str, Any]
+) -> None:
+    publish_content(front_document(pack, protocol_version=2))
+
+    call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4")
+
+    assert set(MeasurementSession.objects.values_list("protocol_version", "stage_clock")) == {(2, "wall")}
+    assert set(SessionSummary.objects.values_list("pairs", "reason")) == {(4, "")}
 
 
 def test_a_crowd_is_simulated_and_removed(

@@ -20,6 +20,8 @@ AGAIN = (
     "crowd/test_states.py",
     "crowd/test_fronts.py",
     "crowd/test_publishing.py",
+    "crowd/test_protocol_2_fronts.py",
+    "crowd/test_protocol_2_submissions.py",
     "crowd/test_public_api.py",
     "crowd/test_unknown_members.py",
     "crowd/test_open_data.py",
