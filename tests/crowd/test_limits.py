@@ -203,7 +203,15 @@ def test_pages_tables_and_cards_are_limited_by_address(
 
 
 @pytest.mark.parametrize(
-    "path", ["/healthz", "/metrics", "/static/none.css", f"/sequences/{'0' * 64}", f"{API}/fronts"]
+    "path",
+    [
+        "/healthz",
+        "/metrics",
+        "/static/none.css",
+        f"/sequences/{'0' * 64}",
+        f"/trajectories/{'0' * 64}",
+        f"{API}/fronts",
+    ],
 )
 def test_what_is_not_a_page_does_not_count_as_one(
     client: Client, front: Any, settings: Any, path: str
