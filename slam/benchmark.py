@@ -14,13 +14,14 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.sequence import Progress, Sequence, SequenceError
-from slam.opencl import Session, choose_device
+from slam.devices.choice import choose_device
+from slam.devices.opencl import Session
+from slam.devices.tuning import wavy_wall
 from slam.power import EnergyMeter
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES, Revising, Scene, System
 from slam.systems import create, needs_colour, open_session, warm_up
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
-from slam.tuning import wavy_wall
 
 # Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
 # the camera inside its near face, looking in.
@@ -152,7 +153,7 @@ def run(
     this in a process that never forks afterwards.
     Raises SequenceError for a bad number of frames, a damaged frame, or a sequence without colour where the
     system needs it, ValueError for an unknown system,
-    ConfigurationError for a bad parameter, OpenCLError where the device is missing or too small.
+    ConfigurationError for a bad parameter, DeviceError where the device is missing or too small.
     """
     count = len(sequence) if frames is None else frames
     if not 1 <= count <= len(sequence):

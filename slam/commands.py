@@ -22,8 +22,9 @@ from slam.arguments import (
 )
 from slam.benchmark import Observer, Report, run
 from slam.datasets import Sequence, open_sequence
+from slam.devices.choice import choose_device, list_devices
+from slam.devices.opencl import Session
 from slam.evaluation import evaluate
-from slam.opencl import Session, choose_device, list_devices
 from slam.render import Renderer
 from slam.system import Exporting, System
 from slam.systems import SYSTEMS, complete, definition, open_session

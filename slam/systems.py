@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from slam.devices.device import Device
+from slam.devices.opencl import SHARED, Session
+from slam.devices.tuning import SCENE, Trial, layout_for
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.elasticfusion.pipeline import ElasticFusion
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
 from slam.kfusion.pipeline import KFusion
-from slam.opencl import SHARED, Device, Session
 from slam.system import Scene, System
-from slam.tuning import SCENE, Trial, layout_for
 
 
 @dataclass(frozen=True)

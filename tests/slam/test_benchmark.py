@@ -10,8 +10,9 @@ import slam
 from slam.benchmark import run
 from slam.configuration import ConfigurationError
 from slam.datasets import SequenceError, open_sequence, tum
+from slam.devices.device import NoDeviceError
+from slam.devices.opencl import BoundKernel
 from slam.kfusion.configuration import STANDARD
-from slam.opencl import BoundKernel, NoDeviceError
 from slam.system import STAGES
 from slam.systems import complete
 from tests.slam.sequences import ArraySequence

@@ -7,10 +7,10 @@ import json
 
 import pytest
 
-from slam.layout import Layout
-from slam.opencl import choose_device, list_devices
+from slam.devices.choice import choose_device, list_devices
+from slam.devices.layout import Layout
+from slam.devices.tuning import candidates, layout_for
 from slam.systems import SYSTEMS
-from slam.tuning import candidates, layout_for
 
 TRIAL = SYSTEMS["kfusion"].trial
 

@@ -9,7 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-from slam.opencl import DeviceMemoryError, NoDeviceError, Session, choose_device, list_devices
+from slam.devices.choice import choose_device, list_devices
+from slam.devices.device import DeviceMemoryError, NoDeviceError
+from slam.devices.opencl import Session
 
 DOUBLE = """
 kernel void twice(global const float *in, global float *out, int offset, float factor)
@@ -40,7 +42,7 @@ def test_an_unknown_device_is_answered_with_those_present():
 
 
 def test_a_machine_without_opencl_is_told_what_to_install(tmp_path):
-    code = "from slam.opencl import choose_device\nchoose_device()"
+    code = "from slam.devices.choice import choose_device\nchoose_device()"
     environment = os.environ | {"OCL_ICD_VENDORS": str(tmp_path / "none")}
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     last = ended.stderr.strip().splitlines()[-1]
@@ -48,8 +50,6 @@ def test_a_machine_without_opencl_is_told_what_to_install(tmp_path):
 
 
 def test_a_kernel_keeps_its_arguments_from_launch_to_launch(tmp_path):
-    import pyopencl as cl
-
     source = tmp_path / "twice.cl"
     source.write_text(DOUBLE)
     for device in list_devices():
@@ -59,9 +59,9 @@ def test_a_kernel_keeps_its_arguments_from_launch_to_launch(tmp_path):
         # The output buffer has no other name than the kernel's argument.
         kernel = session.kernel(source, "twice", (5,), place, result := session.buffer(20), 3, 2.0)
         for shift in (0, 10):
-            cl.enqueue_copy(session.queue, place, given + np.float32(shift))
+            session.upload(place, given + np.float32(shift))
             kernel()
-            cl.enqueue_copy(session.queue, got, result)
+            session.download(result, got)
             np.testing.assert_array_equal(got, 2 * (given + shift) + 3)
 
 

@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
-from slam.layout import Layout
-from slam.opencl import Device, OpenCLError, Session
+from slam.devices.layout import Layout
+from slam.devices.device import Device, DeviceError
+from slam.devices.opencl import Session
 from slam.system import Scene, System
 
 GROUPS = ((16, 8), (8, 8), (32, 4), (64, 2), (32, 8))
@@ -41,7 +42,7 @@ class Trial:
                 began = perf_counter()
                 system.process(wall, painted)
                 seconds.append(perf_counter() - began)
-        except OpenCLError:
+        except DeviceError:
             return float("inf")
         return min(seconds)
 
