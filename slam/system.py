@@ -19,8 +19,8 @@ class Frame:
     """What a system says of one frame.
 
     pose: float64 (4, 4), camera to world, after the frame. tracked: True, False (lost), or None where
-    tracking was not attempted. seconds: time of each of STAGES by the system's `stage_clock`, empty where that is
-    "none". computation: wall time from the first upload until the pose was read back.
+    tracking was not attempted. seconds: time of each of STAGES by the system's `stage_clock`, empty where
+    that is "none". computation: wall time from the first upload until the pose was read back.
     """
 
     pose: NDArray[np.float64]

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, TypeAlias
+
 from slam.devices import opencl
 from slam.devices.device import BACKENDS, Device, NoDeviceError
+from slam.devices.layout import Layout
+
+if TYPE_CHECKING:
+    from slam.devices.webgpu import WebGPUSession
+
+AnySession: TypeAlias = "opencl.Session | WebGPUSession"
 
 NAMES = {"opencl": "OpenCL", "webgpu": "WebGPU"}
 INSTALL = {
@@ -12,8 +20,8 @@ INSTALL = {
         "(pip install pocl-binary-distribution on Linux x86-64, the package pocl-opencl-icd on Debian)"
     ),
     "webgpu": (
-        "install the driver of the GPU with Vulkan, Metal or Direct3D 12, and pip install 'frontrunner[webgpu]' "
-        "(a CPU takes Debian's package mesa-vulkan-drivers)"
+        "install a driver of the GPU for Vulkan, Metal or Direct3D 12 (for the CPU Debian's package "
+        "mesa-vulkan-drivers), and the extra webgpu (pip install '.[webgpu]')"
     ),
 }
 
@@ -44,3 +52,12 @@ def choose_device(text: str | None = None, backend: str = "opencl") -> Device:
             return device
     present = "; ".join(device.label for device in devices)
     raise NoDeviceError(f"no {name} device matches {text!r}; present: {present}")
+
+
+def open_session(device: Device, layout: Layout | None = None) -> AnySession:
+    """A session on DEVICE, with kernels laid out by LAYOUT (default: by the kind of device)."""
+    if device.backend == "opencl":
+        return opencl.Session(device, layout)
+    from slam.devices import webgpu
+
+    return webgpu.WebGPUSession(device, layout)

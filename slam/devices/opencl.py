@@ -1,7 +1,7 @@
 """OpenCL devices, programs, memory, and kernels with their arguments bound once.
 
-This is the only module that imports pyopencl, on first use: a process that lists OpenCL devices and then forks leaves
-its children with a hanging OpenCL, so importing this module must touch nothing.
+This is the only module that imports pyopencl, on first use: a process that lists OpenCL devices and then
+forks leaves its children with a hanging OpenCL, so importing this module must touch nothing.
 """
 
 from __future__ import annotations
@@ -145,9 +145,9 @@ class Session:
     ) -> BoundKernel:
         """The kernel `name` of a file over at least `size` work-items, with its arguments set.
 
-        `group` is the size of the work-groups, by default one work-item each: that leaves a kernel's own loops to the
-        compiler. A group that is too large for the device is made smaller. Python's int and float become OpenCL's
-        32-bit ones. Raises DeviceError where the device refuses the kernel.
+        `group` is the size of the work-groups, by default one work-item each: that leaves a kernel's own
+        loops to the compiler. A group that is too large for the device is made smaller. Python's int and
+        float become OpenCL's 32-bit ones. Raises DeviceError where the device refuses the kernel.
         """
         import pyopencl as cl
 
@@ -178,14 +178,18 @@ class Session:
             ) from error
 
     def upload(self, buffer: Buffer, values: npt.NDArray[Any], wait: bool = True) -> None:
-        """Copy VALUES into BUFFER. Without WAIT they must stay unchanged until the next `finish` or `download`."""
+        """Copy VALUES into BUFFER. Without WAIT they must stay unchanged until the next `finish` or
+        `download`.
+        """
         import pyopencl as cl
 
         with self._translated("an upload"):
             cl.enqueue_copy(self._queue, buffer, np.ascontiguousarray(values), is_blocking=wait)
 
     def download(self, buffer: Buffer, values: npt.NDArray[Any], offset: int = 0) -> None:
-        """Fill VALUES from BUFFER, beginning OFFSET bytes after its start, once all kernels so far are done."""
+        """Fill VALUES from BUFFER, beginning OFFSET bytes after its start, once all kernels so far are
+        done.
+        """
         import pyopencl as cl
 
         with self._translated("a download"):
@@ -203,7 +207,7 @@ class Session:
         import pyopencl as cl
 
         with self._translated("a fill"):
-            cl.enqueue_fill_buffer(self._queue, buffer, np.uint32(word), 0, nbytes)
+            cl.enqueue_fill_buffer(self._queue, buffer, np.array(word, np.uint32), 0, nbytes)
 
     def finish(self) -> None:
         """Wait until all work so far is done."""

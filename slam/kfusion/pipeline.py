@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.devices.device import DeviceMemoryError
-from slam.devices.opencl import SHARED, Session
+from slam.devices.opencl import SHARED
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.plan import SCALE, plan
 from slam.plans.execution import Execution
-from slam.plans.opencl import OpenCLExecution
+from slam.plans.executors import prepare
 from slam.system import Frame, Scene, View
+
+if TYPE_CHECKING:
+    from slam.devices.choice import AnySession
 
 FOLDERS = (Path(__file__).parent / "kernels", SHARED)
 FITTING = (512, 256, 128, 64, 32)  # resolutions that are proposed where one does not fit
@@ -24,15 +27,15 @@ FITTING = (512, 256, 128, 64, 32)  # resolutions that are proposed where one doe
 class KFusion:
     """A `slam.system.System`. The pose lives in the volume's frame, whose origin is a corner.
 
-    A lost frame keeps the last pose and is not integrated. Raises ConfigurationError when the images cannot be
-    divided by the compute size ratio, and DeviceMemoryError when the volume does not fit the device.
+    A lost frame keeps the last pose and is not integrated. Raises ConfigurationError when the images cannot
+    be divided by the compute size ratio, and DeviceMemoryError when the volume does not fit the device.
     """
 
-    def __init__(self, configuration: Configuration, scene: Scene, session: Session) -> None:
+    def __init__(self, configuration: Configuration, scene: Scene, session: AnySession) -> None:
         self._configuration = configuration
         self._plan = plan(configuration, scene, session.layout)
         _check_memory(configuration.volume_resolution, session)
-        self._execution: Execution = OpenCLExecution(self._plan, session, FOLDERS)
+        self._execution: Execution = prepare(self._plan, session, FOLDERS)
         self._shape = (scene.camera.height, scene.camera.width)
         camera = scene.camera.scaled(configuration.compute_size_ratio)
         self._model_shape = (camera.height, camera.width)
@@ -124,7 +127,7 @@ def _decoder(
     )
 
 
-def _check_memory(resolution: int, session: Session) -> None:
+def _check_memory(resolution: int, session: AnySession) -> None:
     device = session.device
     try:
         device.check_allocation(4 * resolution**3, f"volume_resolution={resolution}")

@@ -1,12 +1,13 @@
 """What KinectFusion does with each frame, as data: nothing else knows the order of a frame.
 
-Frames 0 to 3 are integrated where the camera starts. The first raycast follows frame 3, so frame 4 is the first that
-can be tracked. A lost frame keeps the last pose and is not integrated.
+Frames 0 to 3 are integrated where the camera starts. The first raycast follows frame 3, so frame 4 is the
+first that can be tracked. A lost frame keeps the last pose and is not integrated.
 """
 
 from __future__ import annotations
 
 from dataclasses import asdict
+from itertools import pairwise
 
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
@@ -53,7 +54,9 @@ CAMERA = Parameter("camera", "vec4f")  # fx, fy, cx, cy
 
 
 def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
-    """What each kernel takes. A word holds a voxel's weight where kernels own pixels; by rows it lies apart."""
+    """What each kernel takes. A word holds a voxel's weight where kernels own pixels; by rows it lies
+    apart.
+    """
     weights = () if layout.pixels else (_buffer("weights", "write", "u8"),)
     surface = "atomic" if layout.pixels else "write"
     return (
@@ -76,12 +79,13 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             *_whole("width", "height"), *_real("range"),
         )),
         Kernel("normal_map", "images", (
-            _buffer("depth", "read"), _buffer("normals", "write", planes=3), *_whole("width", "height"), CAMERA,
+            _buffer("depth", "read"), _buffer("normals", "write", planes=3), *_whole("width", "height"),
+            CAMERA,
         )),
         Kernel("begin_tracking", "tracking", (CAMERA, _buffer("state", "write", STATE))),
         Kernel("track", "tracking", (
-            _buffer("depth", "read"), _buffer("normals", "read", planes=3), *_whole("width", "height"), CAMERA,
-            _buffer("model_vertices", "read", planes=3), _buffer("model_normals", "read", planes=3),
+            _buffer("depth", "read"), _buffer("normals", "read", planes=3), *_whole("width", "height"),
+            CAMERA, _buffer("model_vertices", "read", planes=3), _buffer("model_normals", "read", planes=3),
             *_whole("model_width", "model_height"), *_real("max_distance", "min_dot"), *_whole("conditional"),
             _buffer("state", "read", STATE), _buffer("records", "write"),
         )),
@@ -99,7 +103,8 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             *_whole("conditional"), _buffer("state", "read", STATE),
         )),
         Kernel("dilate_blocks", "volume", (
-            _buffer("surface", "read", "i32"), _buffer("searched", "write", "i32"), *_whole("blocks", "conditional"), _buffer("state", "read", STATE),
+            _buffer("surface", "read", "i32"), _buffer("searched", "write", "i32"), *_whole("blocks",
+            "conditional"), _buffer("state", "read", STATE),
         )),
         Kernel("raycast", "raycasting", (
             _buffer("voxels", "read", "u32"), *_whole("resolution"), *_real("voxel_size"),
@@ -127,7 +132,8 @@ def plan(configuration: Configuration, scene: Scene, layout: Layout) -> Plan:
     """The plan of one frame for CONFIGURATION in SCENE, for kernels laid out by LAYOUT.
 
     Layouts differ in buffers, sizes and the format of a voxel, never in order, conditions or constants.
-    Raises ConfigurationError where the images cannot be divided by the compute size ratio, or no volume is left.
+    Raises ConfigurationError where the images cannot be divided by the compute size ratio, or no volume is
+    left.
     """
     camera = _camera(configuration, scene)
     return Plan(
@@ -245,7 +251,7 @@ def _tracking(configuration: Configuration, cameras: list[Camera], layout: Layou
     ) -> None:
         found.append(Dispatch(kernel, "tracking", size, group, arguments, frames, flag))
 
-    for level, (fine, coarse) in enumerate(zip(cameras, cameras[1:], strict=False)):
+    for level, (fine, coarse) in enumerate(pairwise(cameras)):
         launch(
             "half_sample", *layout.over(coarse.width, coarse.height), fine=f"filtered_{level}",
             fine_width=fine.width, coarse=f"filtered_{level + 1}", width=coarse.width, height=coarse.height,
@@ -269,7 +275,8 @@ def _tracking(configuration: Configuration, cameras: list[Camera], layout: Layou
                 width=camera.width, height=camera.height, camera=_intrinsics(camera),
                 model_vertices="model_vertices", model_normals="model_normals", model_width=finest.width,
                 model_height=finest.height, max_distance=constants.ASSOCIATION_DISTANCE,
-                min_dot=constants.ASSOCIATION_NORMAL, conditional=conditional, state="state", records="records",
+                min_dot=constants.ASSOCIATION_NORMAL, conditional=conditional, state="state",
+                records="records",
             )  # fmt: skip
             launch(
                 "solve", *layout.one_group(SOLVERS), flag, records="records", count=count,

@@ -1,4 +1,6 @@
-"""What kernels of both languages must agree on, written from the plan: constants, the state, a kernel's bindings."""
+"""What kernels of both languages must agree on, written from the plan: constants, the state, a kernel's
+bindings.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ def opencl(plan: Plan) -> str:
 
 
 def wgsl(plan: Plan, kernel: Kernel) -> str:
-    """The constants, the state, and the bindings of KERNEL: its buffers in order, then its other parameters."""
+    """The constants, the state, and the bindings of KERNEL: its buffers in order, then its other
+    parameters.
+    """
     lines = [
         f"const {name} = {_literal(value, 'f') if isinstance(value, float) else value};"
         for name, value in plan.constants.items()
@@ -50,8 +54,8 @@ def wgsl(plan: Plan, kernel: Kernel) -> str:
 
 
 def uniforms(kernel: Kernel) -> list[tuple[str, str]]:
-    """Name and type of what KERNEL takes besides buffers, as they lie in its uniform buffer: vectors first, so
-    that nothing needs padding."""
+    """Name and type of what KERNEL takes besides buffers, as they lie in its uniform buffer: vectors first,
+    so that nothing needs padding."""
     scalars = [parameter for parameter in kernel.parameters if parameter.access is None]
     ordered = sorted(scalars, key=lambda parameter: parameter.type != "vec4f")
     return [(parameter.name, parameter.type) for parameter in ordered]

@@ -19,8 +19,8 @@ CLOCKS = ("device", "wall", "none")
 class Outcome:
     """What came of one frame: the state after it, and seconds.
 
-    `computation` is the wall time from the first upload until the state was read back. `stages` is the device's time
-    by stage, empty where it has no clock; stages in which nothing was launched took 0.
+    `computation` is the wall time from the first upload until the state was read back. `stages` is the
+    device's time by stage, empty where it has no clock; stages in which nothing was launched took 0.
     """
 
     state: np.ndarray[Any, np.dtype[np.void]]
@@ -35,7 +35,9 @@ class Execution(Protocol):
     stage_clock: str
 
     def run(self, number: int, image: npt.NDArray[np.uint16] | None = None) -> Outcome:
-        """Launch what takes place in frame NUMBER over IMAGE, and wait for the state. None keeps the last image."""
+        """Launch what takes place in frame NUMBER over IMAGE, and wait for the state. None keeps the last
+        image.
+        """
 
     def read(self, name: str, first: int = 0, count: int | None = None) -> npt.NDArray[Any]:
         """COUNT values (default all) of the buffer NAME from FIRST on: (planes, count); the state is ()."""

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class OpenCLExecution:
     """An `Execution` whose kernels are compiled from the `.cl` files of FOLDERS.
 
-    Everything of a frame is enqueued at once; reading the state back is its one synchronisation. Raises DeviceError
-    where the device refuses a kernel, and DeviceMemoryError where it cannot hold a buffer.
+    Everything of a frame is enqueued at once; reading the state back is its one synchronisation. Raises
+    DeviceError where the device refuses a kernel, and DeviceMemoryError where it cannot hold a buffer.
     """
 
     def __init__(self, plan: Plan, session: Session, folders: Sequence[Path]) -> None:
@@ -102,7 +102,9 @@ class OpenCLExecution:
         )
 
     def _stages(self, spans: dict[str, tuple[Event, Event]]) -> dict[str, float]:
-        """Seconds between the first launch of each stage, or the end of the one before, and its last launch's end."""
+        """Seconds between the first launch of each stage, or the end of the one before, and its last launch's
+        end.
+        """
         found = dict.fromkeys(self.plan.stages, 0.0)
         before = 0
         for stage, (first, last) in spans.items():

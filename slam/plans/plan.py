@@ -1,7 +1,7 @@
 """A frame as data: buffers, constants, the layout of the state, and the dispatches in their order.
 
-Whoever executes a plan knows nothing of the algorithm, and whoever writes one knows nothing of OpenCL or WebGPU.
-`schema.json` describes the JSON form.
+Whoever executes a plan knows nothing of the algorithm, and whoever writes one knows nothing of OpenCL or
+WebGPU. `schema.json` describes the JSON form.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ class Frames:
 class Dispatch:
     """One launch of KERNEL over SIZE work-items in groups of GROUP, with ARGUMENTS by name.
 
-    It takes place in the frames that any of `frames` holds. Where `flag` names a member of the state, the kernel
-    returns at once unless that member is nonzero: the device decides, the host waits for nothing.
+    It takes place in the frames that any of `frames` holds. Where `flag` names a member of the state, the
+    kernel returns at once unless that member is nonzero: the device decides, the host waits for nothing.
     """
 
     kernel: str
@@ -122,8 +122,9 @@ class Dispatch:
 class Plan:
     """How one configuration of a system treats each frame of a scene.
 
-    `input`: the buffer that takes each frame's depth image, uint16 millimetres, row by row. `state`: the members of
-    the struct in the buffer of type "state", without padding; `initial` are those that do not start at 0.
+    `input`: the buffer that takes each frame's depth image, uint16 millimetres, row by row. `state`: the
+    members of the struct in the buffer of type "state", without padding; `initial` are those that do not
+    start at 0.
     """
 
     system: str
