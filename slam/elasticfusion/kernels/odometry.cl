@@ -48,6 +48,7 @@ kernel void list_steep_pixels(global const float *restrict depth, global const f
 // rgb_weight / (noise + |difference|). Between the target's pixels brightness is what its gradient says; how it changes
 // with the pose is the mean of both images' gradients, which is good to second order (Malis 2004). A weight of 0 leaves
 // an error out.
+SUM_GROUP_SIZE
 kernel void equations(global const float *restrict depth, global const float *restrict normal_x,
                       global const float *restrict normal_y, global const float *restrict normal_z,
                       global const float *restrict intensity, global const float *restrict gradient_x,

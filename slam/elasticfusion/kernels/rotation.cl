@@ -16,6 +16,7 @@ typedef struct {
 // The normal equations of the differences of brightness. Seen far away a turn moves each pixel's ray and nothing
 // else, so a row has no part that depends on a translation. What lies between pixels is as the gradient says, and
 // that is the mean of both images'.
+SUM_GROUP_SIZE
 kernel void turn_equations(global const float *restrict intensity, global const float *restrict gradient_x,
                            global const float *restrict gradient_y, global const float *restrict earlier_intensity,
                            global const float *restrict earlier_gradient_x,
