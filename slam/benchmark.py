@@ -253,11 +253,11 @@ def scene_of(
 ) -> Scene:
     """Where SEQUENCE takes place; its own volume size (m) and initial position (fractions) unless others are
     given, DEFAULT_* where it has none."""
-    return Scene(
-        sequence.camera,
-        volume_size or sequence.volume_size or DEFAULT_VOLUME_SIZE,
-        initial_position or sequence.initial_position or DEFAULT_INITIAL_POSITION,
-    )
+    if volume_size is None:
+        volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE
+    if initial_position is None:
+        initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
+    return Scene(sequence.camera, volume_size, initial_position)
 
 
 @dataclass(frozen=True)

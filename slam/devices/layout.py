@@ -9,7 +9,7 @@ KINDS = ("rows", "pixels")
 SUMS = 32  # floats of a record: the part of the normal equations that one work-group leaves behind
 SUM_GROUP = 64  # work-items of a group that sums, by pixels
 MOST_SUM_GROUPS = 512
-SOLVERS = 128  # work-items of the group that adds up the records, by pixels: 4 for each float of one
+SOLVERS = 64  # work-items of the group that adds up the records, by pixels: 2 for each float of one
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ kernel void track(global const float *restrict depth, global const float *restri
 }
 
 // Sums the records, solves for the twist and moves the pose by it. Rows: one work-item. Pixels: one group, of which each
-// work-item sums one float of every fourth record.
+// work-item sums one float of its share of the records.
 #ifdef PIXELS
 __attribute__((reqd_work_group_size(SOLVERS, 1, 1)))
 #endif
