@@ -1,4 +1,4 @@
-"""The commands `run`, `compare`, `surface`, `evaluate`, `devices` and `plan`."""
+"""The commands `run`, `compare`, `surface`, `evaluate`, `devices`, `plan` and `reference`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slam import compare, mesh, report, report_log, report_page, surface
+from slam import bands, compare, mesh, report, report_log, report_page, surface
 from slam.arguments import (
     UsageError,
     four_numbers,
@@ -46,6 +46,15 @@ def register(subparsers: Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument("--layout", choices=KINDS, default="pixels", help="of the kernels; default: pixels")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE")
     parser.set_defaults(execute=_plan)
+    parser = subparsers.add_parser(
+        "reference",
+        help="add a trajectory and a band to each configuration of a front, from all OpenCL devices here",
+    )
+    parser.add_argument("--front", type=Path, required=True, metavar="FILE", help="JSON with configurations")
+    parser.add_argument("--sequence", type=Path, required=True, metavar="PATH")
+    parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE")
+    parser.set_defaults(execute=_reference)
 
 
 def _add_run(subparsers: Commands[argparse.ArgumentParser]) -> None:
@@ -321,6 +330,21 @@ def _plan(options: argparse.Namespace) -> None:
     found = frame_plan(options.system, configuration, scene, Layout(options.layout))
     options.out.write_text(found.to_json(), encoding="utf-8")
     sys.stdout.write(f"{len(found.dispatches)} dispatches on {len(found.buffers)} buffers in {options.out}\n")
+
+
+def _reference(options: argparse.Namespace) -> None:
+    writable(options.out)
+    front = bands.read_front(options.front)
+    sequence = open_sequence(options.sequence)
+    for configuration in front["configurations"]:
+        name = configuration["name"]
+        found = bands.reference(
+            configuration["parameters"], sequence, options.frames or len(sequence), progress_line(f"{name}: ")
+        )
+        configuration |= {"band": found.band, "trajectory": found.trajectory.tolist()}
+        largest, band = 1e3 * max(found.deviations.values()), 1e3 * found.band
+        sys.stdout.write(f"{name}: largest deviation {largest:.2f} mm, band {band:.2f} mm\n")
+    options.out.write_text(bands.front_text(front), encoding="utf-8")
 
 
 def _devices(_: argparse.Namespace) -> None:

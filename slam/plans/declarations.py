@@ -4,11 +4,16 @@ bindings.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
 from slam.plans.plan import STATE, Kernel, Number, Plan
 
 OPENCL_TYPES = {"f32": "float", "i32": "int", "u32": "uint"}
 # WGSL has no 16- and 8-bit values in storage: kernels unpack them from words.
 WGSL_WORDS = {"u16": "u32", "u8": "u32"}
+INCLUDE = re.compile(r'^#include "(.+)"\n', re.MULTILINE)
 
 
 def opencl(plan: Plan) -> str:
@@ -51,6 +56,28 @@ def wgsl(plan: Plan, kernel: Kernel) -> str:
         lines += [f"    {name}: {kind}," for name, kind in scalars]
         lines += ["}", f"@group(0) @binding({binding}) var<uniform> parameters: Parameters;"]
     return "\n".join([*lines, ""])
+
+
+def shader(plan: Plan, kernel: Kernel, folders: Sequence[Path]) -> str:
+    """The whole WGSL text of KERNEL: its declarations, then `<name>.wgsl` with every file that it includes,
+    directly or not, once in its place. Each file lies in one of FOLDERS.
+    """
+    included: set[str] = set()
+
+    def expanded(name: str) -> str:
+        if name in included:
+            return ""
+        included.add(name)
+        path = next(path for folder in folders if (path := folder / name).is_file())
+        return INCLUDE.sub(lambda match: expanded(match[1]), path.read_text(encoding="utf-8"))
+
+    return wgsl(plan, kernel) + expanded(f"{kernel.name}.wgsl")
+
+
+def shaders(plan: Plan, folders: Sequence[Path]) -> dict[str, str]:
+    """The WGSL text of each kernel that PLAN launches, by its name."""
+    launched = {dispatch.kernel for dispatch in plan.dispatches}
+    return {kernel.name: shader(plan, kernel, folders) for kernel in plan.kernels if kernel.name in launched}
 
 
 def uniforms(kernel: Kernel) -> list[tuple[str, str]]:
