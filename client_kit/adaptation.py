@@ -5,10 +5,11 @@ from pathlib import Path
 from client_kit.choice import Point
 from client_kit.device import opencl_identity
 from client_kit.errors import CannotMeasureError, UsageError
-from slam import benchmark, opencl
+from slam import benchmark
 from slam.benchmark import Report
 from slam.datasets import SequenceError, open_sequence
-from slam.opencl import OpenCLError
+from slam.devices.choice import list_devices
+from slam.devices.device import DeviceError
 from slam.trajectory import TrajectoryError
 
 
@@ -30,13 +31,13 @@ def run(
         return benchmark.run(point.parameters, opened, system=application, frames=frames, device=chosen)
     except (SequenceError, TrajectoryError) as error:
         raise UsageError(f"--run {sequence}: {error}") from error
-    except OpenCLError as error:
+    except DeviceError as error:
         raise CannotMeasureError(str(error)) from error
 
 
 def _label(device: tuple[str, str]) -> str:
     """What `slam` picks the device by. Two platforms may offer one processor, with other times."""
-    for present in opencl.list_devices():
+    for present in list_devices():
         told = opencl_identity(present.handle)
         if (told["opencl_device"], told["opencl_platform"]) == device:
             return present.label

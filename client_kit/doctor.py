@@ -14,7 +14,8 @@ def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:
     """Line by line; raises CannotMeasureError at the end where nothing can be measured."""
     yield f"Client {__version__}, Python {platform.python_version()} on {sys.platform}"
     yield f"State is kept in {home.path}"
-    from slam.opencl import NoDeviceError, choose_device, list_devices
+    from slam.devices.choice import choose_device, list_devices
+    from slam.devices.device import NoDeviceError
 
     try:
         best = choose_device()

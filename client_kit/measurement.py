@@ -13,9 +13,9 @@ from client_kit.manifest import Manifest
 from client_kit.schedule import Schedule
 from client_kit.sensors import Sampler
 from client_kit.session import MICROSECONDS, Run, Session
-from slam import opencl
 from slam.datasets import SequenceError, open_sequence
-from slam.opencl import NoDeviceError
+from slam.devices.choice import choose_device
+from slam.devices.device import NoDeviceError
 from slam.system import STAGES
 
 # A run that has lost the camera in more of its frames than this is a failure, however fast it was.
@@ -52,7 +52,7 @@ def measure(
     """
     protocol = manifest.protocol
     try:
-        frames, chosen = len(open_sequence(sequence)), opencl.choose_device(device)
+        frames, chosen = len(open_sequence(sequence)), choose_device(device)
     except (SequenceError, NoDeviceError) as error:
         raise CannotMeasureError(str(error)) from error
     if frames < protocol.frames:

@@ -30,7 +30,8 @@ from client_kit.manifest import Manifest
 from client_kit.server import Server, ServerError
 from client_kit.session import Session
 from client_kit.spool import ACCEPTED, DUPLICATE, Item, Spool
-from slam.opencl import Device, NoDeviceError, choose_device
+from slam.devices.choice import choose_device
+from slam.devices.device import Device, NoDeviceError
 
 SUMMARY_PATIENCE_SECONDS = 15.0
 SUMMARY_PAUSE_SECONDS = 0.5

@@ -12,7 +12,7 @@ from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
 
 if TYPE_CHECKING:
-    from slam.opencl import Device
+    from slam.devices.device import Device
 
 BATTERY, POWER_SAVING, THROTTLING, LOAD, DISK = "battery", "power-saving", "throttling", "load", "disk"
 # What a participant may decide to measure in spite of.

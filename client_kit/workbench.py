@@ -21,9 +21,11 @@ from typing import Any, TextIO
 import numpy as np
 
 from client_kit import interrupts, reasons
-from slam import benchmark, opencl
+from slam import benchmark
 from slam.datasets import SequenceError, open_sequence
-from slam.opencl import NoDeviceError
+from slam.devices.choice import choose_device
+from slam.devices.device import NoDeviceError
+from slam.devices.opencl import Session
 from slam.systems import open_session
 
 Answer = dict[str, Any]
@@ -36,8 +38,8 @@ class Workbench:
         """Raises SequenceError, NoDeviceError, and whatever a driver that does not work raises."""
         self._application = application
         self._sequence = open_sequence(sequence)
-        self._device = opencl.choose_device(device)
-        self._opened: opencl.Session | None = open_session(application, self._device)
+        self._device = choose_device(device)
+        self._opened: Session | None = open_session(application, self._device)
 
     def measure(self, parameters: Mapping[str, Any], frames: int, progress: benchmark.Progress) -> Answer:
         """One configuration over the first FRAMES frames of the sequence."""

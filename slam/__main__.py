@@ -12,8 +12,8 @@ from slam.arguments import UsageError
 from slam.configuration import ConfigurationError
 from slam.datasets import SequenceError
 from slam.datasets import commands as dataset_commands
+from slam.devices.device import DeviceError, NoDeviceError
 from slam.isolated import NO_DEVICE
-from slam.opencl import NoDeviceError, OpenCLError
 from slam.report import ReportError
 from slam.report_page import MissingPlotlyError
 from slam.surface import SurfaceError
@@ -24,7 +24,7 @@ MISTAKES = (
     SequenceError,
     TrajectoryError,
     ConfigurationError,
-    OpenCLError,
+    DeviceError,
     UsageError,
     ReportError,
     SurfaceError,

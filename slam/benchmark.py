@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -14,18 +15,20 @@ import numpy.typing as npt
 
 from slam.camera import Camera
 from slam.datasets.sequence import Progress, Sequence, SequenceError
-from slam.opencl import Session, choose_device
+from slam.devices.choice import AnySession, choose_device
+from slam.devices.tuning import wavy_wall
+from slam.plans.executors import prepare
 from slam.power import EnergyMeter
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import STAGES, Revising, Scene, System
-from slam.systems import create, needs_colour, open_session, warm_up
+from slam.systems import create, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
-from slam.tuning import wavy_wall
 
 # Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
 # the camera inside its near face, looking in.
 DEFAULT_VOLUME_SIZE = 5.0
 DEFAULT_INITIAL_POSITION = (0.5, 0.5, 0.1)
+DECODED_AHEAD = 100  # frames: 61 MB of depth at 640x480
 
 Observer = Callable[
     [int, System], None
@@ -34,7 +37,9 @@ Observer = Callable[
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Wall seconds of one frame. `computation` is the sum of the stages; `total` adds the rest.
+    """Seconds of one frame. `stages` by the report's `stage_clock`, empty where that is "none"; the rest is
+    wall time. `computation` lasts from the first upload until the pose is known; `total` adds acquisition and
+    rendering.
 
     `tracked` is True, False (lost) or None (tracking not attempted).
     """
@@ -48,7 +53,7 @@ class FrameTimes:
     integrated: bool
 
     def to_dict(self) -> dict[str, Any]:
-        stages = {stage: self.stages.get(stage, 0.0) for stage in STAGES}
+        stages = {stage: self.stages.get(stage) for stage in STAGES}
         return {
             "acquisition": self.acquisition,
             **stages,
@@ -81,6 +86,7 @@ class Report:
     poses: npt.NDArray[np.float64] = field(repr=False)
     ate: AbsoluteTrajectoryError | None
     ate_online: AbsoluteTrajectoryError | None
+    stage_clock: str
     cpu_seconds: float
     peak_memory_bytes: int | None
     energy_joules: float | None
@@ -114,6 +120,7 @@ class Report:
             "sequence": dict(self.sequence),
             "device": dict(self.device),
             "frames": frames,
+            "stage_clock": self.stage_clock,
             "runtime": self.runtime,
             "ate": _figures(ate),
             **({} if self.ate_online is None else {"ate_online": _figures(self.ate_online)}),
@@ -137,7 +144,8 @@ def run(
     *,
     system: str = "kfusion",
     frames: int | None = None,
-    device: str | Session | None = None,
+    device: str | AnySession | None = None,
+    backend: str = "opencl",
     volume_size: float | None = None,
     initial_position: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
@@ -145,30 +153,30 @@ def run(
 ) -> Report:
     """Feed the first `frames` frames (default all) to a system and measure it.
 
-    `device` is a part of an OpenCL device's description, or an open session, which several runs may share
-    one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default to
-    the sequence's own, then to DEFAULT_*. `observe` sees the system after every frame, to draw pictures: its
-    time is a frame's `rendering`, which is no part of the computation. OpenCL does not survive a fork: call
-    this in a process that never forks afterwards.
+    `device` is a part of the description of a device of `backend`, or an open session, which several runs may
+    share one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default
+    to the sequence's own, then to DEFAULT_*. `observe` sees the system after every frame, to draw pictures:
+    its time is a frame's `rendering`, which is no part of the computation. OpenCL does not survive a fork:
+    call this in a process that never forks afterwards.
     Raises SequenceError for a bad number of frames, a damaged frame, or a sequence without colour where the
     system needs it, ValueError for an unknown system,
-    ConfigurationError for a bad parameter, OpenCLError where the device is missing or too small.
+    ConfigurationError for a bad parameter, DeviceError where the device is missing or too small.
     """
     count = len(sequence) if frames is None else frames
     if not 1 <= count <= len(sequence):
         raise SequenceError(f"frames={count}: give 1 to {len(sequence)}, all that {sequence.name!r} has")
-    if volume_size is None:
-        volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE
-    if initial_position is None:
-        initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
     coloured = needs_colour(system)
     if coloured and all(sequence.colour(index) is None for index in range(len(sequence))):
         raise SequenceError(
             f"{sequence.name!r} has no colour, which {system} needs: give a sequence with colour; that of a "
             "pack lies beside it in the folder NAME-colour"
         )
-    scene = Scene(sequence.camera, volume_size, initial_position)
-    session = device if isinstance(device, Session) else open_session(system, choose_device(device))
+    scene = scene_of(sequence, volume_size, initial_position)
+    require_backend(system, backend if isinstance(device, str | None) else device.device.backend)
+    if isinstance(device, str | None):
+        session = open_session(system, choose_device(device, backend))
+    else:
+        session = device
     running = create(system, configuration, scene, session)
     _warm_up(system, running.configuration(), session)
 
@@ -177,14 +185,10 @@ def run(
     cpu_seconds = 0.0
     joules: float | None = 0.0
     times, poses = [], []
-    for index in range(count):
-        began = time.perf_counter()
-        depth = sequence.depth(index)
-        colour = _colour_of(sequence, index, system) if coloured else None
-        acquired = time.perf_counter()
+    for index, image in enumerate(_decoded(sequence, system, count, coloured)):
         energy, cpu = meter.read(), time.process_time()
         computing = time.perf_counter()
-        result = running.process(depth, colour)
+        result = running.process(image.depth, image.colour)
         done = time.perf_counter()
         cpu_seconds += time.process_time() - cpu
         used = meter.joules(energy, meter.read())
@@ -197,11 +201,11 @@ def run(
             rendering = time.perf_counter() - began_rendering
         times.append(
             FrameTimes(
-                acquisition=acquired - began,
+                acquisition=image.seconds,
                 stages=result.seconds,
                 rendering=rendering,
-                computation=sum(result.seconds.values()),
-                total=acquired - began + done - computing + rendering,
+                computation=result.computation,
+                total=image.seconds + done - computing + rendering,
                 tracked=result.tracked,
                 integrated=result.integrated,
             )
@@ -226,6 +230,7 @@ def run(
         poses=estimate,
         ate=_error(estimate, sequence, count),
         ate_online=_error(online, sequence, count) if isinstance(running, Revising) else None,
+        stage_clock=running.stage_clock,
         cpu_seconds=cpu_seconds,
         peak_memory_bytes=_peak_memory(),
         energy_joules=joules,
@@ -241,6 +246,44 @@ def _error(
     return absolute_trajectory_error(estimate, sequence.truth[:count])
 
 
+def scene_of(
+    sequence: Sequence,
+    volume_size: float | None = None,
+    initial_position: tuple[float, float, float] | None = None,
+) -> Scene:
+    """Where SEQUENCE takes place; its own volume size (m) and initial position (fractions) unless others are
+    given, DEFAULT_* where it has none."""
+    if volume_size is None:
+        volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE
+    if initial_position is None:
+        initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
+    return Scene(sequence.camera, volume_size, initial_position)
+
+
+@dataclass(frozen=True)
+class _Image:
+    """The images of one frame, and the seconds that decoding them took."""
+
+    depth: npt.NDArray[np.uint16]
+    colour: npt.NDArray[np.uint8] | None
+    seconds: float
+
+
+def _decoded(sequence: Sequence, system: str, count: int, coloured: bool) -> Iterator[_Image]:
+    """The first COUNT frames of SEQUENCE, decoded DECODED_AHEAD at a time.
+
+    A device that decodes between two frames rests meanwhile, which favours a slow configuration.
+    """
+    for begin in range(0, count, DECODED_AHEAD):
+        images = []
+        for index in range(begin, min(begin + DECODED_AHEAD, count)):
+            began = time.perf_counter()
+            depth = sequence.depth(index)
+            colour = _colour_of(sequence, index, system) if coloured else None
+            images.append(_Image(depth, colour, time.perf_counter() - began))
+        yield from images
+
+
 def _colour_of(sequence: Sequence, index: int, system: str) -> npt.NDArray[np.uint8]:
     colour, stamp = sequence.colour(index), sequence.timestamps[index]
     if colour is None:
@@ -252,7 +295,7 @@ def _colour_of(sequence: Sequence, index: int, system: str) -> npt.NDArray[np.ui
     return colour
 
 
-def _warm_up(system: str, configuration: Mapping[str, Any], session: Session) -> None:
+def _warm_up(system: str, configuration: Mapping[str, Any], session: AnySession) -> None:
     """Make the OpenCL driver compile every kernel, which some put off until a kernel first runs.
 
     A few tiny frames of a wall do: first with a box before it, which is then gone, then nothing for long
@@ -286,3 +329,15 @@ def _peak_memory() -> int | None:
     import resource
 
     return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) * (1 if sys.platform == "darwin" else 1024)
+
+
+def empty_frame_seconds(session: AnySession, frames: int = 50) -> float:
+    """Median wall seconds of a frame in which nothing is launched: a depth image of 640x480 goes to the
+    device of SESSION and the state comes back. A session's backend and driver cost that much in every frame.
+    """
+    camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)
+    scene = Scene(camera, DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
+    plan = frame_plan("kfusion", {"compute_size_ratio": 8, "volume_resolution": 32}, scene, session.layout)
+    idle = prepare(replace(plan, dispatches=()), session, ())
+    image = np.zeros((camera.height, camera.width), np.uint16)
+    return median(idle.run(number, image).computation for number in range(frames))

@@ -1,4 +1,4 @@
-"""The commands `run`, `compare`, `surface`, `evaluate` and `devices`."""
+"""The commands `run`, `compare`, `surface`, `evaluate`, `devices`, `plan` and `reference`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slam import compare, mesh, report, report_log, report_page, surface
+from slam import bands, compare, mesh, report, report_log, report_page, surface
 from slam.arguments import (
     UsageError,
     four_numbers,
@@ -20,13 +20,15 @@ from slam.arguments import (
     values,
     writable,
 )
-from slam.benchmark import Observer, Report, run
+from slam.benchmark import Observer, Report, run, scene_of
 from slam.datasets import Sequence, open_sequence
+from slam.devices.choice import AnySession, choose_device, list_devices
+from slam.devices.device import BACKENDS
+from slam.devices.layout import KINDS, Layout
 from slam.evaluation import evaluate
-from slam.opencl import Session, choose_device, list_devices
 from slam.render import Renderer
 from slam.system import Exporting, System
-from slam.systems import SYSTEMS, complete, definition, open_session
+from slam.systems import SYSTEMS, complete, definition, frame_plan, open_session
 from slam.trajectory import MAXIMAL_STAMP_DIFFERENCE, Trajectory
 
 Commands = argparse._SubParsersAction  # of argparse.ArgumentParser
@@ -36,8 +38,23 @@ def register(subparsers: Commands[argparse.ArgumentParser]) -> None:
     """Add the commands of this module to the command line."""
     for add in (_add_run, _add_compare, _add_surface, _add_evaluate):
         add(subparsers)
-    parser = subparsers.add_parser("devices", help="the OpenCL devices here, best first")
+    parser = subparsers.add_parser("devices", help="the OpenCL and WebGPU devices here, best first")
     parser.set_defaults(execute=_devices)
+    parser = subparsers.add_parser("plan", help="write what happens in a frame, as data (JSON)")
+    _add_scene_options(parser)
+    parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
+    parser.add_argument("--layout", choices=KINDS, default="pixels", help="of the kernels; default: pixels")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE")
+    parser.set_defaults(execute=_plan)
+    parser = subparsers.add_parser(
+        "reference",
+        help="add a trajectory and a band to each configuration of a front, from all OpenCL devices here",
+    )
+    parser.add_argument("--front", type=Path, required=True, metavar="FILE", help="JSON with configurations")
+    parser.add_argument("--sequence", type=Path, required=True, metavar="PATH")
+    parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE")
+    parser.set_defaults(execute=_reference)
 
 
 def _add_run(subparsers: Commands[argparse.ArgumentParser]) -> None:
@@ -101,6 +118,13 @@ def _add_evaluate(subparsers: Commands[argparse.ArgumentParser]) -> None:
 
 
 def _add_run_options(parser: argparse.ArgumentParser, needs_sequence: bool = True) -> None:
+    _add_scene_options(parser, needs_sequence)
+    parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
+    parser.add_argument("--backend", choices=BACKENDS, default="opencl", help="default: opencl")
+    parser.add_argument("--device", metavar="TEXT", help="a part of the device's description")
+
+
+def _add_scene_options(parser: argparse.ArgumentParser, needs_sequence: bool = True) -> None:
     parser.add_argument("--system", choices=sorted(SYSTEMS), default="kfusion")
     parser.add_argument("--sequence", type=Path, required=needs_sequence, metavar="PATH")
     parser.add_argument(
@@ -110,7 +134,6 @@ def _add_run_options(parser: argparse.ArgumentParser, needs_sequence: bool = Tru
         help="for a .raw file, or instead of what the folder or .slam file says",
     )
     parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
-    parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
     parser.add_argument(
         "--volume-size", type=number, metavar="M",
         help="of kfusion's volume (elasticfusion has none); default: the sequence's, or 5 m",
@@ -119,7 +142,6 @@ def _add_run_options(parser: argparse.ArgumentParser, needs_sequence: bool = Tru
         "--initial-position", type=three_numbers, metavar="x,y,z",
         help="of the camera in it, as fractions of its side; likewise of kfusion alone",
     )  # fmt: skip
-    parser.add_argument("--device", metavar="TEXT", help="a part of an OpenCL device's description")
 
 
 def _open(options: argparse.Namespace) -> Sequence:
@@ -132,7 +154,7 @@ def _measure(
     options: argparse.Namespace,
     configuration: Mapping[str, Any],
     sequence: Sequence,
-    session: Session | None = None,
+    session: AnySession | None = None,
     label: str = "",
     observe: Observer | None = None,
 ) -> Report:
@@ -142,6 +164,7 @@ def _measure(
         system=options.system,
         frames=options.frames,
         device=session or options.device,
+        backend=options.backend,
         volume_size=options.volume_size,
         initial_position=options.initial_position,
         progress=progress_line(label),
@@ -213,7 +236,9 @@ def _compare(options: argparse.Namespace) -> None:
     wanted = [(text, *_item(text, options)) for text in options.items]
     measured = [text for text, found, _ in wanted if found is None]
     sequence = _open(options) if measured else None
-    session = open_session(options.system, choose_device(options.device)) if measured else None
+    session = (
+        open_session(options.system, choose_device(options.device, options.backend)) if measured else None
+    )
     reports: dict[str, Mapping[str, Any]] = {}
     for text, found, configuration in wanted:
         name = text.strip() or "default"
@@ -257,7 +282,7 @@ def _surface(options: argparse.Namespace) -> None:
     sequence = _open(options)
     if sequence.truth is None:
         raise UsageError(f"{options.sequence} has no true trajectory, so no error to draw: give --truth FILE")
-    session = open_session(options.system, choose_device(options.device))
+    session = open_session(options.system, choose_device(options.device, options.backend))
     options.out.mkdir(parents=True, exist_ok=True)
     total, done = len(grid.x_values) * len(grid.y_values), 0
 
@@ -297,10 +322,39 @@ def _evaluate(options: argparse.Namespace) -> None:
     sys.stdout.write(json.dumps(result, indent=1) + "\n")
 
 
+def _plan(options: argparse.Namespace) -> None:
+    writable(options.out)
+    configuration = complete(options.system, _settings(options.set))
+    sequence = _open(options)
+    scene = scene_of(sequence, options.volume_size, options.initial_position)
+    found = frame_plan(options.system, configuration, scene, Layout(options.layout))
+    options.out.write_text(found.to_json(), encoding="utf-8")
+    sys.stdout.write(f"{len(found.dispatches)} dispatches on {len(found.buffers)} buffers in {options.out}\n")
+
+
+def _reference(options: argparse.Namespace) -> None:
+    writable(options.out)
+    front = bands.read_front(options.front)
+    sequence = open_sequence(options.sequence)
+    for configuration in front["configurations"]:
+        name = configuration["name"]
+        found = bands.reference(
+            configuration["parameters"], sequence, options.frames or len(sequence), progress_line(f"{name}: ")
+        )
+        configuration |= {"band": found.band, "trajectory": found.trajectory.tolist()}
+        largest, band = 1e3 * max(found.deviations.values()), 1e3 * found.band
+        sys.stdout.write(f"{name}: largest deviation {largest:.2f} mm, band {band:.2f} mm\n")
+    options.out.write_text(bands.front_text(front), encoding="utf-8")
+
+
 def _devices(_: argparse.Namespace) -> None:
     # Without any device, choosing one raises the error that says what to install.
-    for device in list_devices() or [choose_device()]:
+    for device in [each for backend in BACKENDS for each in list_devices(backend)] or [choose_device()]:
+        sizes = [
+            f"{device.compute_units} units" if device.compute_units else "",
+            f"{device.global_memory / 2**30:.1f} GiB" if device.global_memory else "",
+            f"one buffer up to {device.max_allocation >> 20} MiB",
+        ]
         sys.stdout.write(
-            f"{device.kind:4} {device.label}, {device.compute_units} units, "
-            f"{device.global_memory / 2**30:.1f} GiB, one buffer up to {device.max_allocation >> 20} MiB\n"
+            f"{device.backend:6} {device.kind:4} {device.label}, {', '.join(filter(None, sizes))}\n"
         )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from slam.protocol import VALID_BELOW
-from slam.report import milliseconds
+from slam.report import milliseconds, stages
 from slam.report_page import escape, plotly
 from slam.system import STAGES
 
@@ -36,7 +36,10 @@ def _stages(reports: Mapping[str, Mapping[str, Any]]) -> Figure:
     figure = plotly().Figure()
     names = [escape(name) for name in reports]
     for stage in STAGES:
-        times = [milliseconds(report, stage).mean() for report in reports.values()]
+        times = [
+            milliseconds(report, stage).mean() if stage in stages(report) else None
+            for report in reports.values()
+        ]
         figure.add_bar(
             y=names, x=times, name=stage, orientation="h", marker_color=STAGE_COLOURS[stage],
             hovertemplate=f"{stage} %{{x:.3f}} ms<extra>%{{y}}</extra>",

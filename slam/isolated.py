@@ -50,7 +50,9 @@ class LeaseLostError(RuntimeError):
 
 @dataclass(frozen=True)
 class Measurement:
-    """`objectives`: runtime in seconds a frame, ate_* in metres; `stages`: mean seconds a frame."""
+    """`objectives`: runtime in seconds a frame, ate_* in metres. `stages`: mean seconds a frame, of those
+    known.
+    """
 
     objectives: dict[str, float]
     stages: dict[str, float]
@@ -63,6 +65,7 @@ def measure(
     sequence: Path,
     *,
     device: str = "",
+    backend: str = "opencl",
     frames: int | None = None,
     heartbeat: Callable[[], bool] | None = None,
     heartbeat_seconds: float = HEARTBEAT_SECONDS,
@@ -77,6 +80,7 @@ def measure(
     command = [*PROGRAM, "--system", system, "--sequence", str(sequence.absolute())]
     for name, value in configuration.items():
         command += ["--set", f"{name}={int(value) if isinstance(value, bool) else value!r}"]
+    command += ["--backend", backend]
     if device:
         command += ["--device", device]
     if frames is not None:
@@ -119,7 +123,8 @@ def read_report(report: Mapping[str, Any]) -> Measurement:
         objectives["peak_memory_bytes"] = report["peak_memory_bytes"]
     if report.get("energy_joules") is not None:
         objectives["energy_joules"] = report["energy_joules"] / frames
-    stages = {stage: sum(frame[stage] for frame in counted) / len(counted) for stage in STAGES}
+    known = [stage for stage in STAGES if counted[0][stage] is not None]
+    stages = {stage: sum(frame[stage] for frame in counted) / len(counted) for stage in known}
     for name, value in (objectives | stages).items():
         if not math.isfinite(value):
             raise MeasurementError(f"{name} is {value}: the program measured nothing finite")

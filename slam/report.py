@@ -56,11 +56,16 @@ def read(path: Path) -> Mapping[str, Any]:
         missing = NEEDED - set(report)
         if missing or not report["frames"]:
             raise ValueError(f"it lacks {', '.join(sorted(missing)) or 'frames'}")
-        for name in (*STAGES, "computation"):
+        for name in (*stages(report), "computation"):
             milliseconds(report, name)
     except (ValueError, KeyError, TypeError) as error:
         raise ReportError(f"{path} is no report of `python -m slam run --json`: {error}") from None
     return report
+
+
+def stages(report: Mapping[str, Any]) -> tuple[str, ...]:
+    """The stages whose times are known: none where the backend has no clock for them."""
+    return tuple(stage for stage in STAGES if all(frame[stage] is not None for frame in report["frames"]))
 
 
 def milliseconds(report: Mapping[str, Any], name: str) -> NDArray[np.float64]:
@@ -74,7 +79,7 @@ def milliseconds(report: Mapping[str, Any], name: str) -> NDArray[np.float64]:
 def summary(report: Mapping[str, Any]) -> str:
     """What a run measured, as text for people."""
     sequence, device, frames = report["sequence"], report["device"], report["frames"]
-    known = (*STAGES, *MEANINGS)
+    known = (*stages(report), *MEANINGS)
     names = [name for name in known if name != "rendering" or milliseconds(report, name).any()]
     share = 100 / max(milliseconds(report, "computation").mean(), 1e-12)
     lines = [
@@ -168,13 +173,10 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
         lines.append(f"{title:14}" + "".join(f"{cell:>{width}}" for cell in cells))
 
     row("system", [report["system"] for report in reports.values()])
-    means = {
-        stage: [milliseconds(report, stage).mean() for report in reports.values()]
-        for stage in (*STAGES, "computation")
-    }
-    for stage, times in means.items():
-        row(stage, [f"{time:.3f} ms" for time in times])
-    computation = means["computation"]
+    for stage in STAGES:
+        row(stage, [_mean(report, stage) if stage in stages(report) else "-" for report in reports.values()])
+    row("computation", [_mean(report, "computation") for report in reports.values()])
+    computation = [milliseconds(report, "computation").mean() for report in reports.values()]
     row("speedup", [f"{computation[0] / time:.2f}" if time else "-" for time in computation])
     row("CPU", [f"{1e3 * r['cpu_seconds'] / len(r['frames']):.3f} ms" for r in reports.values()])
     row("memory", [_mebibytes(report.get("peak_memory_bytes")) for report in reports.values()])
@@ -207,6 +209,10 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
         f"error: metres from the truth, first poses laid on each other; valid: max below {VALID_BELOW} m",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _mean(report: Mapping[str, Any], name: str) -> str:
+    return f"{milliseconds(report, name).mean():.3f} ms"
 
 
 def _identity(description: str | Mapping[str, Any]) -> Any:

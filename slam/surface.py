@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from slam.benchmark import Report
 from slam.configuration import ConfigurationError
-from slam.opencl import OpenCLError
+from slam.devices.device import DeviceError
 from slam.protocol import VALID_BELOW
 from slam.report_page import escape, plotly
 
@@ -151,7 +151,7 @@ def measure(
 def _outcome(configuration: Mapping[str, Any], run: Callable[[Mapping[str, Any]], Report]) -> dict[str, Any]:
     try:
         report = run(configuration)
-    except (OpenCLError, ConfigurationError) as error:
+    except (DeviceError, ConfigurationError) as error:
         return dict.fromkeys(MEASURED) | {"failure": " ".join(str(error).split())}
     if report.ate is None:
         raise SurfaceError("the sequence has no true trajectory, so there is no error to draw: give --truth")

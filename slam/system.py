@@ -19,13 +19,15 @@ class Frame:
     """What a system says of one frame.
 
     pose: float64 (4, 4), camera to world, after the frame. tracked: True, False (lost), or None where
-    tracking was not attempted. seconds: wall time of each of STAGES.
+    tracking was not attempted. seconds: time of each of STAGES by the system's `stage_clock`, empty where
+    that is "none". computation: wall time from the first upload until the pose was read back.
     """
 
     pose: NDArray[np.float64]
     tracked: bool | None
     integrated: bool
     seconds: dict[str, float]
+    computation: float
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,10 @@ class View:
 
 class System(Protocol):
     """A SLAM system that is fed images one by one."""
+
+    @property
+    def stage_clock(self) -> str:
+        """Who measures the stages of a frame: "device", "wall" (the host), or "none"."""
 
     def process(self, depth: NDArray[np.uint16], colour: NDArray[np.uint8] | None = None) -> Frame:
         """Take the next depth image, (height, width) in millimetres, 0 where nothing was measured.

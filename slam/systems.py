@@ -7,33 +7,43 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from slam.configuration import ConfigurationError
+from slam.devices import choice
+from slam.devices.choice import AnySession
+from slam.devices.device import BACKENDS, Device
+from slam.devices.layout import Layout
+from slam.devices.opencl import SHARED, Session
+from slam.devices.tuning import SCENE, Progress, Trial, layout_for
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.elasticfusion.pipeline import ElasticFusion
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
 from slam.kfusion.pipeline import KFusion
-from slam.opencl import SHARED, Device, Session
+from slam.kfusion.plan import plan
+from slam.plans.plan import Plan
 from slam.system import Scene, System
-from slam.tuning import SCENE, Trial, layout_for
 
 
 @dataclass(frozen=True)
 class Definition:
     """How a system is made: its whole configuration, the system itself, and what tells its fastest layout.
 
-    `warm_up`: for a whole configuration, one with which a few frames launch all kernels that it can reach.
-    `colour`: whether it needs colour images beside depth. `values`: those of its design space, by parameter,
-    ascending, with 0 and 1 for a flag.
+    `backends`: those it runs on. `plan`: a frame as data, None for a system that the host drives. `warm_up`:
+    for a whole configuration, one with which a few frames launch all kernels that it can reach. `colour`:
+    whether it needs colour images beside depth. `values`: those of its design space, by parameter, ascending,
+    with 0 and 1 for a flag.
     """
 
     complete: Callable[[Mapping[str, Any]], dict[str, Any]]
-    create: Callable[[Mapping[str, Any], Scene, Session], System]
+    create: Callable[[Mapping[str, Any], Scene, Any], System]
+    backends: tuple[str, ...]
+    plan: Callable[[Mapping[str, Any], Scene, Layout], Plan] | None
     trial: Trial
     warm_up: Callable[[Mapping[str, Any]], dict[str, Any]]
     colour: bool
     values: Mapping[str, tuple[float, ...]]
 
 
-def _kfusion(values: Mapping[str, Any], scene: Scene, session: Session) -> System:
+def _kfusion(values: Mapping[str, Any], scene: Scene, session: AnySession) -> System:
     return KFusion(KFusionConfiguration.from_mapping(values), scene, session)
 
 
@@ -64,6 +74,8 @@ SYSTEMS = {
     "kfusion": Definition(
         complete=lambda values: KFusionConfiguration.from_mapping(values).to_dict(),
         create=_kfusion,
+        backends=BACKENDS,
+        plan=lambda values, scene, layout: plan(KFusionConfiguration.from_mapping(values), scene, layout),
         trial=Trial(lambda session: KFusion(TRIED, SCENE, session), (FOLDER / "kfusion" / "kernels", SHARED)),
         warm_up=lambda _: TRIED.to_dict(),
         colour=False,
@@ -82,6 +94,8 @@ SYSTEMS = {
     "elasticfusion": Definition(
         complete=lambda values: ElasticConfiguration.from_mapping(values).to_dict(),
         create=_elasticfusion,
+        backends=("opencl",),
+        plan=None,
         trial=Trial(
             lambda session: ElasticFusion(ELASTIC_TRIED, SCENE, session),
             (FOLDER / "elasticfusion" / "kernels", SHARED),
@@ -123,15 +137,40 @@ def warm_up(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
     return definition(name).warm_up(configuration)
 
 
-def open_session(name: str, device: Device) -> Session:
+def require_backend(name: str, backend: str) -> None:
+    """Raise ConfigurationError where the system `name` does not run on `backend`, ValueError for an unknown
+    name.
+    """
+    backends = definition(name).backends
+    if backend not in backends:
+        raise ConfigurationError(f"backend {backend}: {name} runs on {' and '.join(backends)} only")
+
+
+def frame_plan(name: str, configuration: Mapping[str, Any], scene: Scene, layout: Layout) -> Plan:
+    """What the system `name` does with each frame, as data.
+
+    Raises ValueError for an unknown name, ConfigurationError for a system without a plan and for a bad
+    parameter.
+    """
+    make = definition(name).plan
+    if make is None:
+        raise ConfigurationError(f"system {name}: the host drives it, it has no plan; kfusion has one")
+    return make(configuration, scene, layout)
+
+
+def open_session(name: str, device: Device, progress: Progress | None = None) -> AnySession:
     """A session on `device`, with kernels laid out as is fastest there for the system `name`.
 
-    Raises ValueError for an unknown name.
+    Where layouts are tried first, `progress` is called with the number of those done and of all. Raises
+    ValueError for an unknown name, ConfigurationError where the system does not run on the device's backend.
     """
-    return Session(device, layout_for(device, definition(name).trial))
+    require_backend(name, device.backend)
+    if device.backend == "webgpu":
+        return choice.open_session(device)
+    return choice.open_session(device, layout_for(device, definition(name).trial, progress))
 
 
-def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: Session) -> System:
+def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: AnySession) -> System:
     """The system `name`, ready for its first frame. Raises ValueError for an unknown name."""
     return definition(name).create(configuration, scene, session)
 

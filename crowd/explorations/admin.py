@@ -56,10 +56,10 @@ class ReferenceDeviceAdmin(PagesAdmin):
     """Devices, and the tokens of those that serve over HTTP."""
 
     form = ReferenceDeviceForm
-    list_display = ("name", "queue", "opencl_device", "machines", "token_issued_at", "seen_at")
+    list_display = ("name", "queue", "backend", "opencl_device", "machines", "token_issued_at", "seen_at")
     search_fields = ("name", "queue", "opencl_device")
     readonly_fields = ("token_issued_at", "seen_at")
-    fields = ("name", "queue", "opencl_device", "machines", "token_issued_at", "seen_at")
+    fields = ("name", "queue", "backend", "opencl_device", "machines", "token_issued_at", "seen_at")
 
     def get_urls(self) -> list[URLPattern]:
         return [self._route("<int:key>/token/", self.token, "token"), *super().get_urls()]

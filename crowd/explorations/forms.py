@@ -147,13 +147,14 @@ class ReferenceDeviceForm(forms.ModelForm):
 
     class Meta:
         model = ReferenceDevice
-        fields = ("name", "queue", "opencl_device", "machines")
+        fields = ("name", "queue", "backend", "opencl_device", "machines")
 
-    def clean_opencl_device(self) -> str:
-        """Refused while an exploration of the device is not finished."""
-        wanted = str(self.cleaned_data["opencl_device"])
-        reference_devices.check_opencl_device(self.instance, wanted)
-        return wanted
+    def clean(self) -> dict[str, Any]:
+        """Backend and device stay while an exploration of the reference device is not finished."""
+        values: dict[str, Any] = super().clean() or self.cleaned_data
+        if "backend" in values and "opencl_device" in values:
+            reference_devices.check_change(self.instance, values["backend"], values["opencl_device"])
+        return values
 
 
 def initial_of(exploration: Exploration) -> dict[str, Any]:

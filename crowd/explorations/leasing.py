@@ -32,13 +32,15 @@ class Wish(msgspec.Struct):
 class Lease(msgspec.Struct):
     """One evaluation, held for `lease_seconds` after each heartbeat.
 
-    `frames` to run, null for the whole sequence; `opencl_device` is a part of an OpenCL device's description.
+    `frames` to run, null for the whole sequence; `opencl_device` is a part of the description of a device of
+    `backend`.
     """
 
     id: str
     application: str
     configuration: dict[str, Any]
     frames: int | None
+    backend: str
     opencl_device: str
     sequence: answers.Sequence
     lease_seconds: float
@@ -169,6 +171,7 @@ def _told(evaluation: Evaluation, pack: dict[str, Any]) -> Lease:
         application=exploration.application,
         configuration=evaluation.configuration,
         frames=evaluation.frames,
+        backend=exploration.reference_device.backend,
         opencl_device=exploration.reference_device.opencl_device,
         sequence=answers.sequence(pack),
         lease_seconds=settings.FRONTRUNNER_LEASE_SECONDS,

@@ -50,6 +50,7 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
         evaluation.configuration,
         pack_of(exploration)[0],
         device=exploration.reference_device.opencl_device,
+        backend=exploration.reference_device.backend,
         frames=evaluation.frames,
         heartbeat=heartbeat,
         heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,

@@ -11,6 +11,7 @@ from crowd.fronts.models import NAME
 from pareto.errors import ParetoError
 from pareto.methods import DEFAULT, METHODS
 from pareto.space import Space
+from slam.devices.device import BACKENDS
 from slam.protocol import FIRST_COUNTED_FRAME
 
 MOST_BUDGET = 1_000_000
@@ -33,8 +34,17 @@ class ReferenceDevice(models.Model):
 
     name = models.CharField(max_length=64, unique=True, validators=[NAME])
     queue = models.CharField(max_length=64, validators=[NAME], help_text="celery worker --queues QUEUE")
+    backend = models.CharField(
+        max_length=16,
+        default="opencl",
+        choices=[(name, name) for name in BACKENDS],
+        help_text="what computes",
+    )
     opencl_device = models.CharField(
-        max_length=200, blank=True, help_text="a part of an OpenCL device's description; empty: the best one"
+        "device",
+        max_length=200,
+        blank=True,
+        help_text="a part of the description of the backend's device; empty: the best one",
     )
     machines = models.PositiveSmallIntegerField(
         default=1,

@@ -22,7 +22,7 @@ WANTED: dict[type[models.Model], set[str]] = {
         *("id", "reference_device", "application", "sequence", "sequence_sha256", "state", "synchronous"),
         *("batch", "objectives", "note"),
     },
-    ReferenceDevice: {"id", "name", "queue", "opencl_device", "machines"},
+    ReferenceDevice: {"id", "name", "queue", "backend", "opencl_device", "machines"},
 }
 READ: dict[type[models.Model], list[Any]] = {  # in the order that `from_db` wants
     model: [field for field in model._meta.concrete_fields if field.name in names]

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
-from slam.opencl import Session
+from slam.devices.opencl import Session
 
 if TYPE_CHECKING:
-    import pyopencl as cl
+    from slam.devices.opencl import Buffer
 
 SOURCE = Path(__file__).parent / "kernels" / "images.cl"
 
@@ -22,9 +22,9 @@ SOURCE = Path(__file__).parent / "kernels" / "images.cl"
 class Planes:
     """Three float32 images of one size: the x, y and z of a vector at each pixel."""
 
-    x: cl.Buffer
-    y: cl.Buffer
-    z: cl.Buffer
+    x: Buffer
+    y: Buffer
+    z: Buffer
 
     @classmethod
     def allocate(cls, session: Session, pixels: int) -> Planes:
@@ -39,7 +39,7 @@ class Level:
     """One level of the pyramid: its camera, filtered depth in metres and normals in the camera's frame."""
 
     camera: Camera
-    depth: cl.Buffer
+    depth: Buffer
     normals: Planes
 
     @classmethod

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from slam.devices.opencl import Session
 from slam.elasticfusion.surfels import RUN, Surfels
-from slam.opencl import Session
 
 SOURCE = Path(__file__).parent / "kernels" / "compaction.cl"
 STRETCH = 64  # runs gathered at once: 65,536 surfels, 2.75 MiB
@@ -42,17 +42,15 @@ class Compaction:
 
     def compact(self) -> int:
         """Give up the places of removed surfels and return how many they were. The order stays."""
-        import pyopencl as cl
-
-        surfels, runs, queue = self._surfels, self._surfels.runs, self._session.queue
+        surfels, runs, session = self._surfels, self._surfels.runs, self._session
         if runs == 0:
             return 0
         self._count_living.set(0, surfels.count)
         self._count_living((runs,))
         living = np.empty(runs, np.int32)
-        cl.enqueue_copy(queue, living, self._runs)
+        session.download(self._runs, living)
         before = np.concatenate([[0], np.cumsum(living)]).astype(np.int32)
-        cl.enqueue_copy(queue, self._runs, before[:-1].copy())
+        session.upload(self._runs, before[:-1])
         self._gather.set(0, surfels.count)
         for first in range(0, runs, STRETCH):
             last = min(first + STRETCH, runs)
@@ -62,9 +60,7 @@ class Compaction:
             self._gather.set(1, first)
             self._gather((last - first,))
             for array, gathered, size in self._arrays:
-                cl.enqueue_copy(
-                    queue, array, gathered, byte_count=size * length, dst_offset=size * int(before[first])
-                )
+                session.copy(array, gathered, size * length, offset=size * int(before[first]))
         empty = surfels.count - int(before[-1])
         surfels.count -= empty
         return empty

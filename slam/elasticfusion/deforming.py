@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.dense.images import intrinsics
+from slam.devices.opencl import Session
 from slam.elasticfusion.graph import Deformation, Graph
 from slam.elasticfusion.surfels import Surfels
-from slam.opencl import Session
 
 if TYPE_CHECKING:
     from slam.elasticfusion.images import RgbdImage
@@ -29,8 +29,6 @@ class Deforming:
 
     def sample(self, every: int) -> Graph:
         """One surfel of each `every` places, in the order of their birth: the first that is left there."""
-        import pyopencl as cl
-
         surfels = self._surfels
         nodes = -(-surfels.count // every)
         if nodes == 0:
@@ -40,8 +38,8 @@ class Deforming:
         self._session.kernel(
             SOURCE, "sample_nodes", (nodes,), surfels.count, every, surfels.place, surfels.born, *on_device
         )()
-        cl.enqueue_copy(self._session.queue, places, on_device[0])
-        cl.enqueue_copy(self._session.queue, times, on_device[1])
+        self._session.download(on_device[0], places)
+        self._session.download(on_device[1], times)
         living = places[:, 3] > 0
         return Graph(places[living, :3].astype(np.float64), times[living].astype(np.int64))
 
@@ -74,8 +72,6 @@ class Deforming:
         )()  # fmt: skip
 
     def _uploaded(self, values: NDArray[Any]) -> Any:
-        import pyopencl as cl
-
         buffer = self._session.buffer(values.nbytes, "the deformation graph")
-        cl.enqueue_copy(self._session.queue, buffer, np.ascontiguousarray(values))
+        self._session.upload(buffer, values)
         return buffer

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from slam.devices.opencl import Session
 from slam.elasticfusion.images import RgbdImage
-from slam.opencl import Session
 
 SOURCE = Path(__file__).parent / "kernels" / "fill_in.cl"
 

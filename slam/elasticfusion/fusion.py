@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
+from slam.devices.opencl import Session
 from slam.elasticfusion.compaction import Compaction
 from slam.elasticfusion.surfels import MapFullError, Surfels
-from slam.opencl import Session
 
 if TYPE_CHECKING:
-    import pyopencl as cl
-
+    from slam.devices.opencl import Buffer
     from slam.elasticfusion.index_map import IndexMap
     from slam.elasticfusion.preprocessing import Live
 
@@ -79,8 +78,6 @@ class Fusion:
         live: Live,
         confidence_threshold: float,
     ) -> None:
-        import pyopencl as cl
-
         self._session = session
         self._surfels = surfels
         self._compaction = Compaction(session, surfels)
@@ -96,7 +93,7 @@ class Fusion:
         row_new = session.buffer(4 * height, "a column")
         self._new = session.buffer(4, "a count")
         self._gone = session.buffer(4, "a count")
-        cl.enqueue_copy(session.queue, self._gone, np.zeros(1, np.int32))
+        session.upload(self._gone, np.zeros(1, np.int32))
         share_x, share_y = (self._uploaded(share) for share in shares(camera))
         map_arrays = (surfels.place, surfels.face, surfels.colour)
         depths = (image.depth, live.filtered, *image.normals)
@@ -197,30 +194,22 @@ class Fusion:
         return new
 
     def _upload(self, pose: NDArray[np.float64], tick: int, weight: float, step: int, phase: int) -> None:
-        import pyopencl as cl
-
         frame = np.zeros((), FRAME)
         frame["pose"] = pose[:3].ravel()
         frame["weight"], frame["tick"], frame["step"], frame["phase"] = weight, tick, step, phase
         frame["count"] = self._surfels.count
-        cl.enqueue_copy(self._session.queue, self._frame, frame)
+        self._session.upload(self._frame, frame)
 
-    def _uploaded(self, values: NDArray[np.float32]) -> cl.Buffer:
-        import pyopencl as cl
-
+    def _uploaded(self, values: NDArray[np.float32]) -> Buffer:
         buffer = self._session.buffer(values.nbytes, "a row")
-        cl.enqueue_copy(self._session.queue, buffer, values)
+        self._session.upload(buffer, values)
         return buffer
 
-    def _downloaded(self, counter: cl.Buffer) -> int:
-        import pyopencl as cl
-
+    def _downloaded(self, counter: Buffer) -> int:
         value = np.empty(1, np.int32)
-        cl.enqueue_copy(self._session.queue, value, counter)
+        self._session.download(counter, value)
         return int(value[0])
 
     def _forget_removed(self) -> None:
-        import pyopencl as cl
-
         self._removed = 0
-        cl.enqueue_copy(self._session.queue, self._gone, np.zeros(1, np.int32))
+        self._session.upload(self._gone, np.zeros(1, np.int32))

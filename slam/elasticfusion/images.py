@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from slam.camera import Camera
 from slam.dense.images import Planes
-from slam.opencl import Session
+from slam.devices.opencl import Session
 
 if TYPE_CHECKING:
-    import pyopencl as cl
+    from slam.devices.opencl import Buffer
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class RgbdImage:
     """
 
     camera: Camera
-    depth: cl.Buffer
+    depth: Buffer
     normals: Planes
-    colour: cl.Buffer
+    colour: Buffer
 
     @classmethod
     def allocate(cls, session: Session, camera: Camera) -> RgbdImage:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
+from slam.devices.opencl import Session
 from slam.elasticfusion.surfels import Surfels
 from slam.elasticfusion.view import View
 from slam.elasticfusion.visible import Visible
-from slam.opencl import Session
 
 SOURCE = Path(__file__).parent / "kernels" / "index_map.cl"
 
@@ -34,7 +34,7 @@ class IndexMap:
         self._view = View(session)
         depths = session.buffer(4 * width * height, "an index map")
         view, size = self._view.buffer, (width, height, intrinsics(camera))
-        self._kernels: list[Callable[[], None]] = [
+        self._kernels: list[Callable[[], object]] = [
             session.image_kernel(SOURCE, "clear_index", width, height, width, height, depths, self.ids)
         ]
         if session.layout.pixels:

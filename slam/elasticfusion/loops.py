@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.devices.opencl import Session
 from slam.elasticfusion.closing import Closure, Grid, LoopClosing
 from slam.elasticfusion.configuration import ICP_ONLY, LOOP_ICP_WEIGHT, REFERENCE_PIXELS, Configuration
 from slam.elasticfusion.deforming import Deforming
@@ -19,10 +20,9 @@ from slam.elasticfusion.pyramid import Pyramid
 from slam.elasticfusion.surfels import Surfels
 from slam.elasticfusion.thumbnail import Sampling, Thumbnail, write
 from slam.elasticfusion.visible import Visible
-from slam.opencl import Session
 
 if TYPE_CHECKING:
-    import pyopencl as cl
+    from slam.devices.opencl import Buffer
 
 THUMBNAIL_WIDTH = 80  # pixels, about
 THUMBNAIL_HEIGHT = 8  # pixels at least: two are left on the third level
@@ -139,10 +139,8 @@ class Loops:
         by_colour, by_depth = self._view_odometries
         return by_depth.register(by_colour.register(np.eye(4)).pose)
 
-    def _downloaded(self, buffer: cl.Buffer, kind: type[np.generic]) -> NDArray[Any]:
-        import pyopencl as cl
-
+    def _downloaded(self, buffer: Buffer, kind: type[np.generic]) -> NDArray[Any]:
         camera = self._prediction.camera
         image = np.empty((camera.height, camera.width), kind)
-        cl.enqueue_copy(self._session.queue, image, buffer)
+        self._session.download(buffer, image)
         return image

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.dense.images import intrinsics
-from slam.dense.least_squares import SUMS, records_of
+from slam.devices.layout import SUMS
+from slam.devices.opencl import BoundKernel, Session
 from slam.elasticfusion.configuration import ICP_ONLY, ITERATIONS, LOOP_ICP_WEIGHT, REFERENCE_PIXELS
 from slam.elasticfusion.pyramid import Pyramid, PyramidLevel
-from slam.opencl import BoundKernel, Session
 
 SOURCE = Path(__file__).parent / "kernels" / "odometry.cl"
 ASSOCIATION_DISTANCE = 0.10  # metres between partners of ICP
@@ -80,7 +80,7 @@ class Odometry:
         icp_weight = icp_weight if rgb_weight else LOOP_ICP_WEIGHT
         finest = source.levels[0].camera
         self._pixels = finest.width * finest.height
-        most, _, _ = records_of(session.layout, finest.width, finest.height)
+        most, _, _ = session.layout.sums(finest.width, finest.height)
         self._records = session.buffer(4 * SUMS * most, "the normal equations")
         self._columns = session.buffer(4 * self._pixels, "a list of pixels")
         self._counts = session.buffer(4 * finest.height, "a list of pixels")
@@ -107,14 +107,12 @@ class Odometry:
 
         What nothing holds stays where it started, as what overflows does, without an inlier then.
         """
-        import pyopencl as cl
-
         estimate = np.zeros((), ESTIMATE)
         estimate["pose"], estimate["noise"] = start[:3].ravel(), 1
-        cl.enqueue_copy(self._session.queue, self._estimate, estimate)
+        self._session.upload(self._estimate, estimate)
         for kernel in self._kernels:
             kernel()
-        cl.enqueue_copy(self._session.queue, estimate, self._estimate)
+        self._session.download(self._estimate, estimate)
         finite = all(np.isfinite(estimate[name]).all() for name in ESTIMATE.fields or ())
         return self._registration(estimate) if finite else _nothing(start)
 
@@ -143,7 +141,7 @@ class Odometry:
         self, source: PyramidLevel, target: PyramidLevel, weights: tuple[float, float], iteration: int
     ) -> tuple[int, BoundKernel]:
         """The number of records that it leaves, and the kernel; weights of geometry and of brightness."""
-        count, size, group = records_of(self._session.layout, source.camera.width, source.camera.height)
+        count, size, group = self._session.layout.sums(source.camera.width, source.camera.height)
         return count, self._session.kernel(
             SOURCE, "equations", size, *_arguments(source), *_arguments(target), self._columns, self._counts,
             *weights, ASSOCIATION_DISTANCE, ASSOCIATION_NORMAL, DEPTH_DIFFERENCE, iteration, self._estimate,

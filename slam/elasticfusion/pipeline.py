@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.configuration import ConfigurationError
+from slam.devices.opencl import Session
 from slam.elasticfusion import cloud
 from slam.elasticfusion import configuration as constants
 from slam.elasticfusion.configuration import Configuration
@@ -28,7 +29,6 @@ from slam.elasticfusion.surfels import Surfels
 from slam.elasticfusion.thumbnail import read
 from slam.elasticfusion.tracking import Tracking
 from slam.elasticfusion.visible import Visible
-from slam.opencl import Session
 from slam.system import STAGES, Frame, Scene, View
 
 Pose = NDArray[np.float64]
@@ -79,6 +79,11 @@ class ElasticFusion:
         self._deforming = Deforming(session, self._surfels)
         self._loops = Loops(session, configuration, self._surfels, self._prediction, self._fill_in, visible)
         session.finish()
+
+    @property
+    def stage_clock(self) -> str:
+        """The host times each stage and waits for the device after it."""
+        return "wall"
 
     def configuration(self) -> dict[str, Any]:
         return self._configuration.to_dict()
@@ -140,7 +145,7 @@ class ElasticFusion:
         seconds = {
             stage: after - before for stage, before, after in zip(STAGES, clock, clock[1:], strict=False)
         }
-        return Frame(self._pose.copy(), tracked, integrated, seconds)
+        return Frame(self._pose.copy(), tracked, integrated, seconds, clock[-1] - clock[0])
 
     def _track(self) -> tuple[bool | None, float]:
         """Move the pose; returns whether that is certain (None without a map), and the frame's weight."""

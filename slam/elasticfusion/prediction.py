@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
+from slam.devices.opencl import Session
 from slam.elasticfusion.images import RgbdImage
 from slam.elasticfusion.surfels import Surfels
 from slam.elasticfusion.view import View
 from slam.elasticfusion.visible import Visible
-from slam.opencl import Session
 
 SOURCE = Path(__file__).parent / "kernels" / "splatting.cl"
 LANES = 8  # places by which a row of working images is longer; `splatting.cl` has the same
@@ -45,7 +45,7 @@ class Prediction:
         ids = session.buffer(4 * stride * height, "an image")
         view, size = self._view.buffer, (width, height, intrinsics(camera), stride)
 
-        self._kernels: list[Callable[[], None]] = [
+        self._kernels: list[Callable[[], object]] = [
             session.image_kernel(SOURCE, "clear_view", stride, height, stride, height, nearness, ids)
         ]
         if session.layout.pixels:
@@ -90,9 +90,7 @@ class Prediction:
 
     def covered(self) -> int:
         """How many pixels see a surfel; waits for the device."""
-        import pyopencl as cl
-
         self._count()
         rows = np.empty(self.camera.height, np.int32)
-        cl.enqueue_copy(self._session.queue, rows, self._rows)
+        self._session.download(self._rows, rows)
         return int(rows.sum())

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from slam.camera import Camera
 from slam.dense import images
 from slam.dense.images import intrinsics
+from slam.devices.opencl import Session
 from slam.elasticfusion.configuration import NEAREST
 from slam.elasticfusion.images import RgbdImage
-from slam.opencl import Session
 
 if TYPE_CHECKING:
-    import pyopencl as cl
+    from slam.devices.opencl import Buffer
 
 SOURCE = Path(__file__).parent / "kernels" / "preprocessing.cl"
 RADIUS = 6  # pixels of the bilateral filter: 13x13 in all
@@ -40,7 +40,7 @@ class Live:
         pixels = width * height
         self._millimetres = session.buffer(2 * pixels, "a depth image")
         self._bytes = session.buffer(3 * pixels, "a colour image")
-        self.filtered: cl.Buffer = session.buffer(4 * pixels, "an image")
+        self.filtered: Buffer = session.buffer(4 * pixels, "an image")
         self.image = RgbdImage.allocate(session, camera)
         image = self.image
         self._kernels = [
@@ -66,9 +66,7 @@ class Live:
 
         Both must stay unchanged until the session has finished with them.
         """
-        import pyopencl as cl
-
-        cl.enqueue_copy(self._session.queue, self._millimetres, depth, is_blocking=False)
-        cl.enqueue_copy(self._session.queue, self._bytes, colour, is_blocking=False)
+        self._session.upload(self._millimetres, depth, wait=False)
+        self._session.upload(self._bytes, colour, wait=False)
         for kernel in self._kernels:
             kernel()

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from slam.camera import Camera
 from slam.dense import images
 from slam.dense.images import Planes, cameras_of
+from slam.devices.opencl import BoundKernel, Session
 from slam.elasticfusion.configuration import LEVELS
 from slam.elasticfusion.images import RgbdImage
-from slam.opencl import BoundKernel, Session
 
 if TYPE_CHECKING:
-    import pyopencl as cl
+    from slam.devices.opencl import Buffer
 
 SOURCE = Path(__file__).parent / "kernels" / "pyramid.cl"
 HALF_SAMPLE_RANGE = 0.09  # metres: what differs more is another surface
@@ -29,11 +29,11 @@ class PyramidLevel:
     """
 
     camera: Camera
-    depth: cl.Buffer
+    depth: Buffer
     normals: Planes
-    intensity: cl.Buffer
-    gradient_x: cl.Buffer
-    gradient_y: cl.Buffer
+    intensity: Buffer
+    gradient_x: Buffer
+    gradient_y: Buffer
 
 
 class Pyramid:

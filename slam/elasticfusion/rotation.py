@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.dense.images import intrinsics
-from slam.dense.least_squares import SUMS, records_of
+from slam.devices.layout import SUMS
+from slam.devices.opencl import Session
 from slam.elasticfusion.pyramid import Pyramid
-from slam.opencl import Session
 
 SOURCE = Path(__file__).parent / "kernels" / "rotation.cl"
 ITERATIONS = 10
@@ -43,7 +43,7 @@ class RotationAlignment:
         pixels = camera.width * camera.height
         self._earlier = tuple(session.buffer(4 * pixels, "an image") for _ in self._live)
         self._bytes = 4 * pixels
-        count, size, group = records_of(session.layout, camera.width, camera.height)
+        count, size, group = session.layout.sums(camera.width, camera.height)
         records = session.buffer(4 * SUMS * count, "the normal equations")
         self._alignment = session.buffer(ALIGNMENT.itemsize, "the rotation")
         self._equations = session.kernel(
@@ -54,21 +54,17 @@ class RotationAlignment:
 
     def remember(self) -> None:
         """Keep the live pyramid's brightness as what the next frame is compared with."""
-        import pyopencl as cl
-
         for kept, live in zip(self._earlier, self._live, strict=True):
-            cl.enqueue_copy(self._session.queue, kept, live, byte_count=self._bytes)
+            self._session.copy(kept, live, self._bytes)
 
     def align(self) -> NDArray[np.float64]:
         """The rotation (3, 3) from the live camera's axes to those of the frame remembered."""
-        import pyopencl as cl
-
         alignment = np.zeros((), ALIGNMENT)
         alignment["pose"] = alignment["best"] = np.eye(4)[:3].ravel()
-        cl.enqueue_copy(self._session.queue, self._alignment, alignment)
+        self._session.upload(self._alignment, alignment)
         for _ in range(ITERATIONS + 1):  # the last only judges the one before
             self._equations()
             self._turn()
-        cl.enqueue_copy(self._session.queue, alignment, self._alignment)
+        self._session.download(self._alignment, alignment)
         left, _, right = np.linalg.svd(alignment["best"].reshape(3, 4)[:, :3].astype(np.float64))
         return np.asarray(left @ right)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.opencl import BoundKernel, OpenCLError, Session
+from slam.devices.device import DeviceError
+from slam.devices.opencl import BoundKernel, Session
 
 RUN = 1024  # surfels that one work-item walks in the layout by rows; `surfels.h` has the same
 GROUP = 64  # work-items of a group in the layout by pixels
@@ -29,7 +30,7 @@ SURFEL = np.dtype(
 )
 
 
-class MapFullError(OpenCLError):
+class MapFullError(DeviceError):
     """The map has no room for what a frame adds; the message says what would give it room."""
 
 
@@ -70,18 +71,15 @@ class Surfels:
 
     def read(self, removed: bool = False) -> NDArray[Any]:
         """The living surfels as an array of SURFEL, in the map's order; with `removed` every place in use."""
-        import pyopencl as cl
-
         surfels = np.zeros(self.count, SURFEL)
         if self.count == 0:
             return surfels
         place, face = np.empty((self.count, 4), np.float32), np.empty((self.count, 4), np.float32)
-        queue = self.session.queue
-        cl.enqueue_copy(queue, place, self.place)
-        cl.enqueue_copy(queue, face, self.face)
+        self.session.download(self.place, place)
+        self.session.download(self.face, face)
         for name in ("colour", "born", "seen"):
             column = np.empty(self.count, SURFEL[name])
-            cl.enqueue_copy(queue, column, getattr(self, name))
+            self.session.download(getattr(self, name), column)
             surfels[name] = column
         surfels["position"], surfels["confidence"] = place[:, :3], place[:, 3]
         surfels["normal"], surfels["radius"] = face[:, :3], face[:, 3]
@@ -89,18 +87,15 @@ class Surfels:
 
     def write(self, surfels: NDArray[Any]) -> None:
         """Replace the map by an array of SURFEL, sorted by `born`. Raises MapFullError if it does not fit."""
-        import pyopencl as cl
-
         if len(surfels) > self.capacity:
             raise MapFullError(f"{len(surfels)} surfels in a map for {self.capacity}: raise surfel_capacity")
         self.count = len(surfels)
         if self.count == 0:
             return
-        queue = self.session.queue
-        cl.enqueue_copy(queue, self.place, np.column_stack([surfels["position"], surfels["confidence"]]))
-        cl.enqueue_copy(queue, self.face, np.column_stack([surfels["normal"], surfels["radius"]]))
+        self.session.upload(self.place, np.column_stack([surfels["position"], surfels["confidence"]]))
+        self.session.upload(self.face, np.column_stack([surfels["normal"], surfels["radius"]]))
         for name in ("colour", "born", "seen"):
-            cl.enqueue_copy(queue, getattr(self, name), np.ascontiguousarray(surfels[name]))
+            self.session.upload(getattr(self, name), surfels[name])
 
     def _over(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Global and local size of a kernel over all surfels, as the session's layout says."""

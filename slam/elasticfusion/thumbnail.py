@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.devices.opencl import Session
 from slam.elasticfusion.images import RgbdImage
-from slam.opencl import Session
 
 SOURCE = Path(__file__).parent / "kernels" / "fill_in.cl"
 
@@ -50,30 +50,26 @@ def sampled(camera: Camera, ratio: int) -> Camera:
 
 def read(session: Session, image: RgbdImage) -> Thumbnail:
     """An image as it is at present on the device; waits for it."""
-    import pyopencl as cl
-
     shape = (image.camera.height, image.camera.width)
     planes = np.empty((4, *shape), np.float32)
     colour = np.empty(shape, np.uint32)
     for plane, buffer in zip(planes, (image.depth, *image.normals), strict=True):
-        cl.enqueue_copy(session.queue, plane, buffer)
-    cl.enqueue_copy(session.queue, colour, image.colour)
+        session.download(buffer, plane)
+    session.download(image.colour, colour)
     return Thumbnail(image.camera, planes[0], np.moveaxis(planes[1:], 0, -1), colour)
 
 
 def write(session: Session, image: RgbdImage, thumbnail: Thumbnail) -> None:
     """Put a thumbnail back onto the device, into an image of its size, for instance to register with it."""
-    import pyopencl as cl
-
     if (image.camera.width, image.camera.height) != (thumbnail.camera.width, thumbnail.camera.height):
         raise ValueError(
             f"a thumbnail of {thumbnail.camera.width}x{thumbnail.camera.height} pixels does not fit "
             f"an image of {image.camera.width}x{image.camera.height}"
         )
-    cl.enqueue_copy(session.queue, image.depth, np.ascontiguousarray(thumbnail.depth))
-    cl.enqueue_copy(session.queue, image.colour, np.ascontiguousarray(thumbnail.colour))
+    session.upload(image.depth, thumbnail.depth)
+    session.upload(image.colour, thumbnail.colour)
     for axis, buffer in enumerate(image.normals):
-        cl.enqueue_copy(session.queue, buffer, np.ascontiguousarray(thumbnail.normals[..., axis]))
+        session.upload(buffer, thumbnail.normals[..., axis])
 
 
 class Sampling:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.devices.opencl import Session
 from slam.elasticfusion import configuration as constants
 from slam.elasticfusion.configuration import Configuration
 from slam.elasticfusion.images import RgbdImage
 from slam.elasticfusion.odometry import Odometry, Registration
 from slam.elasticfusion.pyramid import Pyramid
 from slam.elasticfusion.rotation import RotationAlignment
-from slam.opencl import Session
 
 
 @dataclass(frozen=True)

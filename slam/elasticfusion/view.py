@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.devices.opencl import Session
 from slam.elasticfusion.configuration import FARTHEST
-from slam.opencl import Session
 
 # The layout of `kernels/view.h`.
 VIEW = np.dtype(
@@ -40,6 +40,4 @@ class View:
 
     def show(self, pose: NDArray[np.float64], seen: tuple[int, int], confidence: float) -> None:
         """From now on kernels see this (as `view_of`)."""
-        import pyopencl as cl
-
-        cl.enqueue_copy(self._session.queue, self.buffer, view_of(pose, seen, confidence))
+        self._session.upload(self.buffer, view_of(pose, seen, confidence))

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
+from slam.devices.opencl import Session
 from slam.elasticfusion.surfels import RUN, Surfels
 from slam.elasticfusion.view import View
-from slam.opencl import Session
 
 SOURCE = Path(__file__).parent / "kernels" / "binning.cl"
 BAND = 16  # rows of the image; `binning.cl` has the same

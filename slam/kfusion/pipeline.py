@@ -1,92 +1,69 @@
-"""KinectFusion, frame by frame: preprocessing, tracking, integration, raycasting."""
+"""KinectFusion, frame by frame: a plan, executed on a device."""
 
 from __future__ import annotations
 
-from time import perf_counter
-from typing import Any
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.configuration import ConfigurationError
-from slam.kfusion.configuration import FRAMES_WITHOUT_TRACKING, LEVELS, Configuration
-from slam.kfusion.preprocessing import Preprocessing
-from slam.kfusion.raycasting import Model
-from slam.kfusion.tracking import Tracking
-from slam.kfusion.volume import Volume
-from slam.opencl import Session
-from slam.system import STAGES, Frame, Scene, View
+from slam.devices.device import DeviceMemoryError
+from slam.devices.opencl import SHARED
+from slam.kfusion.configuration import Configuration
+from slam.kfusion.plan import SCALE, plan
+from slam.plans.execution import Execution
+from slam.plans.executors import prepare
+from slam.system import Frame, Scene, View
 
-# The layout of `kernels/state.h`.
-STATE = np.dtype(
-    [
-        ("pose", np.float32, 12),
-        ("previous", np.float32, 12),
-        ("view", np.float32, 12),
-        ("squared_error", np.float32),
-        ("inliers", np.float32),
-        ("converged", np.int32),
-        ("tracked", np.int32),
-        ("farthest", np.float32),
-    ]
-)
+if TYPE_CHECKING:
+    from slam.devices.choice import AnySession
+
+FOLDERS = (Path(__file__).parent / "kernels", SHARED)
+FITTING = (512, 256, 128, 64, 32)  # resolutions that are proposed where one does not fit
 
 
 class KFusion:
     """A `slam.system.System`. The pose lives in the volume's frame, whose origin is a corner.
 
-    Frames 0 to 3 are integrated where the camera starts; the first raycast follows frame 3, so frame 4
-    is the first that can be tracked. A lost frame keeps the last pose and is not integrated.
-    Raises ConfigurationError when the images cannot be divided by the compute size ratio, and
-    DeviceMemoryError when the volume does not fit the device.
+    A lost frame keeps the last pose and is not integrated. Raises ConfigurationError when the images cannot
+    be divided by the compute size ratio, and DeviceMemoryError when the volume does not fit the device.
     """
 
-    def __init__(self, configuration: Configuration, scene: Scene, session: Session) -> None:
-        ratio = configuration.compute_size_ratio
-        try:
-            camera = scene.camera.scaled(ratio)
-        except ValueError as error:
-            raise ConfigurationError(f"compute_size_ratio={ratio}: {error}") from error
-        if min(camera.width, camera.height) < 2 ** (LEVELS - 1):
-            raise ConfigurationError(
-                f"compute_size_ratio={ratio}: leaves {camera.width}x{camera.height} pixels, "
-                f"too few for {LEVELS} levels"
-            )
-        if scene.volume_size <= 0:
-            raise ConfigurationError(f"volume_size={scene.volume_size}: must be above 0 (metres)")
+    def __init__(self, configuration: Configuration, scene: Scene, session: AnySession) -> None:
         self._configuration = configuration
-        self._session = session
+        self._plan = plan(configuration, scene, session.layout)
+        _check_memory(configuration.volume_resolution, session)
+        self._execution: Execution = prepare(self._plan, session, FOLDERS)
         self._shape = (scene.camera.height, scene.camera.width)
+        camera = scene.camera.scaled(configuration.compute_size_ratio)
+        self._model_shape = (camera.height, camera.width)
+        self._tracking = next(d for d in self._plan.dispatches if d.kernel == "track")
+        self._integrations = [d for d in self._plan.dispatches if d.kernel == "integrate"]
+        self._raycasting = next(d for d in self._plan.dispatches if d.kernel == "raycast")
         self._frame = 0
-        self._raycast_exists = False
-        self._state = np.zeros((), STATE)
-        start = np.hstack([np.eye(3), np.array(scene.initial_position)[:, None] * scene.volume_size])
-        self._state["pose"] = start.ravel()
-        self._device_state = session.buffer(STATE.itemsize, "the pose")
-        self._upload_state()
+        self._has_model = False
+        self.volume = Volume(self._execution, configuration.volume_resolution, scene.volume_size)
 
-        self._preprocessing = Preprocessing(session, scene.camera, ratio, LEVELS, self._device_state)
-        self._volume = Volume(session, configuration.volume_resolution, scene.volume_size)
-        self._volume.fuse_from(self._preprocessing.depth, camera, configuration.mu, self._device_state)
-        self._model = Model(session, self._volume, camera, configuration.mu, self._device_state)
-        self._tracking = Tracking(
-            session, configuration, self._preprocessing.levels, self._model, self._device_state
-        )
-        session.finish()
+    @property
+    def stage_clock(self) -> str:
+        """Who measures the stages: "device" or "none"."""
+        return self._execution.stage_clock
 
     def configuration(self) -> dict[str, Any]:
         return self._configuration.to_dict()
 
-    @property
-    def volume(self) -> Volume:
-        """The distance field, which can be read back from the device."""
-        return self._volume
-
     def view(self) -> View | None:
         """What the last raycast saw, thus from the pose after the last frame; None before the first."""
-        if not self._raycast_exists:
+        if not self._has_model:
             return None
-        return View(*self._model.read(), eye=self._state["pose"].reshape(3, 4)[:, 3].copy())
+        vertices, normals = (
+            np.moveaxis(self._execution.read(name).reshape(3, *self._model_shape), 0, -1)
+            for name in ("model_vertices", "model_normals")
+        )
+        state = self._execution.read("state")
+        return View(vertices, normals, eye=state["pose"].reshape(3, 4)[:, 3].copy())
 
     def process(
         self,
@@ -98,48 +75,62 @@ class KFusion:
             raise ValueError(
                 f"a depth image is uint16 {self._shape} (height, width), got {depth.dtype} {depth.shape}"
             )
-        number, rates = self._frame, self._configuration
-        clock = [perf_counter()]
-
-        self._preprocessing.filter(np.ascontiguousarray(depth))
-        self._session.finish()
-        clock.append(perf_counter())
-
-        attempted = self._raycast_exists and number % rates.tracking_rate == 0
-        if attempted:
-            self._preprocessing.build_pyramid()
-            self._tracking.track()
-            self._download_state()
-        clock.append(perf_counter())
-
-        integrated = number < FRAMES_WITHOUT_TRACKING or bool(
-            self._state["tracked"] and number % rates.integration_rate == 0
-        )
-        if integrated:
-            self._volume.integrate()
-            self._session.finish()
-        clock.append(perf_counter())
-
-        if number >= FRAMES_WITHOUT_TRACKING - 1:
-            self._model.raycast()
-            self._session.finish()
-            self._raycast_exists = True
-        clock.append(perf_counter())
-
+        number = self._frame
+        outcome = self._execution.run(number, np.ascontiguousarray(depth))
         self._frame += 1
+        self._has_model |= self._raycasting.takes_place(number)
         pose = np.eye(4)
-        pose[:3] = self._state["pose"].reshape(3, 4)
-        seconds = {
-            stage: after - before for stage, before, after in zip(STAGES, clock, clock[1:], strict=False)
-        }
-        return Frame(pose, bool(self._state["tracked"]) if attempted else None, integrated, seconds)
+        pose[:3] = outcome.state["pose"].reshape(3, 4)
+        tracked = bool(outcome.state["tracked"])
+        return Frame(
+            pose,
+            tracked if self._tracking.takes_place(number) else None,
+            any(d.takes_place(number) and (d.flag is None or tracked) for d in self._integrations),
+            dict(outcome.stages),
+            outcome.computation,
+        )
 
-    def _upload_state(self) -> None:
-        import pyopencl as cl
 
-        cl.enqueue_copy(self._session.queue, self._device_state, self._state)
+class Volume:
+    """The distance field on the device: a cube of resolution^3 voxels of `voxel_size` metres."""
 
-    def _download_state(self) -> None:
-        import pyopencl as cl
+    def __init__(self, execution: Execution, resolution: int, size: float) -> None:
+        self.resolution = resolution
+        self.voxel_size = size / resolution
+        self._execution = execution
 
-        cl.enqueue_copy(self._session.queue, self._state, self._device_state)
+    def read(self, first: int, last: int) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+        """The planes first to last - 1 along z: distances and weights, both (planes, resolution, resolution).
+
+        Indices are (z, y, x); voxel (z, y, x) is centred at (x + .5, y + .5, z + .5) voxel sizes. Distances
+        are in units of the truncation distance, positive in front of a surface; weight 0 was never observed.
+        """
+        shape, plane = (last - first, self.resolution, self.resolution), self.resolution**2
+        place = (first * plane, (last - first) * plane)
+        words = self._execution.read("voxels", *place).reshape(shape)
+        distances, weights = _decoder(self._execution)(words)
+        if weights is None:
+            weights = self._execution.read("weights", *place).reshape(shape)
+        return distances * np.float32(1 / SCALE), weights
+
+
+def _decoder(
+    execution: Execution,
+) -> Callable[[NDArray[np.uint32]], tuple[NDArray[np.float32], NDArray[np.uint8] | None]]:
+    """What turns words into stored distances and weights, None where these lie apart."""
+    low = np.uint32(0xFFFF)
+    if execution.plan.layout == "rows":
+        return lambda words: ((words & low).astype(np.uint16).view(np.int16).astype(np.float32), None)
+    return lambda words: (
+        np.float32(SCALE) - (words & low).astype(np.float32),
+        (words >> np.uint32(16)).astype(np.uint8),
+    )
+
+
+def _check_memory(resolution: int, session: AnySession) -> None:
+    device = session.device
+    try:
+        device.check_allocation(4 * resolution**3, f"volume_resolution={resolution}")
+    except DeviceMemoryError as error:
+        fitting = [r for r in FITTING if r < resolution and 4 * r**3 <= device.max_allocation]
+        raise DeviceMemoryError(f"{error}: choose {fitting[0] if fitting else 32} or less") from error

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from slam.datasets import Sequence, open_sequence
+from slam.devices.choice import choose_device
 from slam.elasticfusion.configuration import Configuration
 from slam.elasticfusion.pipeline import ElasticFusion
-from slam.opencl import choose_device
 from slam.system import STAGES, Scene
 from slam.systems import open_session
 

@@ -51,7 +51,7 @@ ROWS = [
 
 LIST_DEVICES = """
 import json
-from slam.opencl import list_devices
+from slam.devices.choice import list_devices
 print(json.dumps([[device.driver, device.kind] for device in list_devices()]))
 """
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from client_kit import workbench
 from slam.benchmark import Progress
-from slam.opencl import NoDeviceError
+from slam.devices.device import NoDeviceError
 from tests.client_kit.canned import STAGES
 
 BROKEN = "FRONTRUNNER_BROKEN"

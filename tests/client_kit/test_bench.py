@@ -42,7 +42,7 @@ def breaking(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(bench, "PROGRAM", (sys.executable, "-m", "tests.client_kit.breaking"))
     monkeypatch.setenv(BROKEN, str(tmp_path / "broken"))
     monkeypatch.setattr(measurement, "open_sequence", lambda _: range(100))
-    monkeypatch.setattr(measurement.opencl, "choose_device", lambda _: DEVICE)
+    monkeypatch.setattr(measurement, "choose_device", lambda _: DEVICE)
 
 
 def session(*plan: str, protocol: dict[str, Any] | None = None, **wishes: Any) -> Session:

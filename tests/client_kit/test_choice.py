@@ -13,7 +13,7 @@ from client_kit.errors import CannotMeasureError
 from client_kit.home import ENVIRONMENT, Home
 from client_kit.manifest import Manifest
 from client_kit.spool import Spool
-from slam import opencl
+from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
 from tests.slam.shipped import LIVING_ROOM
 
@@ -120,7 +120,7 @@ def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytes
         return SimpleNamespace(label=f"{name} ({platform}, 3, driver 1)", handle=handle)
 
     present = [device("a  CPU", "Intel"), device("a  CPU", "PoCL")]
-    monkeypatch.setattr(adaptation.opencl, "list_devices", lambda: present)
+    monkeypatch.setattr(adaptation, "list_devices", lambda: present)
 
     assert adaptation._label(("a CPU", "PoCL")) == present[1].label
     with pytest.raises(CannotMeasureError, match=r"Mali .* is not here any more"):
@@ -136,7 +136,7 @@ def test_the_choice_runs_over_the_shipped_sequence(
     ]
     front = documents.manifest(configurations=configurations)
     home.write("manifest-1.json", {"server": documents.SERVER, "manifest": front})
-    here = device.opencl_identity(opencl.choose_device().handle)
+    here = device.opencl_identity(choose_device().handle)
     measured = session(run("default", 200, 0.011), run("best", 40, 0.03))
     spool.put(documents.SERVER, measured | {"device": here})
     monkeypatch.setenv(ENVIRONMENT, str(home.path))

@@ -350,11 +350,13 @@ def test_the_opencl_device_stays_while_an_exploration_counts_on_it(
 ) -> None:
     device = exploration.reference_device
     page = reverse("admin:explorations_referencedevice_change", args=[device.pk])
-    form = {"name": "bench", "queue": "bench", "opencl_device": "mali", "machines": "2"}
+    form = {"name": "bench", "queue": "bench", "backend": "opencl", "opencl_device": "mali", "machines": "2"}
 
     refused = administrator.post(page, form).content.decode()
 
-    assert f"bench measures exploration {exploration.pk} on the best OpenCL device" in refused
+    assert f"bench measures exploration {exploration.pk} on opencl, its best device" in refused
+    other = administrator.post(page, form | {"backend": "webgpu", "opencl_device": ""}).content.decode()
+    assert "cannot change to webgpu, its best device now" in other
     assert administrator.post(page, form | {"opencl_device": ""}).status_code == 302
     device.refresh_from_db()
     assert (device.opencl_device, device.machines) == ("", 2)

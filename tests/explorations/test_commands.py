@@ -185,7 +185,8 @@ def test_the_opencl_device_stays_while_an_exploration_counts_on_it(
     call_command(*start("--device", "bench", "--opencl", "pthread"))
 
     with pytest.raises(
-        CommandError, match=r"bench measures exploration \d+ on pthread.*cannot change to mali"
+        CommandError,
+        match=r"bench measures exploration \d+ on opencl, pthread.*cannot change to opencl, mali",
     ):
         call_command(*start("--device", "bench", "--opencl", "mali"))
 

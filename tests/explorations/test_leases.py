@@ -62,7 +62,7 @@ def test_a_lease_tells_all_that_a_measurement_needs(board: Board, exploration: E
     row = Evaluation.objects.get(state="running")
     assert lease["id"] == f"{row.pk}-1"
     assert (lease["application"], lease["configuration"]) == ("kfusion", row.configuration)
-    assert (lease["frames"], lease["opencl_device"]) == (None, "")
+    assert (lease["frames"], lease["backend"], lease["opencl_device"]) == (None, "opencl", "")
     assert lease["sequence"]["sha256"] == exploration.sequence_sha256
     assert board.client.get(lease["sequence"]["chunks"][0]["url"]).status_code == 200
     assert (row.worker, row.attempt) == ("board 7", 1)

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from slam.layout import KINDS, Layout
-from slam.opencl import Session, list_devices
+from slam.devices.choice import list_devices
+from slam.devices.layout import KINDS, Layout
+from slam.devices.opencl import Session
 
 # Examples of property tests are never judged by how long a busy machine takes for them.
 settings.register_profile("untimed", deadline=None)
@@ -35,7 +36,6 @@ def launch(session: Session) -> Callable[..., None]:
 
     A size of ("image", width, height) is laid out as the session's images are.
     """
-    import pyopencl as cl
 
     def run(
         source: Path, name: str, size: Any, *arguments: Any, group: tuple[int, ...] | None = None
@@ -46,11 +46,11 @@ def launch(session: Session) -> Callable[..., None]:
         for index, value in enumerate(arguments):
             if isinstance(value, np.ndarray) and not (value.dtype == np.float32 and value.shape == (4,)):
                 places[index] = session.buffer(value.nbytes)
-                cl.enqueue_copy(session.queue, places[index], value)
+                session.upload(places[index], value)
         bound = [places.get(index, value) for index, value in enumerate(arguments)]
         session.kernel(source, name, size, *bound, group=group)()
         for index, place in places.items():
-            cl.enqueue_copy(session.queue, arguments[index], place)
+            session.download(place, arguments[index])
         session.finish()
 
     return run

@@ -10,8 +10,9 @@ import slam
 from slam.benchmark import run
 from slam.configuration import ConfigurationError
 from slam.datasets import SequenceError, open_sequence, tum
+from slam.devices.device import NoDeviceError
+from slam.devices.opencl import BoundKernel
 from slam.kfusion.configuration import STANDARD
-from slam.opencl import BoundKernel, NoDeviceError
 from slam.system import STAGES
 from slam.systems import complete
 from tests.slam.sequences import ArraySequence
@@ -48,7 +49,7 @@ def test_a_report_is_the_json_that_others_read(report):
     for frame in data["frames"]:
         times = {"acquisition", *STAGES, "rendering", "computation", "total"}
         assert set(frame) == times | {"tracked", "integrated", "error"}
-        assert frame["computation"] == pytest.approx(sum(frame[stage] for stage in STAGES))
+        assert 0 < sum(frame[stage] for stage in STAGES) <= frame["computation"]
         assert frame["total"] >= frame["acquisition"] + frame["computation"]
     assert max(frame["error"] for frame in data["frames"]) == pytest.approx(data["ate"]["max"])
     assert data["cpu_seconds"] > 0
@@ -114,7 +115,7 @@ def test_an_observer_sees_every_frame_and_its_time_is_no_computation():
     assert seen == [(0, False), (1, False), (2, False), (3, True), (4, True)]
     for frame in report.frames:
         assert frame.rendering > 0
-        assert frame.computation == pytest.approx(sum(frame.stages.values()))
+        assert 0 < sum(frame.stages.values()) <= frame.computation
 
 
 @pytest.mark.parametrize(
@@ -179,7 +180,7 @@ def test_every_kernel_has_run_before_the_first_frame(tmp_path, monkeypatch, syst
 
     def noted(kernel, *size):
         launched.append(kernel._kernel.function_name)
-        launch(kernel, *size)
+        return launch(kernel, *size)
 
     def stop(_):
         raise SequenceError("the first frame")

@@ -30,7 +30,7 @@ def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> No
     assert 0 <= result.objectives["ate_mean"] <= result.objectives["ate_max"] < 1
     assert result.stages["computation"] == pytest.approx(result.objectives["runtime"])
     parts = [result.stages[stage] for stage in ("preprocessing", "tracking", "integration", "raycasting")]
-    assert sum(parts) == pytest.approx(result.stages["computation"])
+    assert 0 < sum(parts) <= result.stages["computation"]
     assert result.device["name"]
 
 

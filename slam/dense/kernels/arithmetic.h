@@ -1,6 +1,6 @@
 // Plain arithmetic in place of built-in functions inside inner loops: some OpenCL compilers for CPUs leave
 // clamp(), fabs() and sqrt() as calls, and a loop with a call does not become vector code.
-#define INLINE inline __attribute__((always_inline))
+#define INLINE static inline __attribute__((always_inline))
 
 INLINE int bounded(int value, int lowest, int highest)
 {

@@ -1,10 +1,6 @@
 // The normal equations of a motion's six unknowns, summed over an image. Include arithmetic.h before.
-
-#define SUM_GROUP 64 // work-items of a group, in the shape for GPUs; `least_squares.py` has the same
-
-// 21 of J^T J (upper triangle), 6 of J^T e, the sum of e^2, the number of inliers; 29 and 30 are a kernel's own, 31
+// What a record holds: 21 of J^T J (upper triangle), 6 of J^T e, the sum of e^2, the number of inliers; 29 and 30 are a kernel's own, 31
 // stays free.
-#define SUMS 32
 
 // One pixel's row of the least-squares problem: the gradient of its error by the twist, and the error; all
 // zero, with weight 0, where it has no partner.

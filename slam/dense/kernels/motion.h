@@ -8,7 +8,7 @@ typedef float real;
 #endif
 
 // Eigenvectors (columns of v) and eigenvalues (diagonal of a) of a symmetric matrix, by cyclic Jacobi rotations.
-inline void diagonalise(real a[6][6], real v[6][6])
+static inline void diagonalise(real a[6][6], real v[6][6])
 {
     for (int i = 0; i < 6; ++i)
         for (int j = 0; j < 6; ++j)
@@ -47,7 +47,7 @@ inline void diagonalise(real a[6][6], real v[6][6])
 }
 
 // Sums the records of an image in their order.
-inline void sum_records(global const float *restrict records, int count, real total[SUMS])
+static inline void sum_records(global const float *restrict records, int count, real total[SUMS])
 {
     for (int k = 0; k < SUMS; ++k)
         total[k] = 0;
@@ -56,15 +56,60 @@ inline void sum_records(global const float *restrict records, int count, real to
             total[k] += records[record * SUMS + k];
 }
 
+// Solves a x = b by LDL^T and returns 1, where no eigenvalue of `a` can be a millionth of the largest or less: these lie
+// between 1 / trace(1 / a) and trace(a). Returns 0 otherwise.
+static inline int solve_strong(const real a[6][6], const real b[6], real x[6])
+{
+    real lower[6][6], pivot[6], trace = 0, inverse_trace = 0;
+    for (int j = 0; j < 6; ++j) {
+        pivot[j] = a[j][j];
+        for (int k = 0; k < j; ++k)
+            pivot[j] -= lower[j][k] * lower[j][k] * pivot[k];
+        if (!(pivot[j] > 0))
+            return 0;
+        for (int i = j + 1; i < 6; ++i) {
+            real value = a[i][j];
+            for (int k = 0; k < j; ++k)
+                value -= lower[i][k] * lower[j][k] * pivot[k];
+            lower[i][j] = value / pivot[j];
+        }
+        trace += a[j][j];
+    }
+    for (int column = 0; column < 6; ++column) {
+        real inverse[6];
+        for (int i = column; i < 6; ++i) {
+            inverse[i] = i == column;
+            for (int k = column; k < i; ++k)
+                inverse[i] -= lower[i][k] * inverse[k];
+            inverse_trace += inverse[i] * inverse[i] / pivot[i];
+        }
+    }
+    if (!(trace * inverse_trace < (real)1e6))
+        return 0;
+    for (int i = 0; i < 6; ++i) {
+        x[i] = b[i];
+        for (int k = 0; k < i; ++k)
+            x[i] -= lower[i][k] * x[k];
+    }
+    for (int i = 5; i >= 0; --i) {
+        x[i] /= pivot[i];
+        for (int k = i + 1; k < 6; ++k)
+            x[i] -= lower[k][i] * x[k];
+    }
+    return 1;
+}
+
 // The twist x of J^T J x = J^T e, from the summed records. Directions whose eigenvalue is a millionth of the
 // largest or less are left alone, as by a truncated SVD.
-inline void solve_symmetric(const real total[SUMS], real x[6])
+static inline void solve_symmetric(const real total[SUMS], real x[6])
 {
     real a[6][6], v[6][6];
     int k = 0;
     for (int i = 0; i < 6; ++i)
         for (int j = i; j < 6; ++j)
             a[i][j] = a[j][i] = total[k++];
+    if (solve_strong(a, total + 21, x))
+        return;
     diagonalise(a, v);
     real largest = 0;
     for (int i = 0; i < 6; ++i) {
@@ -82,7 +127,7 @@ inline void solve_symmetric(const real total[SUMS], real x[6])
     }
 }
 
-inline real norm_of(const real x[6])
+static inline real norm_of(const real x[6])
 {
     real square = 0;
     for (int j = 0; j < 6; ++j)
@@ -91,7 +136,7 @@ inline real norm_of(const real x[6])
 }
 
 // The exponential map of SE(3): Rodrigues' rotation R and the matrix V of the translation.
-inline void exponential(const real x[6], real motion[3][4])
+static inline void exponential(const real x[6], real motion[3][4])
 {
     const real wx = x[3], wy = x[4], wz = x[5];
     const real square = wx * wx + wy * wy + wz * wz, angle = sqrt(square);
@@ -113,7 +158,7 @@ inline void exponential(const real x[6], real motion[3][4])
 }
 
 // Thousands of float products would let a rotation drift: makes its columns orthonormal again.
-inline void orthonormalise(real pose[3][4])
+static inline void orthonormalise(real pose[3][4])
 {
     for (int column = 0; column < 3; ++column) {
         for (int earlier = 0; earlier < column; ++earlier) {
@@ -130,7 +175,7 @@ inline void orthonormalise(real pose[3][4])
 }
 
 // Moves a pose by exp(x), from the left.
-inline void move_pose(const real x[6], global float *pose)
+static inline void move_pose(const real x[6], global float *pose)
 {
     real motion[3][4], result[3][4];
     exponential(x, motion);

@@ -1,21 +1,37 @@
-// How far the volume can be seen in a frame.
+// How far the volume can be seen in a frame: no voxel lies deeper than the largest depth of the image.
 #include "arithmetic.h"
-#include "state.h"
 
-// The largest depth of each row, and then of the image: no voxel lies deeper. One work-item per row, then one.
-kernel void farthest_of_rows(global const float *restrict metres, int width, global float *restrict row_farthest)
+// The largest depth of each row. One work-item per row.
+kernel void farthest_of_rows(global const float *restrict metres, int width, int height,
+                             global float *restrict row_farthest)
 {
     const int y = get_global_id(0);
+    if (y >= height)
+        return;
     float farthest = 0.0f;
     for (int x = 0; x < width; ++x)
         farthest = larger(farthest, metres[y * width + x]);
     row_farthest[y] = farthest;
 }
 
+// The largest of the rows. Rows: one work-item. Pixels: one group.
+#ifdef PIXELS
+__attribute__((reqd_work_group_size(SUM_GROUP, 1, 1)))
+#endif
 kernel void farthest_depth(global const float *restrict row_farthest, int height, global State *restrict state)
 {
     float farthest = 0.0f;
-    for (int y = 0; y < height; ++y)
+    for (int y = get_local_id(0); y < height; y += get_local_size(0))
         farthest = larger(farthest, row_farthest[y]);
+#ifdef PIXELS
+    local float lane[SUM_GROUP];
+    const int me = get_local_id(0);
+    lane[me] = farthest;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (me > 0)
+        return;
+    for (int other = 1; other < SUM_GROUP; ++other)
+        farthest = larger(farthest, lane[other]);
+#endif
     state->farthest = farthest;
 }

@@ -1,19 +1,34 @@
 // The model that tracking sees: surface points and normals along the rays of a camera
 // (Newcombe et al. 2011, section 3.4).
 #include "arithmetic.h"
-#include "state.h"
 
-#define BLOCK 8
 #define LANES 16
 #define JUMPS 4   // over empty blocks
 #define SAMPLES 4 // near surfaces, between two moments at which lanes may take their next ray
 
-// Between the distances in a word, those of two neighbours in x.
-INLINE float along_word(uint word, float fraction)
+#ifdef PIXELS
+// The distance in the low half of a word is stored as SCALE minus itself; here it stays so.
+INLINE float stored(uint word)
 {
+    return word & 0xffff;
+}
+
+INLINE float along_line(global const uint *restrict volume, int i, float fraction)
+{
+    const float here = stored(volume[i]), next = stored(volume[i + 1]);
+    return here + (next - here) * fraction;
+}
+#define UNSTORED(mean) (SCALE - (mean))
+#else
+// Between the distances in a word, those of two neighbours in x.
+INLINE float along_line(global const uint *restrict volume, int i, float fraction)
+{
+    const uint word = volume[i];
     const float here = (short)(word & 0xffff), next = (short)(word >> 16);
     return here + (next - here) * fraction;
 }
+#define UNSTORED(mean) (mean)
+#endif
 
 // Trilinear interpolation at (x, y, z) in voxels, 0 at the centre of the first and resolution - 1 at that of
 // the last; slightly beyond them the outermost cell is extrapolated.
@@ -25,10 +40,10 @@ INLINE float interpolate(global const uint *restrict volume, int resolution, flo
     const float fx = x - column, fy = y - line, fz = z - slice;
     const int corner = (slice * resolution + line) * resolution + column;
     const int far_corner = corner + resolution * resolution;
-    const float a = along_word(volume[corner], fx), b = along_word(volume[corner + resolution], fx);
-    const float c = along_word(volume[far_corner], fx), d = along_word(volume[far_corner + resolution], fx);
+    const float a = along_line(volume, corner, fx), b = along_line(volume, corner + resolution, fx);
+    const float c = along_line(volume, far_corner, fx), d = along_line(volume, far_corner + resolution, fx);
     const float near_side = a + (b - a) * fy, far_side = c + (d - c) * fy;
-    return near_side + (far_side - near_side) * fz;
+    return UNSTORED(near_side + (far_side - near_side) * fz);
 }
 
 // Where a ray enters and leaves the slab [0, last] of one axis; `inverse` is 1 / direction.
@@ -75,21 +90,6 @@ INLINE float along_y(global const uint *restrict volume, int resolution, float x
 INLINE float along_z(global const uint *restrict volume, int resolution, float x, float y, float z)
 {
     return interpolate(volume, resolution, x, y, z + 1.0f) - interpolate(volume, resolution, x, y, z - 1.0f);
-}
-
-// Remembers which pixels the model belongs to: intrinsics times the inverse of the pose.
-kernel void view_from(float4 camera, global State *state)
-{
-    for (int column = 0; column < 4; ++column) {
-        float inverse[3];
-        for (int row = 0; row < 3; ++row)
-            inverse[row] = column < 3 ? state->pose[4 * column + row]
-                                      : -(state->pose[row] * state->pose[3] + state->pose[4 + row] * state->pose[7] +
-                                          state->pose[8 + row] * state->pose[11]);
-        state->view[column] = camera.x * inverse[0] + camera.z * inverse[2];
-        state->view[4 + column] = camera.y * inverse[1] + camera.w * inverse[2];
-        state->view[8 + column] = inverse[2];
-    }
 }
 
 // Finds the surface along the ray of each pixel. A ray's parameter is its depth along the optical axis. It advances by

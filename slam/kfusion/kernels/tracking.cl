@@ -3,7 +3,6 @@
 #include "least_squares.h"
 #include "association.h"
 #include "motion.h"
-#include "state.h"
 
 // The parts of the normal equations of an image, one record of SUMS floats per work-group.
 SUM_GROUP_SIZE
@@ -12,10 +11,10 @@ kernel void track(global const float *restrict depth, global const float *restri
                   float4 camera, global const float *restrict model_x, global const float *restrict model_y,
                   global const float *restrict model_z, global const float *restrict model_normal_x,
                   global const float *restrict model_normal_y, global const float *restrict model_normal_z,
-                  int model_width, int model_height, float max_distance, float min_dot, int iteration,
+                  int model_width, int model_height, float max_distance, float min_dot, int conditional,
                   global const State *restrict state, global float *restrict records)
 {
-    if (iteration > 0 && state->converged)
+    if (conditional && !state->iterating)
         return;
     float pose[12], view[12];
     for (int k = 0; k < 12; ++k) {
@@ -40,26 +39,58 @@ kernel void track(global const float *restrict depth, global const float *restri
     LEAVE_RECORD(records)
 }
 
-// Sums the records, solves for the twist and moves the pose by it.
-kernel void solve(global const float *restrict records, int count, float threshold, int iteration,
+// Sums the records, solves for the twist and moves the pose by it. Rows: one work-item. Pixels: one group, of which each
+// work-item sums one float of its share of the records.
+#ifdef PIXELS
+__attribute__((reqd_work_group_size(SOLVERS, 1, 1)))
+#endif
+kernel void solve(global const float *restrict records, int count, float threshold, int conditional,
                   global State *restrict state)
 {
-    if (iteration > 0 && state->converged)
+    if (conditional && !state->iterating)
         return;
     real total[SUMS], x[6];
+#ifdef PIXELS
+    local float part[SOLVERS];
+    const int me = get_local_id(0);
+    float sum = 0.0f;
+    for (int record = me / SUMS; record < count; record += SOLVERS / SUMS)
+        sum += records[record * SUMS + me % SUMS];
+    part[me] = sum;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (me > 0)
+        return;
+    for (int k = 0; k < SUMS; ++k) {
+        total[k] = 0;
+        for (int other = k; other < SOLVERS; other += SUMS)
+            total[k] += part[other];
+    }
+#else
     sum_records(records, count, total);
+#endif
     solve_symmetric(total, x);
     move_pose(x, state->pose);
-    state->converged = norm_of(x) < threshold;
+    state->iterating = !(norm_of(x) < threshold);
     state->squared_error = total[27];
     state->inliers = total[28];
 }
 
-// Remembers where the frame started.
-kernel void begin_tracking(global State *state)
+// Remembers where the frame started, and which pixels the model belongs to, which was seen from there: intrinsics times
+// the inverse of the pose.
+kernel void begin_tracking(float4 camera, global State *state)
 {
     for (int i = 0; i < 12; ++i)
         state->previous[i] = state->pose[i];
+    for (int column = 0; column < 4; ++column) {
+        float inverse[3];
+        for (int row = 0; row < 3; ++row)
+            inverse[row] = column < 3 ? state->pose[4 * column + row]
+                                      : -(state->pose[row] * state->pose[3] + state->pose[4 + row] * state->pose[7] +
+                                          state->pose[8 + row] * state->pose[11]);
+        state->view[column] = camera.x * inverse[0] + camera.z * inverse[2];
+        state->view[4 + column] = camera.y * inverse[1] + camera.w * inverse[2];
+        state->view[8 + column] = inverse[2];
+    }
 }
 
 // Keeps the new pose when the residual is small and enough of the level solved last took part; otherwise

@@ -1,27 +1,9 @@
 // The truncated signed distance function (Newcombe et al. 2011, section 3.3; Curless and Levoy 1996).
-// A distance is a signed 16-bit number, 32766 for one truncation distance. A voxel's word holds its distance in the low
-// half and, for the raycast, that of its neighbour at x + 1 in the high half: interpolating along x then takes one load.
-// Weights lie in a plane of their own. Voxel (x, y, z) is centred at (x+.5, y+.5, z+.5).
+// A distance is a signed 16-bit number, SCALE for one truncation distance. Voxel (x, y, z) is centred at (x+.5, y+.5, z+.5).
+// Rows: a voxel's word holds its distance in the low half and, for the raycast, that of its neighbour at x + 1 in the high
+// half: interpolating along x then takes one load. Weights lie in a plane of their own.
+// Pixels: the low half holds SCALE minus the distance, the high half the weight: a word of 0 is empty space, never observed.
 #include "arithmetic.h"
-#include "state.h"
-
-#define SCALE 32766.0f
-#define BLOCK 8
-
-// Empty space everywhere, nothing observed.
-kernel void clear_volume(global uint *restrict volume, global uchar *restrict weights, int resolution,
-                         global int *restrict surface, int blocks)
-{
-    const int z = get_global_id(0);
-    const int plane = resolution * resolution;
-    for (int i = 0; i < plane; ++i)
-        volume[z * plane + i] = 32766 | (32766 << 16);
-    for (int i = 0; i < plane; ++i)
-        weights[z * plane + i] = 0;
-    if (z < blocks)
-        for (int i = 0; i < blocks * blocks; ++i)
-            surface[z * blocks * blocks + i] = 0;
-}
 
 // Narrows [*first, *last] to the whole numbers x with offset + slope x >= 0, one more at either end.
 INLINE void clip(float offset, float slope, float *first, float *last)
@@ -79,7 +61,7 @@ INLINE void visible_range(float3 base, float3 slope, int steps, int width, int h
 }
 
 // The centre of voxel (x, y, z) in the camera's frame.
-INLINE float3 seen(global const State *restrict state, int x, int y, int z, float voxel_size)
+INLINE float3 voxel_to_camera(global const State *restrict state, int x, int y, int z, float voxel_size)
 {
     global const float *pose = state->pose;
     const float px = (x + 0.5f) * voxel_size - pose[3];
@@ -93,32 +75,33 @@ INLINE float3 seen(global const State *restrict state, int x, int y, int z, floa
 // block in which a voxel has come nearer to a surface than `near_surface` is marked for the raycast, for good.
 // Rows: a work-item owns the 8x8 voxel rows along x of a row of blocks.
 // Pixels: a work-item owns a column along z, so that neighbours in x read and write side by side.
-kernel void integrate(global uint *restrict volume, global uchar *restrict weights, int resolution, float voxel_size,
-                      global int *restrict surface, int blocks, global const float *restrict depth, int width,
-                      int height, float4 camera, float mu, float max_weight, float near_surface,
-                      global const State *restrict state)
+kernel void integrate(global uint *restrict volume,
+#ifndef PIXELS
+                      global uchar *restrict weights,
+#endif
+                      int resolution, float voxel_size, global int *restrict surface, int blocks,
+                      global const float *restrict depth, int width, int height, float4 camera, float mu,
+                      float max_weight, float near_surface, int conditional, global const State *restrict state)
 {
+    if (conditional && !state->tracked)
+        return;
     const float limit = state->farthest + mu;
     int first, last;
 #ifdef PIXELS
     const int x = get_global_id(0), y = get_global_id(1);
     if (x >= resolution || y >= resolution)
         return;
-    // Halves of words: a work-item writes its own voxel's and the copy in the word before, nobody else's.
-    global short *restrict halves = (global short *)volume;
     const float3 slope = voxel_size * (float3)(state->pose[8], state->pose[9], state->pose[10]);
-    const float3 base = seen(state, x, y, 0, voxel_size);
+    const float3 base = voxel_to_camera(state, x, y, 0, voxel_size);
     visible_range(base, slope, resolution, width, height, camera, limit, &first, &last);
     for (int z = first; z <= last; ++z) {
         const int i = (z * resolution + y) * resolution + x;
-        int distance = halves[2 * i], weight = weights[i];
+        const uint word = volume[i];
+        int distance = (int)SCALE - (int)(word & 0xffff), weight = word >> 16;
         if (!fuse(&distance, &weight, base.x + z * slope.x, base.y + z * slope.y, base.z + z * slope.z, depth, width,
                   height, camera, mu, max_weight))
             continue;
-        halves[2 * i] = distance;
-        if (x > 0)
-            halves[2 * i - 1] = distance;
-        weights[i] = weight;
+        volume[i] = (uint)((int)SCALE - distance) | ((uint)weight << 16);
         // Several work-items may write here, and all of them the same.
         if (distance < (int)near_surface)
             surface[((z / BLOCK) * blocks + y / BLOCK) * blocks + x / BLOCK] = 1;
@@ -130,7 +113,7 @@ kernel void integrate(global uint *restrict volume, global uchar *restrict weigh
     const int end_y = bounded((block_y + 1) * BLOCK, 0, resolution);
     for (int z = block_z * BLOCK; z < end_z; ++z)
         for (int y = block_y * BLOCK; y < end_y; ++y) {
-            const float3 base = seen(state, 0, y, z, voxel_size);
+            const float3 base = voxel_to_camera(state, 0, y, z, voxel_size);
             visible_range(base, slope, resolution, width, height, camera, limit, &first, &last);
             global uint *restrict row = volume + (z * resolution + y) * resolution;
             global uchar *restrict row_weights = weights + (z * resolution + y) * resolution;
@@ -165,18 +148,30 @@ kernel void integrate(global uint *restrict volume, global uchar *restrict weigh
 #endif
 }
 
+INLINE int near_surface_at(global const int *restrict surface, int blocks, int x, int y, int z)
+{
+    const int next = bounded(x + 1, 0, blocks - 1), above = bounded(y + 1, 0, blocks - 1);
+    const int behind = bounded(z + 1, 0, blocks - 1);
+    return surface[(z * blocks + y) * blocks + x] | surface[(z * blocks + y) * blocks + next] |
+           surface[(z * blocks + above) * blocks + x] | surface[(z * blocks + above) * blocks + next] |
+           surface[(behind * blocks + y) * blocks + x] | surface[(behind * blocks + y) * blocks + next] |
+           surface[(behind * blocks + above) * blocks + x] | surface[(behind * blocks + above) * blocks + next];
+}
+
 // A block must be searched when it or a neighbour towards larger x, y or z is marked: trilinear
 // interpolation reads one voxel further.
-kernel void dilate_blocks(global const int *restrict surface, global int *restrict searched, int blocks)
+kernel void dilate_blocks(global const int *restrict surface, global int *restrict searched, int blocks,
+                          int conditional, global const State *restrict state)
 {
+    if (conditional && !state->tracked)
+        return;
+#ifdef PIXELS
+    const int x = get_global_id(0), line = get_global_id(1);
+    if (x < blocks && line < blocks * blocks)
+        searched[line * blocks + x] = near_surface_at(surface, blocks, x, line % blocks, line / blocks);
+#else
     const int y = get_global_id(0), z = get_global_id(1);
-    const int above = bounded(y + 1, 0, blocks - 1), behind = bounded(z + 1, 0, blocks - 1);
-    for (int x = 0; x < blocks; ++x) {
-        const int next = bounded(x + 1, 0, blocks - 1);
-        searched[(z * blocks + y) * blocks + x] =
-            surface[(z * blocks + y) * blocks + x] | surface[(z * blocks + y) * blocks + next] |
-            surface[(z * blocks + above) * blocks + x] | surface[(z * blocks + above) * blocks + next] |
-            surface[(behind * blocks + y) * blocks + x] | surface[(behind * blocks + y) * blocks + next] |
-            surface[(behind * blocks + above) * blocks + x] | surface[(behind * blocks + above) * blocks + next];
-    }
+    for (int x = 0; x < blocks; ++x)
+        searched[(z * blocks + y) * blocks + x] = near_surface_at(surface, blocks, x, y, z);
+#endif
 }

@@ -125,10 +125,8 @@ def many_surfels(count: int = 5 * RUN + 77) -> np.ndarray:
 
 
 def uploaded(session, values: np.ndarray):
-    import pyopencl as cl
-
     buffer = session.buffer(values.nbytes)
-    cl.enqueue_copy(session.queue, buffer, np.ascontiguousarray(values))
+    session.upload(buffer, values)
     return buffer
 
 
@@ -152,19 +150,15 @@ class Bench:
 
     def see(self, live: SimpleNamespace, pose: np.ndarray) -> None:
         """Upload a frame, and the index map of what the map holds."""
-        import pyopencl as cl
-
-        image, queue = self.live.image, self.session.queue
-        cl.enqueue_copy(queue, image.depth, live.raw.astype(np.float32))
-        cl.enqueue_copy(queue, self.live.filtered, live.filtered.astype(np.float32))
+        image, session = self.live.image, self.session
+        session.upload(image.depth, live.raw.astype(np.float32))
+        session.upload(self.live.filtered, live.filtered.astype(np.float32))
         for place, plane in zip(image.normals, planes(live.normals), strict=True):
-            cl.enqueue_copy(queue, place, plane)
-        cl.enqueue_copy(queue, image.colour, live.colour)
-        cl.enqueue_copy(queue, self.ids, index_of(self.surfels.read(removed=True), pose).astype(np.int32))
+            session.upload(place, plane)
+        session.upload(image.colour, live.colour)
+        session.upload(self.ids, index_of(self.surfels.read(removed=True), pose).astype(np.int32))
 
     def indexed(self) -> np.ndarray:
-        import pyopencl as cl
-
         ids = np.empty((CAMERA.height, CAMERA.width), np.int32)
-        cl.enqueue_copy(self.session.queue, ids, self.ids)
+        self.session.download(self.ids, ids)
         return ids

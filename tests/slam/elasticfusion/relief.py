@@ -10,9 +10,9 @@ import numpy as np
 from slam.camera import Camera
 from slam.dense.images import cameras_of
 from slam.dense.reference import exponential, half_sample, normal_map, vertex_map
+from slam.devices.opencl import Session
 from slam.elasticfusion import reference_odometry as reference
 from slam.elasticfusion.images import RgbdImage
-from slam.opencl import Session
 from tests.slam.dense.scenes import planes
 
 CAMERA = Camera(80.0, 81.0, 39.3, 30.4, 80, 60)
@@ -68,13 +68,11 @@ def moved(*twist: float) -> np.ndarray:
 
 
 def upload(session: Session, seen: Seen, image: RgbdImage | None = None) -> RgbdImage:
-    import pyopencl as cl
-
     image = image or RgbdImage.allocate(session, seen.camera)
-    cl.enqueue_copy(session.queue, image.depth, seen.depth.astype(np.float32))
-    cl.enqueue_copy(session.queue, image.colour, seen.colour)
+    session.upload(image.depth, seen.depth.astype(np.float32))
+    session.upload(image.colour, seen.colour)
     for plane, values in zip(image.normals, planes(seen.normals), strict=True):
-        cl.enqueue_copy(session.queue, plane, values)
+        session.upload(plane, values)
     return image
 
 

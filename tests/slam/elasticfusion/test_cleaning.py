@@ -76,17 +76,15 @@ def test_judge_and_remove_condemned(launch):
 
 
 def test_remove_unstable(session):
-    import pyopencl as cl
-
     surfels = many_surfels()
     on_device, removed = written(session, surfels), session.buffer(4)
-    cl.enqueue_copy(session.queue, removed, np.zeros(1, np.int32))
+    session.upload(removed, np.zeros(1, np.int32))
     arguments = (on_device.seen, 12, 40, THRESHOLD, on_device.place, removed)
     on_device.kernel(CLEANING, "remove_unstable", *arguments)()
     expected, count = reference.remove_unstable(surfels, 12, 40, THRESHOLD)
     np.testing.assert_array_equal(on_device.read(removed=True), expected)
     total = np.empty(1, np.int32)
-    cl.enqueue_copy(session.queue, total, removed)
+    session.download(removed, total)
     assert total[0] == count > 100
 
 

@@ -9,14 +9,14 @@ import pytest
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
-from slam.dense.least_squares import SUMS, records_of
 from slam.dense.reference import exponential, solve_symmetric
+from slam.devices.layout import SUMS
+from slam.devices.opencl import Session
 from slam.elasticfusion import odometry
 from slam.elasticfusion import reference_odometry as reference
 from slam.elasticfusion.configuration import ICP_ONLY
 from slam.elasticfusion.odometry import ESTIMATE, SOURCE, Odometry, Registration, covariance
 from slam.elasticfusion.pyramid import Pyramid
-from slam.opencl import Session
 from tests.slam.dense.scenes import planes
 from tests.slam.elasticfusion.relief import CAMERA, Seen, levels_of, look, moved, upload
 
@@ -76,7 +76,7 @@ def test_equations_and_the_pose_they_lead_to(launch, session, weights):
         row[: len(found)] = found
     estimate = np.zeros(1, ESTIMATE)
     estimate["pose"], estimate["noise"] = pose[:3].ravel(), 4.0
-    count, size, group = records_of(session.layout, 40, 30)
+    count, size, group = session.layout.sums(40, 30)
     records = np.full((count, SUMS), 5, np.float32)
     launch(
         SOURCE, "equations", size, *arguments(source), *arguments(target), columns, counts, *weights, 0.1,
@@ -108,7 +108,7 @@ def test_a_level_that_has_converged_does_nothing(launch, session):
     (level,) = levels_of(look(np.eye(4), HALF), 1, 0.09)
     estimate = np.zeros(1, ESTIMATE)
     estimate["pose"], estimate["converged"] = MOTION[:3].ravel(), 1
-    count, size, group = records_of(session.layout, 40, 30)
+    count, size, group = session.layout.sums(40, 30)
     records = np.full((count, SUMS), 5, np.float32)
     launch(
         SOURCE, "equations", size, *arguments(level), *arguments(level), np.zeros((30, 40), np.int32),

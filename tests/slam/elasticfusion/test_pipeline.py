@@ -10,11 +10,12 @@ import pytest
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
 from slam.dense.reference import exponential
+from slam.devices.choice import choose_device
+from slam.devices.opencl import Session
 from slam.elasticfusion.configuration import Configuration
 from slam.elasticfusion.loops import Loops
 from slam.elasticfusion.pipeline import ElasticFusion, velocity_weight
 from slam.elasticfusion.surfels import MapFullError
-from slam.opencl import Session, choose_device
 from slam.system import STAGES, Exporting, Revising, Scene
 from tests.slam.elasticfusion.room import CAMERA, Recording, record, sideways, there_and_back, turned
 

@@ -78,10 +78,8 @@ def on_device(session, surfels: np.ndarray) -> Surfels:
 
 
 def fetched(session, buffer, shape, dtype) -> np.ndarray:
-    import pyopencl as cl
-
     array = np.empty(shape, dtype)
-    cl.enqueue_copy(session.queue, array, buffer)
+    session.download(buffer, array)
     return array
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from slam.camera import Camera
 from slam.dense.reference import bilateral_filter, millimetres_to_metres, normal_map
+from slam.devices.opencl import Session
 from slam.elasticfusion import preprocessing, pyramid
 from slam.elasticfusion import reference_odometry as reference
 from slam.elasticfusion.preprocessing import Live
 from slam.elasticfusion.pyramid import Pyramid
-from slam.opencl import Session
 from tests.slam.dense.scenes import planes
 from tests.slam.elasticfusion.relief import levels_of, look, moved, upload
 
@@ -20,10 +20,8 @@ SMALL = Camera(30.0, 31.0, 19.3, 14.6, 41, 31)
 
 
 def download(session: Session, buffer: object, camera: Camera, dtype: type = np.float32) -> np.ndarray:
-    import pyopencl as cl
-
     image = np.empty((camera.height, camera.width), dtype)
-    cl.enqueue_copy(session.queue, image, buffer)
+    session.download(buffer, image)
     return image
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slam.dense.images import intrinsics
-from slam.dense.least_squares import SUMS, records_of
 from slam.dense.reference import exponential, solve_symmetric
+from slam.devices.layout import SUMS
 from slam.elasticfusion import reference_odometry as reference
 from slam.elasticfusion.pyramid import Pyramid
 from slam.elasticfusion.rotation import ALIGNMENT, SOURCE, RotationAlignment
@@ -25,7 +25,7 @@ def test_turn_equations_and_the_turn_they_lead_to(launch, session):
     start = moved(0, 0, 0, 0.01, -0.02, 0)
     alignment = np.zeros(1, ALIGNMENT)
     alignment["pose"] = start[:3].ravel()
-    count, size, group = records_of(session.layout, 40, 30)
+    count, size, group = session.layout.sums(40, 30)
     records = np.full((count, SUMS), 5, np.float32)
     launch(
         SOURCE, "turn_equations", size, *images(present), *images(earlier), 40, 30,

@@ -9,7 +9,7 @@ import pytest
 
 from slam.camera import Camera
 from slam.dense.images import halved, intrinsics
-from slam.dense.least_squares import SUMS, records_of
+from slam.devices.layout import SUMS
 from slam.dense.reference import exponential, half_sample, normal_map, vertex_map
 from slam.kfusion import preprocessing, raycasting, reference, tracking, volume
 from slam.kfusion.pipeline import STATE
@@ -84,7 +84,7 @@ def tracking_problem() -> dict[str, np.ndarray]:
 def track(launch, session, problem, state, iteration: int = 0) -> np.ndarray:
     """The records that the kernel leaves; those that it does not write hold 5."""
     camera = halved(CAMERA)
-    count, size, group = records_of(session.layout, camera.width, camera.height)
+    count, size, group = session.layout.sums(camera.width, camera.height)
     records = np.full((count, SUMS), 5, np.float32)
     launch(
         tracking.SOURCE, "track", size, problem["depth"].astype(np.float32), *planes(problem["normals"]),

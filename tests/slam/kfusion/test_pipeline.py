@@ -12,7 +12,8 @@ from slam.configuration import ConfigurationError
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import KFusion
 from slam.kfusion.reference import exponential
-from slam.opencl import DeviceMemoryError, Session
+from slam.devices.device import DeviceMemoryError
+from slam.devices.opencl import Session
 from slam.system import STAGES, Scene
 
 CAMERA = Camera(120.0, 120.0, 79.5, 59.5, 160, 120)

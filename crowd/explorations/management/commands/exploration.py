@@ -14,6 +14,7 @@ from crowd.explorations.management import files
 from crowd.explorations.management.wishes import add_wishes, found, wished
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.first_run import THIS_MACHINE
+from slam.devices.device import BACKENDS
 
 LOOK_AGAIN_SECONDS = 5.0
 
@@ -61,8 +62,7 @@ class Command(BaseCommand):
     def _start(self, options: dict[str, Any]) -> None:
         device = _device(options["device"])
         with transaction.atomic():
-            if options["opencl"] is not None:
-                reference_devices.use_opencl_device(device, options["opencl"])
+            reference_devices.change(device, options["backend"], options["opencl"])
             exploration = steering.start(wished(options, device, options["application"]), COMMAND_LINE)
         queue = exploration.reference_device.queue
         self._say(f"Started {exploration}; a worker on queue {queue} measures it")
@@ -126,7 +126,8 @@ def _add_start(start: CommandParser) -> None:
     add_wishes(start)
     start.add_argument("--application", metavar="NAME", help="the system to measure (the space's name)")
     start.add_argument("--device", default=THIS_MACHINE, metavar="NAME", help="a reference device")
-    start.add_argument("--opencl", metavar="TEXT", help="the device's OpenCL device from now on")
+    start.add_argument("--backend", choices=BACKENDS, help="what computes on the device from now on")
+    start.add_argument("--opencl", metavar="TEXT", help="the backend's device from now on (part of its name)")
     start.add_argument("--wait", action="store_true", help="tell how it goes until it is finished")
 
 

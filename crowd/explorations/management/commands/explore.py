@@ -70,8 +70,7 @@ class Command(BaseCommand):
     def _created(self, application: str, options: dict[str, Any]) -> Exploration:
         with transaction.atomic():
             device = first_run.create_this_machine()
-            if options["device"] is not None:
-                reference_devices.use_opencl_device(device, options["device"])
+            reference_devices.change(device, None, options["device"])
             exploration = services.create(wished(options, device, application))
             steering.log(exploration, COMMAND_LINE, "started", "", str(exploration))
             return exploration

@@ -9,19 +9,23 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from time import perf_counter
 
 import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
-from slam.layout import Layout
-from slam.opencl import Device, OpenCLError, Session
+from slam.devices.device import Device, DeviceError
+from slam.devices.layout import Layout
+from slam.devices.opencl import Session
 from slam.system import Scene, System
 
 GROUPS = ((16, 8), (8, 8), (32, 4), (64, 2), (32, 8))
 SCENE = Scene(Camera(270.0, 270.0, 159.5, 119.5, 320, 240), 4.0, (0.5, 0.5, 0.1))
-FRAMES = 10  # KinectFusion does not track the first 4, and the next compile what is left
+FRAMES = 12
+FIRST_JUDGED = 6  # KinectFusion does not track the first 4, and the next compile what is left
+Progress = Callable[[int, int], object]  # called with how many are done, and how many there are
 
 
 @dataclass(frozen=True)
@@ -32,18 +36,19 @@ class Trial:
     kernels: tuple[Path, ...]
 
     def seconds(self, device: Device, layout: Layout) -> float:
-        """Wall seconds of the fastest frame of a wavy wall; infinite where the device refuses the layout."""
-        wall, painted = wavy_wall(SCENE.camera)
+        """Median wall seconds of a frame that tracks and raycasts a wavy wall which moves; infinite where the
+        device refuses the layout."""
+        images = [wavy_wall(SCENE.camera, shift=number) for number in range(FRAMES)]
         try:
             system = self.make(Session(device, layout))
             seconds = []
-            for _ in range(FRAMES):
+            for wall, painted in images:
                 began = perf_counter()
                 system.process(wall, painted)
                 seconds.append(perf_counter() - began)
-        except OpenCLError:
+        except DeviceError:
             return float("inf")
-        return min(seconds)
+        return median(seconds[FIRST_JUDGED:])
 
     def key(self, device: Device) -> str:
         """The device and the kernels: new kernels are tried anew."""
@@ -53,18 +58,23 @@ class Trial:
         return f"{device.label} {digest.hexdigest()[:16]}"
 
 
-def wavy_wall(camera: Camera) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:
-    """Depth (height, width) in millimetres and colour (height, width, 3) that hold a camera in every way."""
+def wavy_wall(camera: Camera, shift: int = 0) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.uint8]]:
+    """Depth (height, width) in millimetres and colour (height, width, 3) that hold a camera in every way.
+
+    SHIFT moves the wall by so many pixels.
+    """
     y, x = np.mgrid[: camera.height, : camera.width]
+    x = x + shift
     wall = (1600 + 200 * np.sin(x / 37.0) + 100 * np.cos(y / 23.0)).astype(np.uint16)
     painted = np.repeat((128 + 90 * np.sin(x / 7.0) * np.cos(y / 5.0)).astype(np.uint8)[..., None], 3, 2)
     return wall, painted
 
 
-def layout_for(device: Device, trial: Trial) -> Layout:
+def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -> Layout:
     """The fastest layout on `device`: the user's (FRONTRUNNER_KERNELS), the remembered one, or a new trial's.
 
-    A trial takes a second or two on a device that was never seen with these kernels.
+    A trial takes a second or two on a device that was never seen with these kernels, minutes on a slow phone:
+    `progress` is called after each layout.
     """
     if os.environ.get("FRONTRUNNER_KERNELS"):
         return Layout.for_device(device.kind)
@@ -73,7 +83,13 @@ def layout_for(device: Device, trial: Trial) -> Layout:
     if key in remembered:
         kind, width, height = remembered[key]
         return Layout(kind, (width, height))
-    best = min(candidates(device), key=lambda layout: trial.seconds(device, layout))
+    tried = candidates(device)
+    seconds = {}
+    for number, layout in enumerate(tried):
+        seconds[layout] = trial.seconds(device, layout)
+        if progress:
+            progress(number + 1, len(tried))
+    best = min(tried, key=seconds.__getitem__)
     _remember(place, key, best)
     return best
 

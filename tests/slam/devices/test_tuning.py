@@ -7,10 +7,12 @@ import json
 
 import pytest
 
-from slam.layout import Layout
-from slam.opencl import choose_device, list_devices
-from slam.systems import SYSTEMS
-from slam.tuning import candidates, layout_for
+from slam.devices.choice import choose_device, list_devices
+from slam.devices.layout import Layout
+from slam.devices.opencl import Session
+from slam.devices.tuning import FIRST_JUDGED, FRAMES, SCENE, candidates, layout_for, wavy_wall
+from slam.kfusion.pipeline import KFusion
+from slam.systems import SYSTEMS, TRIED
 
 TRIAL = SYSTEMS["kfusion"].trial
 
@@ -49,6 +51,23 @@ def test_a_damaged_memory_is_made_anew(cache, content):
     file.write_text(content)
     assert layout_for(choose_device(), TRIAL).kind in {"rows", "pixels"}
     assert json.loads(file.read_text())
+
+
+def test_a_trial_reports_each_layout(cache):
+    done = []
+    device = choose_device()
+    layout_for(device, TRIAL, lambda *count: done.append(count))
+
+    assert done == [(1, 2), (2, 2)] if device.kind == "cpu" else len(done) == 5
+
+
+def test_a_trial_judges_frames_that_track_and_raycast():
+    """Before, it took the fastest frame: one of the first four, which do neither."""
+    system = KFusion(TRIED, SCENE, Session(choose_device()))
+    frames = [system.process(*wavy_wall(SCENE.camera, number)) for number in range(FRAMES)]
+
+    assert all(frame.tracked for frame in frames[FIRST_JUDGED:])
+    assert all(frame.seconds["raycasting"] > 0 for frame in frames[FIRST_JUDGED:])
 
 
 def test_the_users_choice_comes_first(cache, monkeypatch):

@@ -5,12 +5,17 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from slam.opencl import DeviceMemoryError, NoDeviceError, Session, choose_device, list_devices
+from slam.devices.choice import choose_device, list_devices
+from slam.devices.device import DeviceError, DeviceMemoryError, NoDeviceError
+from slam.devices.opencl import Session
+from tests.slam.tiny import write_tiny_pack
 
+ROOT = Path(__file__).parents[3]
 DOUBLE = """
 kernel void twice(global const float *in, global float *out, int offset, float factor)
 {
@@ -40,7 +45,7 @@ def test_an_unknown_device_is_answered_with_those_present():
 
 
 def test_a_machine_without_opencl_is_told_what_to_install(tmp_path):
-    code = "from slam.opencl import choose_device\nchoose_device()"
+    code = "from slam.devices.choice import choose_device\nchoose_device()"
     environment = os.environ | {"OCL_ICD_VENDORS": str(tmp_path / "none")}
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     last = ended.stderr.strip().splitlines()[-1]
@@ -48,8 +53,6 @@ def test_a_machine_without_opencl_is_told_what_to_install(tmp_path):
 
 
 def test_a_kernel_keeps_its_arguments_from_launch_to_launch(tmp_path):
-    import pyopencl as cl
-
     source = tmp_path / "twice.cl"
     source.write_text(DOUBLE)
     for device in list_devices():
@@ -59,9 +62,9 @@ def test_a_kernel_keeps_its_arguments_from_launch_to_launch(tmp_path):
         # The output buffer has no other name than the kernel's argument.
         kernel = session.kernel(source, "twice", (5,), place, result := session.buffer(20), 3, 2.0)
         for shift in (0, 10):
-            cl.enqueue_copy(session.queue, place, given + np.float32(shift))
+            session.upload(place, given + np.float32(shift))
             kernel()
-            cl.enqueue_copy(session.queue, got, result)
+            session.download(result, got)
             np.testing.assert_array_equal(got, 2 * (given + shift) + 3)
 
 
@@ -69,3 +72,42 @@ def test_memory_beyond_the_device_is_refused_before_it_is_asked_for():
     device = choose_device()
     with pytest.raises(DeviceMemoryError, match=r"a map needs one buffer of .* MiB, .* allows at most"):
         Session(device).buffer(device.max_allocation + 1, "a map")
+
+
+def test_a_program_builds_in_a_folder_whose_name_has_a_space(tmp_path):
+    """Drivers split an include path at its spaces, so they get one text."""
+    folder = tmp_path / "my phone"
+    folder.mkdir()
+    (folder / "factor.h").write_text("#define FACTOR 2.0f\n")
+    (folder / "scaled.cl").write_text(
+        '#include "factor.h"\n#include "arithmetic.h"\n'
+        "kernel void scaled(global float *x) { x[get_global_id(0)] *= larger(FACTOR, 1.0f); }\n"
+    )
+    session = Session(choose_device())
+    values = np.arange(4, dtype=np.float32)
+    place = session.buffer(values.nbytes)
+    session.upload(place, values)
+    session.kernel(folder / "scaled.cl", "scaled", (4,), place)()
+    session.download(place, values)
+
+    np.testing.assert_array_equal(values, [0, 2, 4, 6])
+
+
+def test_what_a_driver_refuses_is_one_sentence(tmp_path):
+    source = tmp_path / "broken.cl"
+    source.write_text("kernel void broken(global float *x) { x[0] = y; }\n")
+    with pytest.raises(DeviceError, match=r"refused compiling broken\.cl: .+") as refused:
+        Session(choose_device()).kernel(source, "broken", (1,))
+    assert "\n" not in str(refused.value)
+
+
+def test_a_device_with_small_work_groups_measures_all_the_same(tmp_path):
+    """Groups of the layout by pixels have 128 work-items; this device allows half of that."""
+    environment = os.environ | {"POCL_MAX_WORK_GROUP_SIZE": "64", "FRONTRUNNER_KERNELS": "pixels"}
+    sequence = write_tiny_pack(tmp_path)
+    ended = subprocess.run(
+        [sys.executable, "-m", "slam", "run", "--sequence", str(sequence), "--set", "volume_resolution=64"],
+        capture_output=True, text=True, env=environment, cwd=ROOT, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stderr
+    assert "lost 0" in ended.stdout

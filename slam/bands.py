@@ -1,0 +1,108 @@
+"""How far devices that compute the same may lie apart: a reference trajectory and a band for each
+configuration.
+
+The same kernels on another driver, or laid out otherwise, round otherwise, and tracking carries that on. A
+client whose trajectory leaves the band computes something else.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.benchmark import run
+from slam.configuration import ConfigurationError
+from slam.datasets import Sequence
+from slam.datasets.sequence import Progress
+from slam.devices.choice import choose_device, list_devices, open_session
+from slam.devices.device import Device
+from slam.devices.layout import KINDS, Layout
+from slam.systems import complete
+
+# A band is so many times the largest deviation among the OpenCL devices here, and at least this wide (m):
+# drivers that are not here round differently, too.
+FACTOR = 3.0
+LEAST_BAND = 0.002
+DECIMALS = 6  # of a position in metres, and of a band
+
+
+@dataclass(frozen=True)
+class Reference:
+    """`trajectory`: positions of the camera (n, 3), m, in the volume's frame, of the first device and layout.
+
+    `deviations`: the largest distance (m) between the positions of any two devices or layouts, by their
+    names. `band`: the largest deviation (m) at which a device still computes the same.
+    """
+
+    trajectory: NDArray[np.float64]
+    deviations: Mapping[tuple[str, str], float]
+
+    @property
+    def band(self) -> float:
+        return round(max(LEAST_BAND, FACTOR * max(self.deviations.values())), DECIMALS)
+
+
+def deviation(positions: NDArray[np.float64], trajectory: NDArray[np.float64]) -> float:
+    """The largest distance (m) between frames of POSITIONS and TRAJECTORY, both (n, 3) in the volume's
+    frame.
+    """
+    return float(np.linalg.norm(positions - trajectory, axis=1).max())
+
+
+def reference(
+    configuration: Mapping[str, Any],
+    sequence: Sequence,
+    frames: int,
+    progress: Progress | None = None,
+) -> Reference:
+    """Run CONFIGURATION of KinectFusion over the first FRAMES of SEQUENCE on every OpenCL device in every
+    layout.
+
+    PROGRESS is called after each frame. Raises NoDeviceError where there is no device.
+    """
+    choose_device()
+    positions = {}
+    for name, device, layout in variants():
+        session = open_session(device, layout)
+        report = run(configuration, sequence, frames=frames, device=session, progress=progress)
+        positions[name] = report.poses[:, :3, 3]
+    first = next(iter(positions.values()))
+    return Reference(
+        first.round(DECIMALS),
+        {(a, b): deviation(positions[a], positions[b]) for a, b in combinations(positions, 2)},
+    )
+
+
+def variants() -> Iterator[tuple[str, Device, Layout]]:
+    """Each OpenCL device in each layout, with its name."""
+    for device in list_devices():
+        for kind in KINDS:
+            yield f"{device.name} {device.driver}, {kind}", device, Layout(kind)
+
+
+def read_front(path: Path) -> dict[str, Any]:
+    """The front in a JSON file. Raises ConfigurationError where it has no configurations of KinectFusion."""
+    front = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        for configuration in front["configurations"]:
+            complete("kfusion", configuration["parameters"])
+            str(configuration["name"])
+    except (KeyError, TypeError) as error:
+        raise ConfigurationError(
+            f"{path} is not a front: each configuration needs name and parameters"
+        ) from error
+    return dict(front)
+
+
+def front_text(front: Mapping[str, Any]) -> str:
+    """FRONT as JSON with a position on a line."""
+    text = json.dumps(front, indent=2, allow_nan=False)
+    return re.sub(r"\[\s+(-?[\d.e-]+),\s+(-?[\d.e-]+),\s+(-?[\d.e-]+)\s+\]", r"[\1, \2, \3]", text) + "\n"

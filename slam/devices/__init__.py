@@ -1,0 +1,1 @@
+"""Devices that execute kernels, and how kernels are laid out on each."""

@@ -1,0 +1,63 @@
+"""Which devices of which backend are present, and which of them measures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+from slam.devices import opencl
+from slam.devices.device import BACKENDS, Device, NoDeviceError
+from slam.devices.layout import Layout
+
+if TYPE_CHECKING:
+    from slam.devices.webgpu import WebGPUSession
+
+AnySession: TypeAlias = "opencl.Session | WebGPUSession"
+
+NAMES = {"opencl": "OpenCL", "webgpu": "WebGPU"}
+INSTALL = {
+    "opencl": (
+        "install a driver for the GPU, or PoCL for the CPU "
+        "(pip install pocl-binary-distribution on Linux x86-64, the package pocl-opencl-icd on Debian)"
+    ),
+    "webgpu": (
+        "install a driver of the GPU for Vulkan, Metal or Direct3D 12 (for the CPU Debian's package "
+        "mesa-vulkan-drivers), and the extra webgpu (pip install '.[webgpu]')"
+    ),
+}
+
+
+def list_devices(backend: str = "opencl") -> list[Device]:
+    """The devices of BACKEND, best first. Raises ValueError for an unknown backend."""
+    if backend not in BACKENDS:
+        raise ValueError(f"backend {backend!r}: choose one of {', '.join(BACKENDS)}")
+    if backend == "opencl":
+        return opencl.list_devices()
+    from slam.devices import webgpu  # an extra that not everyone has installed
+
+    return webgpu.list_devices()
+
+
+def choose_device(text: str | None = None, backend: str = "opencl") -> Device:
+    """The best device of BACKEND, or the best one whose label contains TEXT (case does not matter).
+
+    Raises NoDeviceError, naming what is present.
+    """
+    devices, name = list_devices(backend), NAMES[backend]
+    if not devices:
+        raise NoDeviceError(f"no {name} device here: {INSTALL[backend]}")
+    if not text:
+        return devices[0]
+    for device in devices:
+        if text.lower() in device.label.lower():
+            return device
+    present = "; ".join(device.label for device in devices)
+    raise NoDeviceError(f"no {name} device matches {text!r}; present: {present}")
+
+
+def open_session(device: Device, layout: Layout | None = None) -> AnySession:
+    """A session on DEVICE, with kernels laid out by LAYOUT (default: by the kind of device)."""
+    if device.backend == "opencl":
+        return opencl.Session(device, layout)
+    from slam.devices import webgpu
+
+    return webgpu.WebGPUSession(device, layout)

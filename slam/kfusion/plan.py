@@ -1,0 +1,342 @@
+"""What KinectFusion does with each frame, as data: nothing else knows the order of a frame.
+
+Frames 0 to 3 are integrated where the camera starts. The first raycast follows frame 3, so frame 4 is the
+first that can be tracked. A lost frame keeps the last pose and is not integrated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from itertools import pairwise
+
+from slam.camera import Camera
+from slam.configuration import ConfigurationError
+from slam.dense.images import cameras_of
+from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
+from slam.kfusion import configuration as constants
+from slam.kfusion.configuration import FRAMES_WITHOUT_TRACKING, LEVELS, Configuration
+from slam.plans.plan import STATE, Buffer, Dispatch, Frames, Kernel, Member, Parameter, Plan, Value
+from slam.system import Scene
+
+SCALE = 32766  # of the stored 16-bit distance: one truncation distance
+BLOCK = 8  # voxels along each side of a block
+NEAR_SURFACE = 0.8 * SCALE  # below it a ray takes small steps
+FARTHEST_MEASURED = 65535  # millimetres that 16 bits can say
+# A ray advances by at least this part of a voxel, however small mu is: each ray comes to its end.
+LEAST_STEP = 1 / 16
+EMPTY = SCALE | SCALE << 16  # two distances of empty space, of a voxel and of its neighbour
+
+MEMBERS = (
+    Member("pose", "f32", 12),  # camera to volume, metres; 3x4, row by row
+    Member("previous", "f32", 12),  # the pose before this frame's tracking
+    Member("view", "f32", 12),  # volume to model pixels: intrinsics times the inverse of the model's pose
+    Member("squared_error", "f32"),  # of the level and iteration solved last
+    Member("inliers", "f32"),
+    Member("iterating", "i32"),  # 0 once the current level needs no further iteration
+    Member("tracked", "i32"),  # the last pose check passed
+    Member("farthest", "f32"),  # largest depth of the frame, metres
+)
+
+
+def _buffer(name: str, access: str, kind: str = "f32", planes: int = 1) -> Parameter:
+    return Parameter(name, kind, access, planes)
+
+
+def _whole(*names: str) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name, "i32") for name in names)
+
+
+def _real(*names: str) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name, "f32") for name in names)
+
+
+CAMERA = Parameter("camera", "vec4f")  # fx, fy, cx, cy
+
+
+def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
+    """What each kernel takes. A word holds a voxel's weight where kernels own pixels; by rows it lies
+    apart.
+    """
+    weights = () if layout.pixels else (_buffer("weights", "write", "u8"),)
+    surface = "atomic" if layout.pixels else "write"
+    return (
+        Kernel("millimetres_to_metres", "images", (
+            _buffer("millimetres", "read", "u16"), *_whole("sensor_width", "ratio", "nearest", "farthest"),
+            _buffer("metres", "write"), *_whole("width", "height"),
+        )),
+        Kernel("farthest_of_rows", "preprocessing", (
+            _buffer("metres", "read"), *_whole("width", "height"), _buffer("row_farthest", "write"),
+        )),
+        Kernel("farthest_depth", "preprocessing", (
+            _buffer("row_farthest", "read"), *_whole("height"), _buffer("state", "write", STATE),
+        )),
+        Kernel("bilateral_filter", "images", (
+            _buffer("depth", "read"), _buffer("filtered", "write"), *_whole("width", "height"),
+            *_real("spatial_factor", "range_factor"),
+        )),
+        Kernel("half_sample", "images", (
+            _buffer("fine", "read"), *_whole("fine_width"), _buffer("coarse", "write"),
+            *_whole("width", "height"), *_real("range"),
+        )),
+        Kernel("normal_map", "images", (
+            _buffer("depth", "read"), _buffer("normals", "write", planes=3), *_whole("width", "height"),
+            CAMERA,
+        )),
+        Kernel("begin_tracking", "tracking", (CAMERA, _buffer("state", "write", STATE))),
+        Kernel("track", "tracking", (
+            _buffer("depth", "read"), _buffer("normals", "read", planes=3), *_whole("width", "height"),
+            CAMERA, _buffer("model_vertices", "read", planes=3), _buffer("model_normals", "read", planes=3),
+            *_whole("model_width", "model_height"), *_real("max_distance", "min_dot"), *_whole("conditional"),
+            _buffer("state", "read", STATE), _buffer("records", "write"),
+        )),
+        Kernel("solve", "tracking", (
+            _buffer("records", "read"), *_whole("count"), *_real("threshold"), *_whole("conditional"),
+            _buffer("state", "write", STATE),
+        )),
+        Kernel("check_pose", "tracking", (
+            *_whole("pixels"), *_real("max_residual", "min_inliers"), _buffer("state", "write", STATE),
+        )),
+        Kernel("integrate", "volume", (
+            _buffer("voxels", "write", "u32"), *weights, *_whole("resolution"), *_real("voxel_size"),
+            _buffer("surface", surface, "i32"), *_whole("blocks"), _buffer("depth", "read"),
+            *_whole("width", "height"), CAMERA, *_real("mu", "max_weight", "near_surface"),
+            *_whole("conditional"), _buffer("state", "read", STATE),
+        )),
+        Kernel("dilate_blocks", "volume", (
+            _buffer("surface", "read", "i32"), _buffer("searched", "write", "i32"), *_whole("blocks",
+            "conditional"), _buffer("state", "read", STATE),
+        )),
+        Kernel("raycast", "raycasting", (
+            _buffer("voxels", "read", "u32"), *_whole("resolution"), *_real("voxel_size"),
+            _buffer("searched", "read", "i32"), *_whole("blocks", "width", "height"), CAMERA,
+            *_real("near_plane", "far_plane", "small_step", "large_step", "near_surface"),
+            _buffer("state", "read", STATE), _buffer("vertices", "write", planes=3),
+            _buffer("normals", "write", planes=3),
+        )),
+    )  # fmt: skip
+
+
+def constants_of(layout: Layout) -> dict[str, int | float]:
+    """What kernels of every language share by name."""
+    found: dict[str, int | float] = {
+        "BLOCK": BLOCK,
+        "SCALE": float(SCALE),
+        "SUMS": SUMS,
+        "SUM_GROUP": SUM_GROUP,
+        "SOLVERS": SOLVERS,
+    }
+    return found | {"GROUP_X": layout.group[0], "GROUP_Y": layout.group[1]} if layout.pixels else found
+
+
+def plan(configuration: Configuration, scene: Scene, layout: Layout) -> Plan:
+    """The plan of one frame for CONFIGURATION in SCENE, for kernels laid out by LAYOUT.
+
+    Layouts differ in buffers, sizes and the format of a voxel, never in order, conditions or constants.
+    Raises ConfigurationError where the images cannot be divided by the compute size ratio, or no volume is
+    left.
+    """
+    camera = _camera(configuration, scene)
+    return Plan(
+        system="kfusion",
+        layout=layout.kind,
+        configuration=asdict(configuration),
+        scene=asdict(scene),
+        constants=constants_of(layout),
+        state=MEMBERS,
+        initial=_initial(scene),
+        buffers=_buffers(configuration, scene, layout, cameras_of(camera, LEVELS)),
+        kernels=kernels_of(layout),
+        dispatches=(
+            *_preprocessing(scene, configuration, camera, layout),
+            *_tracking(configuration, cameras_of(camera, LEVELS), layout),
+            *_integration(configuration, scene, camera, layout),
+            *_raycasting(configuration, scene, camera, layout),
+        ),
+        input="millimetres",
+    )
+
+
+def _camera(configuration: Configuration, scene: Scene) -> Camera:
+    ratio = configuration.compute_size_ratio
+    try:
+        camera = scene.camera.scaled(ratio)
+    except ValueError as error:
+        raise ConfigurationError(f"compute_size_ratio={ratio}: {error}") from error
+    if min(camera.width, camera.height) < 2 ** (LEVELS - 1):
+        raise ConfigurationError(
+            f"compute_size_ratio={ratio}: leaves {camera.width}x{camera.height} pixels, "
+            f"too few for {LEVELS} levels"
+        )
+    if scene.volume_size <= 0:
+        raise ConfigurationError(f"volume_size={scene.volume_size}: must be above 0 (metres)")
+    return camera
+
+
+def _initial(scene: Scene) -> dict[str, tuple[int | float, ...]]:
+    x, y, z = (fraction * scene.volume_size for fraction in scene.initial_position)
+    return {"pose": (1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z)}
+
+
+def _buffers(
+    configuration: Configuration, scene: Scene, layout: Layout, cameras: list[Camera]
+) -> tuple[Buffer, ...]:
+    finest = cameras[0]
+    pixels = finest.width * finest.height
+    resolution, blocks = configuration.volume_resolution, blocks_of(configuration.volume_resolution)
+    most, _, _ = layout.sums(finest.width, finest.height)
+    levels = [
+        Buffer(f"{name}_{level}", "f32", camera.width * camera.height, planes)
+        for level, camera in enumerate(cameras)
+        for name, planes in (("filtered", 1), ("normals", 3))
+    ]
+    if layout.pixels:
+        volume = [Buffer("voxels", "u32", resolution**3)]
+    else:
+        volume = [Buffer("voxels", "u32", resolution**3, fill=EMPTY), Buffer("weights", "u8", resolution**3)]
+    return (
+        Buffer("state", STATE, 1),
+        Buffer("millimetres", "u16", scene.camera.width * scene.camera.height),
+        Buffer("depth", "f32", pixels),
+        Buffer("row_farthest", "f32", finest.height),
+        *levels,
+        Buffer("model_vertices", "f32", pixels, 3),
+        Buffer("model_normals", "f32", pixels, 3),
+        Buffer("records", "f32", SUMS * most),
+        *volume,
+        Buffer("surface", "i32", blocks**3),
+        Buffer("searched", "i32", blocks**3),
+    )
+
+
+def _preprocessing(
+    scene: Scene, configuration: Configuration, camera: Camera, layout: Layout
+) -> list[Dispatch]:
+    width, height = camera.width, camera.height
+    size, group = layout.over(width, height)
+    spatial, range_ = constants.BILATERAL_SPATIAL_SIGMA, constants.BILATERAL_RANGE_SIGMA
+
+    def launch(kernel: str, size: tuple[int, ...], group: tuple[int, ...], **arguments: Value) -> Dispatch:
+        return Dispatch(kernel, "preprocessing", size, group, arguments)
+
+    return [
+        launch(
+            "millimetres_to_metres", size, group, millimetres="millimetres", sensor_width=scene.camera.width,
+            ratio=configuration.compute_size_ratio, nearest=0, farthest=FARTHEST_MEASURED, metres="depth",
+            width=width, height=height,
+        ),
+        launch(
+            "farthest_of_rows", *layout.lines(height), metres="depth", width=width, height=height,
+            row_farthest="row_farthest",
+        ),
+        launch("farthest_depth", *layout.one_group(SUM_GROUP), row_farthest="row_farthest", height=height,
+               state="state"),
+        launch(
+            "bilateral_filter", size, group, depth="depth", filtered="filtered_0", width=width, height=height,
+            spatial_factor=0.5 / spatial**2, range_factor=0.5 / range_**2,
+        ),
+    ]  # fmt: skip
+
+
+def _tracking(configuration: Configuration, cameras: list[Camera], layout: Layout) -> list[Dispatch]:
+    frames = (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.tracking_rate),)
+    finest = cameras[0]
+    found: list[Dispatch] = []
+
+    def launch(
+        kernel: str,
+        size: tuple[int, ...],
+        group: tuple[int, ...],
+        flag: str | None = None,
+        **arguments: Value,
+    ) -> None:
+        found.append(Dispatch(kernel, "tracking", size, group, arguments, frames, flag))
+
+    for level, (fine, coarse) in enumerate(pairwise(cameras)):
+        launch(
+            "half_sample", *layout.over(coarse.width, coarse.height), fine=f"filtered_{level}",
+            fine_width=fine.width, coarse=f"filtered_{level + 1}", width=coarse.width, height=coarse.height,
+            range=constants.HALF_SAMPLE_RANGE,
+        )  # fmt: skip
+    for level, camera in enumerate(cameras):
+        launch(
+            "normal_map", *layout.over(camera.width, camera.height), depth=f"filtered_{level}",
+            normals=f"normals_{level}", width=camera.width, height=camera.height, camera=_intrinsics(camera),
+        )  # fmt: skip
+    launch("begin_tracking", *layout.one_group(1), camera=_intrinsics(finest), state="state")
+    last = finest
+    for level, iterations in reversed(list(enumerate(configuration.iterations))):
+        camera = cameras[level]
+        count, size, group = layout.sums(camera.width, camera.height)
+        for iteration in range(iterations):
+            last = camera
+            flag, conditional = ("iterating", 1) if iteration else (None, 0)
+            launch(
+                "track", size, group, flag, depth=f"filtered_{level}", normals=f"normals_{level}",
+                width=camera.width, height=camera.height, camera=_intrinsics(camera),
+                model_vertices="model_vertices", model_normals="model_normals", model_width=finest.width,
+                model_height=finest.height, max_distance=constants.ASSOCIATION_DISTANCE,
+                min_dot=constants.ASSOCIATION_NORMAL, conditional=conditional, state="state",
+                records="records",
+            )  # fmt: skip
+            launch(
+                "solve", *layout.one_group(SOLVERS), flag, records="records", count=count,
+                threshold=configuration.icp_threshold, conditional=conditional, state="state",
+            )  # fmt: skip
+    launch(
+        "check_pose", *layout.one_group(1), pixels=last.width * last.height,
+        max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS, state="state",
+    )  # fmt: skip
+    return found
+
+
+def _integration(
+    configuration: Configuration, scene: Scene, camera: Camera, layout: Layout
+) -> list[Dispatch]:
+    resolution, blocks = configuration.volume_resolution, blocks_of(configuration.volume_resolution)
+    weights: dict[str, Value] = {} if layout.pixels else {"weights": "weights"}
+    columns = layout.over(resolution, resolution) if layout.pixels else ((blocks, blocks), (1, 1))
+    return [
+        dispatch
+        for frames, flag, conditional in (
+            (Frames(last=FRAMES_WITHOUT_TRACKING - 1), None, 0),
+            (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.integration_rate), "tracked", 1),
+        )
+        for dispatch in (
+            Dispatch("integrate", "integration", *columns, {
+                "voxels": "voxels", **weights, "resolution": resolution,
+                "voxel_size": scene.volume_size / resolution, "surface": "surface", "blocks": blocks,
+                "depth": "depth", "width": camera.width, "height": camera.height,
+                "camera": _intrinsics(camera), "mu": configuration.mu, "max_weight": constants.MAX_WEIGHT,
+                "near_surface": NEAR_SURFACE, "conditional": conditional, "state": "state",
+            }, (frames,), flag),
+            Dispatch("dilate_blocks", "integration", *layout.blocks(blocks), {
+                "surface": "surface", "searched": "searched", "blocks": blocks, "conditional": conditional,
+                "state": "state",
+            }, (frames,), flag),
+        )
+    ]  # fmt: skip
+
+
+def _raycasting(configuration: Configuration, scene: Scene, camera: Camera, layout: Layout) -> list[Dispatch]:
+    resolution = configuration.volume_resolution
+    voxel_size = scene.volume_size / resolution
+    return [
+        Dispatch("raycast", "raycasting", *layout.over(camera.width, camera.height), {
+            "voxels": "voxels", "resolution": resolution, "voxel_size": voxel_size, "searched": "searched",
+            "blocks": blocks_of(resolution), "width": camera.width, "height": camera.height,
+            "camera": _intrinsics(camera), "near_plane": constants.NEAR_PLANE,
+            "far_plane": constants.FAR_PLANE, "small_step": voxel_size,
+            "large_step": max(0.75 * configuration.mu, LEAST_STEP * voxel_size),
+            "near_surface": NEAR_SURFACE, "state": "state", "vertices": "model_vertices",
+            "normals": "model_normals",
+        }, (Frames(first=FRAMES_WITHOUT_TRACKING - 1),)),
+    ]  # fmt: skip
+
+
+def blocks_of(resolution: int) -> int:
+    """Blocks along each side of a volume."""
+    return -(-resolution // BLOCK)
+
+
+def _intrinsics(camera: Camera) -> tuple[float, ...]:
+    return (camera.fx, camera.fy, camera.cx, camera.cy)

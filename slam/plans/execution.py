@@ -1,0 +1,71 @@
+"""What every executor of a plan offers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from slam.plans.plan import Dispatch, Frames, Plan
+
+# Who measured the stages: the device's clock, the host's, or nobody.
+CLOCKS = ("device", "wall", "none")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one frame: the state after it, and seconds.
+
+    `computation` is the wall time from the first upload until the state was read back. `stages` is the
+    device's time by stage, empty where it has no clock; stages in which nothing was launched took 0.
+    """
+
+    state: np.ndarray[Any, np.dtype[np.void]]
+    computation: float
+    stages: Mapping[str, float]
+
+
+class Execution(Protocol):
+    """A plan on a device, ready for its first frame."""
+
+    plan: Plan
+    stage_clock: str
+
+    def run(self, number: int, image: npt.NDArray[np.uint16] | None = None) -> Outcome:
+        """Launch what takes place in frame NUMBER over IMAGE, and wait for the state. None keeps the last
+        image.
+        """
+
+    def read(self, name: str, first: int = 0, count: int | None = None) -> npt.NDArray[Any]:
+        """COUNT values (default all) of the buffer NAME from FIRST on: (planes, count); the state is ()."""
+
+    def write(self, name: str, values: npt.NDArray[Any]) -> None:
+        """Replace the content of the buffer NAME by VALUES (planes, count), or the state by ()."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Dispatches of one stage, one after another, that take place in the same frames."""
+
+    stage: str
+    frames: tuple[Frames, ...]
+    dispatches: tuple[Dispatch, ...]
+
+    def takes_place(self, number: int) -> bool:
+        """Whether they are launched in frame NUMBER."""
+        return any(frames.hold(number) for frames in self.frames)
+
+
+def segments(plan: Plan) -> tuple[Segment, ...]:
+    """The dispatches of PLAN in their order, those together that share their stage and their frames."""
+    found: list[Segment] = []
+    for dispatch in plan.dispatches:
+        if found and (found[-1].stage, found[-1].frames) == (dispatch.stage, dispatch.frames):
+            last = found.pop()
+            found.append(Segment(last.stage, last.frames, (*last.dispatches, dispatch)))
+        else:
+            found.append(Segment(dispatch.stage, dispatch.frames, (dispatch,)))
+    return tuple(found)

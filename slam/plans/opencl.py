@@ -1,0 +1,113 @@
+"""Executes a plan on an OpenCL device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from slam.devices.opencl import BoundKernel, Session
+from slam.plans import declarations
+from slam.plans.execution import Outcome, Segment, segments
+from slam.plans.plan import STATE, TYPES, Dispatch, Plan
+
+if TYPE_CHECKING:
+    from slam.devices.opencl import Buffer, Event
+
+
+class OpenCLExecution:
+    """An `Execution` whose kernels are compiled from the `.cl` files of FOLDERS.
+
+    Everything of a frame is enqueued at once; reading the state back is its one synchronisation. Raises
+    DeviceError where the device refuses a kernel, and DeviceMemoryError where it cannot hold a buffer.
+    """
+
+    def __init__(self, plan: Plan, session: Session, folders: Sequence[Path]) -> None:
+        self.plan = plan
+        self.stage_clock = "device"
+        self._session = session
+        self._folders = folders
+        self._declarations = declarations.opencl(plan)
+        self._state = plan.initial_state()
+        self._buffers: dict[str, list[Buffer]] = {}
+        for buffer in plan.buffers:
+            nbytes = buffer.nbytes(self._state.itemsize)
+            self._buffers[buffer.name] = planes = [
+                session.buffer(nbytes, f"the buffer {buffer.name}") for _ in range(buffer.planes)
+            ]
+            for plane in planes:
+                session.fill(plane, nbytes, buffer.fill)
+        self.write(STATE, self._state)
+        self._segments: list[tuple[Segment, list[BoundKernel]]] = [
+            (segment, [self._bound(dispatch) for dispatch in segment.dispatches])
+            for segment in segments(plan)
+        ]
+        session.finish()
+
+    def run(self, number: int, image: npt.NDArray[np.uint16] | None = None) -> Outcome:
+        began = perf_counter()
+        if image is not None:
+            self._session.upload(self._buffers[self.plan.input][0], image, wait=False)
+        spans: dict[str, tuple[Event, Event]] = {}
+        for segment, kernels in self._segments:
+            if segment.takes_place(number):
+                events = [kernel() for kernel in kernels]
+                first, _ = spans.get(segment.stage, (events[0], None))
+                spans[segment.stage] = (first, events[-1])
+        state = np.empty_like(self._state)
+        self._session.download(self._buffers[STATE][0], state)
+        computation = perf_counter() - began
+        return Outcome(state, computation, self._stages(spans))
+
+    def read(self, name: str, first: int = 0, count: int | None = None) -> npt.NDArray[Any]:
+        buffer = self.plan.buffer(name)
+        if buffer.type == STATE:
+            state = np.empty_like(self._state)
+            self._session.download(self._buffers[name][0], state)
+            return state
+        kind = np.dtype(TYPES[buffer.type])
+        values = np.empty((buffer.planes, buffer.count - first if count is None else count), kind)
+        for plane, place in zip(values, self._buffers[name], strict=True):
+            self._session.download(place, plane, first * kind.itemsize)
+        return values
+
+    def write(self, name: str, values: npt.NDArray[Any]) -> None:
+        planes = [values] if self.plan.buffer(name).type == STATE else values
+        for plane, place in zip(planes, self._buffers[name], strict=True):
+            self._session.upload(place, plane)
+
+    def _bound(self, dispatch: Dispatch) -> BoundKernel:
+        kernel = self.plan.kernel(dispatch.kernel)
+        arguments: list[Any] = []
+        for parameter in kernel.parameters:
+            value = dispatch.arguments[parameter.name]
+            if isinstance(value, str):
+                arguments += self._buffers[value]
+            elif isinstance(value, tuple):
+                arguments.append(np.array(value, np.float32))
+            else:
+                arguments.append(float(value) if parameter.type == "f32" else value)
+        source = next(path for folder in self._folders if (path := folder / f"{kernel.source}.cl").is_file())
+        return self._session.kernel(
+            source,
+            kernel.name,
+            dispatch.size,
+            *arguments,
+            group=dispatch.group,
+            declarations=self._declarations,
+        )
+
+    def _stages(self, spans: dict[str, tuple[Event, Event]]) -> dict[str, float]:
+        """Seconds between the first launch of each stage, or the end of the one before, and its last launch's
+        end.
+        """
+        found = dict.fromkeys(self.plan.stages, 0.0)
+        before = 0
+        for stage, (first, last) in spans.items():
+            begin, before = max(first.profile.start, before), last.profile.end
+            found[stage] = 1e-9 * (before - begin)
+        return found

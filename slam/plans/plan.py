@@ -1,0 +1,189 @@
+"""A frame as data: buffers, constants, the layout of the state, and the dispatches in their order.
+
+Whoever executes a plan knows nothing of the algorithm, and whoever writes one knows nothing of OpenCL or
+WebGPU. `schema.json` describes the JSON form.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+VERSION = 1
+SCHEMA = Path(__file__).parent / "schema.json"
+TYPES = {"f32": np.float32, "i32": np.int32, "u32": np.uint32, "u16": np.uint16, "u8": np.uint8}
+STATE = "state"  # the type of the one buffer that holds what tracking keeps between frames
+
+Number = int | float
+# A buffer's name, a scalar, or four floats.
+Value = str | Number | tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Member:
+    """COUNT values of TYPE in the state, one after another."""
+
+    name: str
+    type: str
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class Buffer:
+    """PLANES images of COUNT values of TYPE each; every 32-bit word holds FILL before the first frame.
+
+    A kernel gets the planes one by one (OpenCL), or all of them in one buffer one after another (WebGPU).
+    """
+
+    name: str
+    type: str
+    count: int
+    planes: int = 1
+    fill: int = 0
+
+    def nbytes(self, state_size: int) -> int:
+        """Bytes of one plane, in whole 32-bit words."""
+        size = state_size if self.type == STATE else np.dtype(TYPES[self.type]).itemsize
+        return -(-size * self.count // 4) * 4
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """What a kernel takes: a buffer, or a scalar or vec4f (without `access`).
+
+    `access` is "read", "write" (and read), or "atomic" where several work-items may write the same word.
+    """
+
+    name: str
+    type: str
+    access: str | None = None
+    planes: int = 1
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A kernel's name and what it takes, in this order.
+
+    Its OpenCL code lies in `source`.cl with others, its WGSL code in `name`.wgsl.
+    """
+
+    name: str
+    source: str
+    parameters: tuple[Parameter, ...]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Every EVERY-th frame from FIRST to LAST (None: without end); frame numbers start at 0."""
+
+    first: int = 0
+    last: int | None = None
+    every: int = 1
+
+    def hold(self, number: int) -> bool:
+        """Whether frame NUMBER is one of them."""
+        return (
+            number >= self.first and (self.last is None or number <= self.last) and number % self.every == 0
+        )
+
+
+@dataclass(frozen=True)
+class Dispatch:
+    """One launch of KERNEL over SIZE work-items in groups of GROUP, with ARGUMENTS by name.
+
+    It takes place in the frames that any of `frames` holds. Where `flag` names a member of the state, the
+    kernel returns at once unless that member is nonzero: the device decides, the host waits for nothing.
+    """
+
+    kernel: str
+    stage: str
+    size: tuple[int, ...]
+    group: tuple[int, ...]
+    arguments: Mapping[str, Value]
+    frames: tuple[Frames, ...] = (Frames(),)
+    flag: str | None = None
+
+    def takes_place(self, number: int) -> bool:
+        """Whether it is launched in frame NUMBER."""
+        return any(frames.hold(number) for frames in self.frames)
+
+    @property
+    def groups(self) -> tuple[int, ...]:
+        """How many groups cover SIZE, in each direction."""
+        return tuple(-(-size // group) for size, group in zip(self.size, self.group, strict=True))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How one configuration of a system treats each frame of a scene.
+
+    `input`: the buffer that takes each frame's depth image, uint16 millimetres, row by row. `state`: the
+    members of the struct in the buffer of type "state", without padding; `initial` are those that do not
+    start at 0.
+    """
+
+    system: str
+    layout: str
+    configuration: Mapping[str, Number]
+    scene: Mapping[str, Any]
+    constants: Mapping[str, Number]
+    state: tuple[Member, ...]
+    initial: Mapping[str, tuple[Number, ...]]
+    buffers: tuple[Buffer, ...]
+    kernels: tuple[Kernel, ...]
+    dispatches: tuple[Dispatch, ...]
+    input: str
+    version: int = field(default=VERSION)
+
+    @property
+    def state_type(self) -> np.dtype[np.void]:
+        """The state as NumPy reads it."""
+        return np.dtype(
+            [
+                (member.name, TYPES[member.type], *([member.count] if member.count > 1 else []))
+                for member in self.state
+            ]
+        )
+
+    def initial_state(self) -> np.ndarray[Any, np.dtype[np.void]]:
+        """The state before the first frame, ()."""
+        state = np.zeros((), self.state_type)
+        for name, values in self.initial.items():
+            state[name] = values if len(values) > 1 else values[0]
+        return state
+
+    def buffer(self, name: str) -> Buffer:
+        """The buffer NAME. Raises KeyError where there is none."""
+        return {buffer.name: buffer for buffer in self.buffers}[name]
+
+    def kernel(self, name: str) -> Kernel:
+        """The kernel NAME. Raises KeyError where there is none."""
+        return {kernel.name: kernel for kernel in self.kernels}[name]
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stages of a frame in their order."""
+        return tuple(dict.fromkeys(dispatch.stage for dispatch in self.dispatches))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values; equal plans give equal text."""
+        return {"version": self.version} | {
+            name: value for name, value in _plain(asdict(self)).items() if name != "version"
+        }
+
+    def to_json(self) -> str:
+        """The plan as the text of a file."""
+        return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    return value

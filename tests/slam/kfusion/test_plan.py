@@ -1,0 +1,133 @@
+"""The plan of a frame: golden files, the schema, and what layouts may and may not change."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slam.camera import Camera
+from slam.configuration import ConfigurationError
+from slam.devices.layout import KINDS, Layout
+from slam.kfusion.configuration import Configuration
+from slam.kfusion.plan import plan
+from slam.plans.execution import segments
+from slam.plans.plan import SCHEMA, STATE
+from slam.system import Scene
+
+GOLDEN = Path(__file__).parent / "plans"
+SCENE = Scene(Camera(120.0, 120.0, 79.5, 59.5, 160, 120), volume_size=3.2, initial_position=(0.5, 0.5, 0.1))
+SMALL = Configuration(
+    compute_size_ratio=2, volume_resolution=64, integration_rate=3, tracking_rate=2, mu=0.2,
+    pyramid_iterations_fine=2, pyramid_iterations_middle=1, pyramid_iterations_coarse=0,
+)  # fmt: skip
+CONFIGURATIONS = st.builds(
+    Configuration,
+    compute_size_ratio=st.sampled_from([1, 2, 4]),
+    integration_rate=st.integers(1, 30),
+    tracking_rate=st.integers(1, 9),
+    icp_threshold=st.floats(0, 60),
+    mu=st.floats(1e-9, 1),
+    volume_resolution=st.sampled_from([8, 60, 64, 128]),
+    pyramid_iterations_fine=st.integers(1, 10),
+    pyramid_iterations_middle=st.integers(0, 10),
+    pyramid_iterations_coarse=st.integers(0, 10),
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_plan_is_the_golden_one(kind):
+    """To change it on purpose, write `to_json()` over the file."""
+    assert plan(SMALL, SCENE, Layout(kind)).to_json() == (GOLDEN / f"{kind}.json").read_text(encoding="utf-8")
+
+
+@given(CONFIGURATIONS, st.sampled_from(KINDS))
+def test_a_plan_follows_the_schema(configuration, kind):
+    document = json.loads(plan(configuration, SCENE, Layout(kind)).to_json())
+
+    jsonschema.validate(document, json.loads(SCHEMA.read_text(encoding="utf-8")))
+
+
+@given(CONFIGURATIONS, st.sampled_from(KINDS))
+def test_every_argument_is_what_its_kernel_takes(configuration, kind):
+    made = plan(configuration, SCENE, Layout(kind))
+    for dispatch in made.dispatches:
+        for parameter in made.kernel(dispatch.kernel).parameters:
+            value = dispatch.arguments[parameter.name]
+            if parameter.access:
+                buffer = made.buffer(value)
+                assert (buffer.type, buffer.planes) == (parameter.type, parameter.planes)
+            elif parameter.type == "vec4f":
+                assert len(value) == 4
+            else:
+                assert isinstance(value, int | float)
+        assert set(dispatch.arguments) == {p.name for p in made.kernel(dispatch.kernel).parameters}
+        assert all(size % group == 0 for size, group in zip(dispatch.size, dispatch.group, strict=True))
+
+
+@given(CONFIGURATIONS)
+def test_layouts_share_order_conditions_and_values(configuration):
+    rows, pixels = (plan(configuration, SCENE, Layout(kind)) for kind in KINDS)
+
+    def what(dispatch):
+        scalars = {k: v for k, v in dispatch.arguments.items() if not isinstance(v, str) and k != "count"}
+        return dispatch.kernel, dispatch.stage, dispatch.frames, dispatch.flag, scalars
+
+    assert list(map(what, rows.dispatches)) == list(map(what, pixels.dispatches))
+    assert rows.state == pixels.state
+    assert rows.constants.items() <= pixels.constants.items()
+
+
+def test_by_pixels_a_kernel_has_eight_storage_buffers_and_groups_of_128_at_most():
+    made = plan(SMALL, SCENE, Layout("pixels"))
+    for kernel in made.kernels:
+        assert sum(parameter.access is not None for parameter in kernel.parameters) <= 8
+    for dispatch in made.dispatches:
+        assert dispatch.group[0] * (dispatch.group[1] if len(dispatch.group) > 1 else 1) <= 128
+    assert all(buffer.fill == 0 for buffer in made.buffers)
+
+
+def test_rates_decide_in_which_frames_a_stage_runs():
+    made = plan(SMALL, SCENE, Layout("pixels"))
+    frames = {
+        stage: [n for n in range(10) if any(d.stage == stage and d.takes_place(n) for d in made.dispatches)]
+        for stage in made.stages
+    }
+
+    assert frames == {
+        "preprocessing": list(range(10)),
+        "tracking": [4, 6, 8],
+        "integration": [0, 1, 2, 3, 6, 9],
+        "raycasting": [3, 4, 5, 6, 7, 8, 9],
+    }
+
+
+def test_a_stage_is_one_segment_unless_its_conditions_differ():
+    assert [segment.stage for segment in segments(plan(SMALL, SCENE, Layout("rows")))] == [
+        "preprocessing", "tracking", "integration", "integration", "raycasting",
+    ]  # fmt: skip
+
+
+def test_a_ray_makes_progress_however_small_mu_is():
+    """The step was three quarters of mu alone: with 1e-9 a ray never came to its end."""
+    made = plan(dataclasses.replace(SMALL, mu=1e-9), SCENE, Layout("rows"))
+    [raycast] = [dispatch for dispatch in made.dispatches if dispatch.kernel == "raycast"]
+
+    assert raycast.arguments["large_step"] == pytest.approx(3.2 / 64 / 16)
+
+
+def test_the_state_has_no_padding():
+    made = plan(SMALL, SCENE, Layout("rows"))
+
+    assert made.state_type.itemsize == sum(4 * member.count for member in made.state)
+    assert made.buffer("state").type == STATE
+
+
+def test_a_volume_without_size_is_refused():
+    with pytest.raises(ConfigurationError, match=r"volume_size=0: must be above 0"):
+        plan(SMALL, dataclasses.replace(SCENE, volume_size=0), Layout("rows"))
