@@ -21,8 +21,10 @@ class NoBrowserError(Exception):
 
 
 @contextmanager
-def launched() -> Iterator[Any]:
-    """A running browser. Raises NoBrowserError where none, or no Playwright, is installed."""
+def launched(*more: str) -> Iterator[Any]:
+    """A running browser, started with MORE flags too. Raises NoBrowserError where none, or no Playwright, is
+    installed.
+    """
     executable = next((path for name in NAMES if (path := shutil.which(name))), None)
     if executable is None:
         raise NoBrowserError(f"no browser: none of {', '.join(NAMES)} is on the PATH")
@@ -31,7 +33,7 @@ def launched() -> Iterator[Any]:
     except ImportError as error:
         raise NoBrowserError("playwright is not installed") from error
     # Chromium's sandbox refuses to run as root.
-    flags = [*FLAGS, "--no-sandbox"] if os.geteuid() == 0 else list(FLAGS)
+    flags = [*FLAGS, *more, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable, args=flags)
         try:

@@ -1,5 +1,5 @@
 // Sums the records, solves for the twist and moves the pose by it. One workgroup, of which each invocation sums one float
-// of every fourth record.
+// of its share of the records.
 #include "solving.wgsl"
 
 var<workgroup> wanted: i32;

@@ -1,4 +1,4 @@
-"""Every kernel of this package in NumPy, under its own name: slow, and obviously right.
+"""Every kernel of slam.kfusion in NumPy, under its own name: slow, and obviously right.
 
 Images are (height, width), vector images (height, width, 3), poses (4, 4) camera to volume, all float64;
 the volume is float64 (z, y, x) distances in units of one truncation distance, with weights beside it.
@@ -25,8 +25,8 @@ def farthest_depth(rows: Array) -> float:
     return float(rows.max())
 
 
-def view_from(pose: Array, camera: Camera) -> Array:
-    """(3, 4): from the volume's frame to pixels of a camera at `pose`, times their depth."""
+def begin_tracking(pose: Array, camera: Camera) -> Array:
+    """The view (3, 4) from `pose`: from the volume's frame to pixels of the camera, times their depth."""
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
     return matrix @ np.linalg.inv(pose)[:3]
 
@@ -84,12 +84,7 @@ def check_pose(
     return bool(np.sqrt(squared_error / inliers) <= max_residual and inliers / pixels >= min_inliers)
 
 
-def begin_tracking(pose: Array) -> Array:
-    """What a lost frame goes back to."""
-    return pose.copy()
-
-
-def clear_volume(resolution: int) -> tuple[Array, Array]:
+def empty_volume(resolution: int) -> tuple[Array, Array]:
     """Distances and weights of a volume that has observed nothing: empty space everywhere."""
     return np.ones((resolution,) * 3), np.zeros((resolution,) * 3)
 

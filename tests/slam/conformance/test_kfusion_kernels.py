@@ -1,0 +1,351 @@
+"""KinectFusion's kernels give what their NumPy references give, on every device of every backend."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from slam.camera import Camera
+from slam.dense.images import halved
+from slam.dense.reference import exponential, half_sample, normal_map, vertex_map
+from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
+from slam.kfusion.plan import BLOCK, NEAR_SURFACE, SCALE, blocks_of
+from tests.slam.conformance.values import camera_of, state_of
+from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
+from tests.slam.reference import kfusion as reference
+
+SIZE, RESOLUTION, MU = 2.4, 36, 0.25
+VOXEL = SIZE / RESOLUTION
+BLOCKS = blocks_of(RESOLUTION)
+
+
+def pose_at(
+    position: tuple[float, float, float], twist: tuple[float, float, float] = (0, 0, 0)
+) -> np.ndarray:
+    pose = exponential(np.array([0, 0, 0, *twist], float))
+    pose[:3, 3] = position
+    return pose
+
+
+def stored(layout: Layout, distances: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
+    """A volume as LAYOUT stores it: by rows each voxel's distance below that of its neighbour in x, and the
+    weights apart; by pixels both in one word.
+    """
+    own = np.rint(distances * SCALE).astype(np.int32)
+    if layout.pixels:
+        return {"voxels": (SCALE - own).astype(np.uint32) | weights.astype(np.uint32) << 16}
+    low = (own & 0xFFFF).astype(np.uint32)
+    next_in_x = np.concatenate([low[..., 1:], low[..., -1:]], axis=-1)
+    return {"voxels": low | next_in_x << 16, "weights": weights.astype(np.uint8)}
+
+
+def loaded(layout: Layout, volume: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Distances and weights of what `stored` gave."""
+    low = volume["voxels"] & 0xFFFF
+    if layout.pixels:
+        return 1 - low / SCALE, volume["voxels"] >> 16
+    return low.astype(np.uint16).view(np.int16) / SCALE, volume["weights"]
+
+
+def quantised(distances: np.ndarray) -> np.ndarray:
+    return np.rint(distances * SCALE) / SCALE
+
+
+def marks_of(distances: np.ndarray) -> np.ndarray:
+    marks = np.zeros((blocks_of(len(distances)),) * 3, np.int32)
+    z, y, x = np.nonzero(distances < 0.8)
+    marks[z // BLOCK, y // BLOCK, x // BLOCK] = 1
+    return marks
+
+
+def test_farthest_depth(launch, session):
+    depth = np.random.default_rng(1).uniform(0, 9, (130, 40)).astype(np.float32)
+    height, width = depth.shape
+    rows, state = np.zeros(height, np.float32), state_of(np.eye(4))
+    launch(
+        "farthest_of_rows", session.layout.lines(height), metres=depth, width=width, height=height,
+        row_farthest=rows,
+    )  # fmt: skip
+    np.testing.assert_array_equal(rows, reference.farthest_of_rows(depth))
+    grid = session.layout.one_group(SUM_GROUP)
+    launch("farthest_depth", grid, row_farthest=rows, height=height, state=state)
+    assert state["farthest"] == reference.farthest_depth(rows)
+
+
+def tracking_problem() -> dict[str, np.ndarray]:
+    """Depth seen from a pose slightly off the one that the model was raycast from."""
+    fine, model_camera = room_depth(CAMERA).astype(float), CAMERA
+    model_pose = pose_at((1.2, 1.1, 0.1), (0.02, -0.01, 0.03))
+    rotation, translation = model_pose[:3, :3], model_pose[:3, 3]
+    camera = halved(CAMERA)
+    depth = half_sample(fine, 0.3)
+    return {
+        "depth": depth,
+        "normals": normal_map(depth, camera),
+        "model_vertices": vertex_map(fine, model_camera) @ rotation.T + translation,
+        "model_normals": normal_map(fine, model_camera) @ rotation.T,
+        "view": reference.begin_tracking(model_pose, model_camera),
+        "pose": exponential(np.array([0.01, -0.006, 0.012, 0.004, 0.006, -0.005])) @ model_pose,
+    }
+
+
+def planes(image: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.moveaxis(image, -1, 0), np.float32)
+
+
+def track(launch, session, problem, state, conditional: int = 0) -> np.ndarray:
+    """The records that the kernel leaves; those that it does not write hold 5."""
+    camera = halved(CAMERA)
+    count, size, group = session.layout.sums(camera.width, camera.height)
+    records = np.full((count, SUMS), 5, np.float32)
+    launch(
+        "track", (size, group), depth=problem["depth"].astype(np.float32),
+        normals=planes(problem["normals"]), width=camera.width, height=camera.height,
+        camera=camera_of(camera), model_vertices=planes(problem["model_vertices"]),
+        model_normals=planes(problem["model_normals"]), model_width=CAMERA.width,
+        model_height=CAMERA.height, max_distance=0.1, min_dot=0.8, conditional=conditional, state=state,
+        records=records,
+    )  # fmt: skip
+    return records
+
+
+def solve(launch, session, records, threshold, state, conditional: int = 0) -> None:
+    launch(
+        "solve", session.layout.one_group(SOLVERS), records=records, count=len(records), threshold=threshold,
+        conditional=conditional, state=state,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("conditional", [0, 1])
+def test_track_sums_the_normal_equations(launch, session, conditional):
+    problem, camera = tracking_problem(), halved(CAMERA)
+    state = state_of(problem["pose"], view=problem["view"].ravel(), iterating=1)
+    sums = track(launch, session, problem, state, conditional)
+    matrix, right_side, squared_error, inliers = reference.track(
+        problem["depth"], problem["normals"], camera, problem["model_vertices"], problem["model_normals"],
+        problem["pose"], problem["view"], 0.1, 0.8,
+    )  # fmt: skip
+    total = sums.sum(axis=0, dtype=float)
+    assert inliers > 100
+    assert abs(total[28] - inliers) <= 1  # one pixel may fall on the other side of a threshold
+    np.testing.assert_allclose(total[:21], matrix[np.triu_indices(6)], rtol=0.02, atol=0.02 * inliers)
+    np.testing.assert_allclose(total[21:27], right_side, rtol=0.02, atol=0.02 * abs(right_side).max())
+    assert total[27] == pytest.approx(squared_error, rel=0.02)
+
+
+def test_track_of_a_converged_level_does_nothing(launch, session):
+    problem = tracking_problem()
+    state = state_of(problem["pose"], view=problem["view"].ravel(), iterating=0)
+    sums = track(launch, session, problem, state, conditional=1)
+    assert (sums == 5).all()
+    solve(launch, session, sums, 1e-5, state, conditional=1)
+    np.testing.assert_array_equal(state["pose"], problem["pose"][:3].ravel().astype(np.float32))
+    assert state["iterating"] == 0
+
+
+def test_track_trusts_no_index_made_of_nan(launch, session):
+    """A pose or a view full of NaN associates nothing, instead of reading somewhere."""
+    problem = tracking_problem()
+    for poisoned in ("pose", "view"):
+        state = state_of(problem["pose"], view=problem["view"].ravel())
+        state[poisoned] = np.nan
+        sums = track(launch, session, problem, state)
+        assert sums[:, 28].sum() == 0
+
+
+def records_of(matrix: np.ndarray, right_side: np.ndarray, parts: int = 3) -> np.ndarray:
+    """Records whose sum says J^T J, J^T e, a squared error of 0.5 and 64 inliers."""
+    shares = np.random.default_rng(7).dirichlet(np.ones(parts))
+    record = np.concatenate([matrix[np.triu_indices(6)], right_side, [0.5, 64], np.zeros(3)])
+    return (shares[:, None] * record).astype(np.float32)
+
+
+@pytest.mark.parametrize("parts", [3, 301])
+@pytest.mark.parametrize("scale", [1e-4, 0.02, 0.8], ids=["tiny", "usual", "large"])
+def test_solve_moves_the_pose(launch, session, scale, parts):
+    random = np.random.default_rng(5)
+    jacobians = random.normal(size=(200, 6))
+    matrix, right_side = jacobians.T @ jacobians, jacobians.T @ (jacobians @ random.normal(size=6)) * scale
+    pose = pose_at((1.0, 2.0, 0.5), (0.3, -0.2, 0.1))
+    state = state_of(pose, iterating=1)
+    solve(launch, session, records_of(matrix, right_side, parts), 0.01, state, conditional=1)
+    expected, converged = reference.solve(matrix, right_side, pose, 0.01)
+    np.testing.assert_allclose(state["pose"].reshape(3, 4), expected[:3], atol=2e-5)
+    assert (state["iterating"] == 0) == converged == (scale < 1e-3)
+    np.testing.assert_allclose((state["squared_error"], state["inliers"]), (0.5, 64), rtol=1e-5)
+
+
+def test_solve_leaves_unobserved_directions_alone(launch, session):
+    """A plane says nothing about sliding along it: the truncated solution does not slide."""
+    jacobian = np.array([[0, 0, 1, 0.5, -0.25, 0], [0, 0, 1, -0.5, 0.5, 0], [0, 0, 1, 0.1, 0.9, 0]], float)
+    matrix, right_side = jacobian.T @ jacobian, jacobian.T @ np.array([0.01, 0.02, -0.01])
+    pose = pose_at((1.0, 1.0, 1.0))
+    state = state_of(pose)
+    solve(launch, session, records_of(matrix, right_side), 0.0, state)
+    expected, _ = reference.solve(matrix, right_side, pose, 0.0)
+    np.testing.assert_allclose(state["pose"].reshape(3, 4), expected[:3], atol=1e-5)
+
+
+def test_solve_of_nothing_keeps_the_pose(launch, session):
+    pose = pose_at((1.0, 2.0, 0.5), (0.3, -0.2, 0.1))
+    state = state_of(pose, iterating=1)
+    solve(launch, session, np.zeros((3, SUMS), np.float32), 1e-5, state)
+    np.testing.assert_allclose(state["pose"].reshape(3, 4), pose[:3], atol=1e-6)
+    assert state["iterating"] == 0
+
+
+def test_begin_tracking(launch, session):
+    pose = pose_at((1.2, 0.4, 0.9), (0.5, -0.7, 0.2))
+    state = state_of(pose)
+    launch("begin_tracking", session.layout.one_group(1), camera=camera_of(MIRRORED), state=state)
+    np.testing.assert_array_equal(state["previous"], pose[:3].ravel().astype(np.float32))
+    expected = reference.begin_tracking(pose, MIRRORED)
+    np.testing.assert_allclose(state["view"].reshape(3, 4), expected, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("squared_error", "inliers", "good"),
+    [(0.02, 200, True), (0.2, 200, False), (0.001, 100, False), (0.0, 0, False), (np.nan, 200, False)],
+)
+def test_check_pose_goes_back_when_lost(launch, session, squared_error, inliers, good):
+    before, after = pose_at((1, 1, 1)), pose_at((1.1, 1, 1))
+    state = state_of(after, previous=before[:3].ravel(), squared_error=squared_error, inliers=inliers)
+    launch(
+        "check_pose", session.layout.one_group(1), pixels=1000, max_residual=0.02, min_inliers=0.15,
+        state=state,
+    )  # fmt: skip
+    assert bool(state["tracked"]) == good
+    if not np.isnan(squared_error):
+        assert reference.check_pose(squared_error, inliers, 1000, 0.02, 0.15) == good
+    np.testing.assert_allclose(state["pose"].reshape(3, 4), (after if good else before)[:3], atol=1e-7)
+
+
+def integrate(launch, session, volume, marks, depth, camera, state, max_weight=100.0, conditional=0) -> None:
+    layout = session.layout
+    grid = layout.over(RESOLUTION, RESOLUTION) if layout.pixels else ((BLOCKS, BLOCKS), (1, 1))
+    state["farthest"] = depth.max()
+    launch(
+        "integrate", grid, **volume, resolution=RESOLUTION, voxel_size=VOXEL, surface=marks, blocks=BLOCKS,
+        depth=depth, width=camera.width, height=camera.height, camera=camera_of(camera), mu=MU,
+        max_weight=max_weight, near_surface=NEAR_SURFACE, conditional=conditional, state=state,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
+@pytest.mark.parametrize(
+    "twist", [(0, 0, 0), (0.3, -0.4, 0.2), (0, 1.5707963, 0)], ids=["straight", "askew", "side"]
+)
+def test_integrate_twice(launch, session, camera, twist):
+    pose = pose_at((1.2, 1.1, 0.15) if not twist[1] > 1 else (0.1, 1.1, 1.2), twist)
+    distances, weights = reference.empty_volume(RESOLUTION)
+    volume = stored(session.layout, distances, weights)
+    marks = np.zeros((BLOCKS,) * 3, np.int32)
+    for seed in (0, 1):
+        depth = room_depth(camera, seed)
+        distances, weights = reference.integrate(
+            distances, weights, VOXEL, depth.astype(float), camera, pose, MU, 100
+        )
+        state = state_of(pose, tracked=1)
+        integrate(launch, session, volume, marks, depth, camera, state, conditional=seed)
+    got_distances, got_weights = loaded(session.layout, volume)
+    differing = (abs(got_distances - distances) > 2e-4) | (got_weights != weights)
+    assert (weights == 2).sum() > 500
+    assert differing.mean() < 2e-3  # a voxel's centre may fall on the other side of a pixel's border
+    # Every copy of a neighbour is up to date.
+    expected = stored(session.layout, got_distances, got_weights)
+    np.testing.assert_array_equal(volume["voxels"], expected["voxels"])
+    expected_marks = marks_of(np.where(weights > 0, distances, 1.0))
+    assert abs(marks - expected_marks).mean() < 0.02
+
+
+def test_integrate_stops_at_the_largest_weight(launch, session):
+    distances, weights = reference.empty_volume(RESOLUTION)
+    volume = stored(session.layout, distances, weights + 3)
+    marks = np.zeros((BLOCKS,) * 3, np.int32)
+    state = state_of(pose_at((1.2, 1.1, 0.15)))
+    integrate(launch, session, volume, marks, room_depth(CAMERA), CAMERA, state, max_weight=3.0)
+    got_distances, got_weights = loaded(session.layout, volume)
+    assert got_weights.max() == 3
+    assert (got_distances < 1).any()
+
+
+def test_a_lost_frame_changes_no_voxel_and_no_mark(launch, session):
+    volume = stored(session.layout, *reference.empty_volume(RESOLUTION))
+    before = volume["voxels"].copy()
+    marks, searched = np.zeros((BLOCKS,) * 3, np.int32), np.zeros((BLOCKS,) * 3, np.int32)
+    state = state_of(pose_at((1.2, 1.1, 0.15)), tracked=0)
+    integrate(launch, session, volume, marks, room_depth(CAMERA), CAMERA, state, conditional=1)
+    np.testing.assert_array_equal(volume["voxels"], before)
+    assert not marks.any()
+    dilate(launch, session, np.ones_like(marks), searched, state, conditional=1)
+    assert not searched.any()
+
+
+def dilate(launch, session, marks, searched, state, conditional) -> None:
+    launch(
+        "dilate_blocks", session.layout.blocks(BLOCKS), surface=marks, searched=searched, blocks=BLOCKS,
+        conditional=conditional, state=state,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("conditional", [0, 1])
+def test_dilate_blocks(launch, session, conditional):
+    marks = (np.random.default_rng(6).random((BLOCKS,) * 3) < 0.1).astype(np.int32)
+    searched = np.zeros_like(marks)
+    dilate(launch, session, marks, searched, state_of(np.eye(4), tracked=conditional), conditional)
+    np.testing.assert_array_equal(searched > 0, reference.dilate_blocks(marks > 0))
+
+
+@functools.cache
+def raycast_case(mu: float, twist: tuple[float, float, float]) -> tuple:
+    """A camera, what it looks into, its pose, and what the reference sees: computed once for all devices."""
+    camera = Camera(30.0, 31.0, 19.3, 14.6, 37, 30)
+    distances, weights = reference.empty_volume(RESOLUTION)
+    distances, weights = reference.integrate(
+        distances, weights, VOXEL, room_depth(CAMERA).astype(float), CAMERA, pose_at((1.2, 1.1, 0.1)), mu, 100
+    )
+    distances = quantised(distances)
+    pose = pose_at((1.15, 1.12, 0.12), twist)
+    expected = reference.raycast(distances, VOXEL, pose, camera, 0.4, 4.0, VOXEL, 0.75 * mu)
+    return camera, distances, weights, pose, expected
+
+
+def raycast(launch, session, distances, weights, searched, camera, pose, mu) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and normals, (height, width, 3)."""
+    vertices, normals = (np.full((3, camera.height, camera.width), 7, np.float32) for _ in range(2))
+    launch(
+        "raycast", session.layout.over(camera.width, camera.height),
+        voxels=stored(session.layout, distances, weights)["voxels"], resolution=RESOLUTION, voxel_size=VOXEL,
+        searched=searched, blocks=BLOCKS, width=camera.width, height=camera.height, camera=camera_of(camera),
+        near_plane=0.4, far_plane=4.0, small_step=VOXEL, large_step=0.75 * mu, near_surface=NEAR_SURFACE,
+        state=state_of(pose), vertices=vertices, normals=normals,
+    )  # fmt: skip
+    return np.moveaxis(vertices, 0, -1), np.moveaxis(normals, 0, -1)
+
+
+@pytest.mark.parametrize("mu", [0.08, 0.25, 0.6], ids=["thin", "usual", "thick"])
+@pytest.mark.parametrize("twist", [(0, 0, 0), (0.25, -0.3, 0.1)], ids=["straight", "askew"])
+def test_raycast(launch, session, mu, twist):
+    """Also with truncation bands thinner than a voxel and wider than the scene."""
+    camera, distances, weights, pose, (expected_vertices, expected_normals) = raycast_case(mu, twist)
+    searched = reference.dilate_blocks(marks_of(distances) > 0).astype(np.int32)
+    vertices, normals = raycast(launch, session, distances, weights, searched, camera, pose, mu)
+    found, expected = normals.any(axis=-1), expected_normals.any(axis=-1)
+    assert expected.sum() > 200
+    assert (found != expected).mean() < 0.01
+    both = found & expected
+    distance = np.linalg.norm(vertices - expected_vertices, axis=-1)[both]
+    agreement = np.sum(normals * expected_normals, axis=-1)[both]
+    assert np.median(distance) < 1e-5
+    assert (distance > 1e-3).mean() < 0.01
+    assert (agreement < 0.999).mean() < 0.01
+    assert not vertices[~found].any()
+
+
+def test_raycast_sees_nothing_in_an_empty_volume_or_from_outside_it(launch, session):
+    searched = np.zeros((BLOCKS,) * 3, np.int32)
+    for pose in (pose_at((1.2, 1.1, 0.1)), pose_at((9.0, 9.0, 9.0))):
+        maps = raycast(launch, session, *reference.empty_volume(RESOLUTION), searched, CAMERA, pose, MU)
+        assert not np.dstack(maps).any()

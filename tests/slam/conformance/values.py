@@ -1,0 +1,27 @@
+"""What kernels take besides images: the state and a camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slam.camera import Camera
+from slam.kfusion.plan import MEMBERS
+from slam.plans.plan import TYPES
+
+STATE_TYPE = np.dtype(
+    [(member.name, TYPES[member.type], (member.count,) if member.count > 1 else ()) for member in MEMBERS]
+)
+
+
+def state_of(pose: np.ndarray, **values: object) -> np.ndarray:
+    """The state () at POSE (4, 4), with other members."""
+    state = np.zeros((), STATE_TYPE)
+    state["pose"] = pose[:3].ravel()
+    for name, value in values.items():
+        state[name] = value
+    return state
+
+
+def camera_of(camera: Camera) -> tuple[float, ...]:
+    """CAMERA as a vec4f: fx, fy, cx, cy."""
+    return (camera.fx, camera.fy, camera.cx, camera.cy)

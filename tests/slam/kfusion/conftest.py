@@ -1,0 +1,5 @@
+"""Sessions on every device of every backend."""
+
+from tests.slam.backends import session
+
+__all__ = ["session"]
