@@ -26,7 +26,7 @@ WATCHING = frozenset({"healthz", "readyz", "metrics"})
 # Where the ASGI handler leaves the Problem of a body that it refused, in `request.META`.
 BODY_REFUSAL = "frontrunner.body_refusal"
 # Files that never change; monitoring; the API, whose endpoints have limits of their own.
-NOT_PAGES = ("/sequences/", "/trajectories/", "/healthz", "/readyz", "/metrics", "/api/")
+NOT_PAGES = ("/sequences/", "/trajectories/", "/plans/", "/healthz", "/readyz", "/metrics", "/api/")
 DOCUMENTATION = "/api/v1/docs"
 
 log = logging.getLogger("crowd.requests")

@@ -20,14 +20,18 @@ from slam.devices.tuning import wavy_wall
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
-from slam.system import STAGES, Revising, Scene, System
+from slam.system import (
+    DEFAULT_INITIAL_POSITION,
+    DEFAULT_VOLUME_SIZE,
+    STAGES,
+    Revising,
+    Scene,
+    System,
+    scene_of,
+)
 from slam.systems import create, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 
-# Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
-# the camera inside its near face, looking in.
-DEFAULT_VOLUME_SIZE = 5.0
-DEFAULT_INITIAL_POSITION = (0.5, 0.5, 0.1)
 DECODED_AHEAD = 100  # frames: 61 MB of depth at 640x480
 
 Observer = Callable[
@@ -244,20 +248,6 @@ def _error(
     if sequence.truth is None or not np.isfinite(sequence.truth[:count]).any():
         return None
     return absolute_trajectory_error(estimate, sequence.truth[:count])
-
-
-def scene_of(
-    sequence: Sequence,
-    volume_size: float | None = None,
-    initial_position: tuple[float, float, float] | None = None,
-) -> Scene:
-    """Where SEQUENCE takes place; its own volume size (m) and initial position (fractions) unless others are
-    given, DEFAULT_* where it has none."""
-    if volume_size is None:
-        volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE
-    if initial_position is None:
-        initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
-    return Scene(sequence.camera, volume_size, initial_position)
 
 
 @dataclass(frozen=True)

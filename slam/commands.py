@@ -20,14 +20,14 @@ from slam.arguments import (
     values,
     writable,
 )
-from slam.benchmark import Observer, Report, run, scene_of
+from slam.benchmark import Observer, Report, run
 from slam.datasets import Sequence, open_sequence
 from slam.devices.choice import AnySession, choose_device, list_devices
 from slam.devices.device import BACKENDS
 from slam.devices.layout import KINDS, Layout
 from slam.evaluation import evaluate
 from slam.render import Renderer
-from slam.system import Exporting, System
+from slam.system import Exporting, System, scene_of
 from slam.systems import SYSTEMS, complete, definition, frame_plan, open_session
 from slam.trajectory import MAXIMAL_STAMP_DIFFERENCE, Trajectory
 

@@ -10,7 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.datasets.sequence import Sequence
 
+# Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
+# the camera inside its near face, looking in.
+DEFAULT_VOLUME_SIZE = 5.0
+DEFAULT_INITIAL_POSITION = (0.5, 0.5, 0.1)
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
 
 
@@ -91,3 +96,17 @@ class Scene:
     camera: Camera
     volume_size: float
     initial_position: tuple[float, float, float]
+
+
+def scene_of(
+    sequence: Sequence,
+    volume_size: float | None = None,
+    initial_position: tuple[float, float, float] | None = None,
+) -> Scene:
+    """Where SEQUENCE takes place; its own volume size (m) and initial position (fractions) unless others are
+    given, DEFAULT_* where it has none."""
+    if volume_size is None:
+        volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE
+    if initial_position is None:
+        initial_position = sequence.initial_position or DEFAULT_INITIAL_POSITION
+    return Scene(sequence.camera, volume_size, initial_position)

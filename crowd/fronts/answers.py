@@ -7,13 +7,15 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from crowd.fronts import plans
 from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import Front, Point
 
 
-class ReferenceTrajectory(msgspec.Struct):
-    """The reference positions: at `url` a JSON list of [x, y, z] in metres, one a frame, which never
-    changes. `url` is relative to the server.
+class Addressed(msgspec.Struct):
+    """JSON that never changes, at `url` relative to the server.
+
+    A plan (slam/plans/schema.json), or a trajectory: a list of [x, y, z] in metres, one a frame.
     """
 
     sha256: str
@@ -23,14 +25,17 @@ class ReferenceTrajectory(msgspec.Struct):
 class Configuration(msgspec.Struct):
     """One point: its name, its parameters, what the reference device predicts (seconds a frame, metres).
 
+    `backends`: those whose default limits it keeps. `plan`: what happens in a frame, where the system has one.
     Protocol 2 alone: `band`, how far (m) positions may be from the reference `trajectory`.
     """
 
     name: str
     parameters: dict[str, Any]
     predicted: dict[str, Any]
+    backends: list[str] | UnsetType = UNSET
+    plan: Addressed | UnsetType = UNSET
     band: float | UnsetType = UNSET
-    trajectory: ReferenceTrajectory | UnsetType = UNSET
+    trajectory: Addressed | UnsetType = UNSET
 
 
 class Chunk(msgspec.Struct):
@@ -151,15 +156,21 @@ def _chunks(pack: Mapping[str, Any]) -> list[Chunk]:
 
 def configurations(front: Front) -> list[Configuration]:
     """The points of FRONT in published order."""
-    return [_configuration(point) for point in front.points]
+    return [_configuration(front, point) for point in front.points]
 
 
-def _configuration(point: Point) -> Configuration:
+def _configuration(front: Front, point: Point) -> Configuration:
     found = Configuration(point.name, point.parameters, point.predicted)
+    plan = plans.of_point(front, point)
+    if plan is None:
+        found.backends = ["opencl"]
+    else:
+        found.backends = list(plan.backends)
+        found.plan = Addressed(plan.sha256, f"/plans/{plan.sha256}")
     if point.band is not None and point.trajectory_sha256 is not None:
         found.band = point.band
         address = f"/trajectories/{point.trajectory_sha256}"
-        found.trajectory = ReferenceTrajectory(point.trajectory_sha256, address)
+        found.trajectory = Addressed(point.trajectory_sha256, address)
     return found
 
 

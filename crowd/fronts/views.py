@@ -15,7 +15,7 @@ from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, page
 from crowd.descriptions import PAGING
-from crowd.fronts import answers, manifests, policy, selectors, sequences, trajectories
+from crowd.fronts import answers, manifests, plans, policy, selectors, sequences, trajectories
 from crowd.problems import Problem, not_found
 
 A_YEAR = 365 * 24 * 3600
@@ -101,6 +101,17 @@ def trajectory(request: HttpRequest, sha256: str) -> HttpResponseBase:
     content = trajectories.released(sha256)
     if content is None:
         raise Http404(f"no trajectory {sha256}")
+    return HttpResponse(content, content_type="application/json", headers=_for_ever(sha256))
+
+
+@require_safe
+def plan(request: HttpRequest, sha256: str) -> HttpResponseBase:
+    """The plan of a frame by its digest: what is there never changes."""
+    if request.headers.get("If-None-Match") == f'"{sha256}"':
+        return HttpResponseNotModified()
+    content = plans.find(sha256)
+    if content is None:
+        raise Http404(f"no plan {sha256}")
     return HttpResponse(content, content_type="application/json", headers=_for_ever(sha256))
 
 
