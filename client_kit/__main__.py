@@ -2,26 +2,19 @@
 
 import argparse
 import json
-import os
 import sys
 import time
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Sequence
 
-from client_kit import __version__, delivery, enrolment, interrupts
+from client_kit import cli_options, delivery, enrolment, interrupts
+from client_kit.cli_options import INTERRUPTED, TOKEN_VARIABLE
 from client_kit.client import Client
 from client_kit.console import Console
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
-from client_kit.manifest import ALL
-from client_kit.preflight import IGNORABLE
 from client_kit.server import Server
 from client_kit.spool import QUEUED, Item
-from slam.protocol import VALID_BELOW
 
-INTERRUPTED = 130
 NOT_CONFORMING = 1
-TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,11 +22,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Ctrl-C, by which `evaluate` ends, is INTERRUPTED; so is being told to end by the system.
     """
-    options = _parser().parse_args(arguments)
+    options = cli_options.parser().parse_args(arguments)
     console = Console()
     interrupts.as_ctrl_c()
     try:
-        return options.command(options, console) or 0
+        return COMMANDS[options.command](options, console) or 0
     except ClientError as error:
         print(f"frontrunner: {error}", file=sys.stderr)
         return error.exit_code
@@ -47,117 +40,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m client_kit",
-        description="Measure how fast dense SLAM runs on this device, by the published Pareto front.",
-        epilog="Exit codes: 0 sent or safely kept, 1 a payload does not conform (check), 2 usage, 3 cannot "
-        f"measure here, 4 too old, {INTERRUPTED} ended by Ctrl-C.",
-    )
-    parser.set_defaults(when_stopped="stopped")
-    parser.add_argument("--version", action="version", version=__version__)
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    address: dict[str, Any] = {"metavar": "URL", "help": "address of the Frontrunner server"}
-    opencl: dict[str, Any] = {"metavar": "TEXT", "help": "the OpenCL device whose name contains this"}
-
-    run = commands.add_parser("run", help="measure a session and send it")
-    run.add_argument("--server", required=True, **address)
-    run.add_argument("--application", help="what to measure (as the server asks)", metavar="NAME")
-    run.add_argument("--yes", action="store_true", help="agree to the consent text without being asked")
-    run.add_argument("--sessions", type=_positive, default=1, metavar="N", help="sessions to measure (1)")
-    run.add_argument(
-        "--configurations",
-        type=_names,
-        default=(),
-        metavar="NAMES",
-        help=f"names of the front, separated by commas; {ALL} is the whole front (as the server asks)",
-    )
-    run.add_argument("--device", **opencl)
-    run.add_argument(
-        "--minutes",
-        type=_number,
-        metavar="M",
-        help="repeat for so long at most, until the figures are certain (as the server asks; 0: never)",
-    )
-    run.add_argument(
-        "--ignore",
-        type=_ignored,
-        default=(),
-        metavar="NAMES",
-        help=f"measure in spite of these: {', '.join(IGNORABLE)}",
-    )
-    run.add_argument("--ignore-battery", action="store_true", help="as --ignore battery")
-    shown = run.add_mutually_exclusive_group()
-    shown.add_argument(
-        "--show-model",
-        action="store_true",
-        default=None,
-        help="show this device's model in public though few people measured it",
-    )
-    shown.add_argument("--hide-model", dest="show_model", action="store_false", help="no longer show it")
-    kept = "stopped; finished runs and sessions are kept and go with the next `send`"
-    run.set_defaults(command=_run, when_stopped=kept)
-
-    doctor = commands.add_parser("doctor", help="whether this device can measure, and what it would tell")
-    doctor.set_defaults(command=_doctor)
-
-    status = commands.add_parser("status", help="what was measured here and what became of it")
-    status.set_defaults(command=_status)
-
-    send = commands.add_parser("send", help="send what is still on this device")
-    send.add_argument("--wait", action="store_true", help="go on, with pauses, until all is sent")
-    send.set_defaults(command=_send, when_stopped=kept)
-
-    export = commands.add_parser("export", help="everything kept here and on the servers, as JSON")
-    export.add_argument("--out", type=Path, metavar="FILE", help="write to a file instead of standard output")
-    export.set_defaults(command=_export)
-
-    erase = commands.add_parser("erase", help="erase what was sent and what is kept here")
-    erase.add_argument(
-        "--run", metavar="ID", help="this run alone, by its id in `export` or its page's address"
-    )
-    erase.set_defaults(command=_erase)
-
-    renew = commands.add_parser(
-        "renew-token", help="replace the tokens by which the servers know this client"
-    )
-    renew.set_defaults(command=_renew_token)
-
-    choose = commands.add_parser("choose", help="the configuration to run on this device")
-    choose.add_argument(
-        "--max-ate", type=_positive_number, default=VALID_BELOW, metavar="M", help="metres (0.05)"
-    )
-    choose.add_argument("--max-ms", type=_positive_number, metavar="T", help="milliseconds a frame")
-    choose.add_argument("--server", metavar="URL", help="whose front, when several were visited")
-    choose.add_argument("--application", help="of which, when several were measured", metavar="NAME")
-    choose.add_argument("--device", **opencl)
-    choose.add_argument("--json", action="store_true", help="print JSON")
-    choose.add_argument("--run", type=Path, metavar="SEQUENCE", help="run it over this sequence")
-    choose.add_argument("--frames", type=_positive, metavar="N", help="of that sequence (all)")
-    choose.set_defaults(command=_choose)
-
-    evaluate = commands.add_parser(
-        "evaluate", help="serve as a reference device: measure what the server's explorations ask for"
-    )
-    evaluate.add_argument("--server", required=True, **address)
-    evaluate.add_argument("--device", required=True, metavar="NAME", help="the reference device's name there")
-    evaluate.add_argument(
-        "--token",
-        default=os.environ.get(TOKEN_VARIABLE),
-        metavar="T",
-        help=f"its token, which an administrator issues (else from {TOKEN_VARIABLE})",
-    )
-    evaluate.add_argument("--until-idle", action="store_true", help="end as soon as nothing waits")
-    evaluate.set_defaults(command=_evaluate)
-
-    check = commands.add_parser("check", help="whether a server would take payloads of any client")
-    check.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a submission as JSON")
-    check.add_argument("--server", required=True, **address)
-    check.add_argument("--token", metavar="T", help="of an installation (else one is made and erased)")
-    check.set_defaults(command=_check)
-    return parser
-
-
 def _run(options: argparse.Namespace, console: Console) -> None:
     ignored = options.ignore + (("battery",) if options.ignore_battery else ())
     Client(options.server, console=console).run(
@@ -169,6 +51,7 @@ def _run(options: argparse.Namespace, console: Console) -> None:
         minutes=options.minutes,
         show_model=options.show_model,
         application=options.application,
+        backend=options.backend,
     )
 
 
@@ -271,8 +154,15 @@ def _evaluate(options: argparse.Namespace, console: Console) -> None:
 
     if not options.token:
         raise UsageError(f"--token is missing: an administrator issues one ({TOKEN_VARIABLE} works too)")
-    home = Client().home
-    serve(Server(options.server), options.device, options.token, home, console, options.until_idle)
+    serve(
+        Server(options.server),
+        options.device,
+        options.token,
+        Client().home,
+        console,
+        until_idle=options.until_idle,
+        backend=options.backend,
+    )
 
 
 def _check(options: argparse.Namespace, console: Console) -> int:
@@ -284,41 +174,18 @@ def _check(options: argparse.Namespace, console: Console) -> int:
     return 0 if all(verdict.conforms for verdict in verdicts) else NOT_CONFORMING
 
 
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text}: must be at least 1")
-    return value
-
-
-def _number(text: str) -> float:
-    value = float(text)
-    if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text}: must be a number, 0 or more")
-    return value
-
-
-def _positive_number(text: str) -> float:
-    value = _number(text)
-    if value == 0:
-        raise argparse.ArgumentTypeError(f"{text}: must be a number above 0")
-    return value
-
-
-def _names(text: str) -> tuple[str, ...]:
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    if not names:
-        raise argparse.ArgumentTypeError("give at least one name")
-    return names
-
-
-def _ignored(text: str) -> tuple[str, ...]:
-    names = _names(text)
-    for name in names:
-        if name not in IGNORABLE:
-            raise argparse.ArgumentTypeError(f"{name}: choose from {', '.join(IGNORABLE)}")
-    return names
-
+COMMANDS: dict[str, Callable[[argparse.Namespace, Console], int | None]] = {
+    "run": _run,
+    "doctor": _doctor,
+    "status": _status,
+    "send": _send,
+    "export": _export,
+    "erase": _erase,
+    "renew-token": _renew_token,
+    "choose": _choose,
+    "evaluate": _evaluate,
+    "check": _check,
+}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
+from client_kit import device_choice
 from client_kit.choice import Point
-from client_kit.device import opencl_identity
+from client_kit.device import processor_identity
 from client_kit.errors import CannotMeasureError, UsageError
 from slam import benchmark
 from slam.benchmark import Report
 from slam.datasets import SequenceError, open_sequence
-from slam.devices.choice import list_devices
-from slam.devices.device import DeviceError
+from slam.devices.device import Device, DeviceError
 from slam.trajectory import TrajectoryError
 
 
@@ -27,20 +27,30 @@ def run(
     """
     try:
         opened = open_sequence(sequence)
-        chosen = None if device is None else _label(device)
-        return benchmark.run(point.parameters, opened, system=application, frames=frames, device=chosen)
+        if device is None:
+            chosen = device_choice.choose(backends=device_choice.backends_for(application))
+        else:
+            chosen = _present(device)
+        return benchmark.run(
+            point.parameters,
+            opened,
+            system=application,
+            frames=frames,
+            device=chosen.label,
+            backend=chosen.backend,
+        )
     except (SequenceError, TrajectoryError) as error:
         raise UsageError(f"--run {sequence}: {error}") from error
     except DeviceError as error:
         raise CannotMeasureError(str(error)) from error
 
 
-def _label(device: tuple[str, str]) -> str:
-    """What `slam` picks the device by. Two platforms may offer one processor, with other times."""
-    for present in list_devices():
-        told = opencl_identity(present.handle)
+def _present(device: tuple[str, str]) -> Device:
+    """The device of that name and platform. Two platforms may offer one processor, with other times."""
+    for present in device_choice.present():
+        told = processor_identity(present)
         if (told["opencl_device"], told["opencl_platform"]) == device:
-            return present.label
+            return present
     raise CannotMeasureError(f"{device[0]} ({device[1]}), for which it was chosen, is not here any more")
 
 

@@ -65,7 +65,7 @@ def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Po
 
 
 def of_one_device(payloads: Iterable[Mapping[str, Any]], text: str | None = None) -> list[Mapping[str, Any]]:
-    """Those `payloads`, oldest first, that come from the OpenCL device that was measured last, or from the
+    """Those `payloads`, oldest first, that come from the device that was measured last, or from the
     last one whose name or platform contains `text`: times of two devices say nothing of each other."""
     matching = [one for one in payloads if not text or text.lower() in " ".join(device_of(one)).lower()]
     return [payload for payload in matching if device_of(payload) == device_of(matching[-1])]
@@ -91,7 +91,7 @@ def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = 
 
 
 def device_of(payload: Mapping[str, Any]) -> tuple[str, str]:
-    """Name and platform of the OpenCL device that PAYLOAD was measured on."""
+    """Name and platform of the device that PAYLOAD was measured on."""
     device = payload["device"]
     return str(device.get("opencl_device")), str(device.get("opencl_platform"))
 

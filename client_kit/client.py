@@ -44,11 +44,13 @@ class Client:
         """The sessions on this device."""
         return Spool(self.home.spool)
 
-    def consent_text(self, device: str | None = None, application: str | None = None) -> str | None:
+    def consent_text(
+        self, device: str | None = None, application: str | None = None, backend: str | None = None
+    ) -> str | None:
         """What the participant has to agree to before `run`; None where that was done before."""
         from client_kit import participation
 
-        return participation.consent_text(self._server(), self.home, device, application)
+        return participation.consent_text(self._server(), self.home, device, application, backend)
 
     def run(
         self,
@@ -61,14 +63,23 @@ class Client:
         minutes: float | None = None,
         show_model: bool | None = None,
         application: str | None = None,
+        backend: str | None = None,
     ) -> "list[Measured]":
         """Measure and send. `agree` says that the participant has read the consent text and agrees; the
         other arguments are those of `participation.Wishes`."""
         from client_kit.participation import Wishes, run
 
-        names, ignored = tuple(configurations), tuple(ignore)
         wishes = Wishes(
-            self._server(), agree, sessions, names, device, ignored, minutes, show_model, application
+            self._server(),
+            yes=agree,
+            sessions=sessions,
+            configurations=tuple(configurations),
+            device=device,
+            ignored=tuple(ignore),
+            minutes=minutes,
+            show_model=show_model,
+            application=application,
+            backend=backend,
         )
         return run(wishes, self.home, self.console)
 
@@ -163,7 +174,7 @@ class Client:
         return choice.choose(known, max_ate, None if max_ms is None else max_ms / 1000)
 
     def chosen_device(self, device: str | None = None) -> tuple[str, str] | None:
-        """Name and platform of the OpenCL device whose measurements `choose` goes by, None without any."""
+        """Name and platform of the device whose measurements `choose` goes by, None without any."""
         from client_kit import choice
 
         measured = self._measured_on(device)

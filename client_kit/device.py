@@ -10,9 +10,12 @@ import platform
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from client_kit.sources import line, number, output, program, read
+
+if TYPE_CHECKING:
+    from slam.devices.device import Device
 
 Identity = dict[str, str | None]
 
@@ -60,9 +63,9 @@ GETPROP = "system/bin/getprop"  # where it is when a terminal's PATH has its own
 
 
 def identify(
-    root: Path = Path("/"), system: str = sys.platform, opencl: Mapping[str, str | None] | None = None
+    root: Path = Path("/"), system: str = sys.platform, processor: Mapping[str, str | None] | None = None
 ) -> Identity:
-    """All FIELDS of this device, null where unknown; `opencl` adds those of the OpenCL device in use.
+    """All FIELDS of this device, null where unknown; `processor` adds those of the one that computes.
 
     `root` stands for the file system's root and `system` for sys.platform, so that any device can be played.
     """
@@ -73,7 +76,25 @@ def identify(
     else:
         found = (_android(root) or _linux(root)) | _cpuinfo(root) | _sizes(root)
     found.setdefault("cpu_count", line(os.cpu_count()))
-    return dict.fromkeys(FIELDS) | {"architecture": line(platform.machine())} | found | dict(opencl or {})
+    return dict.fromkeys(FIELDS) | {"architecture": line(platform.machine())} | found | dict(processor or {})
+
+
+def processor_identity(device: "Device") -> Identity:
+    """What DEVICE and its driver say of themselves.
+
+    Over WebGPU the same fields hold the adapter's name, its driver, and the interface below (Vulkan, Metal,
+    Direct3D); an adapter has no vendor's name and no version of OpenCL.
+    """
+    if device.backend == "opencl":
+        return opencl_identity(device.handle)
+    return {
+        "opencl_platform": line(device.platform),
+        "opencl_platform_version": line(device.version),
+        "opencl_vendor": None,
+        "opencl_device": line(device.name),
+        "opencl_driver": line(device.driver),
+        "opencl_version": None,
+    }
 
 
 def opencl_identity(device: Any) -> Identity:

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from client_kit import __version__, device, drivers, preflight
+from client_kit import __version__, device, preflight
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
 
@@ -14,18 +14,16 @@ def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:
     """Line by line; raises CannotMeasureError at the end where nothing can be measured."""
     yield f"Client {__version__}, Python {platform.python_version()} on {sys.platform}"
     yield f"State is kept in {home.path}"
-    from slam.devices.choice import choose_device, list_devices
-    from slam.devices.device import NoDeviceError
+    from client_kit import device_choice
+    from slam.devices.choice import NAMES
 
-    try:
-        best = choose_device()
-    except (NoDeviceError, ImportError) as error:
-        raise CannotMeasureError(drivers.remedy(error, root)) from error
-    for number, found in enumerate(list_devices()):
-        used = ", used unless --device names another" if number == 0 else ""
-        yield f"OpenCL device: {found.label}, {found.global_memory >> 20} MiB{used}"
+    best = device_choice.choose(root=root)
+    for number, found in enumerate(device_choice.present()):
+        used = ", used unless --device or --backend names another" if number == 0 else ""
+        memory = f", {found.global_memory >> 20} MiB" if found.global_memory else ""
+        yield f"{NAMES[found.backend]} device: {found.label}{memory}{used}"
     yield "What the server would be told of this device:"
-    told = device.identify(root, opencl=device.opencl_identity(best.handle))
+    told = device.identify(root, processor=device.processor_identity(best))
     for name, value in told.items():
         yield f"  {name}: {'unknown' if value is None else value}"
     for reason in preflight.too_large({"": {"volume_resolution": 512}}, best, root).values():

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from client_kit import APP, __version__, interrupts, requirements, sequences
+from client_kit import APP, __version__, device_choice, interrupts, requirements, sequences
 from client_kit.console import Console
 from client_kit.errors import CannotMeasureError, ClientError, HomeError, UsageError
 from client_kit.home import Home
@@ -72,16 +72,18 @@ def serve(
     home: Home,
     console: Console,
     until_idle: bool = False,
+    backend: str | None = None,
     pause: Callable[[float], None] = time.sleep,
 ) -> None:
     """Measure what waits for DEVICE, one evaluation after another, until Ctrl-C or, if wanted, until idle.
 
+    BACKEND drives the device; without it the fastest does that works here.
     While another client measures from the same folder nothing is asked for: the two would disturb each
     other. That one may measure whenever this one does not, however long the server is away.
     Raises UsageError for a token that is not this device's, and, after giving the present evaluation back,
     KeyboardInterrupt, CannotMeasureError where nothing can be measured here, and OutdatedError.
     """
-    reference = _Reference(server, device, token, home, console, pause)
+    reference = _Reference(server, device, token, home, console, pause, backend)
     console.say(f"Serving {server.url} as {device}. Ctrl-C ends it and gives the present evaluation back.")
     disturbed = False
     while True:
@@ -108,6 +110,7 @@ class _Reference:
     home: Home
     console: Console
     pause: Callable[[float], None]
+    backend: str | None
     # Leases whose results the server has, though they could not be dropped here.
     settled: set[str] = field(default_factory=set)
 
@@ -157,11 +160,14 @@ class _Reference:
                 if not alone:  # another client began meanwhile
                     self._give_back(lease.id)
                     return None
+                backends = device_choice.backends_for(lease.application, self.backend)
+                chosen = device_choice.choose(lease.opencl_device, backends)
                 measured = isolated.measure(
                     lease.application,
                     lease.configuration,
                     pack,
-                    device=lease.opencl_device,
+                    device=chosen.label,
+                    backend=chosen.backend,
                     frames=lease.frames,
                     heartbeat=heartbeat,
                     heartbeat_seconds=lease.heartbeat_seconds,

@@ -56,6 +56,10 @@ class Home:
         """Where the sequence with this digest is, or will be, kept."""
         return self.path / "sequences" / sha256
 
+    def trajectory(self, sha256: str) -> Path:
+        """Where the reference trajectory with this digest is, or will be, kept."""
+        return self.path / "trajectories" / sha256
+
     def read(self, name: str) -> dict[str, Any]:
         """The document of that name, empty when there is none. Raises HomeError when it is damaged."""
         path = self.path / name

@@ -12,14 +12,30 @@ from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from client_kit.sources import line
+from slam.devices.device import BACKENDS
 from slam.protocol import VALID_BELOW
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
 # What a server takes in one submission.
 MOST_RUNS = 50
-# How far a session may go on by itself, where the server does not say.
+# How far a session of protocol 1 may go on by itself, where the server does not say.
 MAX_REPEATS, PRECISION, MAX_SECONDS = 6, 0.05, 120.0
+# Protocol 2 fixes the number of pairs and compares each run with a reference trajectory.
+ADAPTIVE, FIXED_PAIRS = 1, 2
+VERSIONS = (ADAPTIVE, FIXED_PAIRS)
+
+
+@dataclass(frozen=True)
+class AdaptiveRepeats:
+    """When a session of protocol 1 ends. Repeats follow its plan until the 95 % interval of a speedup is at
+    most `precision` (0.05: five per cent) to either side. There are at most `max_repeats` of each
+    configuration, and none begins once the session is `max_seconds` old.
+    """
+
+    max_repeats: int
+    precision: float
+    max_seconds: float
 
 
 @dataclass(frozen=True)
@@ -27,8 +43,7 @@ class Protocol:
     """How to measure. Frames are counted from 0; times of frames before `first_counted_frame` are sent
     but do not count. `order` names the runs of a session; every configuration gets `repeats` of them.
 
-    Further repeats follow, up to `max_repeats` and as long as the session is younger than `max_seconds`,
-    until the 95 % interval of a speedup is at most `precision` (0.05: five per cent) to either side.
+    `adaptive` is None where a session ends with its plan, as in protocol 2.
     """
 
     version: int
@@ -39,18 +54,31 @@ class Protocol:
     repeats: int
     rest_seconds: float
     max_ate: float
-    max_repeats: int
-    precision: float
-    max_seconds: float
+    adaptive: AdaptiveRepeats | None
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The reference trajectory of a configuration: the digest of its JSON, and its address."""
+
+    sha256: str
+    url: str
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A point of the front; `predicted` holds the reference device's runtime (s) and ATE (m)."""
+    """A point of the front; `predicted` holds the reference device's runtime (s) and ATE (m).
+
+    Protocol 2 has `band`, how far (m) a run may be from the trajectory `reference`. Both are None in
+    protocol 1. `backends` are those that can run it.
+    """
 
     name: str
     parameters: Mapping[str, Any]
     predicted: Mapping[str, float | None]
+    backends: tuple[str, ...] = BACKENDS
+    band: float | None = None
+    reference: Reference | None = None
 
 
 @dataclass(frozen=True)
@@ -83,7 +111,8 @@ class Manifest:
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> "Manifest":
-        """Raises NotFrontrunnerError naming the member that is missing or wrong."""
+        """Raises NotFrontrunnerError naming the member that is missing or wrong, OutdatedError for a
+        protocol that this version does not know."""
         try:
             return _parse(document)
         except KeyError as error:
@@ -193,10 +222,11 @@ def _document_name(server: str, application: str | None) -> str:
 
 
 def _parse(document: Mapping[str, Any]) -> Manifest:
-    configurations = [
-        Configuration(str(c["name"]), dict(c["parameters"]), dict(c.get("predicted") or {}))
-        for c in document["configurations"]
-    ]
+    points, version = document["configurations"], int(document["protocol"]["version"])
+    if version not in VERSIONS:
+        known = " and ".join(map(str, VERSIONS))
+        raise OutdatedError(f"this client measures by protocol {known}, the server by {version}: update it")
+    configurations = [_configuration(described, version) for described in points]
     by_name = {configuration.name: configuration for configuration in configurations}
     if "default" not in by_name:
         raise KeyError("configurations: default")
@@ -217,6 +247,25 @@ def _parse(document: Mapping[str, Any]) -> Manifest:
     )
 
 
+def _configuration(described: Mapping[str, Any], version: int) -> Configuration:
+    name, backends = str(described["name"]), described.get("backends")
+    band = reference = None
+    if version == FIXED_PAIRS:
+        band, trajectory = float(described["band"]), described["trajectory"]
+        reference = Reference(str(trajectory["sha256"]), str(trajectory["url"]))
+        # The digest becomes a file's name.
+        if not (math.isfinite(band) and band > 0 and DIGEST.fullmatch(reference.sha256)):
+            raise ValueError(f"configurations: {name} has band {band} and trajectory {reference.sha256!r}")
+    return Configuration(
+        name,
+        dict(described["parameters"]),
+        dict(described.get("predicted") or {}),
+        BACKENDS if backends is None else tuple(map(str, backends)),
+        band,
+        reference,
+    )
+
+
 def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configuration]) -> Protocol:
     order = tuple(str(name) for name in protocol["order"])
     unknown = [name for name in order if name not in configurations]
@@ -225,13 +274,8 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     warmup, frames, first = (
         int(protocol[name]) for name in ("warmup_frames", "frames", "first_counted_frame")
     )
-    rest, max_seconds = float(protocol["rest_seconds"]), float(protocol.get("max_seconds", MAX_SECONDS))
-    precision = float(protocol.get("precision", PRECISION))
-    if not (
-        warmup >= 0
-        and 0 <= first < frames
-        and all(math.isfinite(value) and value >= 0 for value in (rest, max_seconds, precision))
-    ):
+    version, rest = int(protocol["version"]), float(protocol["rest_seconds"])
+    if not (warmup >= 0 and 0 <= first < frames and math.isfinite(rest) and rest >= 0):
         raise ValueError(f"protocol {dict(protocol)} is out of range")
     # An order such as default, best, best, default spells its repeats out.
     repeats = max(int(protocol["repeats"]), order.count("default"))
@@ -240,7 +284,7 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     if max(runs, 2 * repeats) > MOST_RUNS:
         raise ValueError(f"protocol.repeats {repeats} of {list(order)} are more than {MOST_RUNS} runs")
     return Protocol(
-        version=int(protocol["version"]),
+        version=version,
         warmup_frames=warmup,
         frames=frames,
         first_counted_frame=first,
@@ -248,6 +292,16 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
         repeats=repeats,
         rest_seconds=rest,
         max_ate=float(protocol.get("max_ate", VALID_BELOW)),
+        adaptive=_adaptive(protocol, repeats) if version == ADAPTIVE else None,
+    )
+
+
+def _adaptive(protocol: Mapping[str, Any], repeats: int) -> AdaptiveRepeats:
+    precision = float(protocol.get("precision", PRECISION))
+    max_seconds = float(protocol.get("max_seconds", MAX_SECONDS))
+    if not all(math.isfinite(value) and value >= 0 for value in (precision, max_seconds)):
+        raise ValueError(f"protocol {dict(protocol)} is out of range")
+    return AdaptiveRepeats(
         max_repeats=max(repeats, int(protocol.get("max_repeats", MAX_REPEATS))),
         precision=precision,
         max_seconds=max_seconds,

@@ -11,13 +11,14 @@ from client_kit import (
     consent,
     delivery,
     device,
-    drivers,
-    enrolment,
+    device_choice,
     interrupts,
     manifest,
     measurement,
     preflight,
+    reference_trajectories,
     requirements,
+    result_pages,
     sensors,
     sequences,
     session,
@@ -27,14 +28,12 @@ from client_kit.console import Console
 from client_kit.errors import CannotMeasureError, UsageError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
-from client_kit.server import Server, ServerError
-from client_kit.session import Session
+from client_kit.server import Server
+from client_kit.session import Run, Session
 from client_kit.spool import ACCEPTED, DUPLICATE, Item, Spool
-from slam.devices.choice import choose_device
-from slam.devices.device import Device, NoDeviceError
+from slam.devices.choice import NAMES
+from slam.devices.device import Device
 
-SUMMARY_PATIENCE_SECONDS = 15.0
-SUMMARY_PAUSE_SECONDS = 0.5
 # A device that has just measured is hot: so often, and for so long, it may cool before the next session.
 COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
 WITHDRAWN = "your agreement was withdrawn meanwhile: what was measured is not kept"
@@ -42,10 +41,13 @@ WITHDRAWN = "your agreement was withdrawn meanwhile: what was measured is not ke
 
 @dataclass(frozen=True)
 class Wishes:
-    """What the participant asked for. `ignored` names concerns of `preflight` to measure in spite of;
-    `minutes` is how long a session may repeat its runs, as the server asks where it is None;
-    `show_model` whether a rare device's model may be shown in public, None to leave that as it is;
-    `application` what to measure, None for what the server has clients measure."""
+    """What the participant asked for.
+
+    `ignored` names concerns of `preflight` to measure in spite of. `minutes` is how long a session of
+    protocol 1 may repeat its runs, None for as long as the server asks. `show_model` is whether a rare
+    device's model may be shown in public, None to leave that as it is. `application` is what to measure,
+    None for what the server has clients measure. `backend` is what drives the device, None for the fastest.
+    """
 
     server: str
     yes: bool = False
@@ -56,6 +58,7 @@ class Wishes:
     minutes: float | None = None
     show_model: bool | None = None
     application: str | None = None
+    backend: str | None = None
 
 
 @dataclass(frozen=True)
@@ -89,17 +92,21 @@ def run(
     asked.require_accepting()
     requirements.require(asked.application, root)
     if wishes.minutes is not None:
-        asked = replace(asked, protocol=replace(asked.protocol, max_seconds=60 * wishes.minutes))
+        asked = _limited(asked, 60 * wishes.minutes, console)
     plans = asked.plans(wishes.configurations)
-    chosen, identity = _device(wishes.device, root)
-    _consent(wishes, home, console, server, asked, identity)
+    chosen, identity = _device(wishes.device, wishes.backend, asked.application, root)
+    _consent(wishes, home, console, server, asked, chosen, identity)
     delivery.renew(spool, home, server.url, asked.consent_version)
     present = sequences.at_hand(asked, home)
     _ready(wishes, home, console, root, download=0 if present else sequences.size(asked))
     path = present or _download(server, asked, home, console, fresh)
+    if not reference_trajectories.at_hand(asked, home):
+        _require_fresh(fresh, server, "reference trajectories are")
+        reference_trajectories.fetch(server, asked, home)
 
     console.say(f"Application: {asked.application}, front {asked.front_version}")
-    console.say(f"Device: {identity['opencl_device']} ({identity['opencl_platform']})")
+    processor = f"{identity['opencl_device']} ({identity['opencl_platform']})"
+    console.say(f"Device: {processor} over {NAMES[chosen.backend]}")
 
     def agreed() -> None:
         if not consent.given(home, server.url, asked.consent_version):
@@ -130,7 +137,7 @@ def run(
             raise CannotMeasureError(WITHDRAWN)
         measured.append(Measured(done, kept))
         if measured[-1].item.state in (ACCEPTED, DUPLICATE):
-            _tell_page(server, home, measured[-1], asked, console, pause)
+            result_pages.show(server, home, done, kept, asked, console, pause)
         if delivered.outdated is not None:
             raise delivered.outdated
         if all(one.status == "failed" for one in done.runs):
@@ -143,6 +150,7 @@ def consent_text(
     home: Home,
     device: str | None = None,
     application: str | None = None,
+    backend: str | None = None,
     root: Path = Path("/"),
 ) -> str | None:
     """What a participant has to agree to before `run`; None where this was agreed to before."""
@@ -150,7 +158,9 @@ def consent_text(
     asked, _ = manifest.fetch(connection, home, application)
     if consent.given(home, connection.url, asked.consent_version):
         return None
-    return _consent_text(connection, asked, _device(device, root)[1])
+    requirements.require(asked.application, root)
+    chosen, identity = _device(device, backend, asked.application, root)
+    return _consent_text(connection, asked, chosen, identity)
 
 
 def _measure(
@@ -163,7 +173,15 @@ def _measure(
     pause: Callable[[float], None],
     root: Path,
 ) -> Session:
-    parameters = {name: asked.configurations[name].parameters for name in plan}
+    planned = [asked.configurations[name] for name in plan]
+    parameters = {configuration.name: configuration.parameters for configuration in planned}
+    backends = {configuration.name: configuration.backends for configuration in planned}
+    impossible = preflight.too_large(parameters, chosen, root)
+    impossible |= preflight.unsupported(backends, chosen.backend)
+
+    def on_run(run: Run) -> None:
+        console.lines(summary.run_lines(run, asked.protocol))
+
     with home.only_one("measurement") as alone:
         if not alone:
             raise CannotMeasureError("another client measures on this device: wait until it is done")
@@ -171,22 +189,33 @@ def _measure(
             path,
             asked,
             plan,
-            device=chosen.label,
-            impossible=preflight.too_large(parameters, chosen, root),
-            on_run=lambda run: console.say(summary.run_line(run, asked.protocol)),
+            device=chosen,
+            references=reference_trajectories.read(asked, home),
+            impossible=impossible,
+            on_run=on_run,
             on_frame=lambda label, done, total, left: console.bar(label, done, total, left=left),
             rest=pause,
             root=root,
         )
 
 
-def _device(text: str | None, root: Path) -> tuple[Device, dict[str, str | None]]:
-    """The OpenCL device to use, and what this machine says of itself."""
-    try:
-        chosen = choose_device(text)
-    except (NoDeviceError, ImportError) as error:
-        raise CannotMeasureError(drivers.remedy(error, root)) from error
-    return chosen, device.identify(root, opencl=device.opencl_identity(chosen.handle))
+def _limited(asked: Manifest, seconds: float, console: Console) -> Manifest:
+    """ASKED, with sessions that repeat their runs for SECONDS at most."""
+    protocol = asked.protocol
+    if protocol.adaptive is None:
+        console.say("Note: the server fixes the number of runs, so --minutes changes nothing")
+        return asked
+    return replace(
+        asked, protocol=replace(protocol, adaptive=replace(protocol.adaptive, max_seconds=seconds))
+    )
+
+
+def _device(
+    text: str | None, backend: str | None, application: str, root: Path
+) -> tuple[Device, dict[str, str | None]]:
+    """The device to use, and what this machine says of itself."""
+    chosen = device_choice.choose(text, device_choice.backends_for(application, backend), root)
+    return chosen, device.identify(root, processor=device.processor_identity(chosen))
 
 
 def _ready(wishes: Wishes, home: Home, console: Console, root: Path, download: int) -> None:
@@ -219,12 +248,13 @@ def _consent(
     console: Console,
     server: Server,
     asked: Manifest,
+    chosen: Device,
     identity: dict[str, str | None],
 ) -> None:
     version = asked.consent_version
     if consent.given(home, server.url, version):
         return
-    console.say(_consent_text(server, asked, identity, wishes.show_model))
+    console.say(_consent_text(server, asked, chosen, identity, wishes.show_model))
     if not wishes.yes:
         if console.silent or not sys.stdin.isatty():
             raise UsageError("nobody is here to agree: read the text above, then add --yes")
@@ -234,28 +264,34 @@ def _consent(
 
 
 def _consent_text(
-    server: Server, asked: Manifest, identity: dict[str, str | None], show_model: bool | None = None
+    server: Server,
+    asked: Manifest,
+    chosen: Device,
+    identity: dict[str, str | None],
+    show_model: bool | None = None,
 ) -> str:
-    sample = _sample_payload(asked, identity, show_model)
+    sample = _sample_payload(asked, chosen.backend, identity, show_model)
     return consent.text(server.url, asked.consent_version, sequences.size(asked), sample)
 
 
 def _sample_payload(
-    asked: Manifest, identity: dict[str, str | None], show_model: bool | None
+    asked: Manifest, backend: str, identity: dict[str, str | None], show_model: bool | None
 ) -> dict[str, Any]:
     """What would be sent of this device, with a run of two frames for brevity."""
     example = session.Run(
         "a random number", "default", 0, 0, "ok", None, (31250, 30718), {"tracking": (9120, 8980)},
-        (True, True), 0.012, 0.008, 0.009, "digest of the computed trajectory",
+        (True, True), 0.012, 0.008, 0.009, "digest of the computed trajectory", 0.0004,
     )  # fmt: skip
     sample: sensors.Sample = {"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 80.0}
-    told = Session("a random number", "2026-01-01T12:00:00Z", "opencl", (example,), (sample,))
-    return session.payload(told, asked, identity, show_model)
+    shown = Session(
+        "a random number", "2026-01-01T12:00:00Z", backend, (example,), (sample,),
+        stage_clock="device", empty_frame_us=212.5,
+    )  # fmt: skip
+    return session.payload(shown, asked, identity, show_model)
 
 
 def _download(server: Server, asked: Manifest, home: Home, console: Console, fresh: bool) -> Path:
-    if not fresh:
-        raise CannotMeasureError(f"{server.url} does not answer and its sequence is not here yet: try later")
+    _require_fresh(fresh, server, "sequence is")
     name = asked.sequence["name"]
     console.say(f"Downloading the sequence {name}, {sequences.size(asked) / 1e6:.1f} MB")
     return sequences.fetch(
@@ -266,59 +302,6 @@ def _download(server: Server, asked: Manifest, home: Home, console: Console, fre
     )
 
 
-def _tell_page(
-    server: Server,
-    home: Home,
-    measured: Measured,
-    asked: Manifest,
-    console: Console,
-    pause: Callable[[float], None],
-) -> None:
-    """Point to the pages that show it, and say what of the session counts there, once the server knows."""
-    try:
-        state = _summarised(server, home, measured.item, pause)
-    except ServerError as error:
-        console.say(f"The session is accepted; its page could not be asked for: {error}")
-        return
-    aside = set()
-    for told_session in state.get("sessions") or ():
-        for told in told_session.get("speedups") or ():
-            if told.get("state") != "valid":
-                name, reason = told.get("configuration"), told.get("reason")
-                aside.add(name)
-                console.say(f"The server sets {name} aside: {told.get('state')}, {reason}")
-    own_speedup = summary.best_speedup(measured.session, asked.protocol)
-    # Neither a speedup that does not count nor a device that the server does not tell yet has a place.
-    if own_speedup is not None and own_speedup[0] not in aside and state.get("device"):
-        _tell_place(server, own_speedup, measured.session.backend, asked, str(state["device"]), console)
-    if state.get("page"):
-        own = server.page(str(state["page"]))
-        console.say(f"Your own page, which names this device (whoever has the link may read it): {own}")
-    if state.get("device"):
-        console.say(f"Among the others: {server.page('devices/' + str(state['device']) + '/')}")
-    else:
-        console.say(f"The server has not worked through this session yet: {server.page('devices/')}")
-
-
-def _summarised(server: Server, home: Home, item: Item, pause: Callable[[float], None]) -> dict[str, Any]:
-    token = enrolment.present(home, server)
-    if token is None:  # erased meanwhile, and nobody is to be enrolled anew for a look
-        return {}
-    waited = 0.0
-    while True:
-        state = server.submission(token, str(item.submission_id))
-        if state.get("summarised") or waited >= SUMMARY_PATIENCE_SECONDS:
-            return state
-        pause(SUMMARY_PAUSE_SECONDS)
-        waited += SUMMARY_PAUSE_SECONDS
-
-
-def _tell_place(
-    server: Server, own: tuple[str, float], backend: str, asked: Manifest, device: str, console: Console
-) -> None:
-    name, speedup = own
-    try:
-        crowd = server.speedups(str(asked.front_version), name)
-        console.say(summary.place(crowd, speedup, device, backend))
-    except (ServerError, KeyError, TypeError, ValueError) as error:
-        console.say(f"The place in the crowd could not be asked for: {error}")
+def _require_fresh(fresh: bool, server: Server, what: str) -> None:
+    if not fresh:
+        raise CannotMeasureError(f"{server.url} does not answer and its {what} not here yet: try later")

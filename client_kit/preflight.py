@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from client_kit import condition
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
+from slam.devices.layout import Layout
 
 if TYPE_CHECKING:
     from slam.devices.device import Device
@@ -18,8 +19,8 @@ BATTERY, POWER_SAVING, THROTTLING, LOAD, DISK = "battery", "power-saving", "thro
 # What a participant may decide to measure in spite of.
 IGNORABLE = (BATTERY, POWER_SAVING, THROTTLING)
 BUSY_SHARE = 0.5
-# A voxel's distance and colour weight in one buffer, its weight in another (slam/kfusion/volume.py).
-LARGEST_BUFFER_BYTES, ALL_BUFFERS_BYTES = 4, 5
+# A voxel's word (slam/kfusion/plan.py). By rows its weight lies in a second buffer.
+WORD_BYTES, WEIGHT_BYTES = 4, 1
 SMALLEST_VOLUME = 64
 # Spool, documents and what SQLite needs beside them while it writes.
 NEEDED_DISK_BYTES = 16 * 2**20
@@ -82,24 +83,36 @@ def too_large(
     """The reasons of those CONFIGURATIONS (parameters by name) that this device has no memory for.
 
     Telling beforehand matters on phones: there the system ends whoever takes the last memory, and the
-    session with it. Memory of the OpenCL device is the machine's own unless it is a GPU with its own.
+    session with it. Memory of the device is the machine's own unless it is a GPU with its own. WebGPU does
+    not say how much that is.
     """
     free = condition.free_memory(root)
+    by_rows = device.backend == "opencl" and not Layout.for_device(device.kind).pixels
+    voxel_bytes = WORD_BYTES + (WEIGHT_BYTES if by_rows else 0)
     reasons = {}
     for name, parameters in configurations.items():
         resolution = parameters.get("volume_resolution")
         if not isinstance(resolution, int) or resolution <= SMALLEST_VOLUME:
             continue
-        buffer, total = LARGEST_BUFFER_BYTES * resolution**3, ALL_BUFFERS_BYTES * resolution**3
+        buffer, total = WORD_BYTES * resolution**3, voxel_bytes * resolution**3
         needs = f"volume_resolution={resolution} needs"
         if buffer > device.max_allocation:
             allowed = _mib(device.max_allocation)
             reasons[name] = f"{needs} one buffer of {_mib(buffer)}, the device allows {allowed}"
-        elif total > device.global_memory:
+        elif device.backend == "opencl" and total > device.global_memory:
             reasons[name] = f"{needs} {_mib(total)}, the device has {_mib(device.global_memory)}"
         elif free is not None and _shares_memory(device) and total > free:
             reasons[name] = f"{needs} {_mib(total)}, {_mib(free)} are free: end other programs"
     return reasons
+
+
+def unsupported(configurations: Mapping[str, Collection[str]], backend: str) -> dict[str, str]:
+    """The reasons of those CONFIGURATIONS (backends by name) that BACKEND cannot run."""
+    return {
+        name: f"{name} does not run on {backend}: it needs {' or '.join(backends)}"
+        for name, backends in configurations.items()
+        if backend not in backends
+    }
 
 
 def _shares_memory(device: "Device") -> bool:

@@ -1,6 +1,5 @@
 """The sequence that every client measures: downloaded once, chunk by chunk, each checked by its digest."""
 
-import hashlib
 import json
 import os
 import time
@@ -8,14 +7,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
-from client_kit.errors import CannotMeasureError
+from client_kit import downloads
 from client_kit.home import Home, write_file
 from client_kit.manifest import Chunk
-from client_kit.server import ProblemError, Server, UnreachableError
+from client_kit.server import Server
 from slam.datasets.pack import MANIFEST, colour_folder
-
-ATTEMPTS = 4
-FIRST_PAUSE_SECONDS = 1.0
 
 
 class Download(Protocol):
@@ -39,10 +35,6 @@ class _Pack(NamedTuple):
     description: bytes
 
 
-class CorruptChunkError(CannotMeasureError):
-    """A chunk arrived whole and yet is not what the manifest promises."""
-
-
 def fetch(
     server: Server,
     manifest: Download,
@@ -53,16 +45,15 @@ def fetch(
     """The folder of the manifest's sequence as a pack, complete and checked.
 
     Chunks that an earlier, interrupted download left are kept. `progress` hears of bytes at hand and bytes
-    in all. Raises CorruptChunkError, HomeError (a full disk), or the server's errors when a chunk does not
-    come after ATTEMPTS attempts.
+    in all. Raises HomeError (a full disk), and what `downloads.fetch` raises.
     """
     packs, total = _packs(manifest, home), size(manifest)
     done = 0
     for pack in packs:
         for chunk in pack.chunks:
             path = pack.folder / "chunks" / chunk.sha256
-            if not _is_whole(path, chunk):
-                write_file(path, _download(server, chunk, pause))
+            if not downloads.is_whole(path, chunk.sha256):
+                write_file(path, downloads.fetch(server, chunk.url, chunk.sha256, chunk.bytes, pause))
             done += chunk.bytes
             if progress is not None:
                 progress(done, total)
@@ -77,7 +68,9 @@ def at_hand(manifest: Download, home: Home) -> Path | None:
     packs = _packs(manifest, home)
     whole = all(
         os.access(pack.folder / MANIFEST, os.R_OK)
-        and all(_is_whole(pack.folder / "chunks" / chunk.sha256, chunk) for chunk in pack.chunks)
+        and all(
+            downloads.is_whole(pack.folder / "chunks" / chunk.sha256, chunk.sha256) for chunk in pack.chunks
+        )
         for pack in packs
     )
     return packs[-1].folder if whole else None
@@ -97,38 +90,6 @@ def _packs(manifest: Download, home: Home) -> list[_Pack]:
         beside = _description({**sequence, **sequence["colour"]})
         packs.insert(0, _Pack(colour_folder(folder), manifest.colour, beside))
     return packs
-
-
-def _download(server: Server, chunk: Chunk, pause: Callable[[float], None]) -> bytes:
-    for attempt in range(ATTEMPTS):
-        last = attempt == ATTEMPTS - 1
-        try:
-            data = server.download(chunk.url, chunk.bytes)
-        except UnreachableError:
-            if last:
-                raise
-            wait = None
-        except ProblemError as problem:
-            if last or not problem.temporary:
-                raise
-            wait = problem.retry_after
-        else:
-            if hashlib.sha256(data).hexdigest() == chunk.sha256:
-                return data
-            wait = None
-        if not last:
-            pause(FIRST_PAUSE_SECONDS * 2**attempt if wait is None else wait)
-    raise CorruptChunkError(
-        f"{chunk.url} gives other data than the manifest promises (sha256 {chunk.sha256[:12]}...): "
-        "something between here and the server changes it; try another network"
-    )
-
-
-def _is_whole(path: Path, chunk: Chunk) -> bool:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() == chunk.sha256
-    except OSError:  # missing, or not to be read: a new download replaces it, or tells why it cannot
-        return False
 
 
 def _description(pack: Mapping[str, Any]) -> bytes:

@@ -187,11 +187,12 @@ class Server:
         path = f"/leases/{urllib.parse.quote(lease, safe='')}/result"
         self._call("POST", path, token=token, body=json.dumps(result).encode())
 
-    def download(self, address: str, size: int) -> bytes:
-        """A file of exactly `size` bytes at an address that the manifest gave, relative or absolute."""
+    def download(self, address: str, size: int | None = None) -> bytes:
+        """A file at an address that the manifest gave, relative or absolute: of exactly `size` bytes where
+        that is known, else of at most LARGEST_ANSWER."""
         request = urllib.request.Request(urllib.parse.urljoin(f"{self.url}/", address))
-        body = self._exchange(request, size).body
-        if len(body) != size:
+        body = self._exchange(request, LARGEST_ANSWER if size is None else size).body
+        if size is not None and len(body) != size:
             raise UnreachableError(f"{request.full_url} gave {len(body)} bytes instead of {size}")
         return body
 

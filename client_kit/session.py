@@ -7,10 +7,11 @@ from statistics import fmean, median, stdev
 from typing import Any
 
 from client_kit import __version__
-from client_kit.manifest import Manifest, Protocol
+from client_kit.manifest import FIXED_PAIRS, Manifest, Protocol
 from client_kit.sensors import Sample
 
 SCHEMA_VERSION = 1
+NO_STAGES = "none"  # the clock of stages that nobody measured
 MOST_SAMPLES = 5_000
 MICROSECONDS = 1e6
 # Student's t, two-sided 95 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
@@ -26,6 +27,9 @@ class Run:
 
     `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed
     run has its reason in `failure`, and times and errors only where it came to the sequence's end.
+
+    Protocol 2: `deviation` is the largest distance (m) from the reference trajectory, `band` the largest that
+    counts. Both are None for a failed run.
     """
 
     id: str
@@ -41,6 +45,13 @@ class Run:
     ate_mean: float | None = None
     ate_rmse: float | None = None
     trajectory_sha256: str | None = None
+    deviation: float | None = None
+    band: float | None = None
+
+    @property
+    def deviates(self) -> bool:
+        """Whether it left the band around its reference trajectory: the device computes something else."""
+        return self.deviation is not None and self.band is not None and self.deviation > self.band
 
     def mean_seconds(self, protocol: Protocol) -> float:
         """The run's value: the arithmetic mean over the frames that count.
@@ -55,8 +66,9 @@ class Run:
         return {stage: fmean(series[first:]) / MICROSECONDS for stage, series in self.stages_us.items()}
 
     def valid(self, protocol: Protocol) -> bool:
-        """Whether its speed counts: it ran, and its trajectory stayed within the limit."""
-        return self.status == "ok" and self.ate_max is not None and self.ate_max < protocol.max_ate
+        """Whether its speed counts: it ran, and its trajectory stayed within the limits."""
+        accurate = self.ate_max is not None and self.ate_max < protocol.max_ate
+        return self.status == "ok" and accurate and not self.deviates
 
 
 @dataclass(frozen=True)
@@ -83,6 +95,8 @@ class Session:
     """The runs of one session on one device, with what the device said of its state meanwhile.
 
     `interrupted` says that somebody ended it early: its finished runs are whole all the same.
+    `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is what a frame costs
+    that computes nothing (protocol 2).
     """
 
     id: str
@@ -91,6 +105,8 @@ class Session:
     runs: tuple[Run, ...]
     samples: tuple[Sample, ...]
     interrupted: bool = False
+    stage_clock: str = NO_STAGES
+    empty_frame_us: float | None = None
 
     def of(self, configuration: str) -> list[Run]:
         """The runs of one configuration, in order."""
@@ -146,6 +162,9 @@ def payload(
     session: Session, manifest: Manifest, device: Mapping[str, str | None], show_model: bool | None = None
 ) -> dict[str, Any]:
     """The body of POST /submissions for one session; `show_model` is sent where it is not None."""
+    version = manifest.protocol.version
+    fixed = version == FIXED_PAIRS
+    clock = {"empty_frame_us": session.empty_frame_us, "stage_clock": session.stage_clock} if fixed else {}
     return {
         "schema_version": SCHEMA_VERSION,
         "app_version": __version__,
@@ -158,10 +177,11 @@ def payload(
                 "started_at": session.started_at,
                 "application": manifest.application,
                 "front_version": manifest.front_version,
-                "protocol_version": manifest.protocol.version,
+                "protocol_version": version,
                 "backend": session.backend,
+                **clock,
                 "samples": [dict(sample) for sample in _thinned(session.samples)],
-                "runs": [_document(run) for run in session.runs],
+                "runs": [_document(run, session, fixed) for run in session.runs],
             }
         ],
     }
@@ -172,7 +192,12 @@ def _thinned(samples: Sequence[Sample]) -> Sequence[Sample]:
     return samples[:: max(1, math.ceil(len(samples) / MOST_SAMPLES))]
 
 
-def _document(run: Run) -> dict[str, Any]:
+def _document(run: Run, session: Session, fixed_pairs: bool) -> dict[str, Any]:
+    stages = {"stages_us": {stage: list(series) for stage, series in run.stages_us.items()}}
+    if fixed_pairs:
+        trajectory: dict[str, Any] = {} if run.deviation is None else {"deviation": run.deviation}
+    else:
+        trajectory = {"trajectory_sha256": run.trajectory_sha256}
     return {
         "id": run.id,
         "configuration": run.configuration,
@@ -181,10 +206,10 @@ def _document(run: Run) -> dict[str, Any]:
         "status": run.status,
         "failure": run.failure,
         "frame_us": list(run.frame_us),
-        "stages_us": {stage: list(series) for stage, series in run.stages_us.items()},
+        **({} if fixed_pairs and session.stage_clock == NO_STAGES else stages),
         "tracked": list(run.tracked),
         "ate_max": run.ate_max,
         "ate_mean": run.ate_mean,
         "ate_rmse": run.ate_rmse,
-        "trajectory_sha256": run.trajectory_sha256,
+        **trajectory,
     }

@@ -12,13 +12,23 @@ DEFAULT = "default"
 BAR = 28
 
 
-def run_line(run: Run, protocol: Protocol) -> str:
-    """One finished run in a line."""
+def run_lines(run: Run, protocol: Protocol) -> list[str]:
+    """One finished run in a line, and another where it does not count because it left its band."""
     start = f"  {run.order + 1}. {run.configuration}: "
     if run.status == "failed":
-        return f"{start}failed, {run.failure}"
+        return [f"{start}failed, {run.failure}"]
     line = f"{start}{1000 * run.mean_seconds(protocol):.2f} ms a frame"
-    return line if run.ate_max is None else f"{line}, largest error {100 * run.ate_max:.2f} cm"
+    if run.ate_max is not None:
+        line += f", largest error {100 * run.ate_max:.2f} cm"
+    if not run.deviates:
+        return [line]
+    assert run.deviation is not None
+    assert run.band is not None
+    return [
+        line,
+        f"     This device computes something else than the reference ({100 * run.deviation:.2f} cm from it, "
+        f"{100 * run.band:.2f} cm allowed), so the run does not count.",
+    ]
 
 
 def figures(session: Session, protocol: Protocol) -> list[str]:
@@ -93,7 +103,7 @@ def best_speedup(session: Session, protocol: Protocol) -> tuple[str, float] | No
 def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
     speedup = session.speedup(name, protocol)
     if speedup is None:
-        return [f"No speedup for {name}: no pair of runs ran through and stayed within the limit."]
+        return [f"No speedup for {name}: no pair of runs ran through and stayed within the limits."]
     counted = protocol.frames - protocol.first_counted_frame
     slower = "" if speedup.value >= 1 else " (slower)"
     interval = "one pair of runs"

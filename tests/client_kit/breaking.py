@@ -1,9 +1,10 @@
-"""A workbench whose driver breaks down, without OpenCL: `python -m tests.client_kit.breaking`.
+"""A worker whose driver breaks down, without OpenCL: `python -m tests.client_kit.breaking`.
 
 Parameters say what becomes of a configuration: {"ends": "abort", "kill", "hang" or "close"}, {"fails": TEXT};
 without any it runs. {"for_good": true} breaks the device, too, and {"takes_away": true} takes it away: the
 file named by FRONTRUNNER_BROKEN stands for that, and no further process can open it. {"unreadable": true}
-is measured over a sequence that cannot be read. Times are made up.
+is measured over a sequence that cannot be read. Times are made up. FRONTRUNNER_EMPTY_FRAME names what
+becomes of an empty frame.
 """
 
 import os
@@ -14,18 +15,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from client_kit import workbench
+from client_kit import worker
 from slam.benchmark import Progress
 from slam.devices.device import NoDeviceError
 from tests.client_kit.canned import STAGES
 
 BROKEN = "FRONTRUNNER_BROKEN"
+EMPTY_FRAME = "FRONTRUNNER_EMPTY_FRAME"
+EMPTY_FRAME_SECONDS = 0.00025
 FRAMES_BEFORE_THE_END = 3
 GONE = "no OpenCL device here"
 UNREADABLE = "frame 3 is damaged"
 
 
-class BreakingWorkbench(workbench.Workbench):
+class BreakingWorker(worker.Worker):
     def __init__(self, *_: Any) -> None:
         broken = Path(os.environ[BROKEN])
         if broken.exists():
@@ -33,7 +36,12 @@ class BreakingWorkbench(workbench.Workbench):
                 raise NoDeviceError(GONE)
             end("abort")
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, progress: Progress) -> workbench.Answer:
+    def empty_frame(self) -> worker.Answer:
+        if os.environ.get(EMPTY_FRAME):
+            end(os.environ[EMPTY_FRAME])
+        return {"empty_frame_seconds": EMPTY_FRAME_SECONDS}
+
+    def measure(self, parameters: Mapping[str, Any], frames: int, progress: Progress) -> worker.Answer:
         if "fails" in parameters:
             return {"failure": parameters["fails"]}
         if "unreadable" in parameters:
@@ -46,14 +54,18 @@ class BreakingWorkbench(workbench.Workbench):
                 if parameters.get("takes_away"):
                     Path(os.environ[BROKEN]).write_text(GONE)
                 end(parameters["ends"])
-        return {"report": report(frames, 0.04), "trajectory_sha256": "0" * 64}
+        return {
+            "report": report(frames, 0.04),
+            "trajectory_sha256": "0" * 64,
+            "positions": [[2.4, 2.4, 0.5]] * frames,
+        }
 
 
 def report(frames: int, seconds: float) -> dict[str, Any]:
     """What a run tells that took SECONDS a frame."""
     times = {"computation": seconds, **dict.fromkeys(STAGES, seconds / 5)}
     ate = {"max": 0.012, "mean": 0.006, "rmse": 0.007}
-    return {"frames": [{**times, "tracked": True}] * frames, "ate": ate}
+    return {"frames": [{**times, "tracked": True}] * frames, "ate": ate, "stage_clock": "device"}
 
 
 def end(way: str) -> None:
@@ -71,5 +83,5 @@ def end(way: str) -> None:
 
 
 if __name__ == "__main__":
-    workbench.Workbench = BreakingWorkbench  # type: ignore[assignment,misc]
-    workbench.main()
+    worker.Worker = BreakingWorker  # type: ignore[assignment,misc]
+    worker.main()

@@ -18,6 +18,7 @@ class Counting:
         self._answers: dict[str, tuple[str, dict[str, Any]]] = {}
         self.sessions: dict[str, dict[str, Any]] = {}
         self.runs: list[str] = []
+        self.trajectories: dict[str, bytes] = {}  # by digest
 
     def __call__(self, request: Request) -> Reply:
         path = request.path.removeprefix("/api/v1")
@@ -25,6 +26,8 @@ class Counting:
             return Reply(200, self.manifest, (("ETag", '"1"'),))
         if path.startswith("/sequences/"):
             return Reply(200, raw=(self._chunks / Path(path).name).read_bytes())
+        if path.startswith("/trajectories/"):
+            return Reply(200, raw=self.trajectories[Path(path).name])
         if path == "/enrol":
             return Reply(201, {"installation_id": "me", "token": "secret"})
         if path.startswith("/speedups?"):

@@ -29,7 +29,9 @@ from tests.client_kit import canned
 CLIENT = Path(client_kit.__file__).parent
 # Between two lines of these, which compute and print, nothing changes that a killed process leaves behind.
 PURE = {str(CLIENT / name) for name in ("console.py", "session.py", "summary.py")}
-DEVICE = SimpleNamespace(label="a GPU", max_allocation=2**40, global_memory=2**40, kind="gpu", handle=None)
+DEVICE = SimpleNamespace(
+    label="a GPU", backend="opencl", max_allocation=2**40, global_memory=2**40, kind="gpu", handle=None
+)
 IDENTITY: dict[str, str | None] = {"opencl_device": "a GPU", "opencl_platform": "a platform", "os": "Linux"}
 
 

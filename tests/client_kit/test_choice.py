@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from client_kit import __main__ as command_line
-from client_kit import adaptation, device
+from client_kit import adaptation, device, device_choice
 from client_kit.choice import MEASURED, SCALED, choose, of_one_device, points
 from client_kit.errors import CannotMeasureError
 from client_kit.home import ENVIRONMENT, Home
@@ -109,7 +109,7 @@ def test_what_fails_half_the_time_here_is_never_chosen() -> None:
 
 
 def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    def device(name: str, platform: str) -> SimpleNamespace:
+    def present(name: str, platform: str) -> SimpleNamespace:
         handle = SimpleNamespace(
             name=name,
             vendor="",
@@ -117,14 +117,18 @@ def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytes
             version="3",
             platform=SimpleNamespace(name=platform, version="3"),
         )
-        return SimpleNamespace(label=f"{name} ({platform}, 3, driver 1)", handle=handle)
+        return SimpleNamespace(backend="opencl", handle=handle)
 
-    present = [device("a  CPU", "Intel"), device("a  CPU", "PoCL")]
-    monkeypatch.setattr(adaptation, "list_devices", lambda: present)
+    webgpu = SimpleNamespace(
+        backend="webgpu", name="a CPU", platform="Vulkan", version="wgpu-py 1", driver="Mesa"
+    )
+    devices = [present("a  CPU", "Intel"), present("a  CPU", "PoCL"), webgpu]
+    monkeypatch.setattr(device_choice, "present", lambda: devices)
 
-    assert adaptation._label(("a CPU", "PoCL")) == present[1].label
+    assert adaptation._present(("a CPU", "PoCL")) is devices[1]
+    assert adaptation._present(("a CPU", "Vulkan")) is webgpu
     with pytest.raises(CannotMeasureError, match=r"Mali .* is not here any more"):
-        adaptation._label(("Mali", "ARM"))
+        adaptation._present(("Mali", "ARM"))
 
 
 def test_the_choice_runs_over_the_shipped_sequence(

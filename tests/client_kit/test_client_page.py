@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from client_kit import __main__ as command_line
+from client_kit import cli_options
 from client_kit.home import Home
 from slam.datasets.pack import Pack
 from tests.client_kit import documents, room
@@ -49,7 +49,7 @@ def test_the_example_measures_sends_and_chooses(
 
 def test_the_page_names_every_command_and_option_of_run() -> None:
     page = PAGE.read_text(encoding="utf-8")
-    [commands] = [action for action in command_line._parser()._actions if action.choices]
+    [commands] = [action for action in cli_options.parser()._actions if action.choices]
     choices: dict[str, argparse.ArgumentParser] = dict(commands.choices)  # type: ignore[arg-type]
     run = choices["run"]
 

@@ -8,9 +8,17 @@ from types import SimpleNamespace
 
 import pytest
 
-from client_kit.device import ANDROID_PROPERTIES, FIELDS, _windows, identify, opencl_identity
+from client_kit.device import (
+    ANDROID_PROPERTIES,
+    FIELDS,
+    _windows,
+    identify,
+    opencl_identity,
+    processor_identity,
+)
 from client_kit.sources import LONGEST_TEXT
 from crowd.results.intake.checks import check_device
+from slam.devices.device import Device
 from tests.client_kit.machines import files, getprop, program
 
 GALAXY = {
@@ -160,6 +168,29 @@ def test_opencl_strings_are_kept_raw_and_printable() -> None:
     assert identity["opencl_platform"] == "ARM Platform"
     assert identity["opencl_driver"] == "1.1"
     assert len(identity["opencl_version"] or "") == LONGEST_TEXT
+
+
+def test_over_webgpu_the_adapter_is_named_in_the_same_fields() -> None:
+    adapter = Device(
+        backend="webgpu",
+        platform="Vulkan (wgpu-native 27)",
+        version="wgpu-py 0.31",
+        name="Mali-G68",
+        driver="v1.r38p1",
+        kind="gpu",
+        compute_units=0,
+        max_allocation=2**27,
+        global_memory=0,
+        double_precision=False,
+        handle=None,
+    )
+
+    identity = processor_identity(adapter)
+
+    assert set(identity) == {field for field in FIELDS if field.startswith("opencl_")}
+    assert (identity["opencl_device"], identity["opencl_driver"]) == ("Mali-G68", "v1.r38p1")
+    assert identity["opencl_platform"] == "Vulkan (wgpu-native 27)"
+    assert (identity["opencl_vendor"], identity["opencl_version"]) == (None, None)
 
 
 def reported(file: str, *columns: str) -> list[tuple[str, ...]]:

@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -99,6 +100,19 @@ def serve_lab(tmp_path: Path) -> Callable[[Lab], tuple[str, list[float]]]:
     return served
 
 
+@pytest.fixture(autouse=True)
+def choices(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, tuple[str, ...]]]:
+    """For which device and backends a machine with one GPU was asked; OpenCL drives it, where it may."""
+    asked: list[tuple[str, tuple[str, ...]]] = []
+
+    def choose(text: str, backends: tuple[str, ...]) -> SimpleNamespace:
+        asked.append((text, backends))
+        return SimpleNamespace(label=f"Board {text} (a platform, 1, driver 1)", backend=backends[0])
+
+    monkeypatch.setattr(evaluation.device_choice, "choose", choose)
+    return asked
+
+
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """What was measured; each measurement makes one heartbeat and gives MEASURED."""
@@ -121,7 +135,8 @@ def test_a_lease_is_measured_and_its_result_told(pack: Pack, serve_lab: Any, mea
 
     (first, second), results = measured, lab.results
     assert (first["system"], first["configuration"]) == ("kfusion", {"volume_resolution": 64})
-    assert (first["frames"], first["device"], first["timeout"]) == (11, "GPU", 900)
+    assert (first["frames"], first["timeout"]) == (11, 900)
+    assert (first["device"], first["backend"]) == ("Board GPU (a platform, 1, driver 1)", "opencl")
     assert json.loads((first["pack"] / "pack.json").read_text())["sha256"] == pack.sha256
     assert [result["status"] for result in results] == ["done", "done"]
     assert results[0]["objectives"] == MEASURED.objectives
@@ -129,6 +144,21 @@ def test_a_lease_is_measured_and_its_result_told(pack: Pack, serve_lab: Any, mea
     chunks = [path for path in lab.server.paths() if "/sequences/" in path]
     assert len(chunks) == len(set(chunks))  # downloaded once
     assert first["pack"] == second["pack"]
+
+
+def test_the_backend_that_is_named_measures(
+    pack: Pack, home: Home, measured: list[Any], choices: list[Any]
+) -> None:
+    lab = Lab(pack)
+
+    serve(
+        Server(lab.server.url), "board", "secret", home, Console(io.StringIO()),
+        until_idle=True, backend="webgpu",
+    )  # fmt: skip
+    lab.server.close()
+
+    assert choices == [("GPU", ("webgpu",))]
+    assert [call["backend"] for call in measured] == ["webgpu"]
 
 
 def test_a_failure_is_told_with_its_reason(

@@ -15,6 +15,7 @@ from client_kit import (
     measurement,
     participation,
     preflight,
+    result_pages,
 )
 from client_kit.client import Client
 from client_kit.errors import UsageError
@@ -203,7 +204,7 @@ def test_a_speedup_that_does_not_count_has_no_place(
     counting: Counting,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(participation, "SUMMARY_PATIENCE_SECONDS", 0.0)
+    monkeypatch.setattr(result_pages, "SUMMARY_PATIENCE_SECONDS", 0.0)
 
     def answer(request: Request) -> Reply:
         return Reply(200, state) if "/submissions/" in request.path else counting(request)

@@ -9,7 +9,7 @@ from client_kit import manifest
 from client_kit.client import Client
 from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
-from client_kit.manifest import Manifest
+from client_kit.manifest import AdaptiveRepeats, Manifest, Reference
 from client_kit.server import NotFrontrunnerError, Server, UnreachableError
 from tests.client_kit import documents
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
@@ -19,6 +19,11 @@ Serve = Callable[..., ScriptedServer]
 
 def protocol(**changes: Any) -> dict[str, Any]:
     return {**documents.manifest()["protocol"], **changes}
+
+
+def adaptive(asked: Manifest) -> AdaptiveRepeats:
+    assert asked.protocol.adaptive is not None
+    return asked.protocol.adaptive
 
 
 def test_an_unchanged_manifest_is_not_sent_again(serve: Serve, home: Home) -> None:
@@ -178,8 +183,8 @@ def test_how_far_a_session_goes_on_is_the_protocols_or_the_clients_own() -> None
     own = {name: value for name, value in protocol().items() if name != "max_repeats"}
     told = Manifest.parse(documents.manifest(protocol={**own, "precision": 0.02, "max_seconds": 30}))
 
-    assert silent.protocol.max_repeats == 8  # never fewer than are asked for anyway
-    assert (told.protocol.max_repeats, told.protocol.precision, told.protocol.max_seconds) == (6, 0.02, 30.0)
+    assert adaptive(silent).max_repeats == 8  # never fewer than are asked for anyway
+    assert adaptive(told) == AdaptiveRepeats(max_repeats=6, precision=0.02, max_seconds=30.0)
 
 
 def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
@@ -200,3 +205,61 @@ def test_repeats_that_no_session_holds_are_not_understood() -> None:
         asked = {**protocol(), "order": order, "repeats": repeats}
         with pytest.raises(NotFrontrunnerError, match=f"repeats {repeats}"):
             Manifest.parse(documents.manifest(protocol=asked))
+
+
+SHA256 = "5a" * 32
+
+
+def protocol_2(point: dict[str, Any] | None = None, lacks: str = "", **changes: Any) -> dict[str, Any]:
+    """A manifest of protocol 2 whose configurations have the members of POINT, and not LACKS."""
+    told = {name: value for name, value in protocol().items() if name != "max_repeats"}
+    document = documents.manifest(protocol={**told, "version": 2, "repeats": 4, **changes})
+    for configuration in document["configurations"]:
+        configuration |= {"band": 0.003, "trajectory": {"sha256": SHA256, "url": f"/trajectories/{SHA256}"}}
+        configuration |= point or {}
+        configuration.pop(lacks, None)
+    return document
+
+
+def test_protocol_2_has_bands_references_and_a_fixed_number_of_pairs() -> None:
+    asked = Manifest.parse(protocol_2())
+
+    best = asked.configurations["best"]
+    assert (best.band, best.reference) == (0.003, Reference(SHA256, f"/trajectories/{SHA256}"))
+    assert asked.protocol.adaptive is None
+    assert asked.plan() == ("default", "best", "best", "default") * 2
+    assert asked.plan(("fine",)) == ("default", "fine", "fine", "default") * 2
+    assert [len(plan) for plan in asked.plans(("all",))] == [12]
+
+
+def test_protocol_1_has_neither_bands_nor_references() -> None:
+    best = Manifest.parse(documents.manifest()).configurations["best"]
+
+    assert (best.band, best.reference, best.backends) == (None, None, ("opencl", "webgpu"))
+
+
+def test_a_configuration_names_the_backends_that_can_run_it() -> None:
+    asked = Manifest.parse(protocol_2({"backends": ["opencl"]}))
+
+    assert asked.configurations["best"].backends == ("opencl",)
+
+
+@pytest.mark.parametrize(
+    ("document", "words"),
+    [
+        (protocol_2(lacks="band"), "lacks 'band'"),
+        (protocol_2(lacks="trajectory"), "lacks 'trajectory'"),
+        (protocol_2({"band": -1}), "default has band -1"),
+        (protocol_2({"trajectory": {"sha256": "../../etc", "url": "/"}}), "trajectory '../../etc'"),
+    ],
+)
+def test_what_protocol_2_needs_is_refused_by_name_where_it_is_missing(
+    document: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(NotFrontrunnerError, match=words):
+        Manifest.parse(document)
+
+
+def test_a_protocol_of_the_future_asks_for_a_newer_client() -> None:
+    with pytest.raises(OutdatedError, match="by protocol 1 and 2, the server by 3: update it"):
+        Manifest.parse(documents.manifest(protocol=protocol(version=3)))

@@ -1,19 +1,20 @@
 """Measuring a session with the real pipeline, and what is made of its runs."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from client_kit.bench import Outcome
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
-from client_kit.measurement import _recorded, measure
+from client_kit.measurement import measure
 from client_kit.sensors import Sample
 from client_kit.session import Run, payload
 from slam.datasets.pack import Pack
-from tests.client_kit import documents, room
+from slam.devices.choice import choose_device, list_devices
+from slam.devices.device import BACKENDS
+from tests.client_kit import documents, protocol_2, room
 
 PLAN = ("default", "best", "indivisible", "best", "default")
 Told = tuple[str, int, int, float | None]
@@ -36,7 +37,12 @@ class Watched:
         self.runs: list[Run] = []
         self.frames: list[Told] = []
         self.session = measure(
-            folder, asked, PLAN, on_run=self.runs.append, on_frame=lambda *told: self.frames.append(told)
+            folder,
+            asked,
+            PLAN,
+            choose_device(),
+            on_run=self.runs.append,
+            on_frame=lambda *told: self.frames.append(told),
         )
 
 
@@ -101,9 +107,11 @@ def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifes
     assert all(type(time) is int for time in run["frame_us"])
 
 
-def test_without_a_device_nothing_is_measured(pack: Pack, asked: Manifest) -> None:
-    with pytest.raises(CannotMeasureError, match="no OpenCL device matches 'abacus'"):
-        measure(pack._chunks.folder, asked, asked.plan(), device="abacus")
+def test_where_the_device_is_gone_nothing_is_measured(pack: Pack, asked: Manifest) -> None:
+    gone = replace(choose_device(), name="abacus")
+
+    with pytest.raises(CannotMeasureError, match="no OpenCL device matches 'abacus"):
+        measure(pack._chunks.folder, asked, asked.plan(), gone)
 
 
 def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path: Path) -> None:
@@ -113,32 +121,64 @@ def test_a_sequence_that_cannot_serve_is_not_blamed_on_a_configuration(tmp_path:
     last = tmp_path / "room" / "chunks" / pack.manifest["chunks"][-1]["sha256"]
 
     with pytest.raises(CannotMeasureError, match="12 frames, the protocol measures 100"):
-        measure(tmp_path / "room", long, ("default",))
+        measure(tmp_path / "room", long, ("default",), choose_device())
     last.write_bytes(last.read_bytes()[:-1])
     with pytest.raises(CannotMeasureError, match="damaged"):
-        measure(tmp_path / "room", asked, ("default",))
+        measure(tmp_path / "room", asked, ("default",), choose_device())
     (tmp_path / "room" / "pack.json").write_text("{")
     with pytest.raises(CannotMeasureError, match=r"pack\.json"):
-        measure(tmp_path / "room", asked, ("default",))
+        measure(tmp_path / "room", asked, ("default",), choose_device())
 
 
-def recorded(tracked: list[bool | None], worst: float = 0.01) -> Run:
-    stages = dict.fromkeys(("preprocessing", "tracking", "integration", "raycasting"), 0.0024999)
-    frames: list[dict[str, Any]] = [{"computation": 0.01, **stages, "tracked": told} for told in tracked]
-    ate = {"max": worst, "mean": 0.005, "rmse": 0.006}
-    return _recorded("an id", "best", 1, 2, Outcome({"frames": frames, "ate": ate}, "digest"))
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_protocol_2_compares_each_run_with_its_reference(backend: str, pack: Pack) -> None:
+    devices = list_devices(backend)
+    if not devices:
+        pytest.skip(f"no device over {backend} here")
+    document, files = protocol_2.manifest(pack, far=("best",), repeats=2)
+    asked = Manifest.parse(document)
+    references = {
+        name: json.loads(files[configuration.reference.sha256])
+        for name, configuration in asked.configurations.items()
+        if configuration.reference is not None
+    }
+
+    done = measure(pack._chunks.folder, asked, asked.plan(), devices[0], references=references)
+
+    assert [(run.configuration, run.status) for run in done.runs] == [
+        ("default", "ok"), ("best", "ok"), ("best", "ok"), ("default", "ok"),
+    ]  # fmt: skip
+    near, far, *_ = done.runs
+    assert near.deviation is not None
+    assert far.deviation is not None
+    assert 0 < near.deviation < protocol_2.BAND < far.deviation < 0.15
+    assert not near.deviates
+    assert done.speedup("best", asked.protocol) is None
+    [sent] = json.loads(json.dumps(payload(done, asked, {}), allow_nan=False))["sessions"]
+    assert (sent["protocol_version"], sent["backend"]) == (2, backend)
+    assert 0 < sent["empty_frame_us"] < 60e6
+    assert sent["stage_clock"] in ("device", "none")
+    for run in sent["runs"]:
+        assert ("stages_us" in run) == (sent["stage_clock"] == "device")
+        assert "trajectory_sha256" not in run
+    assert sent["runs"][1]["deviation"] == far.deviation  # sent as it is: the server judges
 
 
-def test_a_run_that_loses_the_camera_is_failed_and_keeps_its_times() -> None:
-    lost, held = recorded([None] * 4 + [True] + [False] * 7), recorded([None] * 4 + [True] * 4 + [False] * 4)
+def test_a_volume_that_webgpu_cannot_hold_fails_and_the_session_goes_on(pack: Pack) -> None:
+    devices = list_devices("webgpu")
+    if not devices:
+        pytest.skip("no device over webgpu here")
+    document, _ = protocol_2.manifest(pack, repeats=1)
+    document["configurations"][1]["parameters"]["volume_resolution"] = 512
 
-    assert (lost.status, lost.failure) == ("failed", "tracking lost in 7 of 8 frames")
-    assert lost.frame_us == (10_000,) * 12
-    assert lost.stages_us["tracking"] == (2499,) * 12  # never more than the frame in all
-    assert (held.status, held.failure) == ("ok", None)
+    done = measure(
+        pack._chunks.folder,
+        Manifest.parse(document),
+        ("default", "best"),
+        devices[0],
+        references={"default": protocol_2.positions()},
+    )
 
-
-def test_a_trajectory_that_is_not_finite_is_a_failure_without_times() -> None:
-    run = recorded([True] * 12, float("nan"))
-
-    assert (run.status, run.failure, run.frame_us) == ("failed", "the trajectory is not finite", ())
+    assert [run.status for run in done.runs] == ["ok", "failed"]
+    assert "volume_resolution=512 needs one buffer of 512 MiB" in str(done.runs[1].failure)
+    assert "at most 128 MiB" in str(done.runs[1].failure)

@@ -9,7 +9,7 @@ import pytest
 from client_kit import condition, preflight
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
-from client_kit.preflight import concerns, require_fit, too_large
+from client_kit.preflight import concerns, require_fit, too_large, unsupported
 from tests.client_kit.machines import files
 
 MIB = 2**20
@@ -75,8 +75,15 @@ def test_a_machine_that_tells_nothing_measures(tmp_path: Path, home: Home, progr
     assert concerns(home, tmp_path, "linux") == []
 
 
-def device(kind: str = "gpu", allocation: int = 4096, memory: int = 8192, unified: bool = True) -> Any:
+def device(
+    kind: str = "gpu",
+    allocation: int = 4096,
+    memory: int = 8192,
+    unified: bool = True,
+    backend: str = "opencl",
+) -> Any:
     return SimpleNamespace(
+        backend=backend,
         kind=kind,
         max_allocation=allocation * MIB,
         global_memory=memory * MIB,
@@ -91,9 +98,20 @@ VOLUMES = {"default": {"volume_resolution": 256}, "fine": {"volume_resolution": 
     ("chosen", "free", "words"),
     [
         (device(allocation=384), 8192, "512 needs one buffer of 512 MiB, the device allows 384 MiB"),
-        (device(memory=600), 8192, "512 needs 640 MiB, the device has 600 MiB"),
-        (device(), 300, "512 needs 640 MiB, 300 MiB are free: end other programs"),
+        (device(memory=500), 8192, "512 needs 512 MiB, the device has 500 MiB"),
+        (device(), 300, "512 needs 512 MiB, 300 MiB are free: end other programs"),
+        (device("cpu", memory=600), 8192, "512 needs 640 MiB, the device has 600 MiB"),
         (device("cpu", unified=False), 300, "512 needs 640 MiB, 300 MiB are free: end other programs"),
+        (
+            device("cpu", 128, 0, backend="webgpu"),
+            8192,
+            "512 needs one buffer of 512 MiB, the device allows 128 MiB",
+        ),
+        (
+            device("cpu", 1024, 0, backend="webgpu"),
+            300,
+            "512 needs 512 MiB, 300 MiB are free: end other programs",
+        ),
     ],
 )
 def test_a_volume_that_does_not_fit_is_known_before(
@@ -112,3 +130,14 @@ def test_a_graphics_card_uses_its_own_memory(tmp_path: Path) -> None:
 
 def test_what_the_platform_hides_forbids_nothing(tmp_path: Path) -> None:
     assert too_large(VOLUMES, device(), tmp_path) == {}
+
+
+def test_what_webgpu_does_not_say_forbids_nothing(tmp_path: Path) -> None:
+    assert too_large(VOLUMES, device(memory=0, backend="webgpu"), tmp_path) == {}
+
+
+def test_a_configuration_that_the_backend_cannot_run_is_known_before() -> None:
+    backends = {"default": ("opencl", "webgpu"), "fine": ("opencl",)}
+
+    assert unsupported(backends, "opencl") == {}
+    assert unsupported(backends, "webgpu") == {"fine": "fine does not run on webgpu: it needs opencl"}

@@ -140,7 +140,9 @@ def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() 
     }}).protocol  # fmt: skip
     defaults = re.search(r"optional \((.*?)\): go on", PAGE)
     assert defaults is not None
-    told = [protocol.max_repeats, protocol.precision, int(protocol.max_seconds)]
+    adaptive = protocol.adaptive
+    assert adaptive is not None
+    told = [adaptive.max_repeats, adaptive.precision, int(adaptive.max_seconds)]
     assert defaults[1] == ", ".join(map(str, told))
     assert EXAMPLES["submission"]["schema_version"] == record.SCHEMA_VERSION
     assert all(name in PAGE for name in ("low battery", "power saving", "throttling")), preflight.IGNORABLE

@@ -14,7 +14,8 @@ import pytest
 from client_kit.home import Home
 from client_kit.spool import Spool
 from slam.datasets.pack import Pack
-from tests.client_kit import documents, room
+from slam.devices.choice import list_devices
+from tests.client_kit import documents, protocol_2, room
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
@@ -203,7 +204,7 @@ def test_what_cannot_be_measured_here_is_said_in_one_line(
         ("--server", address): (3, "cannot be reached"),
         ("--server", "somewhere"): (2, "give an address such as"),
         ("--server", scripted.url, "--configurations", "quick"): (2, "no configuration 'quick'"),
-        ("--server", scripted.url, "--device", "abacus"): (3, "no OpenCL device matches 'abacus'"),
+        ("--server", scripted.url, "--device", "abacus"): (3, "no OpenCL or WebGPU device matches 'abacus'"),
     }
     for arguments, (code, words) in cases.items():
         done = client(home, "run", "--yes", *arguments)
@@ -279,3 +280,57 @@ def test_whoever_stops_reading_stops_no_measurement(serve: Serve, home: Home, co
 
     assert (process.wait(timeout=120), error) == (0, "")
     assert states(home) == ["accepted"]
+
+
+def by_protocol_2(pack: Pack, far: tuple[str, ...] = (), **members: Any) -> Counting:
+    """A server that asks for one pair by protocol 2, with reference trajectories."""
+    document, files = protocol_2.manifest(
+        pack, far, warmup_frames=0, order=["default", "best"], repeats=1, **members
+    )
+    counting = Counting(document, pack._chunks.folder / "chunks")
+    counting.trajectories = files
+    return counting
+
+
+def test_protocol_2_is_measured_with_its_references_and_again_without_a_network(
+    serve: Serve, home: Home, pack: Pack
+) -> None:
+    counting = by_protocol_2(pack, far=("best",))
+    scripted = serve(counting)
+
+    done = client(home, "run", "--server", scripted.url, "--yes", "--minutes", "1", "--backend", "opencl")
+
+    assert done.returncode == 0, done.stderr
+    assert '"deviation": ' in done.stdout  # in the consent text
+    assert "so --minutes changes nothing" in done.stdout
+    assert "over OpenCL" in done.stdout
+    [line] = [line for line in done.stdout.splitlines() if "computes something else" in line]
+    assert line.endswith("cm from it, 2.00 cm allowed), so the run does not count.")
+    assert "No speedup for best" in done.stdout
+    [session] = counting.sessions.values()
+    assert session["protocol_version"] == 2
+    assert session["runs"][0]["deviation"] < protocol_2.BAND < session["runs"][1]["deviation"]
+    fetched = [path for path in scripted.paths() if "trajectories" in path]
+    assert len(fetched) == len(set(fetched)) == 2
+
+    scripted.close()
+    again = client(home, "run", "--server", scripted.url)
+    assert again.returncode == 0, again.stderr
+    assert states(home) == ["accepted", "queued"]
+
+
+def test_the_backend_that_is_named_measures(serve: Serve, home: Home, pack: Pack) -> None:
+    if not list_devices("webgpu"):
+        pytest.skip("no device over webgpu here")
+    counting = by_protocol_2(pack)
+    counting.manifest["configurations"][1]["backends"] = ["opencl"]
+
+    done = client(home, "run", "--server", serve(counting).url, "--yes", "--backend", "webgpu")
+
+    assert done.returncode == 0, done.stderr
+    assert "over WebGPU" in done.stdout
+    assert "best: failed, best does not run on webgpu: it needs opencl" in done.stdout
+    [session] = counting.sessions.values()
+    assert (session["backend"], session["stage_clock"]) == ("webgpu", "none")
+    assert [run["status"] for run in session["runs"]] == ["ok", "failed"]
+    assert not any("stages_us" in run for run in session["runs"])

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from client_kit import sequences
+from client_kit.downloads import CorruptDownloadError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
-from client_kit.sequences import CorruptChunkError
 from client_kit.server import Server, UnreachableError
 from slam.datasets.pack import Pack, colour_folder
 from tests.client_kit import documents
@@ -90,7 +90,7 @@ def test_trouble_on_the_way_is_tried_again_after_growing_pauses(serve: Serve, ho
 def test_other_bytes_than_promised_are_never_kept(serve: Serve, home: Home) -> None:
     scripted = serve(lambda _: Reply(200, raw=b"the hEader"))
 
-    with pytest.raises(CorruptChunkError, match="other data than the manifest promises"):
+    with pytest.raises(CorruptDownloadError, match="other data than the manifest promises"):
         sequences.fetch(Server(scripted.url), ASKED, home, pause=no_pause)
 
     assert not (home.sequence(str(ASKED.sequence["sha256"])) / "chunks").exists()

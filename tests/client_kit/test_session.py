@@ -107,23 +107,23 @@ def test_drift_compares_the_later_runs_with_the_earlier_frame_by_frame() -> None
 def test_a_tight_interval_ends_the_session_and_a_wide_one_goes_on_as_abba() -> None:
     tight, wide = pairs((40, 10), (40, 10.01)), pairs((40, 10), (44, 10))
 
-    assert repeats.further(tight, PATIENT, 100, 1) == []
-    assert repeats.further(wide, PATIENT, 100, 1) == ["default", "best", "best", "default"]
+    assert repeats.further(tight, PATIENT, 20, 1) == []
+    assert repeats.further(wide, PATIENT, 20, 1) == ["default", "best", "best", "default"]
 
 
 def test_a_round_that_would_not_end_in_time_is_not_begun() -> None:
     wide = pairs((40, 10), (44, 10))
 
-    assert repeats.further(wide, PATIENT, 3.9, 1) == []
-    assert repeats.further(wide, PATIENT, 4.0, 1) != []
+    assert repeats.further(wide, PATIENT, 116.1, 1) == []
+    assert repeats.further(wide, PATIENT, 116.0, 1) != []
 
 
 def test_repeats_and_runs_have_their_limits() -> None:
     wide = pairs(*[(40, 10), (44, 10)] * 3)
 
-    assert repeats.further(wide, PATIENT, 100, 1) == []
+    assert repeats.further(wide, PATIENT, 20, 1) == []
     front = [run for number in range(12) for run in pairs((40, 10), (44, 10), name=f"point-{number}")]
-    assert repeats.further(front, PATIENT, 1000, 1) == []
+    assert repeats.further(front, PATIENT, 0, 1) == []
 
 
 def test_only_configurations_whose_speed_counts_and_is_uncertain_go_on() -> None:
@@ -135,9 +135,9 @@ def test_only_configurations_whose_speed_counts_and_is_uncertain_go_on() -> None
         replace(run_of("broken", 1, []), status="failed"),
     ]
 
-    assert repeats.further(runs, PATIENT, 100, 1) == ["default", "best", "best", "default"]
+    assert repeats.further(runs, PATIENT, 20, 1) == ["default", "best", "best", "default"]
     broken = replace(run_of("default", 2, []), status="failed")
-    assert repeats.further([*runs, broken], PATIENT, 100, 1) == []
+    assert repeats.further([*runs, broken], PATIENT, 20, 1) == []
 
 
 def test_the_time_left_counts_what_each_configuration_took() -> None:
@@ -155,6 +155,70 @@ def test_the_time_left_counts_what_each_configuration_took() -> None:
     schedule.begin()
     now[0] = 2.5
     assert schedule.left(10) == pytest.approx(100 * 0.5 + 100 * 0.05 + 2)
+
+
+def sent(run: Run, version: int, **session: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A session of RUN and its run, as they are sent by protocol VERSION."""
+    asked = Manifest.parse(documents.manifest())
+    asked = replace(asked, protocol=replace(asked.protocol, version=version))
+    document = payload(replace(session_of(run), **session), asked, {})["sessions"][0]
+    return document, document["runs"][0]
+
+
+MEASURED = replace(
+    run_of("best", 0, [10] * 12), stages_us={"tracking": (9,) * 12}, trajectory_sha256="0" * 64
+)
+
+
+def test_protocol_2_sends_the_deviation_and_who_measured_the_stages() -> None:
+    session, run = sent(
+        replace(MEASURED, deviation=0.0004, band=0.003), 2, stage_clock="device", empty_frame_us=212.5
+    )
+
+    assert session["protocol_version"] == 2
+    assert (session["stage_clock"], session["empty_frame_us"]) == ("device", 212.5)
+    assert run["deviation"] == 0.0004
+    assert run["stages_us"] == {"tracking": [9] * 12}
+    assert not {"trajectory_sha256", "band"} & set(run)
+
+
+def test_protocol_1_sends_what_it_always_did() -> None:
+    session, run = sent(
+        replace(MEASURED, deviation=0.0004, band=0.003), 1, stage_clock="none", empty_frame_us=212.5
+    )
+
+    assert not {"stage_clock", "empty_frame_us"} & set(session)
+    assert run["trajectory_sha256"] == "0" * 64
+    assert "stages_us" in run
+    assert not {"deviation", "band"} & set(run)
+
+
+def test_without_a_clock_no_run_has_stages() -> None:
+    session, run = sent(replace(MEASURED, stages_us={}, deviation=0.0), 2, empty_frame_us=9.0)
+
+    assert session["stage_clock"] == "none"
+    assert "stages_us" not in run
+
+
+def test_a_failed_run_has_no_deviation() -> None:
+    _, run = sent(Run("id", "best", 0, 0, "failed", failure="out of memory"), 2, stage_clock="device")
+
+    assert "deviation" not in run
+    assert run["stages_us"] == {}
+
+
+def test_a_run_that_leaves_its_band_makes_no_speedup() -> None:
+    base, other = pairs((40, 10))
+    near, far = (replace(other, deviation=deviation, band=0.003) for deviation in (0.003, 0.0031))
+
+    assert value(session_of(base, near)) == pytest.approx(4)
+    assert session_of(base, far).speedup("best", PROTOCOL) is None
+
+
+def test_a_session_of_protocol_2_ends_with_its_plan() -> None:
+    fixed = replace(PATIENT, version=2, adaptive=None)
+
+    assert repeats.further(pairs((40, 10), (44, 10)), fixed, 20, 1) == []
 
 
 def test_a_long_session_sends_as_many_samples_as_a_server_takes() -> None:

@@ -77,3 +77,15 @@ def test_best_is_compared_with_the_crowd_else_the_fastest_that_counts() -> None:
     assert fine is not None
     assert fine[0] == "fine"
     assert summary.best_speedup(alone, ASKED.protocol) is None
+
+
+def test_a_run_outside_its_band_is_said_not_to_count() -> None:
+    run = canned.measured(ASKED).runs[1]
+    near, far = (dataclasses.replace(run, deviation=deviation, band=0.005) for deviation in (0.004, 0.032))
+
+    assert summary.run_lines(near, ASKED.protocol) == summary.run_lines(run, ASKED.protocol)
+    _, line = summary.run_lines(far, ASKED.protocol)
+    assert line.strip() == (
+        "This device computes something else than the reference (3.20 cm from it, 0.50 cm allowed), "
+        "so the run does not count."
+    )

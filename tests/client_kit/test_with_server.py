@@ -23,6 +23,7 @@ from client_kit.server import ProblemError, Server
 from client_kit.spool import Spool
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run
 from slam.datasets.pack import Pack
+from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
 from tests.client_kit.published import VERSION, publish
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
@@ -39,7 +40,7 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
 def measured(pack: Pack) -> dict[str, Any]:
     """What a session of default and best over the room sends."""
     asked = Manifest.parse(room.manifest(pack, front_version=f"kfusion-{VERSION}"))
-    session = measurement.measure(pack._chunks.folder, asked, asked.plan())
+    session = measurement.measure(pack._chunks.folder, asked, asked.plan(), choose_device())
     return record.payload(session, asked, device.identify())
 
 

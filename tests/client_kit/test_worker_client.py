@@ -8,14 +8,22 @@ from typing import Any
 
 import pytest
 
-from client_kit import bench, measurement
-from client_kit.bench import BetweenFrames, Outcome
+from client_kit import measurement, worker_client
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
 from client_kit.measurement import measure
 from client_kit.session import Session
-from tests.client_kit import documents
-from tests.client_kit.breaking import BROKEN, FRAMES_BEFORE_THE_END, GONE, UNREADABLE, report
+from client_kit.worker_client import Outcome, Progress
+from tests.client_kit import documents, slow_opening
+from tests.client_kit.breaking import (
+    BROKEN,
+    EMPTY_FRAME,
+    EMPTY_FRAME_SECONDS,
+    FRAMES_BEFORE_THE_END,
+    GONE,
+    UNREADABLE,
+    report,
+)
 
 CONFIGURATIONS: dict[str, dict[str, Any]] = {
     "default": {},
@@ -29,7 +37,7 @@ CONFIGURATIONS: dict[str, dict[str, Any]] = {
     "last": {"ends": "abort", "takes_away": True},
     "unreadable": {"unreadable": True},
 }
-DEVICE = SimpleNamespace(label="a GPU", backend="opencl")
+DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl")
 ABORTED = "killed by SIGABRT: LLVM ERROR: Cannot select kernel.cl"
 LAST_BEFORE_IT_HANGS = ("run 3, hanging", FRAMES_BEFORE_THE_END)
 HUNG = "no answer from the device within 1 s"
@@ -39,25 +47,26 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="this platform h
 
 @pytest.fixture(autouse=True)
 def breaking(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(bench, "PROGRAM", (sys.executable, "-m", "tests.client_kit.breaking"))
+    monkeypatch.setattr(worker_client, "PROGRAM", (sys.executable, "-m", "tests.client_kit.breaking"))
     monkeypatch.setenv(BROKEN, str(tmp_path / "broken"))
     monkeypatch.setattr(measurement, "open_sequence", lambda _: range(100))
-    monkeypatch.setattr(measurement, "choose_device", lambda _: DEVICE)
 
 
-def session(*plan: str, protocol: dict[str, Any] | None = None, **wishes: Any) -> Session:
+def session(
+    *plan: str, protocol: dict[str, Any] | None = None, point: dict[str, Any] | None = None, **wishes: Any
+) -> Session:
     told = {
         "configurations": [
-            {"name": name, "parameters": parameters, "predicted": documents.point(0.1, 0.01)}
+            {"name": name, "parameters": parameters, "predicted": documents.point(0.1, 0.01)} | (point or {})
             for name, parameters in CONFIGURATIONS.items()
         ],
         "protocol": documents.manifest()["protocol"] | (protocol or {}),
     }
-    return measure(Path("sequence"), Manifest.parse(documents.manifest(**told)), plan, **wishes)
+    return measure(Path("sequence"), Manifest.parse(documents.manifest(**told)), plan, DEVICE, **wishes)
 
 
 class Tireless:
-    """A bench in this process, at which every run takes a little longer than the one before."""
+    """A worker in this process, with which every run takes a little longer than the one before."""
 
     def __init__(self, *_: Any) -> None:
         self._runs = 0
@@ -68,16 +77,16 @@ class Tireless:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def measure(self, _: Mapping[str, Any], frames: int, between_frames: BetweenFrames) -> Outcome:
+    def measure(self, _: Mapping[str, Any], frames: int, between_frames: Progress) -> Outcome:
         self._runs += 1
         for frame in range(frames):
             between_frames(frame + 1, frames)
-        return Outcome(report(frames, 0.04 + 0.001 * self._runs**2), "0" * 64)
+        return Outcome(report(frames, 0.04 + 0.001 * self._runs**2), "0" * 64, [])
 
 
 @pytest.fixture
 def tireless(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(measurement, "Bench", Tireless)
+    monkeypatch.setattr(measurement, "WorkerClient", Tireless)
 
 
 def outcomes(session: Session) -> list[tuple[str, str | None]]:
@@ -87,10 +96,10 @@ def outcomes(session: Session) -> list[tuple[str, str | None]]:
 def test_a_driver_that_aborts_hangs_or_is_killed_fails_its_configuration_and_the_others_go_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    patience = bench.LONGEST_SILENCE_SECONDS
+    patience = worker_client.LONGEST_SILENCE_SECONDS
 
     def wait_at_most(seconds: int) -> None:
-        monkeypatch.setattr(bench, "LONGEST_SILENCE_SECONDS", seconds)
+        monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", seconds)
 
     done = session(
         "default", "aborting", "hanging", "killed", "failing", "default",
@@ -157,7 +166,7 @@ def test_a_machine_that_starts_no_further_process_keeps_what_was_measured(
     done = session(
         "default", "aborting", "best",
         protocol={"warmup_frames": 0},
-        on_run=lambda _: monkeypatch.setattr(bench, "PROGRAM", ("/nowhere/python",)),
+        on_run=lambda _: monkeypatch.setattr(worker_client, "PROGRAM", ("/nowhere/python",)),
     )  # fmt: skip
 
     assert [run.status for run in done.runs] == ["ok", "failed", "failed"]
@@ -169,7 +178,7 @@ def test_a_process_that_closes_its_output_and_goes_on_is_not_waited_for(
 ) -> None:
     def impatient(label: str, done: int, *_: Any) -> None:
         if (label, done) == ("run 1, closing", FRAMES_BEFORE_THE_END):
-            monkeypatch.setattr(bench, "LONGEST_SILENCE_SECONDS", 1)
+            monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", 1)
 
     done = session("closing", protocol={"warmup_frames": 0, "max_seconds": 0}, on_frame=impatient)
 
@@ -231,8 +240,79 @@ def test_runs_are_repeated_while_the_interval_is_wide_and_there_is_time() -> Non
     assert [run.configuration for run in short.runs] == abba
 
 
+def protocol_2(**members: Any) -> dict[str, Any]:
+    """What makes `session` one of protocol 2: the references are 1 mm from what BreakingWorker computes."""
+    reference = {"band": 0.002, "trajectory": {"sha256": "5a" * 32, "url": "/trajectories/"}}
+    return {"protocol": {"version": 2, **members}, "point": reference, "references": REFERENCES}
+
+
+REFERENCES = dict.fromkeys(CONFIGURATIONS, [(2.4, 2.4, 0.501)] * 12)
+
+
+def test_protocol_2_measures_an_empty_frame_and_compares_with_the_reference() -> None:
+    done = session("default", "best", "aborting", **protocol_2())
+
+    assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
+    assert done.stage_clock == "device"
+    assert [run.deviation for run in done.runs] == [pytest.approx(0.001), pytest.approx(0.001), None]
+    assert [run.band for run in done.runs] == [0.002, 0.002, None]
+
+
+def test_protocol_1_measures_neither(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(EMPTY_FRAME, "abort")
+
+    done = session("default")
+
+    assert (done.empty_frame_us, done.runs[0].deviation) == (None, None)
+
+
+def test_a_device_that_does_not_run_an_empty_frame_measures_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(EMPTY_FRAME, "abort")
+
+    with pytest.raises(CannotMeasureError, match=f"does not run an empty frame: {ABORTED}"):
+        session("default", **protocol_2())
+
+
+def test_progress_counts_the_runs_where_their_number_is_fixed() -> None:
+    labels: list[str] = []
+
+    session(
+        "default", "best", "best", "default",
+        on_frame=lambda label, *_: labels.append(label), **protocol_2(),
+    )  # fmt: skip
+
+    assert list(dict.fromkeys(labels)) == [
+        "warm-up, default", "warm-up, best",
+        "default, run 1 of 4", "best, run 2 of 4", "best, run 3 of 4", "default, run 4 of 4",
+    ]  # fmt: skip
+
+
+def test_layouts_that_are_tried_for_longer_than_the_limit_of_silence_break_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """All layouts together take longer than the limit, each of them less."""
+    monkeypatch.setattr(worker_client, "PROGRAM", (sys.executable, "-m", "tests.client_kit.slow_opening"))
+    shown: list[tuple[str, int, int]] = []
+    patience = worker_client.LONGEST_SILENCE_SECONDS
+
+    def watch(label: str, done: int, total: int, _left: float | None) -> None:
+        shown.append((label, done, total))
+        tried = label == "trying kernel layouts" and done < total
+        limit = slow_opening.LIMIT_SECONDS if tried else patience
+        monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", limit)
+
+    done = session("default", protocol={"warmup_frames": 0, "max_seconds": 0}, on_frame=watch)
+
+    assert outcomes(done) == [("default", None)]
+    layouts = slow_opening.LAYOUTS
+    assert layouts * slow_opening.SECONDS_EACH > slow_opening.LIMIT_SECONDS
+    assert [line for line in shown if line[0] == "trying kernel layouts"] == [
+        ("trying kernel layouts", number + 1, layouts) for number in range(layouts)
+    ]
+
+
 def test_a_machine_that_starts_no_process_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bench, "PROGRAM", ("/nowhere/python",))
+    monkeypatch.setattr(worker_client, "PROGRAM", ("/nowhere/python",))
 
     with pytest.raises(CannotMeasureError, match="no process can be started to measure in"):
         session("default")

@@ -1,7 +1,7 @@
 """Measuring in a process of its own, which a driver may abort, hang or have ended for want of memory.
 
-The process (`workbench`) serves a whole session: opening a device and compiling for it takes seconds. Where
-it breaks down, the configuration that it measured has failed, and another one takes its place for the next.
+The process (`worker`) serves a whole session: opening a device and compiling for it takes seconds. Where it
+breaks down, the configuration that it measured has failed, and another one takes its place for the next.
 """
 
 import contextlib
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -21,12 +21,12 @@ from client_kit import reasons
 from client_kit.errors import CannotMeasureError
 from slam import isolated
 
-PROGRAM = (sys.executable, "-m", "client_kit.workbench")
+PROGRAM = (sys.executable, "-m", "client_kit.worker")
 # Longer than any frame: the first one waits for the driver's compiler, which takes a minute on some phones.
 LONGEST_SILENCE_SECONDS = 180
 
-# Told between two frames how many are done, and of how many.
-BetweenFrames = Callable[[int, int], None]
+# Called with how many frames, or layouts of kernels, are done and how many there are.
+Progress = Callable[[int, int], None]
 
 
 class FailedError(Exception):
@@ -43,40 +43,58 @@ class DeviceBrokenError(FailedError):
 
 @dataclass(frozen=True)
 class Outcome:
-    """`report` is that of `slam run`, `trajectory_sha256` the digest of its poses."""
+    """`report` is that of `slam run`, `trajectory_sha256` the digest of its poses. `positions` are where the
+    camera is after each frame: [x, y, z] in metres, in the volume's frame."""
 
     report: Mapping[str, Any]
     trajectory_sha256: str
+    positions: Sequence[Sequence[float]]
 
 
-class Bench:
-    """One device and one sequence; configurations are measured there one after another. Use it by `with`."""
+class WorkerClient:
+    """One device and one sequence; configurations are measured there one after another. Use it by `with`.
 
-    def __init__(self, application: str, sequence: Path, device: str) -> None:
-        self._place = {
+    `device` is the label of a device of `backend`. `on_layout` is called while layouts of kernels are tried
+    on a device that was never seen before.
+    """
+
+    def __init__(
+        self, application: str, sequence: Path, device: str, backend: str, on_layout: Progress
+    ) -> None:
+        self._setting = {
             "application": application,
             "sequence": str(sequence.absolute()),
             "device": device,
+            "backend": backend,
         }
+        self._on_layout = on_layout
         self._process: _Process | None = None
         self._served = False  # whether the device was opened before
 
-    def __enter__(self) -> "Bench":
+    def __enter__(self) -> "WorkerClient":
         return self
 
     def __exit__(self, *_: object) -> None:
         self._close()
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, between_frames: BetweenFrames) -> Outcome:
+    def empty_frame_seconds(self) -> float:
+        """Median wall seconds of a frame that computes nothing. Raises as `measure` does."""
+        return float(self._answer({"empty_frame": True}, _nothing_between)["empty_frame_seconds"])
+
+    def measure(self, parameters: Mapping[str, Any], frames: int, between_frames: Progress) -> Outcome:
         """Measure a configuration over the first FRAMES frames.
 
         The process waits while BETWEEN_FRAMES is called. Raises FailedError or one of its kinds, and
         CannotMeasureError where the sequence cannot be used or, before the device was opened once, the
         device cannot, or no process can be started.
         """
+        answer = self._answer({"parameters": dict(parameters), "frames": frames}, between_frames)
+        return Outcome(answer["report"], answer["trajectory_sha256"], answer["positions"])
+
+    def _answer(self, order: Mapping[str, Any], between_frames: Progress) -> dict[str, Any]:
         process = self._process or self._open()
         try:
-            process.order({"parameters": dict(parameters), "frames": frames})
+            process.order(order)
             while "done" in (answer := process.answer()):
                 between_frames(answer["done"], answer["total"])
                 process.go_on()
@@ -88,12 +106,12 @@ class Bench:
             raise
         if "failure" in answer:
             raise FailedError(answer["failure"])
-        return Outcome(answer["report"], answer["trajectory_sha256"])
+        return answer
 
     def _open(self) -> "_Process":
         try:
-            self._process = _Process()
-            self._process.order(self._place)
+            self._process = _Process(self._on_layout)
+            self._process.order(self._setting)
             self._process.answer()
         except _EndedError as error:
             self._close()
@@ -115,14 +133,19 @@ class Bench:
             self._process = None
 
 
+def _nothing_between(_done: int, _total: int) -> None:
+    """An empty frame has no progress."""
+
+
 class _EndedError(Exception):
     """The process gives no answer any more; the text says how it ended."""
 
 
 class _Process:
-    """A running workbench. A thread reads its answers: not every platform waits for a pipe with a limit."""
+    """A running worker. A thread reads its answers: not every platform waits for a pipe with a limit."""
 
-    def __init__(self) -> None:
+    def __init__(self, on_layout: Progress) -> None:
+        self._on_layout = on_layout
         # What drivers print; the last line of it often is the only word on why they gave up.
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - `close` does
         try:
@@ -151,10 +174,8 @@ class _Process:
 
     def answer(self) -> dict[str, Any]:
         """The next answer. Raises _EndedError, CannotMeasureError where the process says so."""
-        line = self._line()
-        if not line.endswith("\n"):
-            raise _EndedError(self._ending())
-        answer: dict[str, Any] = json.loads(line)
+        while "layouts_done" in (answer := self._read_answer()):
+            self._on_layout(answer["layouts_done"], answer["layouts"])
         if "cannot" in answer:
             raise CannotMeasureError(answer["cannot"])
         return answer
@@ -168,6 +189,13 @@ class _Process:
             if stream is not None:
                 with contextlib.suppress(OSError):  # what was still to be written has no reader
                     stream.close()
+
+    def _read_answer(self) -> dict[str, Any]:
+        line = self._line()
+        if not line.endswith("\n"):
+            raise _EndedError(self._ending())
+        answer: dict[str, Any] = json.loads(line)
+        return answer
 
     def _read(self) -> None:
         assert self._process.stdout is not None

@@ -1,0 +1,159 @@
+"""The options of `python -m client_kit`, by command."""
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from client_kit import __version__
+from client_kit.manifest import ALL
+from client_kit.preflight import IGNORABLE
+from slam.devices.device import BACKENDS
+from slam.protocol import VALID_BELOW
+
+INTERRUPTED = 130
+TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"
+
+
+def parser() -> argparse.ArgumentParser:
+    """The parser. What it parses has the name of the `command`, and `when_stopped`, what Ctrl-C prints."""
+    whole = argparse.ArgumentParser(
+        prog="python -m client_kit",
+        description="Measure how fast dense SLAM runs on this device, by the published Pareto front.",
+        epilog="Exit codes: 0 sent or safely kept, 1 a payload does not conform (check), 2 usage, 3 cannot "
+        f"measure here, 4 too old, {INTERRUPTED} ended by Ctrl-C.",
+    )
+    whole.set_defaults(when_stopped="stopped")
+    whole.add_argument("--version", action="version", version=__version__)
+    commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    address: dict[str, Any] = {"metavar": "URL", "help": "address of the Frontrunner server"}
+    named: dict[str, Any] = {"metavar": "TEXT", "help": "the device whose name contains this"}
+    backend: dict[str, Any] = {
+        "choices": BACKENDS,
+        "help": "what drives the device (the fastest that works here)",
+    }
+
+    run = commands.add_parser("run", help="measure a session and send it")
+    run.add_argument("--server", required=True, **address)
+    run.add_argument("--application", help="what to measure (as the server asks)", metavar="NAME")
+    run.add_argument("--yes", action="store_true", help="agree to the consent text without being asked")
+    run.add_argument("--sessions", type=_positive, default=1, metavar="N", help="sessions to measure (1)")
+    run.add_argument(
+        "--configurations",
+        type=_names,
+        default=(),
+        metavar="NAMES",
+        help=f"names of the front, separated by commas; {ALL} is the whole front (as the server asks)",
+    )
+    run.add_argument("--device", **named)
+    run.add_argument("--backend", **backend)
+    run.add_argument(
+        "--minutes",
+        type=_number,
+        metavar="M",
+        help="protocol 1: repeat runs for so long at most (as the server asks; 0: never)",
+    )
+    run.add_argument(
+        "--ignore",
+        type=_ignored,
+        default=(),
+        metavar="NAMES",
+        help=f"measure in spite of these: {', '.join(IGNORABLE)}",
+    )
+    run.add_argument("--ignore-battery", action="store_true", help="as --ignore battery")
+    shown = run.add_mutually_exclusive_group()
+    shown.add_argument(
+        "--show-model",
+        action="store_true",
+        default=None,
+        help="show this device's model in public though few people measured it",
+    )
+    shown.add_argument("--hide-model", dest="show_model", action="store_false", help="no longer show it")
+    kept = "stopped; finished runs and sessions are kept and go with the next `send`"
+    run.set_defaults(when_stopped=kept)
+
+    commands.add_parser("doctor", help="whether this device can measure, and what it would tell")
+
+    commands.add_parser("status", help="what was measured here and what became of it")
+
+    send = commands.add_parser("send", help="send what is still on this device")
+    send.add_argument("--wait", action="store_true", help="go on, with pauses, until all is sent")
+    send.set_defaults(when_stopped=kept)
+
+    export = commands.add_parser("export", help="everything kept here and on the servers, as JSON")
+    export.add_argument("--out", type=Path, metavar="FILE", help="write to a file instead of standard output")
+
+    erase = commands.add_parser("erase", help="erase what was sent and what is kept here")
+    erase.add_argument(
+        "--run", metavar="ID", help="this run alone, by its id in `export` or its page's address"
+    )
+
+    commands.add_parser("renew-token", help="replace the tokens by which the servers know this client")
+
+    choose = commands.add_parser("choose", help="the configuration to run on this device")
+    choose.add_argument(
+        "--max-ate", type=_positive_number, default=VALID_BELOW, metavar="M", help="metres (0.05)"
+    )
+    choose.add_argument("--max-ms", type=_positive_number, metavar="T", help="milliseconds a frame")
+    choose.add_argument("--server", metavar="URL", help="whose front, when several were visited")
+    choose.add_argument("--application", help="of which, when several were measured", metavar="NAME")
+    choose.add_argument("--device", **named)
+    choose.add_argument("--json", action="store_true", help="print JSON")
+    choose.add_argument("--run", type=Path, metavar="SEQUENCE", help="run it over this sequence")
+    choose.add_argument("--frames", type=_positive, metavar="N", help="of that sequence (all)")
+
+    evaluate = commands.add_parser(
+        "evaluate", help="serve as a reference device: measure what the server's explorations ask for"
+    )
+    evaluate.add_argument("--server", required=True, **address)
+    evaluate.add_argument("--device", required=True, metavar="NAME", help="the reference device's name there")
+    evaluate.add_argument(
+        "--token",
+        default=os.environ.get(TOKEN_VARIABLE),
+        metavar="T",
+        help=f"its token, which an administrator issues (else from {TOKEN_VARIABLE})",
+    )
+    evaluate.add_argument("--backend", **backend)
+    evaluate.add_argument("--until-idle", action="store_true", help="end as soon as nothing waits")
+
+    check = commands.add_parser("check", help="whether a server would take payloads of any client")
+    check.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a submission as JSON")
+    check.add_argument("--server", required=True, **address)
+    check.add_argument("--token", metavar="T", help="of an installation (else one is made and erased)")
+    return whole
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text}: must be at least 1")
+    return value
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not 0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a number, 0 or more")
+    return value
+
+
+def _positive_number(text: str) -> float:
+    value = _number(text)
+    if value == 0:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number above 0")
+    return value
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if not names:
+        raise argparse.ArgumentTypeError("give at least one name")
+    return names
+
+
+def _ignored(text: str) -> tuple[str, ...]:
+    names = _names(text)
+    for name in names:
+        if name not in IGNORABLE:
+            raise argparse.ArgumentTypeError(f"{name}: choose from {', '.join(IGNORABLE)}")
+    return names
