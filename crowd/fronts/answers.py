@@ -25,7 +25,7 @@ class Addressed(msgspec.Struct):
 class Configuration(msgspec.Struct):
     """One point: its name, its parameters, what the reference device predicts (seconds a frame, metres).
 
-    `backends`: those whose default limits it keeps. `plan`: what happens in a frame, where the system has one.
+    `backends`: those whose default limits it keeps. `plan`: what happens in a frame, where it is planned.
     Protocol 2 alone: `band`, how far (m) positions may be from the reference `trajectory`.
     """
 
@@ -161,10 +161,9 @@ def configurations(front: Front) -> list[Configuration]:
 
 def _configuration(front: Front, point: Point) -> Configuration:
     found = Configuration(point.name, point.parameters, point.predicted)
-    plan = plans.of_point(front, point)
-    if plan is None:
+    if front.application != plans.KFUSION:
         found.backends = ["opencl"]
-    else:
+    elif (plan := plans.of_point(front, point)) is not None:
         found.backends = list(plan.backends)
         found.plan = Addressed(plan.sha256, f"/plans/{plan.sha256}")
     if point.band is not None and point.trajectory_sha256 is not None:

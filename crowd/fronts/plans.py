@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from crowd.fronts import selectors, sequences
 from crowd.fronts.selectors import Front, Point
 from slam.datasets.pack import Pack
+from slam.datasets.sequence import SequenceError as DamagedError
 
 KFUSION = "kfusion"  # the one system whose frames are planned
 
@@ -31,7 +32,7 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
         return None
     try:
         return _made(front.sequence["sha256"], tuple(point.parameters.items()))
-    except sequences.SequenceError:
+    except (sequences.SequenceError, DamagedError):
         return None
 
 

@@ -70,8 +70,8 @@ def _describe(adapter: GPUAdapter) -> Device:
     info = adapter.info
     return Device(
         backend="webgpu",
-        platform=f"{info['backend_type']} (wgpu-native {wgpu_native.__version__})",
-        version=f"wgpu-py {wgpu.__version__}",
+        platform=info["backend_type"],
+        version=f"wgpu-py {wgpu.__version__}, wgpu-native {wgpu_native.__version__}",
         name=info["device"],
         driver=info["description"] or "unknown",
         kind=KINDS.get(info["adapter_type"], "other"),

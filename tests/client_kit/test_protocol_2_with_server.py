@@ -15,7 +15,6 @@ from tests.client_kit import protocol_2, room
 from tests.client_kit.published import publish
 from tests.client_kit.test_with_server import client
 
-pytest.importorskip("crowd.fronts.trajectories", reason="this server knows protocol 1 alone")
 
 
 @pytest.fixture(scope="module")
