@@ -16,7 +16,6 @@ from tests.client_kit.published import publish
 from tests.client_kit.test_with_server import client
 
 
-
 @pytest.fixture(scope="module")
 def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
     return room.write(tmp_path_factory.mktemp("sequences") / "room")

@@ -2,22 +2,29 @@
 
 import hashlib
 import json
+from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
+from django.conf import LazySettings
 from django.test import Client
 
 from crowd import first_run
 from slam.plans.plan import SCHEMA
 from tests.crowd.participant import API
 
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+
 
 @pytest.fixture
-def shipped(db: None) -> None:
+def shipped(db: None, settings: LazySettings) -> None:
+    settings.FRONTRUNNER_FRONTS = FIXTURES / "fronts"
+    settings.FRONTRUNNER_SEQUENCES = [FIXTURES / "sequences"]
     list(first_run.publish_shipped_fronts())
 
 
-def configurations(client: Client, application: str) -> dict[str, dict[str, object]]:
+def configurations(client: Client, application: str) -> dict[str, dict[str, Any]]:
     answer = client.get(f"{API}/manifest?application={application}").json()
     return {each["name"]: each for each in answer["configurations"]}
 
@@ -47,9 +54,7 @@ def test_elasticfusion_has_no_plan(client: Client, shipped: None) -> None:
         assert "plan" not in configuration
 
 
-def test_an_unknown_plan_is_not_found_and_a_known_one_is_not_sent_twice(
-    client: Client, shipped: None
-) -> None:
+def test_an_unknown_plan_is_not_found_nor_a_known_one_sent_twice(client: Client, shipped: None) -> None:
     plan = configurations(client, "kfusion")["best"]["plan"]
     again = client.get(plan["url"], headers={"If-None-Match": f'"{plan["sha256"]}"'})
 
