@@ -13,7 +13,7 @@ import numpy.typing as npt
 from slam.devices.opencl import BoundKernel, Session
 from slam.plans import declarations
 from slam.plans.execution import Outcome, Segment, segments
-from slam.plans.plan import STATE, TYPES, Dispatch, Plan
+from slam.plans.plan import STATE, Dispatch, Plan
 
 if TYPE_CHECKING:
     from slam.devices.opencl import Buffer, Event
@@ -69,7 +69,7 @@ class OpenCLExecution:
             state = np.empty_like(self._state)
             self._session.download(self._buffers[name][0], state)
             return state
-        kind = np.dtype(TYPES[buffer.type])
+        kind = buffer.numpy_type
         values = np.empty((buffer.planes, buffer.count - first if count is None else count), kind)
         for plane, place in zip(values, self._buffers[name], strict=True):
             self._session.download(place, plane, first * kind.itemsize)

@@ -46,9 +46,14 @@ class Buffer:
     planes: int = 1
     fill: int = 0
 
+    @property
+    def numpy_type(self) -> np.dtype[Any]:
+        """The type of its values, for a buffer that is not the state."""
+        return np.dtype(TYPES[self.type])
+
     def nbytes(self, state_size: int) -> int:
         """Bytes of one plane, in whole 32-bit words."""
-        size = state_size if self.type == STATE else np.dtype(TYPES[self.type]).itemsize
+        size = state_size if self.type == STATE else self.numpy_type.itemsize
         return -(-size * self.count // 4) * 4
 
 
@@ -176,9 +181,36 @@ class Plan:
             name: value for name, value in _plain(asdict(self)).items() if name != "version"
         }
 
+    @classmethod
+    def from_dict(cls, document: Mapping[str, Any]) -> Plan:
+        """The plan that `to_dict` described. Raises ValueError for another version."""
+        if document["version"] != VERSION:
+            raise ValueError(f"a plan of version {document['version']}: this program reads version {VERSION}")
+        made = {
+            "state": tuple(Member(**member) for member in document["state"]),
+            "initial": {name: tuple(values) for name, values in document["initial"].items()},
+            "buffers": tuple(Buffer(**buffer) for buffer in document["buffers"]),
+            "kernels": tuple(
+                Kernel(each["name"], each["source"], tuple(Parameter(**p) for p in each["parameters"]))
+                for each in document["kernels"]
+            ),
+            "dispatches": tuple(_dispatch(each) for each in document["dispatches"]),
+        }
+        return cls(**(dict(document) | made))
+
     def to_json(self) -> str:
         """The plan as the text of a file."""
         return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
+
+
+def _dispatch(document: Mapping[str, Any]) -> Dispatch:
+    arguments = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in document["arguments"].items()
+    }
+    frames = tuple(Frames(**each) for each in document["frames"])
+    sizes = {name: tuple(document[name]) for name in ("size", "group")}
+    return Dispatch(**(dict(document) | sizes | {"arguments": arguments, "frames": frames}))
 
 
 def _plain(value: Any) -> Any:

@@ -15,7 +15,7 @@ from slam.devices.device import DeviceError
 from slam.devices.webgpu import Binding, Launch, WebGPUSession
 from slam.plans import declarations
 from slam.plans.execution import Outcome
-from slam.plans.plan import STATE, TYPES, Dispatch, Kernel, Plan
+from slam.plans.plan import STATE, Dispatch, Kernel, Plan
 
 UNIFORM_FORMATS = {"f32": "f", "i32": "i", "u32": "I", "vec4f": "4f"}
 
@@ -54,7 +54,7 @@ class WebGPUExecution:
         buffer = self.plan.buffer(name)
         if buffer.type == STATE:
             return self._read_state([])
-        kind = np.dtype(TYPES[buffer.type])
+        kind = buffer.numpy_type
         wanted = buffer.count - first if count is None else count
         # Copies take whole words.
         begin = first * kind.itemsize // 4 * 4

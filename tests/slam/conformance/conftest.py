@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from slam.devices.choice import AnySession
+from slam.devices.choice import AnySession, choose_device
 from slam.kfusion.pipeline import FOLDERS
 from slam.kfusion.plan import MEMBERS, constants_of, kernels_of
 from slam.plans.executors import prepare
 from slam.plans.plan import STATE, Buffer, Dispatch, Plan, Value
 from tests.slam.backends import session
+from tests.slam.conformance import vectors
 
 __all__ = ["session"]
 
+VECTORS = os.environ.get("FRONTRUNNER_VECTORS")  # a folder for golden vectors
 Grid = tuple[tuple[int, ...], tuple[int, ...]]
 
 
@@ -41,29 +45,34 @@ def launch(session: AnySession) -> Callable[..., None]:
                 count = value.size // parameter.planes
                 buffers.append(Buffer(parameter.name, parameter.type, count, parameter.planes))
         assert set(arguments) == set(values)
-        execution = prepare(
-            Plan(
-                system="kfusion",
-                layout=session.layout.kind,
-                configuration={},
-                scene={},
-                constants=constants_of(session.layout),
-                state=MEMBERS,
-                initial={},
-                buffers=tuple(buffers),
-                kernels=(kernel,),
-                dispatches=(Dispatch(name, "test", *grid, values),),
-                input="",
-            ),
-            session,
-            FOLDERS,
+        plan = Plan(
+            system="kfusion",
+            layout=session.layout.kind,
+            configuration={},
+            scene={},
+            constants=constants_of(session.layout),
+            state=MEMBERS,
+            initial={},
+            buffers=tuple(buffers),
+            kernels=(kernel,),
+            dispatches=(Dispatch(name, "test", *grid, values),),
+            input="",
         )
+        execution = prepare(plan, session, FOLDERS)
         arrays = {p.name: (p, arguments[p.name]) for p in kernel.parameters if p.access is not None}
+        given = {name: array.copy() for name, (_, array) in arrays.items()}
         for buffer, (parameter, array) in arrays.items():
             execution.write(buffer, array if buffer == STATE else array.reshape(parameter.planes, -1))
         execution.run(0)
         for buffer, (parameter, array) in arrays.items():
             if parameter.access != "read":
                 array[...] = execution.read(buffer).reshape(array.shape)
+        if VECTORS and _are_exported(session):
+            changed = {p.name: array for p, array in arrays.values() if p.access != "read"}
+            vectors.write(Path(VECTORS), plan, given, changed)
 
     return run
+
+
+def _are_exported(session: AnySession) -> bool:
+    return session.device.backend == "opencl" and session.layout.pixels and session.device == choose_device()

@@ -17,7 +17,7 @@ from slam.devices.layout import KINDS, Layout
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.plan import plan
 from slam.plans.execution import segments
-from slam.plans.plan import SCHEMA, STATE
+from slam.plans.plan import SCHEMA, STATE, Plan
 from slam.system import Scene
 
 GOLDEN = Path(__file__).parent / "plans"
@@ -51,6 +51,13 @@ def test_a_plan_follows_the_schema(configuration, kind):
     document = json.loads(plan(configuration, SCENE, Layout(kind)).to_json())
 
     jsonschema.validate(document, json.loads(SCHEMA.read_text(encoding="utf-8")))
+
+
+@given(CONFIGURATIONS, st.sampled_from(KINDS))
+def test_a_plan_comes_back_from_its_json(configuration, kind):
+    made = plan(configuration, SCENE, Layout(kind))
+
+    assert Plan.from_dict(json.loads(made.to_json())).to_json() == made.to_json()
 
 
 @given(CONFIGURATIONS, st.sampled_from(KINDS))
