@@ -1,5 +1,5 @@
-"""KinectFusion on every OpenCL device here, beside Open3D's dense SLAM, over the shipped sequence; then
-ElasticFusion over the same frames, with where its time goes.
+"""KinectFusion on every OpenCL device here, beside Open3D's dense SLAM, over the shipped sequence. Then every
+backend against the reference trajectories, and ElasticFusion over the same frames, with where its time goes.
 
     python -m tests.benchmarks.slam [--frames N] [--sequence PATH]
 
@@ -26,7 +26,7 @@ import numpy as np
 from slam.datasets import Sequence, open_sequence
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
 from slam.trajectory import absolute_trajectory_error
-from tests.benchmarks import elasticfusion
+from tests.benchmarks import conformance, elasticfusion
 
 ROOT = Path(__file__).parent.parent.parent
 DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
@@ -171,10 +171,18 @@ def main() -> None:
         print(f"Open3D t.slam  not measured: {peer}")
     if "gpu" not in {kind for _, kind in present}:
         print("GPU            not measured: no OpenCL GPU here")
+    print("\nEvery backend against the reference trajectories")
+    conforming = conformance.measure(arguments.sequence) if frames == len(sequence) else []
     elastic = [elasticfusion.measure(arguments.sequence, driver, frames) for driver, _ in present]
     target = DATA / "benchmarks" / "slam.json"
     target.parent.mkdir(parents=True, exist_ok=True)
-    content = {"frames": frames, "kfusion": measured, "open3d": peer, "elasticfusion": elastic}
+    content = {
+        "frames": frames,
+        "kfusion": measured,
+        "conformance": conforming,
+        "open3d": peer,
+        "elasticfusion": elastic,
+    }
     target.write_text(json.dumps(content, indent=1))
     print(f"written to {target}")
 
