@@ -48,8 +48,8 @@ def run(
 def _present(device: tuple[str, str]) -> Device:
     """The device of that name and platform. Two platforms may offer one processor, with other times."""
     for present in device_choice.present():
-        told = processor_identity(present)
-        if (told["opencl_device"], told["opencl_platform"]) == device:
+        identity = processor_identity(present)
+        if (identity["opencl_device"], identity["opencl_platform"]) == device:
             return present
     raise CannotMeasureError(f"{device[0]} ({device[1]}), for which it was chosen, is not here any more")
 

@@ -34,14 +34,15 @@ def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Po
     `payloads` are the sessions that this device has measured; those of other fronts are disregarded. A
     configuration that was measured here has the mean of its runs and its worst error; the others have the
     reference's error and scaled time, and are left out while nothing was measured here to scale by. One of
-    which half of the runs failed here, or more, is left out too.
+    which half of the runs failed here, or more, is left out too. A run outside its configuration's band has
+    failed: this device computes something else.
     """
     times: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}
     failures: Counter[str] = Counter()
     for run in _runs(manifest, payloads):
         name = run["configuration"]
-        if run["status"] != "ok" or run["ate_max"] is None:
+        if run["status"] != "ok" or run["ate_max"] is None or _deviates(manifest, run):
             failures[name] += 1
             continue
         counted = run["frame_us"][manifest.protocol.first_counted_frame :]
@@ -94,6 +95,13 @@ def device_of(payload: Mapping[str, Any]) -> tuple[str, str]:
     """Name and platform of the device that PAYLOAD was measured on."""
     device = payload["device"]
     return str(device.get("opencl_device")), str(device.get("opencl_platform"))
+
+
+def _deviates(manifest: Manifest, run: Mapping[str, Any]) -> bool:
+    configuration, deviation = manifest.configurations.get(run["configuration"]), run.get("deviation")
+    if configuration is None or configuration.band is None or deviation is None:
+        return False
+    return bool(deviation > configuration.band)
 
 
 def _runs(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> Iterable[Mapping[str, Any]]:

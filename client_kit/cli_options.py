@@ -113,7 +113,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="T",
         help=f"its token, which an administrator issues (else from {TOKEN_VARIABLE})",
     )
-    evaluate.add_argument("--backend", **backend)
+    evaluate.add_argument(
+        "--backend", choices=BACKENDS, help="measure over this one only: end where the server names another"
+    )
     evaluate.add_argument("--until-idle", action="store_true", help="end as soon as nothing waits")
 
     check = commands.add_parser("check", help="whether a server would take payloads of any client")

@@ -18,13 +18,16 @@ def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:
     from slam.devices.choice import NAMES
 
     best = device_choice.choose(root=root)
-    for number, found in enumerate(device_choice.present()):
-        used = ", used unless --device or --backend names another" if number == 0 else ""
+    present = device_choice.present()
+    names = [(found.backend, found.label) for found in present]
+    chosen = names.index((best.backend, best.label))  # of two that are alike, the first
+    for number, found in enumerate(present):
+        used = ", used unless --device or --backend names another" if number == chosen else ""
         memory = f", {found.global_memory >> 20} MiB" if found.global_memory else ""
         yield f"{NAMES[found.backend]} device: {found.label}{memory}{used}"
     yield "What the server would be told of this device:"
-    told = device.identify(root, processor=device.processor_identity(best))
-    for name, value in told.items():
+    identity = device.identify(root, processor=device.processor_identity(best))
+    for name, value in identity.items():
         yield f"  {name}: {'unknown' if value is None else value}"
     for reason in preflight.too_large({"": {"volume_resolution": 512}}, best, root).values():
         yield f"Note: {reason}; such configurations are recorded as failed"

@@ -30,12 +30,13 @@ RESULTS = "results.json"
 
 @dataclass(frozen=True)
 class Lease:
-    """One evaluation to be measured; `frames` None is the whole sequence. Times in seconds."""
+    """One evaluation to be measured over `backend`; `frames` None is the whole sequence. Times in seconds."""
 
     id: str
     application: str
     configuration: Mapping[str, Any]
     frames: int | None
+    backend: str
     opencl_device: str
     sequence: Mapping[str, Any]
     chunks: tuple[Chunk, ...]
@@ -54,6 +55,7 @@ class Lease:
                 application=str(document["application"]),
                 configuration=dict(document["configuration"]),
                 frames=None if document["frames"] is None else int(document["frames"]),
+                backend=str(document.get("backend", "opencl")),  # which older servers do not name
                 opencl_device=str(document["opencl_device"]),
                 sequence=sequence,
                 chunks=chunks,
@@ -77,7 +79,7 @@ def serve(
 ) -> None:
     """Measure what waits for DEVICE, one evaluation after another, until Ctrl-C or, if wanted, until idle.
 
-    BACKEND drives the device; without it the fastest does that works here.
+    Each lease names the backend that drives the device; where BACKEND is another one, nothing is measured.
     While another client measures from the same folder nothing is asked for: the two would disturb each
     other. That one may measure whenever this one does not, however long the server is away.
     Raises UsageError for a token that is not this device's, and, after giving the present evaluation back,
@@ -155,12 +157,16 @@ class _Reference:
         known = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
         try:
             requirements.require(lease.application)
+            if self.backend not in (None, lease.backend):
+                raise CannotMeasureError(
+                    f"--backend {self.backend}: the server has {self.device} measure over {lease.backend}"
+                )
             pack = sequences.at_hand(lease, self.home) or self._download(lease, heartbeat)
             with self.home.only_one("measurement") as alone:
                 if not alone:  # another client began meanwhile
                     self._give_back(lease.id)
                     return None
-                backends = device_choice.backends_for(lease.application, self.backend)
+                backends = device_choice.backends_for(lease.application, lease.backend)
                 chosen = device_choice.choose(lease.opencl_device, backends)
                 measured = isolated.measure(
                     lease.application,

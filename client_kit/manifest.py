@@ -134,15 +134,27 @@ class Manifest:
             reason = line(self.document.get("message")) or "try again another day"
             raise CannotMeasureError(f"the server takes no measurements at present: {reason}")
 
-    def plans(self, wanted: Sequence[str] = ()) -> tuple[tuple[str, ...], ...]:
-        """The sessions that measure `wanted`, each as by `plan`: one, unless they are too many for one.
+    def names(self, wanted: Sequence[str]) -> tuple[str, ...]:
+        """The configurations `wanted`, each once; "all" stands for the whole front.
 
-        "all" stands for the whole front. Every session measures the default beside its part of the others.
+        Raises UsageError for a name that the front does not have.
         """
         names = list(dict.fromkeys(wanted))
         if ALL in names:
             place = names.index(ALL)
             names[place : place + 1] = [name for name in self.configurations if name not in names]
+        unknown = [name for name in names if name not in self.configurations]
+        if unknown:
+            present = ", ".join(self.configurations)
+            raise UsageError(f"the front has no configuration {unknown[0]!r}: choose from {present}, {ALL}")
+        return tuple(names)
+
+    def plans(self, wanted: Sequence[str] = ()) -> tuple[tuple[str, ...], ...]:
+        """The sessions that measure `wanted`, each as by `plan`: one, unless they are too many for one.
+
+        Every session measures the default beside its part of the others.
+        """
+        names = self.names(wanted)
         others = [name for name in names if name != "default"]
         most = MOST_RUNS // self.protocol.repeats - 1
         if len(others) <= most:
@@ -159,11 +171,7 @@ class Manifest:
         the protocol does, and the default always takes part, as it is what the others are compared with.
         Raises UsageError for a name that the front does not have, or for more runs than a session holds.
         """
-        names = list(wanted) or list(self.protocol.order)
-        unknown = [name for name in names if name not in self.configurations]
-        if unknown:
-            present = ", ".join(self.configurations)
-            raise UsageError(f"the front has no configuration {unknown[0]!r}: choose from {present}, {ALL}")
+        names = self.names(wanted) or self.protocol.order
         if set(names) | {"default"} == set(self.protocol.order):
             round_ = self.protocol.order
         else:

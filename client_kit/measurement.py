@@ -105,7 +105,7 @@ def measure(
 
 
 def _not_shown(_label: str, _done: int, _total: int, _left: float | None) -> None:
-    """Nobody watches."""
+    """The progress of a session that is not shown."""
 
 
 class SessionRunner:
@@ -130,11 +130,19 @@ class SessionRunner:
         self._warm: set[str] = set()
 
     def empty_frame_us(self) -> float:
-        """What a frame costs here that computes nothing. Raises CannotMeasureError where none runs."""
+        """What a frame costs here that computes nothing.
+
+        Where the process breaks it is measured once more, in another process. Raises CannotMeasureError where
+        it still does not run.
+        """
         try:
-            return self._worker.empty_frame_seconds() * MICROSECONDS
+            try:
+                seconds = self._worker.empty_frame_seconds()
+            except (BrokenError, DeviceBrokenError):
+                seconds = self._worker.empty_frame_seconds()
         except FailedError as error:
             raise CannotMeasureError(f"this device does not run an empty frame: {error}") from error
+        return seconds * MICROSECONDS
 
     def warm_up(self) -> None:
         """Run each configuration over the warm-up frames; one that fails will not be tried again."""

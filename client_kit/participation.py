@@ -93,8 +93,9 @@ def run(
     requirements.require(asked.application, root)
     if wishes.minutes is not None:
         asked = _limited(asked, 60 * wishes.minutes, console)
-    plans = asked.plans(wishes.configurations)
+    names = asked.names(wishes.configurations)
     chosen, identity = _device(wishes.device, wishes.backend, asked.application, root)
+    plans = asked.plans(_that_fit(names, asked, chosen.backend, console))
     _consent(wishes, home, console, server, asked, chosen, identity)
     delivery.renew(spool, home, server.url, asked.consent_version)
     present = sequences.at_hand(asked, home)
@@ -197,6 +198,26 @@ def _measure(
             rest=pause,
             root=root,
         )
+
+
+def _that_fit(names: tuple[str, ...], asked: Manifest, backend: str, console: Console) -> tuple[str, ...]:
+    """Those NAMES that BACKEND can run, with a note of the others; the protocol's own stay, and fail.
+
+    Raises CannotMeasureError where there are NAMES and none of them fits.
+    """
+    backends = {name: asked.configurations[name].backends for name in names}
+    out = [name for name in preflight.unsupported(backends, backend) if name not in asked.protocol.order]
+    if not out:
+        return names
+    if len(out) == 1:
+        note = f"{out[0]} does not fit {NAMES[backend]} here and is left out"
+    else:
+        note = f"{', '.join(out[:-1])} and {out[-1]} do not fit {NAMES[backend]} here and are left out"
+    fitting = tuple(name for name in names if name not in out)
+    if not fitting:
+        raise CannotMeasureError(f"{note}: nothing is left to measure")
+    console.say(f"Note: {note}")
+    return fitting
 
 
 def _limited(asked: Manifest, seconds: float, console: Console) -> Manifest:

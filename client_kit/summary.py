@@ -54,14 +54,13 @@ def figures(session: Session, protocol: Protocol) -> list[str]:
 
 
 def stages(session: Session, protocol: Protocol) -> list[str]:
-    """Bars of the mean time a frame spends in each stage: the default above the fastest that counts."""
+    """Bars of the mean time a frame spends in each stage and of the whole frame, which takes longer than what
+    a device times of it: the default above the fastest that counts."""
     fastest = _fastest(session, protocol)
     base = _stage_means(session.of(DEFAULT), protocol)
     if fastest is None or not base:
         return []
     rows = {DEFAULT: base, fastest: _stage_means(session.of(fastest), protocol)}
-    for means in rows.values():
-        means["all"] = sum(means.values())
     longest = max(max(means.values()) for means in rows.values())
     stage_width, name_width = max(map(len, base)), max(map(len, rows))
     lines = ["", "Mean time a frame, by stage"]
@@ -123,6 +122,10 @@ def _fastest(session: Session, protocol: Protocol) -> str | None:
 
 
 def _stage_means(runs: Sequence[Run], protocol: Protocol) -> dict[str, float]:
-    """Mean seconds a frame in each stage, over the runs that count."""
-    told = [run.stage_seconds(protocol) for run in runs if run.valid(protocol)]
-    return {stage: fmean(one[stage] for one in told) for stage in told[0]} if told else {}
+    """Mean seconds a frame in each stage and in all, over the runs that count; empty without stages."""
+    counted = [run for run in runs if run.valid(protocol)]
+    each = [run.stage_seconds(protocol) for run in counted]
+    if not each or not each[0]:
+        return {}
+    means = {stage: fmean(one[stage] for one in each) for stage in each[0]}
+    return means | {"all": fmean(run.mean_seconds(protocol) for run in counted)}

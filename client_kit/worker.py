@@ -96,7 +96,7 @@ def serve(orders: TextIO, answers: TextIO) -> None:
     def between_frames(done: int, total: int) -> None:
         send({"done": done, "total": total})
         if not orders.readline():
-            sys.exit("nobody is left to measure for")
+            sys.exit("the client that asked for this measurement has ended")
 
     setting = json.loads(orders.readline())
     try:

@@ -102,7 +102,7 @@ class WorkerClient:
             self._close()
             raise BrokenError(str(error)) from error
         except BaseException:
-            self._close()  # a measurement is under way in it that nobody waits for
+            self._close()  # a measurement is under way in it whose result is not wanted any more
             raise
         if "failure" in answer:
             raise FailedError(answer["failure"])

@@ -23,7 +23,7 @@ from slam.configuration import ConfigurationError
 from slam.datasets import Sequence
 from slam.datasets.sequence import Progress
 from slam.devices.choice import choose_device, list_devices, open_session
-from slam.devices.device import Device
+from slam.devices.device import Device, DeviceError
 from slam.devices.layout import KINDS, Layout
 from slam.systems import complete
 
@@ -74,6 +74,9 @@ def reference(
         session = open_session(device, layout)
         report = run(configuration, sequence, frames=frames, device=session, progress=progress)
         positions[name] = report.poses[:, :3, 3]
+    for name, found in positions.items():
+        if not np.isfinite(found).all():
+            raise DeviceError(f"{name}: the trajectory is not finite, so it cannot be compared")
     first = next(iter(positions.values()))
     return Reference(
         first.round(DECIMALS),
@@ -90,12 +93,12 @@ def variants() -> Iterator[tuple[str, Device, Layout]]:
 
 def read_front(path: Path) -> dict[str, Any]:
     """The front in a JSON file. Raises ConfigurationError where it has no configurations of KinectFusion."""
-    front = json.loads(path.read_text(encoding="utf-8"))
     try:
+        front = json.loads(path.read_text(encoding="utf-8"))
         for configuration in front["configurations"]:
             complete("kfusion", configuration["parameters"])
             str(configuration["name"])
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise ConfigurationError(
             f"{path} is not a front: each configuration needs name and parameters"
         ) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import sys
 from collections.abc import Mapping
@@ -52,7 +53,7 @@ def register(subparsers: Commands[argparse.ArgumentParser]) -> None:
     )
     parser.add_argument("--front", type=Path, required=True, metavar="FILE", help="JSON with configurations")
     parser.add_argument("--sequence", type=Path, required=True, metavar="PATH")
-    parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
+    parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: the front's protocol)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE")
     parser.set_defaults(execute=_reference)
 
@@ -336,11 +337,12 @@ def _reference(options: argparse.Namespace) -> None:
     writable(options.out)
     front = bands.read_front(options.front)
     sequence = open_sequence(options.sequence)
+    frames = options.frames or front.get("protocol", {}).get("frames") or len(sequence)
+    if not 1 <= frames <= len(sequence):
+        raise UsageError(f"--frames {frames}: give 1 to {len(sequence)}, all that {sequence.name!r} has")
     for configuration in front["configurations"]:
         name = configuration["name"]
-        found = bands.reference(
-            configuration["parameters"], sequence, options.frames or len(sequence), progress_line(f"{name}: ")
-        )
+        found = bands.reference(configuration["parameters"], sequence, frames, progress_line(f"{name}: "))
         configuration |= {"band": found.band, "trajectory": found.trajectory.tolist()}
         largest, band = 1e3 * max(found.deviations.values()), 1e3 * found.band
         sys.stdout.write(f"{name}: largest deviation {largest:.2f} mm, band {band:.2f} mm\n")
@@ -349,7 +351,11 @@ def _reference(options: argparse.Namespace) -> None:
 
 def _devices(_: argparse.Namespace) -> None:
     # Without any device, choosing one raises the error that says what to install.
-    for device in [each for backend in BACKENDS for each in list_devices(backend)] or [choose_device()]:
+    present = []
+    for backend in BACKENDS:
+        with contextlib.suppress(ImportError):  # its package is not installed, or does not load here
+            present += list_devices(backend)
+    for device in present or [choose_device()]:
         sizes = [
             f"{device.compute_units} units" if device.compute_units else "",
             f"{device.global_memory / 2**30:.1f} GiB" if device.global_memory else "",

@@ -29,9 +29,9 @@ STAGE_MEANINGS = {
     },
 }
 MEANINGS = {
-    "computation": "the sum of the above: what a configuration is judged by",
-    "acquisition": "reading and decoding the images; no part of the computation",
-    "rendering": "drawing pictures (--render); no part of the computation",
+    "computation": "from the upload until the pose is known: what a configuration is judged by",
+    "acquisition": "reading and decoding the images; not part of the computation",
+    "rendering": "drawing pictures (--render); not part of the computation",
     "total": "all of it",
 }
 ATTEMPTS = {
@@ -98,7 +98,7 @@ def summary(report: Mapping[str, Any]) -> str:
         "",
         *_facts(report),
         "",
-        *_explanations(report["system"], names, len(frames), "ate_online" in report),
+        *_explanations(report, names),
     ]
     return "\n".join(lines) + "\n"
 
@@ -137,7 +137,16 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _explanations(system: str, names: Sequence[str], frames: int, online: bool) -> list[str]:
+ONLINE = "online error: of the poses as they were right after each frame"
+CLOCKS = {
+    "device": "stages by the device's clock, so they add up to a little less than the computation",
+    "wall": "stages by the host's clock, which waits for the device after each",
+    "none": "no clock measures the stages here",
+}
+
+
+def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    system, frames = report["system"], len(report["frames"])
     meanings = STAGE_MEANINGS.get(system, {}) | MEANINGS
     counted = (
         f"over the frames from {FIRST_COUNTED_FRAME} on (earlier ones fill the model and the caches)"
@@ -145,7 +154,8 @@ def _explanations(system: str, names: Sequence[str], frames: int, online: bool) 
         else "over all frames, as there are few"
     )
     return [
-        f"mean ... max: wall milliseconds a frame, {counted}",
+        f"mean ... max: milliseconds a frame, {counted}",
+        CLOCKS[report.get("stage_clock", "wall")],  # older reports do not say
         "95%: 95 of 100 frames took no longer; share: of the computation",
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
         *([f"not attempted: {ATTEMPTS[system]}"] if system in ATTEMPTS else []),
@@ -153,7 +163,11 @@ def _explanations(system: str, names: Sequence[str], frames: int, online: bool) 
         "CPU: of all threads during the computation; energy: likewise, all frames",
         "memory: the largest resident size of the process during the run",
         "error: metres from the true position, first poses laid on each other; RMSE: root of the mean square",
-        *(["online error: of the poses as they were right after each frame"] if online else []),
+        *(
+            ["online error: of the poses as they were right after each frame"]
+            if "ate_online" in report
+            else []
+        ),
         f"aligned: RMSE after the best rigid alignment, TUM's ATE; valid: max below {VALID_BELOW} m",
     ]
 
@@ -204,7 +218,7 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     if any(len(report["frames"]) != len(first["frames"]) for report in reports.values()):
         lines.append("beware: they ran over different numbers of frames")
     lines += [
-        "stages and computation: mean wall time a frame, as in `run`; speedup: of the computation, over A",
+        "stages and computation: mean time a frame, as in `run`; speedup: of the computation, over A",
         "CPU: of all threads, a frame; lost: frames whose pose failed the check",
         f"error: metres from the truth, first poses laid on each other; valid: max below {VALID_BELOW} m",
     ]

@@ -1,19 +1,24 @@
 """What a device does with each frame of a configuration, as data for clients that execute it.
 
-A plan follows from the configuration and the sequence's camera. Its digest is its name.
+A plan follows from the configuration, the sequence's camera and this version of the program. Its digest is
+its name.
 """
 
 import hashlib
+import logging
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 from crowd.fronts import selectors, sequences
 from crowd.fronts.selectors import Front, Point
+from slam.configuration import ConfigurationError
 from slam.datasets.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
 
 KFUSION = "kfusion"  # the one system whose frames are planned
+
+log = logging.getLogger(__name__)
 
 
 class FramePlan(NamedTuple):
@@ -25,28 +30,45 @@ class FramePlan(NamedTuple):
 
 
 def of_point(front: Front, point: Point) -> FramePlan | None:
-    """The plan of POINT of FRONT; None for a system without plans, and where its sequence is not here any
-    more.
+    """The plan of POINT of FRONT.
+
+    None for a system without plans, where the sequence is not here or damaged, and for parameters that this
+    version of the program refuses.
     """
     if front.application != KFUSION:
         return None
     try:
-        return _made(front.sequence["sha256"], tuple(point.parameters.items()))
-    except (sequences.SequenceError, DamagedError):
+        return make(front.sequence["sha256"], point.parameters)
+    except (ConfigurationError, sequences.SequenceError) as error:
+        log.warning("%s has no plan for %s: %s", front.slug, point.name, error)
         return None
 
 
 def find(sha256: str) -> str | None:
-    """The JSON of a plan of a front that was ever published; None where none has this digest."""
-    for front in selectors.fronts(KFUSION):
-        for point in front.points:
-            plan = of_point(front, point)
-            if plan is not None and plan.sha256 == sha256:
-                return plan.content
-    return None
+    """The JSON of a plan of a front that was ever published; None where none has this digest. One query."""
+    if not sequences.DIGEST.fullmatch(sha256):
+        return None
+    return _contents(selectors.released(KFUSION)).get(sha256)
 
 
-@lru_cache(maxsize=512)
+def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
+    """The plan for PARAMETERS over the sequence with the digest SEQUENCE.
+
+    Raises ConfigurationError for parameters that do not fit the sequence's camera, sequences.SequenceError
+    where the sequence is not here or damaged.
+    """
+    return _made(sequence, tuple(parameters.items()))
+
+
+@lru_cache(maxsize=1)
+def _contents(released: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
+    """The JSON of each plan of the fronts RELEASED (slug and digest), by its digest."""
+    fronts = [selectors.front(slug) for slug, _ in released]
+    plans = [of_point(front, point) for front in fronts if front for point in front.points]
+    return {plan.sha256: plan.content for plan in plans if plan}
+
+
+@cache
 def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     # Imported by the first manifest: a command that only reads tables needs none of it.
     from slam.devices import webgpu
@@ -66,10 +88,13 @@ def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     )
 
 
+@lru_cache(maxsize=8)
 def _pack(sha256: str) -> Pack:
-    """The pack of the sequence with that digest. Raises sequences.SequenceError where it is not here."""
+    """The pack of the sequence with that digest; sequences.SequenceError where it is not here or damaged."""
     for folder in sequences.packs():
-        described: Mapping[str, Any] = sequences.described(folder)
-        if described["sha256"] == sha256:
-            return Pack(folder)
-    raise sequences.SequenceError(f"no pack with digest {sha256}")
+        try:
+            if sequences.described(folder)["sha256"] == sha256:
+                return Pack(folder)
+        except (DamagedError, OSError, ValueError, KeyError) as error:
+            log.warning("the pack %s cannot be read: %s", folder, error)
+    raise sequences.SequenceError(f"no whole pack with digest {sha256} is here")

@@ -110,6 +110,12 @@ def names() -> tuple[tuple[str, str], ...]:
     return tuple(FrontVersion.objects.released().values_list("slug", "application"))
 
 
+def released(application: str) -> tuple[tuple[str, str], ...]:
+    """Slug and digest of every front of APPLICATION that was ever published, newest first. One query."""
+    rows = FrontVersion.objects.released().filter(application=application)
+    return tuple(rows.values_list("slug", "digest"))
+
+
 def front(slug: str) -> Front | None:
     """The published or retired front called SLUG, None if there is none. Two queries."""
     row = FrontVersion.objects.released().prefetch_related("configurations").filter(slug=slug).first()

@@ -10,9 +10,10 @@ from django.utils import timezone
 
 from crowd.audit.models import AuditEntry
 from crowd.audit.services import COMMAND_LINE, record
-from crowd.fronts import contents, second_person, selectors, sequences, trajectories
+from crowd.fronts import contents, plans, second_person, selectors, sequences, trajectories
 from crowd.fronts.models import PERMITTED, Configuration, FrontVersion, TransitionError
 from crowd.fronts.second_person import DRAFTED, REPLACED, SUBMITTED
+from slam.configuration import ConfigurationError
 
 State = FrontVersion.State
 
@@ -49,6 +50,8 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
             f"not a front: protocol.frames: {content.protocol.frames}, but {sequence['name']} has only "
             f"{sequence['frames']}"
         )
+    if content.application == plans.KFUSION:
+        _check_plans(document)
     action = DRAFTED if front is None else REPLACED
     if front is None:
         front = FrontVersion(
@@ -208,6 +211,20 @@ def _configuration(front: FrontVersion, position: int, point: Mapping[str, Any])
     if "trajectory" in values:
         values["trajectory"] = trajectories.store(values["trajectory"])
     return Configuration(front=front, position=position, **values)
+
+
+def _check_plans(document: Mapping[str, Any]) -> None:
+    """Raise InvalidFrontError where a configuration does not fit the camera of the sequence, if that can be
+    read.
+    """
+    for place, point in enumerate(document["configurations"]):
+        try:
+            plans.make(document["sequence"]["sha256"], point["parameters"])
+        except ConfigurationError as error:
+            member = f"configurations[{place}].parameters of {point['name']}"
+            raise contents.InvalidFrontError(f"not a front: {member}: {error}") from error
+        except sequences.SequenceError:
+            return
 
 
 def _sequence(wanted: Mapping[str, str]) -> dict[str, Any]:

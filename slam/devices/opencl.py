@@ -113,10 +113,17 @@ class Session:
         self.layout = layout or Layout.for_device(device.kind)
         with self._translated("a session"):
             self._context = cl.Context([device.handle])
-            self._queue = cl.CommandQueue(
-                self._context, properties=cl.command_queue_properties.PROFILING_ENABLE
-            )
+            self._queue = self._open_queue()
         self._programs: dict[tuple[Path, str], cl.Program] = {}
+
+    def _open_queue(self) -> cl.CommandQueue:
+        """A queue whose events say when they ran, where the driver has such."""
+        import pyopencl as cl
+
+        try:
+            return cl.CommandQueue(self._context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+        except cl.Error:
+            return cl.CommandQueue(self._context)
 
     def program(self, source: Path, declarations: str = "") -> cl.Program:
         """The program of one `.cl` file after the text DECLARATIONS, built on first use.
@@ -177,14 +184,12 @@ class Session:
                 f"{what} needs {nbytes / 2**20:.0f} MiB, which {self.device.name!r} refused: {error}"
             ) from error
 
-    def upload(self, buffer: Buffer, values: npt.NDArray[Any], wait: bool = True) -> None:
-        """Copy VALUES into BUFFER. Without WAIT they must stay unchanged until the next `finish` or
-        `download`.
-        """
+    def upload(self, buffer: Buffer, values: npt.NDArray[Any], wait: bool = True) -> Event:
+        """Copy VALUES into BUFFER. Without WAIT, keep the event: dropping it waits for the copy, too."""
         import pyopencl as cl
 
         with self._translated("an upload"):
-            cl.enqueue_copy(self._queue, buffer, np.ascontiguousarray(values), is_blocking=wait)
+            return cl.enqueue_copy(self._queue, buffer, np.ascontiguousarray(values), is_blocking=wait)
 
     def download(self, buffer: Buffer, values: npt.NDArray[Any], offset: int = 0) -> None:
         """Fill VALUES from BUFFER, beginning OFFSET bytes after its start, once all kernels so far are
@@ -213,6 +218,19 @@ class Session:
         """Wait until all work so far is done."""
         with self._translated("waiting"):
             self._queue.finish()
+
+    def span(self, first: Event, last: Event) -> tuple[int, int] | None:
+        """When FIRST started and LAST ended, nanoseconds of the device's clock.
+
+        None where the driver does not say, or says that it ended before it started.
+        """
+        import pyopencl as cl
+
+        try:
+            start, end = first.profile.start, last.profile.end
+        except cl.Error:
+            return None
+        return (start, end) if 0 < start <= end else None
 
     def launch(self, kernel: cl.Kernel, name: str, size: tuple[int, ...], group: tuple[int, ...]) -> Event:
         """Enqueue KERNEL, called NAME; its event says when it ran."""
@@ -276,7 +294,7 @@ def _argument(value: Any) -> Any:
 def _fitting(group: tuple[int, ...], most: int) -> tuple[int, ...]:
     """GROUP, halved where it is longest until it has at most MOST work-items."""
     sizes = list(group)
-    while np.prod(sizes) > most:
+    while np.prod(sizes) > max(most, 1):
         longest = max(range(len(sizes)), key=lambda axis: (sizes[axis], axis))
         sizes[longest] = max(sizes[longest] // 2, 1)
     return tuple(sizes)

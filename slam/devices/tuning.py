@@ -51,9 +51,9 @@ class Trial:
         return median(seconds[FIRST_JUDGED:])
 
     def key(self, device: Device) -> str:
-        """The device and the kernels: new kernels are tried anew."""
+        """The device and the kernels: new kernels are tried again."""
         digest = hashlib.sha256()
-        for source in sorted(path for folder in self.kernels for path in folder.iterdir()):
+        for source in sorted(path for folder in self.kernels for path in folder.glob("*.[ch]*")):
             digest.update(source.read_bytes())
         return f"{device.label} {digest.hexdigest()[:16]}"
 
@@ -90,7 +90,8 @@ def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -
         if progress:
             progress(number + 1, len(tried))
     best = min(tried, key=seconds.__getitem__)
-    _remember(place, key, best)
+    if seconds[best] < float("inf"):
+        _remember(place, key, best)
     return best
 
 
@@ -121,7 +122,7 @@ def _read(place: Path) -> dict[str, tuple[str, int, int]]:
 
 
 def _remember(place: Path, key: str, layout: Layout) -> None:
-    """Write the file anew and move it into place; a folder that cannot be written is no error."""
+    """Write the file again and move it into place; a folder that cannot be written is not an error."""
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
         fresh = place.with_suffix(f".{os.getpid()}")

@@ -59,8 +59,17 @@ def list_devices() -> list[Device]:
     except (wgpu.GPUError, RuntimeError, OSError):  # no driver that wgpu can speak to
         return []
     rank = {"gpu": 0, "other": 1, "cpu": 2}
-    devices = [_describe(adapter) for adapter in adapters if adapter.info["backend_type"] not in SKIPPED]
+    usable = [a for a in adapters if a.info["backend_type"] not in SKIPPED and _keeps_limits(a)]
+    devices = [_describe(adapter) for adapter in usable]
     return sorted(devices, key=lambda device: rank[device.kind])
+
+
+def _keeps_limits(adapter: GPUAdapter) -> bool:
+    """Whether ADAPTER has the default limits at least. An alignment is better where it is smaller."""
+    return all(
+        adapter.limits[name] <= value if name.startswith("min-") else adapter.limits[name] >= value
+        for name, value in LIMITS.items()
+    )
 
 
 def _describe(adapter: GPUAdapter) -> Device:

@@ -11,9 +11,6 @@ import numpy.typing as npt
 
 from slam.plans.plan import Dispatch, Frames, Plan
 
-# Who measured the stages: the device's clock, the host's, or nobody.
-CLOCKS = ("device", "wall", "none")
-
 
 @dataclass(frozen=True)
 class Outcome:

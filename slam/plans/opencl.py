@@ -18,6 +18,8 @@ from slam.plans.plan import STATE, Dispatch, Plan
 if TYPE_CHECKING:
     from slam.devices.opencl import Buffer, Event
 
+CLOCK_TOLERANCE = 1.02  # how much faster than the host's a device's clock may run
+
 
 class OpenCLExecution:
     """An `Execution` whose kernels are compiled from the `.cl` files of FOLDERS.
@@ -50,8 +52,9 @@ class OpenCLExecution:
 
     def run(self, number: int, image: npt.NDArray[np.uint16] | None = None) -> Outcome:
         began = perf_counter()
+        uploaded = None
         if image is not None:
-            self._session.upload(self._buffers[self.plan.input][0], image, wait=False)
+            uploaded = self._session.upload(self._buffers[self.plan.input][0], image, wait=False)
         spans: dict[str, tuple[Event, Event]] = {}
         for segment, kernels in self._segments:
             if segment.takes_place(number):
@@ -61,7 +64,8 @@ class OpenCLExecution:
         state = np.empty_like(self._state)
         self._session.download(self._buffers[STATE][0], state)
         computation = perf_counter() - began
-        return Outcome(state, computation, self._stages(spans))
+        del uploaded  # it is done: dropped earlier it would have waited
+        return Outcome(state, computation, self._stages(spans, computation))
 
     def read(self, name: str, first: int = 0, count: int | None = None) -> npt.NDArray[Any]:
         buffer = self.plan.buffer(name)
@@ -101,13 +105,23 @@ class OpenCLExecution:
             declarations=self._declarations,
         )
 
-    def _stages(self, spans: dict[str, tuple[Event, Event]]) -> dict[str, float]:
+    def _stages(self, spans: dict[str, tuple[Event, Event]], computation: float) -> dict[str, float]:
         """Seconds between the first launch of each stage, or the end of the one before, and its last launch's
-        end.
+        end. Empty from the first frame on whose times the driver does not know, or that add up to more than
+        the frame took.
         """
+        if self.stage_clock == "none":
+            return {}
         found = dict.fromkeys(self.plan.stages, 0.0)
         before = 0
-        for stage, (first, last) in spans.items():
-            begin, before = max(first.profile.start, before), last.profile.end
-            found[stage] = 1e-9 * (before - begin)
-        return found
+        for stage, events in spans.items():
+            span = self._session.span(*events)
+            if span is None or span[1] < before:
+                break
+            found[stage] = 1e-9 * (span[1] - max(span[0], before))
+            before = span[1]
+        else:
+            if sum(found.values()) <= CLOCK_TOLERANCE * computation:
+                return found
+        self.stage_clock = "none"
+        return {}

@@ -1,7 +1,7 @@
 """A frame as data: buffers, constants, the layout of the state, and the dispatches in their order.
 
-Whoever executes a plan knows nothing of the algorithm, and whoever writes one knows nothing of OpenCL or
-WebGPU. `schema.json` describes the JSON form.
+An executor knows nothing of the algorithm. The author of a plan knows nothing of OpenCL or WebGPU.
+`schema.json` describes the JSON form.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Frames:
-    """Every EVERY-th frame from FIRST to LAST (None: without end); frame numbers start at 0."""
+    """The frames from FIRST to LAST (None: without end) whose number, from 0, is a multiple of EVERY."""
 
     first: int = 0
     last: int | None = None

@@ -2,9 +2,9 @@
 
 Parameters say what becomes of a configuration: {"ends": "abort", "kill", "hang" or "close"}, {"fails": TEXT};
 without any it runs. {"for_good": true} breaks the device, too, and {"takes_away": true} takes it away: the
-file named by FRONTRUNNER_BROKEN stands for that, and no further process can open it. {"unreadable": true}
-is measured over a sequence that cannot be read. Times are made up. FRONTRUNNER_EMPTY_FRAME names what
-becomes of an empty frame.
+file named by FRONTRUNNER_BROKEN stands for that, and no further process can open it, unless its text is
+ONCE. {"unreadable": true} is measured over a sequence that cannot be read. Times are made up.
+FRONTRUNNER_EMPTY_FRAME names what becomes of an empty frame: each one, or the first ("abort once").
 """
 
 import os
@@ -25,6 +25,7 @@ EMPTY_FRAME = "FRONTRUNNER_EMPTY_FRAME"
 EMPTY_FRAME_SECONDS = 0.00025
 FRAMES_BEFORE_THE_END = 3
 GONE = "no OpenCL device here"
+ONCE = "once"
 UNREADABLE = "frame 3 is damaged"
 
 
@@ -34,11 +35,16 @@ class BreakingWorker(worker.Worker):
         if broken.exists():
             if broken.read_text() == GONE:
                 raise NoDeviceError(GONE)
+            if broken.read_text() == ONCE:
+                broken.unlink()
             end("abort")
 
     def empty_frame(self) -> worker.Answer:
-        if os.environ.get(EMPTY_FRAME):
-            end(os.environ[EMPTY_FRAME])
+        way, _, once = os.environ.get(EMPTY_FRAME, "").partition(" ")
+        broke = Path(f"{os.environ[BROKEN]}-empty-frame")
+        if way and not (once and broke.exists()):
+            broke.touch()
+            end(way)
         return {"empty_frame_seconds": EMPTY_FRAME_SECONDS}
 
     def measure(self, parameters: Mapping[str, Any], frames: int, progress: Progress) -> worker.Answer:

@@ -1,4 +1,4 @@
-"""Sessions that nobody measured, for what happens to a session after it was: its times are made up."""
+"""Sessions with made-up times, for what happens to a session after it was measured."""
 
 import random
 import uuid
@@ -38,6 +38,7 @@ def runs(asked: Manifest, plan: tuple[str, ...], seed: int = 0) -> tuple[Run, ..
                 0.012,
                 0.006,
                 0.007,
+                deviation=0.0001,
             )
         )
     return tuple(made)
@@ -46,7 +47,16 @@ def runs(asked: Manifest, plan: tuple[str, ...], seed: int = 0) -> tuple[Run, ..
 def measured(asked: Manifest, plan: tuple[str, ...] = (), seed: int = 0) -> Session:
     """A session of PLAN, of the protocol's own order where it is empty."""
     plan = plan or asked.plan()
-    return Session(str(uuid.uuid4()), "2026-01-01T12:00:00Z", "opencl", runs(asked, plan, seed), ())
+    made = runs(asked, plan, seed)
+    return Session(
+        str(uuid.uuid4()),
+        "2026-01-01T12:00:00Z",
+        "opencl",
+        made,
+        (),
+        stage_clock="device",
+        empty_frame_us=200.0,
+    )
 
 
 def payload(asked: Manifest, seed: int = 0) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from client_kit.manifest import Manifest
 from client_kit.spool import Spool
 from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
+from tests.client_kit.test_manifest import protocol_2
 from tests.slam.shipped import LIVING_ROOM
 
 FRONT = Manifest.parse(documents.manifest())
@@ -55,6 +56,17 @@ def test_what_failed_here_is_never_chosen() -> None:
     known = points(FRONT, [session(run("default", 200, 0.011), failed, run("best", 40, None))])
 
     assert [point.name for point in known] == ["default"]
+
+
+@pytest.mark.parametrize(("deviation", "counts"), [(0.0029, True), (0.0031, False)])
+def test_what_leaves_its_band_here_is_never_chosen(deviation: float, counts: bool) -> None:
+    front = Manifest.parse(protocol_2())
+    runs = [run("default", 200, 0.011, deviation=0.001), run("best", 40, 0.03, deviation=deviation)]
+    foreign = run("of another server", 1, 0.01, deviation=9.0)
+
+    known = {point.name: point.source for point in points(front, [session(*runs, foreign)])}
+
+    assert known == {"default": MEASURED, "fine": SCALED} | ({"best": MEASURED} if counts else {})
 
 
 def test_measurements_of_another_front_are_disregarded() -> None:

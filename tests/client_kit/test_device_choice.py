@@ -1,15 +1,18 @@
 """Which device measures: the fastest that works here, over the backend that drives it best."""
 
 import os
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from client_kit import device_choice
+from client_kit import device_choice, doctor
 from client_kit.device_choice import backends_for, choose, present
 from client_kit.errors import CannotMeasureError, UsageError
+from client_kit.home import Home
 from slam.devices import choice
 
 OPENCL_GPU, OPENCL_CPU = ("opencl", "gpu"), ("opencl", "cpu")
@@ -26,7 +29,9 @@ class Machine:
     def list_devices(self, backend: str = "opencl") -> list[Any]:
         self.asked.append(backend)
         return [
-            SimpleNamespace(backend=backend, kind=kind, label=f"a {kind.upper()} ({backend})")
+            SimpleNamespace(
+                backend=backend, kind=kind, label=f"a {kind.upper()} ({backend})", global_memory=0
+            )
             for at, kind in self._devices
             if at == backend
         ]
@@ -36,6 +41,7 @@ def machine(monkeypatch: pytest.MonkeyPatch, *devices: tuple[str, str]) -> Machi
     made = Machine(*devices)
     for module in (device_choice, choice):
         monkeypatch.setattr(module, "list_devices", made.list_devices)
+    monkeypatch.setattr(device_choice, "TRIAL", "")  # every device opens
     return made
 
 
@@ -68,6 +74,42 @@ def test_no_other_driver_is_loaded_where_opencl_drives_a_gpu(monkeypatch: pytest
     choose()
 
     assert made.asked == ["opencl"]
+
+
+@pytest.mark.parametrize(
+    "trial", ["raise SystemExit(1)", "import os; os.abort()", "import time; time.sleep(60)"]
+)
+def test_a_webgpu_device_that_does_not_open_leaves_another_one(
+    trial: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine(monkeypatch, OPENCL_CPU, WEBGPU_GPU)
+    monkeypatch.setattr(device_choice, "TRIAL", trial)
+    monkeypatch.setattr(device_choice, "TRIAL_SECONDS", 2)
+
+    assert what(choose()) == OPENCL_CPU
+    assert what(choose("GPU")) == WEBGPU_GPU  # nothing else matches: measuring will say why it does not open
+    assert what(choose(backends=("webgpu",))) == WEBGPU_GPU
+
+
+def test_the_doctor_marks_the_device_that_is_used(monkeypatch: pytest.MonkeyPatch, home: Home) -> None:
+    machine(monkeypatch, OPENCL_CPU, WEBGPU_GPU)
+
+    def lines() -> list[str]:
+        return [line for line in islice(doctor.examine(home), 4) if " device: " in line]
+
+    used = ", used unless --device or --backend names another"
+    assert lines() == [f"WebGPU device: a GPU (webgpu){used}", "OpenCL device: a CPU (opencl)"]
+    monkeypatch.setattr(device_choice, "TRIAL", "raise SystemExit(1)")
+    assert lines() == ["WebGPU device: a GPU (webgpu)", f"OpenCL device: a CPU (opencl){used}"]
+
+
+def test_a_device_is_tried_by_opening_it_as_a_measurement_does() -> None:
+    devices = choice.list_devices("webgpu")
+    if not devices:
+        pytest.skip("no device over webgpu here")
+
+    assert device_choice._opens(devices[0])
+    assert not device_choice._opens(replace(devices[0], name="abacus"))
 
 
 def test_a_text_is_looked_for_in_every_backend_or_in_the_one_that_is_named(
@@ -115,7 +157,7 @@ def test_an_application_is_measured_over_the_backends_that_it_runs_on() -> None:
     assert backends_for("kfusion") == ("opencl", "webgpu")
     assert backends_for("kfusion", "webgpu") == ("webgpu",)
     assert backends_for("elasticfusion") == ("opencl",)
-    with pytest.raises(UsageError, match="--backend webgpu: elasticfusion runs on opencl only"):
+    with pytest.raises(UsageError, match="elasticfusion runs on opencl only, not on webgpu"):
         backends_for("elasticfusion", "webgpu")
 
 

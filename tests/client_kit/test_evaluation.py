@@ -44,6 +44,7 @@ class Lab:
         self.unreadable = 0  # leases of a version that this client does not know
         self.trouble: list[Reply] = []  # before a part of the sequence is given
         self.heartbeat_seconds = 15.0
+        self.backend = {"backend": "opencl"}  # older servers do not name it
         self.server = ScriptedServer(self.answer)
 
     def answer(self, request: Request) -> Reply:
@@ -74,6 +75,7 @@ class Lab:
             "application": "kfusion",
             "configuration": {"volume_resolution": 64},
             "frames": 11,
+            **self.backend,
             "opencl_device": "GPU",
             "sequence": self.sequence,
             "lease_seconds": 90,
@@ -146,19 +148,51 @@ def test_a_lease_is_measured_and_its_result_told(pack: Pack, serve_lab: Any, mea
     assert first["pack"] == second["pack"]
 
 
-def test_the_backend_that_is_named_measures(
-    pack: Pack, home: Home, measured: list[Any], choices: list[Any]
+@pytest.mark.parametrize(
+    ("named", "measures"),
+    [({"backend": "webgpu"}, "webgpu"), ({"backend": "opencl"}, "opencl"), ({}, "opencl")],
+)
+def test_the_backend_that_the_lease_names_measures(
+    named: dict[str, str],
+    measures: str,
+    pack: Pack,
+    serve_lab: Any,
+    measured: list[Any],
+    choices: list[Any],
 ) -> None:
     lab = Lab(pack)
+    lab.backend = named
 
-    serve(
-        Server(lab.server.url), "board", "secret", home, Console(io.StringIO()),
-        until_idle=True, backend="webgpu",
-    )  # fmt: skip
+    serve_lab(lab)
+
+    assert choices == [("GPU", (measures,))]
+    assert [call["backend"] for call in measured] == [measures]
+
+
+@pytest.mark.parametrize("wanted", ["opencl", "webgpu"])
+def test_a_lease_of_another_backend_than_is_wanted_is_given_back_with_both(
+    wanted: str, pack: Pack, home: Home, measured: list[Any], choices: list[Any]
+) -> None:
+    lab, other = Lab(pack), "webgpu" if wanted == "opencl" else "opencl"
+
+    def serve_lease(backend: str) -> None:
+        lab.left, lab.backend = 1, {"backend": backend}
+        console = Console(io.StringIO())
+        serve(Server(lab.server.url), "board", "secret", home, console, until_idle=True, backend=wanted)
+
+    serve_lease(wanted)
+    with pytest.raises(CannotMeasureError) as ended:
+        serve_lease(other)
     lab.server.close()
 
-    assert choices == [("GPU", ("webgpu",))]
-    assert [call["backend"] for call in measured] == ["webgpu"]
+    reason = f"--backend {wanted}: the server has board measure over {other}"
+    assert (str(ended.value), ended.value.exit_code) == (reason, 3)
+    assert [(result["status"], result.get("error")) for result in lab.results] == [
+        ("done", None),
+        ("returned", reason),
+    ]
+    assert choices == [("GPU", (wanted,))]
+    assert [call["backend"] for call in measured] == [wanted]
 
 
 def test_a_failure_is_told_with_its_reason(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from client_kit.errors import CannotMeasureError
-from client_kit.manifest import Manifest
+from client_kit.manifest import Manifest, version_numbers
 from client_kit.measurement import measure
 from client_kit.sensors import Sample
 from client_kit.session import Run, payload
@@ -93,6 +93,8 @@ def test_the_payload_is_what_the_interface_says(watched: Watched, asked: Manifes
     sent = json.loads(json.dumps(document, allow_nan=False))
 
     assert set(sent) == {"schema_version", "app_version", "consent_version", "device", "sessions"}
+    # Since 0.2.0 a frame of KinectFusion is taken with one synchronisation: its times are others.
+    assert version_numbers(sent["app_version"]) >= (0, 2, 0)
     assert sent["device"] == {"model": "Pixel 8", "cpu": None}
     [told] = sent["sessions"]
     assert told["application"] == "kfusion"

@@ -63,6 +63,8 @@ def test_a_run_outside_its_band_is_judged_by_the_server_as_by_the_client(
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("so the run does not count.") == 2
     [session] = MeasurementSession.objects.all()
-    states = {run.configuration.name: run.state for run in session.runs.select_related("configuration")}
-    assert states["default"] == "valid"
-    assert states["best"] != "valid"
+    runs = session.runs.select_related("configuration")
+    assert {(run.configuration.name, run.state, run.reason) for run in runs} == {
+        ("default", "valid", ""),
+        ("best", "invalid", "deviation_above_band"),
+    }

@@ -323,11 +323,14 @@ def test_the_backend_that_is_named_measures(serve: Serve, home: Home, pack: Pack
     if not list_devices("webgpu"):
         pytest.skip("no device over webgpu here")
     counting = by_protocol_2(pack)
-    counting.manifest["configurations"][1]["backends"] = ["opencl"]
+    for configuration in counting.manifest["configurations"][1:]:
+        configuration["backends"] = ["opencl"]
+    asked = ("--yes", "--backend", "webgpu", "--configurations", "all")
 
-    done = client(home, "run", "--server", serve(counting).url, "--yes", "--backend", "webgpu")
+    done = client(home, "run", "--server", serve(counting).url, *asked)
 
     assert done.returncode == 0, done.stderr
+    assert done.stdout.count("Note: indivisible does not fit WebGPU here and is left out") == 1
     assert "over WebGPU" in done.stdout
     assert "best: failed, best does not run on webgpu: it needs opencl" in done.stdout
     [session] = counting.sessions.values()

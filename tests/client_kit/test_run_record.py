@@ -48,7 +48,7 @@ def test_a_trajectory_that_is_not_finite_is_a_failure_without_times() -> None:
         assert (failed.frame_us, failed.deviation) == ((), None)
 
 
-def test_stages_that_nobody_measured_are_left_out() -> None:
+def test_stages_that_were_not_measured_are_left_out() -> None:
     assert run([True] * 12, stage=None).stages_us == {}
 
 

@@ -26,6 +26,20 @@ def test_bars_show_default_above_best_for_each_stage() -> None:
     assert 9 < float(fast.split()[-2]) < 11
 
 
+def test_all_of_a_frame_is_its_time_where_the_device_times_only_the_stages() -> None:
+    session = canned.measured(ASKED)
+    runs = [
+        dataclasses.replace(run, frame_us=tuple(2 * time for time in run.frame_us)) for run in session.runs
+    ]
+
+    lines = summary.stages(dataclasses.replace(session, runs=tuple(runs)), ASKED.protocol)
+
+    *_, total, fast = lines
+    assert (total.count("#"), fast.count("#")) == (summary.BAR, summary.BAR // 4)
+    assert 78 < float(total.split()[-2]) < 82
+    assert 19 < float(fast.split()[-2]) < 21
+
+
 def test_without_a_speedup_there_are_no_bars() -> None:
     session = canned.measured(ASKED, ("default", "default"))
 

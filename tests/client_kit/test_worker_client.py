@@ -21,6 +21,7 @@ from tests.client_kit.breaking import (
     EMPTY_FRAME_SECONDS,
     FRAMES_BEFORE_THE_END,
     GONE,
+    ONCE,
     UNREADABLE,
     report,
 )
@@ -271,6 +272,28 @@ def test_a_device_that_does_not_run_an_empty_frame_measures_nothing(monkeypatch:
 
     with pytest.raises(CannotMeasureError, match=f"does not run an empty frame: {ABORTED}"):
         session("default", **protocol_2())
+
+
+def test_an_empty_frame_that_breaks_its_process_is_measured_once_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(EMPTY_FRAME, "abort once")
+
+    done = session("default", **protocol_2())
+
+    assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
+    assert outcomes(done) == [("default", None)]
+
+
+def test_a_device_that_breaks_its_process_once_before_an_empty_frame_is_opened_once_more(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "broken").write_text(ONCE)
+
+    done = session("default", **protocol_2())
+
+    assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
+    assert outcomes(done) == [("default", None)]
 
 
 def test_progress_counts_the_runs_where_their_number_is_fixed() -> None:

@@ -11,6 +11,9 @@ from django.conf import LazySettings
 from django.test import Client
 
 from crowd import first_run
+from crowd.fronts import manifests, plans, services
+from crowd.fronts.contents import InvalidFrontError
+from slam.configuration import ConfigurationError
 from slam.plans.plan import SCHEMA
 from tests.crowd.participant import API
 
@@ -21,6 +24,8 @@ FIXTURES = Path(__file__).parents[2] / "fixtures"
 def shipped(db: None, settings: LazySettings) -> None:
     settings.FRONTRUNNER_FRONTS = FIXTURES / "fronts"
     settings.FRONTRUNNER_SEQUENCES = [FIXTURES / "sequences"]
+    for cache in (plans._pack, plans._made, plans._contents, manifests._made):
+        cache.cache_clear()
     list(first_run.publish_shipped_fronts())
 
 
@@ -60,3 +65,41 @@ def test_an_unknown_plan_is_not_found_nor_a_known_one_sent_twice(client: Client,
 
     assert (again.status_code, again.content) == (304, b"")
     assert client.get(f"/plans/{'0' * 64}").status_code == 404
+    assert client.get("/plans/not-a-digest").status_code == 404
+
+
+def test_a_configuration_that_does_not_fit_the_camera_is_refused_as_a_draft(db: None, shipped: None) -> None:
+    document = json.loads((FIXTURES / "fronts" / "kfusion-2.json").read_text(encoding="utf-8"))
+    document["version"] = "odd"
+    document["configurations"][2]["parameters"]["compute_size_ratio"] = 7
+
+    with pytest.raises(
+        InvalidFrontError, match=r"configurations\[2\].parameters of accurate: compute_size_ratio=7"
+    ):
+        services.create_draft(document)
+
+
+def test_what_has_no_plan_any_more_leaves_the_manifest_whole(
+    client: Client, shipped: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> None:
+        raise ConfigurationError("mu=0.4: not known any more")
+
+    monkeypatch.setattr(plans, "make", refused)
+    manifests._made.cache_clear()
+    found = configurations(client, "kfusion")
+
+    assert "plan" not in found["default"]
+    assert "backends" not in found["default"]
+
+
+def test_a_damaged_pack_beside_the_fronts_own_does_no_harm(
+    client: Client, shipped: None, settings: LazySettings, tmp_path: Path
+) -> None:
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "pack.json").write_text("{")
+    settings.FRONTRUNNER_SEQUENCES = [tmp_path, *settings.FRONTRUNNER_SEQUENCES]
+    for cache in (plans._pack, plans._made, plans._contents, manifests._made):
+        cache.cache_clear()
+
+    assert "plan" in configurations(client, "kfusion")["best"]

@@ -32,7 +32,8 @@ def test_a_summary_explains_every_line_of_its_table(report):
     for column in ("mean", "95%", "share"):
         assert column in table.splitlines()[0]
         assert column in explanations
-    assert "wall milliseconds a frame, over the frames from 10 on" in explanations
+    assert "milliseconds a frame, over the frames from 10 on" in explanations
+    assert "stages by the device's clock" in explanations
 
 
 def test_times_of_a_summary_are_those_of_the_frames_that_count(report):

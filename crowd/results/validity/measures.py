@@ -58,7 +58,7 @@ def drifts(
 ) -> list[float | None]:
     """Median over the counted frames of later / earlier repeats, by row of both (n, repeats, frames).
 
-    A frame's times are averaged over the repeats of either side: one hiccup of a busy computer is no drift.
+    A frame's times are averaged over the repeats of either side: one hiccup of a computer is not a drift.
     Frames that miss a time are left out; None where none is left. Like is compared with like: the first and
     the last third of one run would confound the scene with the heat.
     """

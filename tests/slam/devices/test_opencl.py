@@ -10,9 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slam.camera import Camera
 from slam.devices.choice import choose_device, list_devices
 from slam.devices.device import DeviceError, DeviceMemoryError, NoDeviceError
-from slam.devices.opencl import Session
+from slam.devices.opencl import Session, _fitting
+from slam.kfusion.configuration import Configuration
+from slam.kfusion.pipeline import KFusion
+from slam.system import Scene
 from tests.slam.tiny import write_tiny_pack
 
 ROOT = Path(__file__).parents[3]
@@ -111,3 +115,22 @@ def test_a_device_with_small_work_groups_measures_all_the_same(tmp_path):
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
     assert "lost 0" in ended.stdout
+
+
+@pytest.mark.parametrize("span", [None, (0, 0)], ids=["unknown", "too long"])
+def test_without_the_device_s_clock_a_run_has_no_stages(monkeypatch, span):
+    """Some drivers know no times, and some clocks are wrong: the frame is measured all the same."""
+    monkeypatch.setattr(Session, "span", lambda *_: None if span is None else (1, 10**12))
+    scene = Scene(Camera(60.0, 60.0, 31.5, 23.5, 64, 48), 4.0, (0.5, 0.5, 0.1))
+    system = KFusion(Configuration(volume_resolution=32), scene, Session(choose_device()))
+    frames = [system.process(np.full((48, 64), 1500, np.uint16)) for _ in range(3)]
+
+    assert system.stage_clock == "none"
+    assert [frame.seconds for frame in frames] == [{}, {}, {}]
+    assert all(frame.computation > 0 for frame in frames)
+
+
+def test_a_driver_that_allows_no_work_items_still_gets_an_answer():
+    assert _fitting((16, 8), 0) == (1, 1)
+    assert _fitting((16, 8), 64) == (8, 8)
+    assert _fitting((1, 1), 1) == (1, 1)

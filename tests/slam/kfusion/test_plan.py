@@ -17,7 +17,7 @@ from slam.devices.layout import KINDS, Layout
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.plan import plan
 from slam.plans.execution import segments
-from slam.plans.plan import SCHEMA, STATE, Plan
+from slam.plans.plan import SCHEMA, STATE, Frames, Plan
 from slam.system import Scene
 
 GOLDEN = Path(__file__).parent / "plans"
@@ -97,6 +97,12 @@ def test_by_pixels_a_kernel_has_eight_storage_buffers_and_groups_of_128_at_most(
     for dispatch in made.dispatches:
         assert dispatch.group[0] * (dispatch.group[1] if len(dispatch.group) > 1 else 1) <= 128
     assert all(buffer.fill == 0 for buffer in made.buffers)
+
+
+def test_frames_are_multiples_of_every_and_not_counted_from_the_first():
+    frames = Frames(first=4, last=11, every=3)
+
+    assert [number for number in range(20) if frames.hold(number)] == [6, 9]
 
 
 def test_rates_decide_in_which_frames_a_stage_runs():
