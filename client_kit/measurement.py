@@ -16,6 +16,7 @@ from client_kit.session import MICROSECONDS, NO_STAGES, Run, Session
 from client_kit.worker_client import BrokenError, DeviceBrokenError, FailedError, Outcome, WorkerClient
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.device import Device
+from slam.protocol import DECODED_AHEAD
 
 # What runs, frames done, frames in all, seconds until the session is over (None while unknown).
 OnFrame = Callable[[str, int, int, float | None], None]
@@ -197,8 +198,10 @@ class SessionRunner:
             raise FailedError(self._hopeless[name])
         self.schedule.begin()
         try:
+            # Protocol 1 decodes each frame before it is measured, as its first clients did.
+            ahead = DECODED_AHEAD if self._manifest.protocol.version == FIXED_PAIRS else 1
             return self._worker.measure(
-                self._manifest.configurations[name].parameters, frames, between_frames
+                self._manifest.configurations[name].parameters, frames, between_frames, ahead
             )
         except BrokenError as error:
             self._hopeless[name] = str(error)

@@ -4,9 +4,9 @@ It answers orders, lines of JSON on its input, with lines of JSON on its output.
 
 - The first order is {"application", "sequence", "device", "backend"}. The answer is {"ready": true}.
 - {"empty_frame": true} asks for {"empty_frame_seconds"}.
-- {"parameters", "frames"} is a measurement. After every frame the worker sends {"done", "total"} and waits
-  for an empty line, so that whatever the other side does between frames costs no measured time. At the end
-  it sends {"report", "trajectory_sha256", "positions"}.
+- {"parameters", "frames", "ahead"} is a measurement with so many frames decoded ahead. After every frame the
+  worker sends {"done", "total"} and waits for an empty line, so that whatever the other side does between
+  frames costs no measured time. At the end it sends {"report", "trajectory_sha256", "positions"}.
 
 {"failure"} reports an orderly failure of the order, {"cannot"} that nothing can be measured at all. Opening a
 device may try layouts of kernels: {"layouts_done", "layouts"} follows each. The worker ends with its input.
@@ -49,8 +49,10 @@ class Worker:
         """What a frame costs that computes nothing."""
         return self._attempt(lambda opened: {"empty_frame_seconds": benchmark.empty_frame_seconds(opened)})
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, progress: benchmark.Progress) -> Answer:
-        """One configuration over the first FRAMES frames of the sequence."""
+    def measure(
+        self, parameters: Mapping[str, Any], frames: int, ahead: int, progress: benchmark.Progress
+    ) -> Answer:
+        """One configuration over the first FRAMES frames of the sequence, decoded AHEAD at a time."""
 
         def measured(opened: AnySession) -> Answer:
             report = benchmark.run(
@@ -60,6 +62,7 @@ class Worker:
                 frames=frames,
                 device=opened,
                 progress=progress,
+                decoded_ahead=ahead,
             )
             poses = np.ascontiguousarray(report.poses, "<f8")
             return {
@@ -116,7 +119,7 @@ def serve(orders: TextIO, answers: TextIO) -> None:
         if "empty_frame" in order:
             send(worker.empty_frame())
         else:
-            send(worker.measure(order["parameters"], order["frames"], between_frames))
+            send(worker.measure(order["parameters"], order["frames"], order["ahead"], between_frames))
 
 
 def main() -> None:

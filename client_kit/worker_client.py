@@ -20,6 +20,7 @@ from typing import IO, Any
 from client_kit import reasons
 from client_kit.errors import CannotMeasureError
 from slam import isolated
+from slam.protocol import DECODED_AHEAD
 
 PROGRAM = (sys.executable, "-m", "client_kit.worker")
 # Longer than any frame: the first one waits for the driver's compiler, which takes a minute on some phones.
@@ -81,14 +82,18 @@ class WorkerClient:
         """Median wall seconds of a frame that computes nothing. Raises as `measure` does."""
         return float(self._answer({"empty_frame": True}, _nothing_between)["empty_frame_seconds"])
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, between_frames: Progress) -> Outcome:
-        """Measure a configuration over the first FRAMES frames.
+    def measure(
+        self, parameters: Mapping[str, Any], frames: int, between_frames: Progress, ahead: int = DECODED_AHEAD
+    ) -> Outcome:
+        """Measure a configuration over the first FRAMES frames, decoded AHEAD at a time.
 
         The process waits while BETWEEN_FRAMES is called. Raises FailedError or one of its kinds, and
         CannotMeasureError where the sequence cannot be used or, before the device was opened once, the
         device cannot, or no process can be started.
         """
-        answer = self._answer({"parameters": dict(parameters), "frames": frames}, between_frames)
+        answer = self._answer(
+            {"parameters": dict(parameters), "frames": frames, "ahead": ahead}, between_frames
+        )
         return Outcome(answer["report"], answer["trajectory_sha256"], answer["positions"])
 
     def _answer(self, order: Mapping[str, Any], between_frames: Progress) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from slam.devices.choice import AnySession, choose_device
 from slam.devices.tuning import wavy_wall
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
-from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME, VALID_BELOW
 from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
@@ -31,8 +31,6 @@ from slam.system import (
 )
 from slam.systems import create, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
-
-DECODED_AHEAD = 100  # frames: 61 MB of depth at 640x480
 
 Observer = Callable[
     [int, System], None
@@ -154,6 +152,7 @@ def run(
     initial_position: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
     observe: Observer | None = None,
+    decoded_ahead: int = DECODED_AHEAD,
 ) -> Report:
     """Feed the first `frames` frames (default all) to a system and measure it.
 
@@ -189,7 +188,7 @@ def run(
     cpu_seconds = 0.0
     joules: float | None = 0.0
     times, poses = [], []
-    for index, image in enumerate(_decoded(sequence, system, count, coloured)):
+    for index, image in enumerate(_decoded(sequence, system, count, coloured, decoded_ahead)):
         energy, cpu = meter.read(), time.process_time()
         computing = time.perf_counter()
         result = running.process(image.depth, image.colour)
@@ -259,14 +258,14 @@ class _Image:
     seconds: float
 
 
-def _decoded(sequence: Sequence, system: str, count: int, coloured: bool) -> Iterator[_Image]:
-    """The first COUNT frames of SEQUENCE, decoded DECODED_AHEAD at a time.
+def _decoded(sequence: Sequence, system: str, count: int, coloured: bool, ahead: int) -> Iterator[_Image]:
+    """The first COUNT frames of SEQUENCE, decoded AHEAD at a time.
 
     A device that decodes between two frames rests meanwhile, which favours a slow configuration.
     """
-    for begin in range(0, count, DECODED_AHEAD):
+    for begin in range(0, count, ahead):
         images = []
-        for index in range(begin, min(begin + DECODED_AHEAD, count)):
+        for index in range(begin, min(begin + ahead, count)):
             began = time.perf_counter()
             depth = sequence.depth(index)
             colour = _colour_of(sequence, index, system) if coloured else None

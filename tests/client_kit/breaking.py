@@ -47,7 +47,9 @@ class BreakingWorker(worker.Worker):
             end(way)
         return {"empty_frame_seconds": EMPTY_FRAME_SECONDS}
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, progress: Progress) -> worker.Answer:
+    def measure(
+        self, parameters: Mapping[str, Any], frames: int, ahead: int, progress: Progress  # noqa: ARG002
+    ) -> worker.Answer:
         if "fails" in parameters:
             return {"failure": parameters["fails"]}
         if "unreadable" in parameters:

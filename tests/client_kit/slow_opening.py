@@ -27,8 +27,8 @@ def open_session(_application: str, _device: Any, progress: Progress | None = No
 class SlowWorker(worker.Worker):
     """The real one, but for its measurements."""
 
-    def measure(self, parameters: Mapping[str, Any], frames: int, progress: worker.benchmark.Progress) -> Any:
-        return BreakingWorker.measure(self, parameters, frames, progress)  # type: ignore[arg-type]
+    def measure(self, parameters: Mapping[str, Any], frames: int, ahead: int, progress: Any) -> Any:
+        return BreakingWorker.measure(self, parameters, frames, ahead, progress)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ def test_a_session_of_protocol_2_is_taken_whole(
     assert session.empty_frame_us > 0
     assert session.stage_clock == ("device" if backend == "opencl" else "none")
     runs = list(session.runs.all())
-    assert [(run.state, run.extra) for run in runs] == [("valid", {})] * 4
+    assert [(run.state, run.reason, run.extra) for run in runs] == [("valid", "", {})] * 4
     assert all(0 < run.deviation < protocol_2.BAND for run in runs)
 
 

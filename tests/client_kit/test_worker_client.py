@@ -78,7 +78,7 @@ class Tireless:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def measure(self, _: Mapping[str, Any], frames: int, between_frames: Progress) -> Outcome:
+    def measure(self, _: Mapping[str, Any], frames: int, between_frames: Progress, __: int) -> Outcome:
         self._runs += 1
         for frame in range(frames):
             between_frames(frame + 1, frames)
