@@ -48,7 +48,11 @@ class BreakingWorker(worker.Worker):
         return {"empty_frame_seconds": EMPTY_FRAME_SECONDS}
 
     def measure(
-        self, parameters: Mapping[str, Any], frames: int, ahead: int, progress: Progress  # noqa: ARG002
+        self,
+        parameters: Mapping[str, Any],
+        frames: int,
+        ahead: int,  # noqa: ARG002
+        progress: Progress,
     ) -> worker.Answer:
         if "fails" in parameters:
             return {"failure": parameters["fails"]}
