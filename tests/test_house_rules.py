@@ -38,3 +38,16 @@ def test_no_tracked_file_is_large():
     """A pack of the sequence is split into chunks; nothing else is big."""
     large = [path for path in tracked_files() if path.stat().st_size > 8 * 2**20]
     assert large == []
+
+
+@pytest.mark.parametrize("package", ["pyopencl", "wgpu"])
+def test_one_module_drives_the_devices_of_a_backend(package):
+    """Neither may be imported before it is needed: OpenCL hangs in a forked child."""
+    found = {
+        str(path.relative_to(ROOT))
+        for path in tracked_files()
+        if path.suffix == ".py"
+        and re.search(rf"^\s*(import|from) {package}\b", path.read_text(), re.MULTILINE)
+    }
+
+    assert found == {f"slam/devices/{'opencl' if package == 'pyopencl' else 'webgpu'}.py"}
