@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from slam.devices.choice import AnySession, list_devices, open_session
 from slam.devices.layout import KINDS, Layout
 
+VECTORS = os.environ.get("FRONTRUNNER_VECTORS")  # a folder for golden vectors
 NO_WEBGPU = (
     "no WebGPU adapter: install wgpu (the extra webgpu) and a driver; Debian's mesa-vulkan-drivers has one "
     "for CPUs"
@@ -20,7 +22,12 @@ def _name(backend: str, *parts: str) -> str:
 
 
 def _places() -> list[Any]:
-    """Pytest's parameters: a device and its layout; None where there is no WebGPU device."""
+    """Pytest's parameters: a device and its layout; None where there is no WebGPU device.
+
+    Golden vectors come from one place alone, the first OpenCL device by pixels.
+    """
+    if VECTORS:
+        return [pytest.param((list_devices("opencl")[0], Layout("pixels")), id="vectors")]
     opencl = [
         pytest.param((device, Layout(kind)), id=_name("opencl", device.kind, device.driver, kind))
         for device in list_devices("opencl")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam.camera import Camera
@@ -46,6 +46,7 @@ def test_the_plan_is_the_golden_one(kind):
     assert plan(SMALL, SCENE, Layout(kind)).to_json() == (GOLDEN / f"{kind}.json").read_text(encoding="utf-8")
 
 
+@settings(max_examples=20)
 @given(CONFIGURATIONS, st.sampled_from(KINDS))
 def test_a_plan_follows_the_schema(configuration, kind):
     document = json.loads(plan(configuration, SCENE, Layout(kind)).to_json())
@@ -53,6 +54,7 @@ def test_a_plan_follows_the_schema(configuration, kind):
     jsonschema.validate(document, json.loads(SCHEMA.read_text(encoding="utf-8")))
 
 
+@settings(max_examples=20)
 @given(CONFIGURATIONS, st.sampled_from(KINDS))
 def test_a_plan_comes_back_from_its_json(configuration, kind):
     made = plan(configuration, SCENE, Layout(kind))
@@ -60,6 +62,7 @@ def test_a_plan_comes_back_from_its_json(configuration, kind):
     assert Plan.from_dict(json.loads(made.to_json())).to_json() == made.to_json()
 
 
+@settings(max_examples=20)
 @given(CONFIGURATIONS, st.sampled_from(KINDS))
 def test_every_argument_is_what_its_kernel_takes(configuration, kind):
     made = plan(configuration, SCENE, Layout(kind))
@@ -77,6 +80,7 @@ def test_every_argument_is_what_its_kernel_takes(configuration, kind):
         assert all(size % group == 0 for size, group in zip(dispatch.size, dispatch.group, strict=True))
 
 
+@settings(max_examples=20)
 @given(CONFIGURATIONS)
 def test_layouts_share_order_conditions_and_values(configuration):
     rows, pixels = (plan(configuration, SCENE, Layout(kind)) for kind in KINDS)
