@@ -8,6 +8,7 @@ from django.core.exceptions import ValidationError
 from django.db import IntegrityError
 from django.utils import timezone
 
+from client_kit import __version__
 from crowd.explorations import leases, reaping, search, services
 from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
@@ -162,7 +163,7 @@ def test_a_measured_evaluation_is_stored_whole(exploration: Exploration) -> None
     expected = measurement(row.configuration)
     assert (row.state, row.attempt, row.error) == ("done", 1, "")
     assert (row.objectives, row.stages, row.device) == (expected.objectives, expected.stages, expected.device)
-    assert row.software.startswith("0.1.0")
+    assert row.software.startswith(f"{__version__}+")
     assert row.lease_until is None
 
 
