@@ -29,7 +29,7 @@ from slam.devices.layout import KINDS, Layout
 from slam.evaluation import evaluate
 from slam.render import Renderer
 from slam.system import Exporting, System, scene_of
-from slam.systems import SYSTEMS, complete, definition, frame_plan, open_session
+from slam.systems import SYSTEMS, complete, definition, frame_plan, open_session, require_backend
 from slam.trajectory import MAXIMAL_STAMP_DIFFERENCE, Trajectory
 
 Commands = argparse._SubParsersAction  # of argparse.ArgumentParser
@@ -146,6 +146,7 @@ def _add_scene_options(parser: argparse.ArgumentParser, needs_sequence: bool = T
 
 
 def _open(options: argparse.Namespace) -> Sequence:
+    require_backend(options.system, getattr(options, "backend", BACKENDS[0]))
     if options.volume_size is not None and options.volume_size <= 0:
         raise UsageError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
     return open_sequence(options.sequence, options.camera, options.truth)

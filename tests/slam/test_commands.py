@@ -269,3 +269,10 @@ def test_the_module_runs_by_its_name():
     )
     assert done.returncode in (0, 2)
     assert (done.stdout or done.stderr).strip()
+
+
+def test_elasticfusion_has_no_webgpu_backend(capsys):
+    arguments = ["run", "--system", "elasticfusion", "--backend", "webgpu", "--sequence", str(LIVING_ROOM)]
+
+    assert main(arguments) == 2
+    assert capsys.readouterr().err == ("python -m slam: backend webgpu: elasticfusion runs on opencl only\n")
