@@ -37,7 +37,7 @@ def manifest(room: pack.Pack, **changes: Any) -> dict[str, Any]:
     for chunk in sequence["chunks"]:
         chunk["url"] = f"/sequences/{chunk['sha256']}"
     configurations = [
-        {"name": name, "parameters": parameters, "predicted": documents.point(0.1, 0.01)}
+        {"name": name, "parameters": dict(parameters), "predicted": documents.point(0.1, 0.01)}
         for name, parameters in CONFIGURATIONS.items()
     ]
     return documents.manifest(sequence=sequence, configurations=configurations, **changes)
