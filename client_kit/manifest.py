@@ -13,7 +13,7 @@ from client_kit.home import Home
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from client_kit.sources import line
 from slam.devices.device import BACKENDS
-from slam.protocol import VALID_BELOW
+from slam.protocol import ADAPTIVE, FIXED_PAIRS, VALID_BELOW
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
@@ -21,8 +21,6 @@ ALL = "all"
 MOST_RUNS = 50
 # How far a session of protocol 1 may go on by itself, where the server does not say.
 MAX_REPEATS, PRECISION, MAX_SECONDS = 6, 0.05, 120.0
-# Protocol 2 fixes the number of pairs and compares each run with a reference trajectory.
-ADAPTIVE, FIXED_PAIRS = 1, 2
 VERSIONS = (ADAPTIVE, FIXED_PAIRS)
 
 

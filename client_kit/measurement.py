@@ -7,16 +7,16 @@ from pathlib import Path
 
 from client_kit import reasons, repeats
 from client_kit.errors import CannotMeasureError
-from client_kit.manifest import FIXED_PAIRS, Manifest
+from client_kit.manifest import Manifest
 from client_kit.reference_trajectories import Positions
 from client_kit.run_record import recorded
 from client_kit.schedule import Schedule
 from client_kit.sensors import Sampler
-from client_kit.session import MICROSECONDS, NO_STAGES, Run, Session
+from client_kit.session import MICROSECONDS, Run, Session
 from client_kit.worker_client import BrokenError, DeviceBrokenError, FailedError, Outcome, WorkerClient
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.device import Device
-from slam.protocol import DECODED_AHEAD
+from slam.protocol import DECODED_AHEAD, FIXED_PAIRS, NO_STAGES
 
 # What runs, frames done, frames in all, seconds until the session is over (None while unknown).
 OnFrame = Callable[[str, int, int, float | None], None]

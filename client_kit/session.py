@@ -7,11 +7,11 @@ from statistics import fmean, median, stdev
 from typing import Any
 
 from client_kit import __version__
-from client_kit.manifest import FIXED_PAIRS, Manifest, Protocol
+from client_kit.manifest import Manifest, Protocol
 from client_kit.sensors import Sample
+from slam.protocol import FIXED_PAIRS, NO_STAGES
 
 SCHEMA_VERSION = 1
-NO_STAGES = "none"  # the clock of stages where none was measured
 MOST_SAMPLES = 5_000
 MICROSECONDS = 1e6
 # Student's t, two-sided 95 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.

@@ -175,10 +175,10 @@ def run(
             "pack lies beside it in the folder NAME-colour"
         )
     scene = scene_of(sequence, volume_size, initial_position)
-    require_backend(system, backend if isinstance(device, str | None) else device.device.backend)
     if isinstance(device, str | None):
         session = open_session(system, choose_device(device, backend))
     else:
+        require_backend(system, device.device.backend)
         session = device
     running = create(system, configuration, scene, session)
     _warm_up(system, running.configuration(), session)

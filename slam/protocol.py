@@ -4,3 +4,7 @@ FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
 VALID_BELOW = 0.05  # metres of maximal trajectory error
 MAX_DRIFT = 1.15  # later repeats of a configuration over its earlier ones: who slows down more is set aside
 DECODED_AHEAD = 100  # frames that are decoded before they are measured: 61 MB of depth at 640x480
+# Version 1 of the protocol repeats until the interval is narrow. Version 2 fixes the number of pairs and
+# compares each run with a reference trajectory.
+ADAPTIVE, FIXED_PAIRS = 1, 2
+NO_STAGES = "none"  # the `stage_clock` where nothing measured the stages

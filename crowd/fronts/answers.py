@@ -8,6 +8,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts import plans
+from crowd.fronts.contents import APPLICATIONS
 from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import Front, Point
 
@@ -161,8 +162,8 @@ def configurations(front: Front) -> list[Configuration]:
 
 def _configuration(front: Front, point: Point) -> Configuration:
     found = Configuration(point.name, point.parameters, point.predicted)
-    if front.application != plans.KFUSION:
-        found.backends = ["opencl"]
+    if front.application in APPLICATIONS and front.application != plans.KFUSION:
+        found.backends = list(APPLICATIONS[front.application].backends)
     elif (plan := plans.of_point(front, point)) is not None:
         found.backends = list(plan.backends)
         found.plan = Addressed(plan.sha256, f"/plans/{plan.sha256}")

@@ -12,11 +12,12 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts import trajectories
-from crowd.fronts.protocol import FIXED_PAIRS, MEMBERS, Metres, Protocol, disagreements
+from crowd.fronts.protocol import MEMBERS, Metres, Protocol, disagreements
 from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
 from slam.kfusion.configuration import Configuration as KFusionConfiguration
+from slam.protocol import FIXED_PAIRS
 
 A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
 REMEDIES = {
@@ -38,16 +39,19 @@ LARGEST_NUMBER = 2**63 - 1
 
 
 class Application(NamedTuple):
-    """How its parameters are checked (ConfigurationError) and whether it needs colour beside depth."""
+    """How its parameters are checked (ConfigurationError), the backends that it runs on, and whether it needs
+    colour beside depth.
+    """
 
     check: Callable[[Mapping[str, Any]], object]
+    backends: tuple[str, ...]
     colour: bool
 
 
 # As slam.systems has them, without the OpenCL behind those: every start of a server checks what ships.
 APPLICATIONS = {
-    "elasticfusion": Application(ElasticConfiguration.from_mapping, colour=True),
-    "kfusion": Application(KFusionConfiguration.from_mapping, colour=False),
+    "elasticfusion": Application(ElasticConfiguration.from_mapping, ("opencl",), colour=True),
+    "kfusion": Application(KFusionConfiguration.from_mapping, ("opencl", "webgpu"), colour=False),
 }
 
 

@@ -11,6 +11,7 @@ from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 from crowd.fronts import selectors, sequences
+from crowd.fronts.contents import APPLICATIONS
 from crowd.fronts.selectors import Front, Point
 from slam.configuration import ConfigurationError
 from slam.datasets.pack import Pack
@@ -81,11 +82,8 @@ def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     largest = max(buffer.planes * buffer.nbytes(made.state_type.itemsize) for buffer in made.buffers)
     fits = largest <= webgpu.LIMITS["max-storage-buffer-binding-size"]
     content = made.to_json()
-    return FramePlan(
-        content,
-        hashlib.sha256(content.encode()).hexdigest(),
-        ("opencl", "webgpu") if fits else ("opencl",),
-    )
+    backends = tuple(b for b in APPLICATIONS[KFUSION].backends if fits or b != "webgpu")
+    return FramePlan(content, hashlib.sha256(content.encode()).hexdigest(), backends)
 
 
 @lru_cache(maxsize=8)

@@ -11,14 +11,13 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts.selectors import DEFAULT
-from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.protocol import FIRST_COUNTED_FRAME, FIXED_PAIRS, VALID_BELOW
 
 MAX_RUNS = 50  # of one session, as clients measure and the server accepts it
 MAX_FRAMES = 10_000
 AN_HOUR, A_DAY = 3600, 24 * 3600
 # Clients of version 1 repeat until their interval is narrow. Version 2 fixes the number of pairs, and each
 # configuration has a reference trajectory and a band around it.
-FIXED_PAIRS = 2
 ONLY_IN_VERSION_1 = ("max_repeats", "precision", "max_seconds")
 
 Frames = Annotated[int, msgspec.Meta(ge=1, le=MAX_FRAMES)]

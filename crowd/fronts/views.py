@@ -1,5 +1,7 @@
 """The manifest that clients read, the fronts behind it, chunks of sequences, and trajectories."""
 
+from collections.abc import Callable
+
 from django.http import (
     FileResponse,
     Http404,
@@ -80,40 +82,45 @@ class FrontView(Endpoint):
 
 @require_safe
 def chunk(request: HttpRequest, sha256: str) -> HttpResponseBase:
-    """A chunk of a sequence by its digest: what is there never changes."""
-    if request.headers.get("If-None-Match") == f'"{sha256}"':
-        return HttpResponseNotModified()
-    path = sequences.chunk(sha256)
-    if path is None:
-        raise Http404(f"no chunk {sha256}")
-    return FileResponse(
-        path.open("rb"),
-        content_type="application/octet-stream",
-        headers=_for_ever(sha256),
-    )
+    """A chunk of a sequence by its digest."""
+    return _by_digest(request, sha256, _chunk)
 
 
 @require_safe
 def trajectory(request: HttpRequest, sha256: str) -> HttpResponseBase:
-    """A reference trajectory by its digest: what is there never changes."""
-    if request.headers.get("If-None-Match") == f'"{sha256}"':
-        return HttpResponseNotModified()
-    content = trajectories.released(sha256)
-    if content is None:
-        raise Http404(f"no trajectory {sha256}")
-    return HttpResponse(content, content_type="application/json", headers=_for_ever(sha256))
+    """A reference trajectory by its digest."""
+    return _by_digest(request, sha256, _json(trajectories.released))
 
 
 @require_safe
 def plan(request: HttpRequest, sha256: str) -> HttpResponseBase:
-    """The plan of a frame by its digest: what is there never changes."""
-    if request.headers.get("If-None-Match") == f'"{sha256}"':
+    """The plan of a frame by its digest."""
+    return _by_digest(request, sha256, _json(plans.find))
+
+
+def _by_digest(
+    request: HttpRequest, sha256: str, find: Callable[[str], HttpResponseBase | None]
+) -> HttpResponseBase:
+    """What FIND answers for SHA256, to be kept: its content never changes. Raises Http404 for None."""
+    etag = f'"{sha256}"'
+    if request.headers.get("If-None-Match") == etag:
         return HttpResponseNotModified()
-    content = plans.find(sha256)
-    if content is None:
-        raise Http404(f"no plan {sha256}")
-    return HttpResponse(content, content_type="application/json", headers=_for_ever(sha256))
+    response = find(sha256)
+    if response is None:
+        raise Http404(f"nothing here has the digest {sha256}")
+    response["ETag"] = etag
+    response["Cache-Control"] = f"public, max-age={A_YEAR}, immutable"
+    return response
 
 
-def _for_ever(sha256: str) -> dict[str, str]:
-    return {"Cache-Control": f"public, max-age={A_YEAR}, immutable", "ETag": f'"{sha256}"'}
+def _chunk(sha256: str) -> HttpResponseBase | None:
+    path = sequences.chunk(sha256)
+    return None if path is None else FileResponse(path.open("rb"), content_type="application/octet-stream")
+
+
+def _json(find: Callable[[str], str | None]) -> Callable[[str], HttpResponseBase | None]:
+    def respond(sha256: str) -> HttpResponseBase | None:
+        content = find(sha256)
+        return None if content is None else HttpResponse(content, content_type="application/json")
+
+    return respond

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
 BACKENDS = ("opencl", "webgpu")
@@ -40,7 +38,6 @@ class Device:
     global_memory: int
     double_precision: bool
     handle: Any = field(repr=False)
-    limits: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}), repr=False)
 
     @property
     def label(self) -> str:

@@ -89,7 +89,6 @@ def _describe(adapter: GPUAdapter) -> Device:
         global_memory=0,
         double_precision=False,
         handle=adapter,
-        limits=LIMITS,
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,23 +107,14 @@ class Volume:
         shape, plane = (last - first, self.resolution, self.resolution), self.resolution**2
         place = (first * plane, (last - first) * plane)
         words = self._execution.read("voxels", *place).reshape(shape)
-        distances, weights = _decoder(self._execution)(words)
-        if weights is None:
+        low = words & np.uint32(0xFFFF)
+        if self._execution.plan.layout == "rows":  # signed distances, the weights in a buffer of their own
+            distances = low.astype(np.uint16).view(np.int16).astype(np.float32)
             weights = self._execution.read("weights", *place).reshape(shape)
+        else:  # distances counted down from SCALE, the weights in the upper half of the word
+            distances = np.float32(SCALE) - low.astype(np.float32)
+            weights = (words >> np.uint32(16)).astype(np.uint8)
         return distances * np.float32(1 / SCALE), weights
-
-
-def _decoder(
-    execution: Execution,
-) -> Callable[[NDArray[np.uint32]], tuple[NDArray[np.float32], NDArray[np.uint8] | None]]:
-    """What turns words into stored distances and weights, None where these lie apart."""
-    low = np.uint32(0xFFFF)
-    if execution.plan.layout == "rows":
-        return lambda words: ((words & low).astype(np.uint16).view(np.int16).astype(np.float32), None)
-    return lambda words: (
-        np.float32(SCALE) - (words & low).astype(np.float32),
-        (words >> np.uint32(16)).astype(np.uint8),
-    )
 
 
 def _check_memory(resolution: int, session: AnySession) -> None:

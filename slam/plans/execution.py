@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from slam.plans.plan import Dispatch, Frames, Plan
+from slam.plans.plan import Dispatch, Plan
 
 
 @dataclass(frozen=True)
@@ -48,21 +50,14 @@ class Segment:
     """Dispatches of one stage, one after another, that take place in the same frames."""
 
     stage: str
-    frames: tuple[Frames, ...]
     dispatches: tuple[Dispatch, ...]
 
     def takes_place(self, number: int) -> bool:
         """Whether they are launched in frame NUMBER."""
-        return any(frames.hold(number) for frames in self.frames)
+        return self.dispatches[0].takes_place(number)
 
 
 def segments(plan: Plan) -> tuple[Segment, ...]:
     """The dispatches of PLAN in their order, those together that share their stage and their frames."""
-    found: list[Segment] = []
-    for dispatch in plan.dispatches:
-        if found and (found[-1].stage, found[-1].frames) == (dispatch.stage, dispatch.frames):
-            last = found.pop()
-            found.append(Segment(last.stage, last.frames, (*last.dispatches, dispatch)))
-        else:
-            found.append(Segment(dispatch.stage, dispatch.frames, (dispatch,)))
-    return tuple(found)
+    groups = groupby(plan.dispatches, key=attrgetter("stage", "frames"))
+    return tuple(Segment(stage, tuple(dispatches)) for (stage, _), dispatches in groups)

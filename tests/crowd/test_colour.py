@@ -50,10 +50,10 @@ def document(sequence: Path) -> dict[str, Any]:
     return made
 
 
-def test_what_needs_colour_is_what_the_systems_say() -> None:
+def test_applications_are_as_the_systems_say() -> None:
     for name, system in SYSTEMS.items():
         assert contents.needs_colour(name) == system.colour
-        assert name in contents.APPLICATIONS
+        assert contents.APPLICATIONS[name].backends == system.backends
 
 
 def test_clients_are_told_of_the_colour(client: Client, db: None, sequence: Path) -> None:

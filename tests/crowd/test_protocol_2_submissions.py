@@ -169,6 +169,23 @@ def test_without_a_clock_there_are_no_stages(participant: Participant) -> None:
     assert items[0]["field"] == "sessions[0].runs[0].stages_us"
 
 
+@pytest.mark.parametrize("together", [True, False])
+def test_a_later_part_of_a_session_has_the_same_clock(participant: Participant, together: bool) -> None:
+    first, second = session(), session()
+    second |= {"id": first["id"], "stage_clock": "none"}
+    second["runs"] = [run | {"stages_us": None} for run in second["runs"]]
+    for part, half in ((first, slice(0, 4)), (second, slice(4, 8))):
+        part["runs"] = part["runs"][half]
+
+    if together:
+        found = codes(participant.submit(submission_document(first, second)))
+    else:
+        found = [code for part in (first, second) for code in codes(submit(participant, part))]
+
+    assert found == [None] * 4 + ["session_taken"] * 4
+    assert Run.objects.count() == 4
+
+
 @pytest.mark.parametrize("stages", [None, {}])
 def test_a_session_without_stages_counts_and_is_shown(
     client: Client, participant: Participant, stages: Any

@@ -32,6 +32,7 @@ DEPENDING = (rules.OUTLIER.code, rules.IMPLAUSIBLE_SPEEDUP.code)
 
 # What makes a cohort, and the figures of it.
 GROUP = ("device_id", "front_id", "backend", "processor", "processor_class")
+Group = tuple[int, int, str, str, str]
 
 # An installation's key, or that of its network where it is known: what counts once.
 Unit = UUID | str
@@ -101,6 +102,11 @@ class _Installation:
     session: tuple[float, float] | None
     ate_max: float | None
     last_session_at: datetime
+
+
+def group_of(cohort: Cohort) -> Group:
+    """The values of GROUP that COHORT has."""
+    return cohort.device_id, cohort.front_id, cohort.backend, cohort.processor, cohort.processor_class
 
 
 def lock(cohorts: QuerySet[Cohort]) -> list[Cohort]:
@@ -335,7 +341,7 @@ def count_days(cohort_days: QuerySet[SessionSummary]) -> None:
 
 def _store(cohorts: Mapping[int, Cohort], found: Mapping[Key, Figure]) -> None:
     """Replace the figures of COHORTS, by their key, with FOUND."""
-    groups = {key: tuple(getattr(cohort, name) for name in GROUP) for key, cohort in cohorts.items()}
+    groups = {key: group_of(cohort) for key, cohort in cohorts.items()}
     present = {(*groups[key.cohort], key.configuration) for key in found}
     own = set(groups.values())
     rows = DeviceSpeedup.objects.filter(

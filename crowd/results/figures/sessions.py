@@ -39,8 +39,6 @@ MARKED = 5_000
 # session costs does not grow with those that are there.
 LARGE = 1_000
 
-# device, front, backend, processor, processor class: what makes a cohort
-Group = tuple[int, int, str, str, str]
 READ = (
     "pk", "installation_id", "device_id", "front_id", "backend", "processor", "processor_class", "started_at",
     "received_at", "description_id",
@@ -62,7 +60,7 @@ class Waiting(NamedTuple):
     description: int
 
     @property
-    def group(self) -> Group:
+    def group(self) -> cohorts.Group:
         return self.device, self.front, self.backend, self.processor, self.processor_class
 
 
@@ -265,18 +263,14 @@ def _small(found: Iterable[Cohort], sessions: Iterable[Waiting]) -> set[int]:
     return devices - set(large.values_list("device_id", flat=True))
 
 
-def _group(cohort: Cohort) -> Group:
-    return cohort.device_id, cohort.front_id, cohort.backend, cohort.processor, cohort.processor_class
-
-
-def _cohorts(sessions: Iterable[Waiting], left: set[int]) -> dict[Group, Cohort]:
+def _cohorts(sessions: Iterable[Waiting], left: set[int]) -> dict[cohorts.Group, Cohort]:
     """The cohorts of SESSIONS, made on first sight, and those with the keys LEFT; all locked."""
     groups = {session.group for session in sessions}
     of_devices = Cohort.objects.filter(Q(pk__in=left) | Q(device__in={group[0] for group in groups}))
     found = {
-        _group(cohort): cohort
+        cohorts.group_of(cohort): cohort
         for cohort in cohorts.lock(of_devices)
-        if cohort.pk in left or _group(cohort) in groups
+        if cohort.pk in left or cohorts.group_of(cohort) in groups
     }
     for group in sorted(groups - found.keys()):
         device, front, backend, processor, processor_class = group

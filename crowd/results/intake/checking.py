@@ -99,19 +99,22 @@ def check(parsed: Parsed, installation: Installation, look: bool) -> Intake:
     sessions = _stored_sessions(submission) if look else {}
     items: list[Item] = []
     first: dict[UUID, schema.Session] = {}
+    clocks: dict[UUID, str | None] = {}
     for place, session in enumerate(submission.sessions):
         front = fronts.get(session.front_version)
-        refusal = _check_session(
-            session, front, sessions.get(session.id), first.get(session.id), installation
-        )
+        members = beyond.sessions[place].members
+        stored = sessions.get(session.id)
+        refusal = _check_session(session, front, stored, first.get(session.id), installation)
         if refusal is None and front is not None and front.protocol.fixed_pairs:
-            refusal = protocol_2.check_session(beyond.sessions[place].members)
+            earlier = stored.stage_clock if stored else clocks.get(session.id)
+            refusal = protocol_2.check_session(members, earlier)
         found = list(_session_items(place, session, beyond.sessions[place], front, refusal))
         if refusal is None:
             refusal = checks.check_samples(session.samples, [item.run for item in found if item.run])
             _refuse(found, refusal, f"sessions[{place}]")
         if refusal is None:
             first.setdefault(session.id, session)
+            clocks.setdefault(session.id, members.get("stage_clock"))
         items += found
     _mark_duplicates(items, _stored_runs(items) if look else set())
     _refuse_taken_repeats(items, sessions)

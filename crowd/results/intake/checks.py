@@ -11,6 +11,7 @@ from crowd.fronts import protocol as fronts
 from crowd.fronts.selectors import DEFAULT
 from crowd.problems import Problem
 from crowd.results.intake.schema import Run, Sample
+from slam.protocol import FIXED_PAIRS
 
 MAX_RUNS = 50
 MAX_STAGES = 16
@@ -56,7 +57,7 @@ class Protocol:
     @property
     def fixed_pairs(self) -> bool:
         """Whether a session has exactly `repeats` pairs, as in protocol 2."""
-        return self.version == fronts.FIXED_PAIRS
+        return self.version == FIXED_PAIRS
 
     @classmethod
     def of(cls, protocol: Mapping[str, Any]) -> "Protocol":

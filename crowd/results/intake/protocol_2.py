@@ -9,11 +9,10 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from crowd.fronts.protocol import FIXED_PAIRS
 from crowd.results.intake.checks import MAX_FRAME_US, Protocol, Rejection
 from crowd.results.intake.schema import Run
+from slam.protocol import FIXED_PAIRS, NO_STAGES
 
-NO_STAGES = "none"
 EMPTY_FRAME_MISSING = Rejection(
     "empty_frame_missing",
     "empty_frame_us is missing: send what an empty frame costs on this backend, in microseconds",
@@ -64,11 +63,17 @@ class RunMembers(msgspec.Struct):
     ) = None
 
 
-def check_session(unknown: Mapping[str, Any]) -> Rejection | None:
-    """What is wrong with a session, from its members UNKNOWN to protocol 1."""
+def check_session(unknown: Mapping[str, Any], earlier: str | None) -> Rejection | None:
+    """What is wrong with a session, from its members UNKNOWN to protocol 1.
+
+    EARLIER: the clock of an earlier part of the session, None where this is the first.
+    """
     for missing in (EMPTY_FRAME_MISSING, STAGE_CLOCK_MISSING):
         if unknown.get(str(missing.field)) is None:
             return missing
+    if earlier is not None and unknown["stage_clock"] != earlier:
+        text = f"stage_clock: an earlier part of this session has {earlier!r}: use a new session id"
+        return Rejection("session_taken", text, "stage_clock")
     return _wrong(unknown, SessionMembers)
 
 

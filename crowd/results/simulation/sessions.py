@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.fronts.protocol import FIXED_PAIRS
 from crowd.results.simulation.devices import Configuration, SimulatedDevice
+from slam.protocol import FIXED_PAIRS
 
 MOST_RUNS = 50  # of a submission
 # Shares of a frame's time where every frame does everything (SLAMBench's KinectFusion, roughly).
