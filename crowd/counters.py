@@ -24,6 +24,14 @@ import redis
 from django.conf import settings
 
 PATIENCE_SECONDS = 0.5
+# NORMAL with a write-ahead log: no wait for the disk, and whole after a power cut.
+PREPARATION = """
+PRAGMA journal_mode = WAL;
+PRAGMA synchronous = NORMAL;
+CREATE TABLE IF NOT EXISTS counts (key TEXT PRIMARY KEY, used INTEGER, resets REAL) WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS counts_resets ON counts (resets);
+CREATE TABLE IF NOT EXISTS salts (day TEXT PRIMARY KEY, salt BLOB) WITHOUT ROWID;
+"""
 A_DAY = 24 * 3600
 PREFIX = "frontrunner:"
 
@@ -101,15 +109,16 @@ class FileStore(Store):
 
     def _connect(self) -> sqlite3.Connection:
         connection = sqlite3.connect(self.path, timeout=PATIENCE_SECONDS, isolation_level=None)
-        connection.executescript(
-            # NORMAL with a write-ahead log: no wait for the disk, and whole after a power cut.
-            "PRAGMA journal_mode = WAL; PRAGMA synchronous = NORMAL;"
-            "CREATE TABLE IF NOT EXISTS counts "
-            "(key TEXT PRIMARY KEY, used INTEGER, resets REAL) WITHOUT ROWID;"
-            "CREATE INDEX IF NOT EXISTS counts_resets ON counts (resets);"
-            "CREATE TABLE IF NOT EXISTS salts (day TEXT PRIMARY KEY, salt BLOB) WITHOUT ROWID;"
-        )
-        return connection
+        deadline = time.monotonic() + PATIENCE_SECONDS
+        while True:
+            try:
+                connection.executescript(PREPARATION)
+                return connection
+            except sqlite3.OperationalError:
+                # SQLite does not wait by itself where another connection switches to the write-ahead log.
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.005)
 
 
 class RedisStore(Store):
