@@ -130,12 +130,12 @@ def open3d(sequence: Sequence, frames: int) -> dict[str, Any] | str:
     }
 
 
-def line(name: str, device: str, result: dict[str, Any], aims: str, reference: str, ratio: float) -> str:
+def line(name: str, device: str, result: dict[str, Any], aims: str, reference: str, ratio: str) -> str:
     """One row of the table."""
     ate = result["ate"] or {"mean": float("nan"), "max": float("nan")}
     return (
         f"{name:<15}{device:<34}{result['cpu_ms']:>8.1f}{result['wall_ms']:>8.1f}{aims:>10}{reference:>11}"
-        f"{1e3 * ate['mean']:>10.2f}{1e3 * ate['max']:>8.2f}{ratio:>9.1f}x"
+        f"{1e3 * ate['mean']:>10.2f}{1e3 * ate['max']:>8.2f}{ratio:>10}"
     )
 
 
@@ -161,12 +161,12 @@ def main() -> None:
         f"{'ATE mean':>10}{'max':>8}{'x Open3D':>10}"
     )
     for row in measured:
-        ratio = peer["cpu_ms"] / row["cpu_ms"] if isinstance(peer, dict) else float("nan")
+        ratio = f"{peer['cpu_ms'] / row['cpu_ms']:.1f}x" if isinstance(peer, dict) else "-"
         aims = "/".join(str(aim) for aim in row["aims"])
         device = f"{row['device']['name'][:20]} {row['driver']}"
         print(line(row["name"], device, row, aims, f"{row['reference']:.1f}", ratio))
     if isinstance(peer, dict):
-        print(line("Open3D t.slam", f"Open3D {peer['version']}", peer, "", "", 1.0))
+        print(line("Open3D t.slam", f"Open3D {peer['version']}", peer, "", "", "1.0x"))
     else:
         print(f"Open3D t.slam  not measured: {peer}")
     if "gpu" not in {kind for _, kind in present}:
