@@ -1,0 +1,399 @@
+/**
+ * A measuring session in a browser (client_kit/measurement.py): a check of each configuration, which is its
+ * warm-up too, then its runs in the protocol's order.
+ */
+
+import { readFrames, readHeader } from "./pack.js";
+import { shade, viewOf } from "./picture.js";
+import { failedRun, finishedRun, isPlausible, positionsOf } from "./run-record.js";
+import { plannedRuns } from "./schedule.js";
+import { deviation } from "./trajectory.js";
+import {
+  Device, DeviceLostError, DoesNotFitError, Execution, describeAdapter, messageOf, oneLine, requestAdapter,
+} from "./webgpu.js";
+
+const EMPTY_FRAMES = 50;
+const FRAMES_A_PROGRESS = 10;
+const FRAMES_A_PICTURE = 10;
+const MOST_LOSSES = 2; // of the device, one after another, until the session ends
+const MICROSECONDS = 1e6;
+
+/** @typedef {import("./plan.js").Plan} Plan */
+/** @typedef {import("./run-record.js").Run} Run */
+/** @typedef {import("./schedule.js").PlannedRun} PlannedRun */
+/** @typedef {import("./schedule.js").Protocol} Protocol */
+/** @typedef {import("./webgpu.js").AdapterInfo} AdapterInfo */
+/** @typedef {import("./webgpu.js").Outcome} Outcome */
+/** @typedef {import("./webgpu.js").Shaders} Shaders */
+/** @typedef {"device" | "none"} StageClock */
+/** @typedef {{stage_clock: StageClock, empty_frame_us: number}} SessionClock */
+
+/**
+ * A configuration with what a device needs to run it. `trajectory` is its reference, `band` the largest distance
+ * from that (m) at which a device still computes the same.
+ * @typedef {object} Configuration
+ * @property {string} name
+ * @property {number} band
+ * @property {Plan} plan
+ * @property {Shaders} shaders
+ * @property {number[][]} trajectory
+ */
+
+/**
+ * What to measure. `header` is the pack's first chunk, `chunks` are the others. `done` are the runs that a resumed
+ * session has, and `session` its clocks, null for a new one.
+ * @typedef {object} Order
+ * @property {Protocol} protocol
+ * @property {Configuration[]} configurations
+ * @property {ArrayBuffer} header
+ * @property {ArrayBuffer[]} chunks
+ * @property {Run[]} done
+ * @property {SessionClock | null} session
+ */
+
+/** @typedef {"preparing" | "checking" | "measuring"} Phase */
+/** @typedef {"no_webgpu" | "no_adapter" | "wrong_results" | "device_lost" | "cannot_resume" | "error"} FailureCode */
+
+/**
+ * @typedef {{type: "adapter", info: AdapterInfo}
+ *   | {type: "progress", phase: Phase, configuration: string, run: number, runs: number, frame: number, frames: number}
+ *   | {type: "picture", width: number, height: number, pixels: Uint8ClampedArray<ArrayBuffer>}
+ *   | {type: "session"} & SessionClock
+ *   | {type: "run", run: Run}
+ *   | {type: "done", interrupted: boolean}
+ *   | {type: "failed", code: FailureCode, detail: string}} Message
+ */
+
+/**
+ * Where a session runs. `stored` resolves when the run that was sent last is kept. When `signal` is aborted, the
+ * unfinished run is dropped and the session ends. `gpu` is undefined where there is no WebGPU.
+ * @typedef {object} Host
+ * @property {GPU | undefined} gpu
+ * @property {(message: Message, transfer?: Transferable[]) => void} send
+ * @property {() => Promise<void>} stored
+ * @property {AbortSignal} signal
+ */
+
+/** Nothing (more) can be measured. */
+class EndedError extends Error {
+  /**
+   * @param {FailureCode} code
+   * @param {string} detail
+   */
+  constructor(code, detail) {
+    super(detail);
+    this.code = code;
+  }
+}
+
+/** The session was asked to stop. */
+class StoppedError extends Error {}
+
+/**
+ * Measure what ORDER says and send what comes of it; the last message is `done` or `failed`.
+ *
+ * A configuration that does not fit, or that loses the device, is not tried again: its runs fail with that reason
+ * and the others go on. Where the device computes something else than the reference, nothing is timed.
+ * @param {Order} order
+ * @param {Host} host
+ */
+export async function measure(order, host) {
+  const runner = new SessionRunner(order, host);
+  try {
+    await runner.measure();
+    host.send({ type: "done", interrupted: false });
+  } catch (error) {
+    if (error instanceof StoppedError) host.send({ type: "done", interrupted: true });
+    else {
+      const code = error instanceof EndedError ? error.code : "error";
+      host.send({ type: "failed", code, detail: oneLine(messageOf(error)) });
+    }
+  } finally {
+    runner.close();
+  }
+}
+
+class SessionRunner {
+  /** @type {Device | null} */
+  #device = null;
+  /** @type {Uint16Array<ArrayBuffer>[]} */
+  #images = [];
+  /** @type {(number[] | null)[]} */
+  #truth = [];
+  /** Why a configuration is not tried any more, by its name. @type {Map<string, string>} */
+  #hopeless = new Map();
+  /** Those that ran on the present device. @type {Set<string>} */
+  #warm = new Set();
+  #losses = 0; // one after another
+  #adapterKnown = false;
+  #emptyFrame = 0; // microseconds
+  /** @type {StageClock} */
+  #clock;
+  #timestampsBelieved = true;
+
+  /**
+   * @param {Order} order
+   * @param {Host} host
+   */
+  constructor(order, host) {
+    this.order = order;
+    this.host = host;
+    this.frames = order.protocol.frames;
+    this.runs = plannedRuns(order.protocol);
+    this.left = this.runs.slice(order.done.length);
+    this.#clock = order.session?.stage_clock ?? "device"; // until the check says otherwise
+  }
+
+  async measure() {
+    await this.#open();
+    if (!this.left.length) return;
+    await this.#decode();
+    this.#emptyFrame = this.order.session?.empty_frame_us ?? (await this.#measuredEmptyFrame());
+    for (const name of new Set(this.left.map(({ configuration }) => configuration))) await this.#check(name);
+    this.#settleClock();
+    this.host.send({ type: "session", stage_clock: this.#clock, empty_frame_us: this.#emptyFrame });
+    for (const planned of this.left) {
+      if (planned.order > 0) await this.#rest();
+      const run = await this.#run(planned);
+      this.host.send({ type: "run", run });
+      await this.#unlessStopped(this.host.stored());
+      if (this.#losses >= MOST_LOSSES) throw new EndedError("device_lost", run.failure ?? "");
+    }
+  }
+
+  /** Give the device back. */
+  close() {
+    this.#device?.gpu.destroy();
+  }
+
+  /**
+   * The device, opened where there is none or the last one cannot be used any more.
+   * @returns {Promise<Device>}
+   */
+  async #opened() {
+    if (this.#device) return this.#device;
+    const { gpu } = this.host;
+    if (!gpu) throw new EndedError("no_webgpu", "this browser has no WebGPU");
+    const adapter = await requestAdapter(gpu);
+    const code = this.#adapterKnown ? "device_lost" : "no_adapter";
+    if (!adapter) throw new EndedError(code, "this browser has WebGPU, but no device for it");
+    if (!this.#adapterKnown) this.host.send({ type: "adapter", info: describeAdapter(adapter) });
+    this.#adapterKnown = true;
+    try {
+      this.#device = await Device.open(adapter);
+    } catch (error) {
+      throw new EndedError(code, `the device cannot be opened: ${messageOf(error)}`);
+    }
+    this.#warm.clear();
+    return this.#device;
+  }
+
+  async #open() {
+    const device = await this.#opened();
+    if (device.timestamps) return;
+    this.#timestampsBelieved = false;
+    if (this.order.session?.stage_clock === "device") {
+      throw new EndedError("cannot_resume", "the session began with the device's timestamps, which are missing now");
+    }
+    this.#clock = "none";
+  }
+
+  async #decode() {
+    const header = await readHeader(this.order.header);
+    this.#truth = header.truth.slice(0, this.frames);
+    this.#images = await readFrames(header, this.order.chunks, this.frames, (frame) => {
+      this.#throwIfStopped();
+      this.#progress("preparing", "", frame, this.frames);
+    });
+  }
+
+  /** Microseconds of a frame that computes nothing: the image goes up and the state comes back. */
+  async #measuredEmptyFrame() {
+    const { plan } = this.order.configurations[0];
+    const needed = plan.buffers.filter(({ name, type }) => name === plan.input || type === "state");
+    const execution = await Execution.create(await this.#opened(), { ...plan, buffers: needed, dispatches: [] }, {});
+    try {
+      const times = [];
+      for (let frame = 0; frame < EMPTY_FRAMES; frame++) {
+        times.push((await execution.run(frame, this.#images[0])).seconds);
+      }
+      times.sort((a, b) => a - b);
+      return (MICROSECONDS * (times[EMPTY_FRAMES / 2 - 1] + times[EMPTY_FRAMES / 2])) / 2;
+    } finally {
+      execution.destroy();
+    }
+  }
+
+  /**
+   * Run a configuration over all frames, untimed, and compare it with its reference.
+   * @param {string} name
+   */
+  async #check(name) {
+    const { band, trajectory } = this.#configuration(name);
+    let frames;
+    try {
+      frames = await this.#frames(name, this.frames, "checking");
+    } catch (error) {
+      if (!(error instanceof DoesNotFitError || error instanceof DeviceLostError)) throw error;
+      this.#noted(name, error);
+      if (this.#losses >= MOST_LOSSES) throw new EndedError("device_lost", error.message);
+      return;
+    }
+    this.#losses = 0;
+    const far = deviation(positionsOf(frames), trajectory);
+    if (!(far <= band)) {
+      const found = Number.isFinite(far) ? `${far.toFixed(6)} m from its reference` : "not finite";
+      throw new EndedError("wrong_results", `${name}: the trajectory is ${found}, the band is ${band} m`);
+    }
+    if (this.#clock === "device" && !isPlausible(frames)) this.#timestampsBelieved = false;
+  }
+
+  /** Decide what measures the stages of all runs. */
+  #settleClock() {
+    if (this.#clock === "none" || this.#timestampsBelieved) return;
+    if (this.order.session) {
+      throw new EndedError("cannot_resume", "the device's timestamps measured this session, and are wrong now");
+    }
+    this.#clock = "none";
+  }
+
+  /**
+   * Measure one run.
+   * @param {PlannedRun} planned
+   * @returns {Promise<Run>}
+   */
+  async #run(planned) {
+    const { configuration: name, order } = planned;
+    const timed = this.#clock === "device";
+    const hopeless = this.#hopeless.get(name);
+    if (hopeless !== undefined) return failedRun(planned, hopeless, timed);
+    const { plan, trajectory } = this.#configuration(name);
+    try {
+      const device = await this.#opened();
+      if (timed && !device.timestamps) {
+        throw new EndedError("device_lost", "the device was lost, and the one in its place has no timestamps");
+      }
+      if (!this.#warm.has(name)) await this.#frames(name, this.order.protocol.warmup_frames, "checking", order);
+      const frames = await this.#frames(name, this.frames, "measuring", order);
+      this.#losses = 0;
+      return finishedRun(planned, plan, frames, { trajectory, truth: this.#truth }, timed);
+    } catch (error) {
+      if (error instanceof StoppedError || error instanceof EndedError) throw error;
+      this.#noted(name, error);
+      return failedRun(planned, oneLine(messageOf(error)), timed);
+    }
+  }
+
+  /**
+   * Run a configuration over the first COUNT frames. Pictures are drawn between frames that are not timed, and
+   * at the end.
+   * @param {string} name
+   * @param {number} count
+   * @param {Phase} phase
+   * @param {number} [order] of the run
+   * @returns {Promise<Outcome[]>}
+   */
+  async #frames(name, count, phase, order) {
+    const { plan, shaders } = this.#configuration(name);
+    this.#progress(phase, name, 0, count, order);
+    const execution = await Execution.create(await this.#opened(), plan, shaders, this.#clock === "device");
+    try {
+      /** @type {Outcome[]} */
+      const frames = [];
+      for (let number = 0; number < count; number++) {
+        this.#throwIfStopped();
+        frames.push(await execution.run(number, this.#images[number]));
+        const done = number + 1;
+        if (done % FRAMES_A_PROGRESS === 0 || done === count) this.#progress(phase, name, done, count, order);
+        if (done === count || (phase === "checking" && done % FRAMES_A_PICTURE === 0)) {
+          await this.#picture(execution, frames[number]);
+        }
+      }
+      this.#warm.add(name);
+      return frames;
+    } finally {
+      execution.destroy();
+    }
+  }
+
+  /**
+   * Note what follows from an ERROR: whether the configuration is tried again, and on which device.
+   * @param {string} name
+   * @param {unknown} error
+   */
+  #noted(name, error) {
+    if (error instanceof DoesNotFitError || error instanceof DeviceLostError) {
+      this.#hopeless.set(name, error.message);
+    }
+    if (error instanceof DoesNotFitError) return;
+    if (error instanceof DeviceLostError) this.#losses += 1;
+    // After another error a device may compute anything.
+    this.#device?.gpu.destroy();
+    this.#device = null;
+  }
+
+  /**
+   * Send the shaded model of the last frame.
+   * @param {Execution} execution
+   * @param {Outcome} frame
+   */
+  async #picture(execution, { state }) {
+    const view = viewOf(execution.plan);
+    if (!view) return;
+    const vertices = new Float32Array(await execution.read(view.vertices));
+    const normals = new Float32Array(await execution.read(view.normals));
+    const pose = /** @type {Float32Array} */ (state.pose);
+    const pixels = shade(vertices, normals, [pose[3], pose[7], pose[11]]);
+    const { width, height } = view;
+    this.host.send({ type: "picture", width, height, pixels }, [pixels.buffer]);
+  }
+
+  /**
+   * @param {Phase} phase
+   * @param {string} configuration
+   * @param {number} frame
+   * @param {number} frames
+   * @param {number} [order] of the run
+   */
+  #progress(phase, configuration, frame, frames, order) {
+    const run = order === undefined ? 0 : order + 1;
+    this.host.send({ type: "progress", phase, configuration, run, runs: this.runs.length, frame, frames });
+  }
+
+  /**
+   * @param {string} name
+   * @returns {Configuration}
+   */
+  #configuration(name) {
+    const found = this.order.configurations.find((configuration) => configuration.name === name);
+    if (!found) throw new Error(`the protocol names the configuration ${name}, which the front does not have`);
+    return found;
+  }
+
+  /** Let the device rest between two runs, as the protocol says. */
+  async #rest() {
+    const seconds = this.order.protocol.rest_seconds;
+    if (seconds > 0) await this.#unlessStopped(new Promise((resolve) => setTimeout(resolve, 1000 * seconds)));
+  }
+
+  #throwIfStopped() {
+    if (this.host.signal.aborted) throw new StoppedError();
+  }
+
+  /**
+   * Wait for WORK, or until the session is asked to stop.
+   * @param {Promise<unknown>} work
+   */
+  async #unlessStopped(work) {
+    const { signal } = this.host;
+    this.#throwIfStopped();
+    let stop = () => {};
+    const stopped = new Promise((resolve) => {
+      stop = () => resolve(undefined);
+      signal.addEventListener("abort", stop);
+    });
+    await Promise.race([work, stopped]);
+    signal.removeEventListener("abort", stop);
+    this.#throwIfStopped();
+  }
+}

@@ -1,0 +1,273 @@
+/**
+ * The plan of a frame as data (slam/plans/plan.py, described by slam/plans/schema.json), without a device: what
+ * takes place in a frame, and how the state, the buffers and the kernels' parameters lie in memory.
+ */
+
+const VERSION = 1;
+const STATE = "state"; // the type of the one buffer that holds what tracking keeps between frames
+/** @type {Record<string, number>} */
+const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
+
+/** @typedef {{name: string, type: string, count: number}} Member */
+/** @typedef {{name: string, type: string, count: number, planes: number, fill: number}} Buffer */
+/** @typedef {{name: string, type: string, access: "read" | "write" | "atomic" | null, planes: number}} Parameter */
+/** @typedef {{name: string, source: string, parameters: Parameter[]}} Kernel */
+/** @typedef {{first: number, last: number | null, every: number}} Frames */
+
+/**
+ * @typedef {object} Dispatch
+ * @property {string} kernel
+ * @property {string} stage
+ * @property {number[]} size in work-items
+ * @property {number[]} group
+ * @property {Record<string, string | number | number[]>} arguments
+ * @property {Frames[]} frames
+ * @property {string | null} flag
+ */
+
+/**
+ * @typedef {object} Plan
+ * @property {number} version
+ * @property {string} system
+ * @property {string} layout
+ * @property {Record<string, number>} configuration
+ * @property {Member[]} state
+ * @property {Record<string, number[]>} initial
+ * @property {Buffer[]} buffers
+ * @property {Kernel[]} kernels
+ * @property {Dispatch[]} dispatches
+ * @property {string} input the buffer that takes each frame's depth image
+ */
+
+/**
+ * Dispatches of one stage, one after another, that take place in the same frames.
+ * @typedef {{stage: string, dispatches: Dispatch[]}} Segment
+ */
+
+/**
+ * The values of the state by the members' names, a number for each member of count 1.
+ * @typedef {Record<string, number | Float32Array | Int32Array | Uint32Array>} State
+ */
+
+/**
+ * Refuse what this program cannot execute.
+ * @param {Plan} plan
+ * @throws {Error} for another version or layout, or for a buffer that does not start at 0
+ */
+export function checkPlan(plan) {
+  if (plan.version !== VERSION) {
+    throw new Error(`a plan of version ${plan.version}: this program reads version ${VERSION}`);
+  }
+  if (plan.layout !== "pixels") throw new Error(`a plan laid out by ${plan.layout}: WebGPU executes pixels`);
+  const filled = plan.buffers.filter((buffer) => buffer.fill).map((buffer) => buffer.name);
+  if (filled.length) throw new Error(`buffers ${filled.join(", ")}: WebGPU fills new memory with 0 only`);
+}
+
+/**
+ * Whether a dispatch is launched in a frame.
+ * @param {Dispatch} dispatch
+ * @param {number} number of the frame, from 0
+ * @returns {boolean}
+ */
+export function takesPlace(dispatch, number) {
+  return dispatch.frames.some(
+    ({ first, last, every }) => number >= first && (last === null || number <= last) && number % every === 0,
+  );
+}
+
+/**
+ * How many groups cover a dispatch, in each direction.
+ * @param {Dispatch} dispatch
+ * @returns {number[]}
+ */
+export function groupsOf(dispatch) {
+  return dispatch.size.map((size, direction) => Math.ceil(size / dispatch.group[direction]));
+}
+
+/**
+ * The dispatches in their order, those together that share their stage and their frames.
+ * @param {Plan} plan
+ * @returns {Segment[]}
+ */
+export function segmentsOf(plan) {
+  /** @type {Segment[]} */
+  const segments = [];
+  let key = "";
+  for (const dispatch of plan.dispatches) {
+    const frames = dispatch.frames.map(({ first, last, every }) => [first, last, every]);
+    const own = JSON.stringify([dispatch.stage, frames]);
+    if (segments.length && own === key) segments[segments.length - 1].dispatches.push(dispatch);
+    else segments.push({ stage: dispatch.stage, dispatches: [dispatch] });
+    key = own;
+  }
+  return segments;
+}
+
+/**
+ * The stages of a frame in their order.
+ * @param {Plan} plan
+ * @returns {string[]}
+ */
+export function stagesOf(plan) {
+  return [...new Set(plan.dispatches.map((dispatch) => dispatch.stage))];
+}
+
+/**
+ * Whether the camera is looked for in a frame.
+ * @param {Plan} plan
+ * @param {number} number
+ * @returns {boolean}
+ */
+export function tracks(plan, number) {
+  return plan.dispatches.some((dispatch) => dispatch.kernel === "track" && takesPlace(dispatch, number));
+}
+
+/**
+ * Bytes of the state: its members lie one after another without padding.
+ * @param {Plan} plan
+ * @returns {number}
+ */
+export function stateBytes(plan) {
+  return plan.state.reduce((sum, member) => sum + BYTES[member.type] * member.count, 0);
+}
+
+/**
+ * The state before the first frame.
+ * @param {Plan} plan
+ * @returns {ArrayBuffer}
+ */
+export function initialState(plan) {
+  const data = new ArrayBuffer(stateBytes(plan));
+  const view = new DataView(data);
+  let place = 0;
+  for (const member of plan.state) {
+    const values = plan.initial[member.name] ?? [];
+    values.forEach((value, index) => setNumber(view, place + 4 * index, member.type, value));
+    place += BYTES[member.type] * member.count;
+  }
+  return data;
+}
+
+/**
+ * The values that lie in DATA, from its first byte on.
+ * @param {Plan} plan
+ * @param {ArrayBuffer} data
+ * @returns {State}
+ */
+export function readState(plan, data) {
+  /** @type {State} */
+  const state = {};
+  let place = 0;
+  for (const member of plan.state) {
+    const values = valuesOf(member.type, data, place, member.count);
+    state[member.name] = member.count > 1 ? values : values[0];
+    place += BYTES[member.type] * member.count;
+  }
+  return state;
+}
+
+/**
+ * COUNT values of TYPE in DATA, from PLACE on.
+ * @param {string} type
+ * @param {ArrayBuffer} data
+ * @param {number} place
+ * @param {number} count
+ * @returns {Float32Array | Int32Array | Uint32Array}
+ */
+function valuesOf(type, data, place, count) {
+  if (type === "f32") return new Float32Array(data, place, count);
+  return type === "i32" ? new Int32Array(data, place, count) : new Uint32Array(data, place, count);
+}
+
+/**
+ * The buffer of a name.
+ * @param {Plan} plan
+ * @param {string} name
+ * @returns {Buffer}
+ */
+export function bufferOf(plan, name) {
+  const found = plan.buffers.find((buffer) => buffer.name === name);
+  if (!found) throw new Error(`the plan has no buffer ${name}`);
+  return found;
+}
+
+/**
+ * The kernel of a name.
+ * @param {Plan} plan
+ * @param {string} name
+ * @returns {Kernel}
+ */
+export function kernelOf(plan, name) {
+  const found = plan.kernels.find((kernel) => kernel.name === name);
+  if (!found) throw new Error(`the plan has no kernel ${name}`);
+  return found;
+}
+
+/**
+ * The buffer that holds the state.
+ * @param {Plan} plan
+ * @returns {Buffer}
+ */
+export function stateBuffer(plan) {
+  const found = plan.buffers.find((buffer) => buffer.type === STATE);
+  if (!found) throw new Error("the plan has no state");
+  return found;
+}
+
+/**
+ * Bytes of all planes of a buffer, each in whole 32-bit words.
+ * @param {Plan} plan
+ * @param {Buffer} buffer
+ * @returns {number}
+ */
+export function bufferBytes(plan, buffer) {
+  const size = buffer.type === STATE ? stateBytes(plan) : BYTES[buffer.type];
+  return buffer.planes * Math.ceil((size * buffer.count) / 4) * 4;
+}
+
+/**
+ * What a kernel takes besides buffers, as it lies in its uniform buffer: vectors first, so that nothing needs
+ * padding.
+ * @param {Kernel} kernel
+ * @returns {Parameter[]}
+ */
+export function uniformsOf(kernel) {
+  const scalars = kernel.parameters.filter((parameter) => parameter.access === null);
+  const isVector = (/** @type {Parameter} */ parameter) => parameter.type === "vec4f";
+  return [...scalars.filter(isVector), ...scalars.filter((parameter) => !isVector(parameter))];
+}
+
+/**
+ * The uniform buffer of one dispatch, in whole blocks of 16 bytes; empty where its kernel has none.
+ * @param {Kernel} kernel
+ * @param {Dispatch} dispatch
+ * @returns {Uint8Array<ArrayBuffer>}
+ */
+export function packedUniforms(kernel, dispatch) {
+  const uniforms = uniformsOf(kernel);
+  const size = uniforms.reduce((sum, uniform) => sum + BYTES[uniform.type], 0);
+  const data = new Uint8Array(Math.ceil(size / 16) * 16);
+  const view = new DataView(data.buffer);
+  let place = 0;
+  for (const { name, type } of uniforms) {
+    const value = dispatch.arguments[name];
+    const scalar = type === "vec4f" ? "f32" : type;
+    for (const number of Array.isArray(value) ? value : [value]) {
+      setNumber(view, place, scalar, Number(number));
+      place += 4;
+    }
+  }
+  return data;
+}
+
+/**
+ * @param {DataView} view
+ * @param {number} place
+ * @param {string} type
+ * @param {number} value
+ */
+function setNumber(view, place, type, value) {
+  if (type === "f32") view.setFloat32(place, value, true);
+  else if (type === "i32") view.setInt32(place, value, true);
+  else view.setUint32(place, value, true);
+}

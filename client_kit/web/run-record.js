@@ -1,0 +1,157 @@
+/** What is kept of a run, and when it has failed (client_kit/run_record.py). */
+
+import { tracks } from "./plan.js";
+import { absoluteTrajectoryError, deviation, positionOf } from "./trajectory.js";
+
+// A run that has lost the camera in more of its frames than this is a failure, however fast it was.
+const MOST_LOST = 0.5;
+const MICROSECONDS = 1e6;
+// Chromium rounds timestamps to so many seconds.
+const TIMESTAMP_QUANTUM = 65536e-9;
+// Timestamps are believed where they are plausible in this part of the frames.
+const PLAUSIBLE = 0.95;
+
+/** @typedef {import("./plan.js").Plan} Plan */
+/** @typedef {import("./webgpu.js").Outcome} Outcome */
+/** @typedef {import("./schedule.js").PlannedRun} PlannedRun */
+
+/**
+ * A run as protocol 2 sends it (docs/protocol.md). `deviation` is absent from a failed run, `stages_us` where no
+ * clock measured the stages.
+ * @typedef {object} Run
+ * @property {string} id
+ * @property {string} configuration
+ * @property {number} repeat
+ * @property {number} order
+ * @property {"ok" | "failed"} status
+ * @property {string | null} failure
+ * @property {number[]} frame_us
+ * @property {Record<string, number[]>} [stages_us]
+ * @property {(boolean | null)[]} tracked
+ * @property {number | null} ate_max
+ * @property {number | null} ate_mean
+ * @property {number | null} ate_rmse
+ * @property {number} [deviation]
+ */
+
+/**
+ * What a run is compared with: `trajectory` is the reference, `truth` the true poses of the frames.
+ * @typedef {{trajectory: number[][], truth: (number[] | null)[]}} Expected
+ */
+
+/**
+ * The positions of the camera after each frame.
+ * @param {Outcome[]} frames
+ * @returns {number[][]}
+ */
+export function positionsOf(frames) {
+  return frames.map((frame) => positionOf(poseOf(frame)));
+}
+
+/**
+ * The run that came to an end.
+ * @param {PlannedRun} planned
+ * @param {Plan} plan
+ * @param {Outcome[]} frames
+ * @param {Expected} expected
+ * @param {boolean} timed whether the device's clock measured the stages
+ * @returns {Run}
+ */
+export function finishedRun(planned, plan, frames, expected, timed) {
+  const ate = absoluteTrajectoryError(frames.map(poseOf), expected.truth);
+  const far = deviation(positionsOf(frames), expected.trajectory);
+  if (![far, ...Object.values(ate ?? {})].every(Number.isFinite)) {
+    return failedRun(planned, "the trajectory is not finite", timed);
+  }
+  const tracked = frames.map(({ state }, number) => (tracks(plan, number) ? Boolean(state.tracked) : null));
+  const attempted = tracked.filter((found) => found !== null).length;
+  const lost = tracked.filter((found) => found === false).length;
+  const failed = lost > MOST_LOST * attempted;
+  const frame_us = frames.map((frame) => Math.round(frame.seconds * MICROSECONDS));
+  return {
+    id: crypto.randomUUID(),
+    ...planned,
+    status: failed ? "failed" : "ok",
+    failure: failed ? `tracking lost in ${lost} of ${attempted} frames` : null,
+    frame_us,
+    ...(timed ? { stages_us: stageMicroseconds(frames, frame_us) } : {}),
+    tracked,
+    ate_max: ate ? ate.max : null,
+    ate_mean: ate ? ate.mean : null,
+    ate_rmse: ate ? ate.rmse : null,
+    ...(failed ? {} : { deviation: far }),
+  };
+}
+
+/**
+ * The run that did not come to an end, for REASON.
+ * @param {PlannedRun} planned
+ * @param {string} reason
+ * @param {boolean} timed
+ * @returns {Run}
+ */
+export function failedRun(planned, reason, timed) {
+  return {
+    id: crypto.randomUUID(),
+    ...planned,
+    status: "failed",
+    failure: reason,
+    frame_us: [],
+    ...(timed ? { stages_us: {} } : {}),
+    tracked: [],
+    ate_max: null,
+    ate_mean: null,
+    ate_rmse: null,
+  };
+}
+
+/**
+ * Whether the device's clock can be believed: in nearly all frames no stage is negative and all together do not
+ * take longer than the frame did, and it does not stand still.
+ * @param {Outcome[]} frames
+ * @returns {boolean}
+ */
+export function isPlausible(frames) {
+  const plausible = frames.filter(({ stages, seconds }) => {
+    const times = Object.values(stages ?? {});
+    return times.every((time) => time >= 0) && sum(times) <= seconds + TIMESTAMP_QUANTUM;
+  });
+  const moves = frames.some(({ stages }) => sum(Object.values(stages ?? {})) > 0);
+  return moves && plausible.length >= PLAUSIBLE * frames.length;
+}
+
+/**
+ * Whole microseconds of each stage and frame. They never add up to more than the frame took, not even where the
+ * device's clock is coarse.
+ * @param {Outcome[]} frames
+ * @param {number[]} frame_us
+ * @returns {Record<string, number[]>}
+ */
+export function stageMicroseconds(frames, frame_us) {
+  const names = Object.keys(frames[0]?.stages ?? {});
+  /** @type {Record<string, number[]>} */
+  const series = Object.fromEntries(names.map((name) => [name, []]));
+  for (const [index, { stages }] of frames.entries()) {
+    const times = names.map((name) => Math.max(stages?.[name] ?? 0, 0) * MICROSECONDS);
+    const total = sum(times);
+    const share = total > frame_us[index] ? frame_us[index] / total : 1;
+    names.forEach((name, stage) => series[name].push(Math.floor(times[stage] * share)));
+  }
+  return series;
+}
+
+/**
+ * @param {Outcome} frame
+ * @returns {Float32Array}
+ */
+function poseOf({ state }) {
+  return /** @type {Float32Array} */ (state.pose);
+}
+
+/**
+ * @param {number[]} values
+ * @returns {number}
+ */
+function sum(values) {
+  return values.reduce((total, value) => total + value, 0);
+}

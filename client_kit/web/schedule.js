@@ -1,0 +1,38 @@
+/** The runs of a session in their order (client_kit/manifest.py). */
+
+/**
+ * What of a manifest's protocol says how to measure.
+ * @typedef {object} Protocol
+ * @property {number} version
+ * @property {number} warmup_frames
+ * @property {number} frames
+ * @property {number} first_counted_frame
+ * @property {string[]} order
+ * @property {number} repeats
+ * @property {number} rest_seconds
+ * @property {number} max_ate
+ */
+
+/** A run that is to be made. @typedef {{configuration: string, repeat: number, order: number}} PlannedRun */
+
+/**
+ * All runs of a session: the protocol's order, forwards and back, until each configuration has its repeats.
+ * @param {Pick<Protocol, "order" | "repeats">} protocol
+ * @returns {PlannedRun[]}
+ */
+export function plannedRuns({ order, repeats }) {
+  const count = (/** @type {string[]} */ names, /** @type {string} */ name) =>
+    names.filter((each) => each === name).length;
+  const wanted = Math.max(repeats, count(order, "default"));
+  let round = [...order];
+  let names = [...order];
+  while (names.length && order.some((name) => count(names, name) < wanted)) {
+    round = round.reverse();
+    names = [...names, ...round];
+  }
+  return names.map((configuration, index) => ({
+    configuration,
+    repeat: count(names.slice(0, index), configuration),
+    order: index,
+  }));
+}
