@@ -26,7 +26,10 @@ WATCHING = frozenset({"healthz", "readyz", "metrics"})
 # Where the ASGI handler leaves the Problem of a body that it refused, in `request.META`.
 BODY_REFUSAL = "frontrunner.body_refusal"
 # Files that never change; monitoring; the API, whose endpoints have limits of their own.
-NOT_PAGES = ("/sequences/", "/trajectories/", "/plans/", "/healthz", "/readyz", "/metrics", "/api/")
+NOT_PAGES = (
+    "/sequences/", "/trajectories/", "/plans/", "/shaders/", "/measure/", "/healthz", "/readyz", "/metrics",
+    "/api/",
+)  # fmt: skip
 DOCUMENTATION = "/api/v1/docs"
 
 log = logging.getLogger("crowd.requests")

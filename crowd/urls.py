@@ -18,6 +18,7 @@ urlpatterns = [
     path("sequences/<str:sha256>", chunk, name="chunk"),
     path("trajectories/<str:sha256>", trajectory, name="trajectory"),
     path("plans/<str:sha256>", plan, name="plan"),
+    path("shaders/<str:sha256>", plan, name="shaders"),
     path("data/<str:name>/<str:file>", export_file, name="export-file"),
     path("api/v1/", include("crowd.fronts.urls")),
     path("api/v1/", include("crowd.results.api.urls")),

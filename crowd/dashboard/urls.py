@@ -11,6 +11,7 @@ from crowd.dashboard.views import (
     explorations,
     fronts,
     home,
+    measure,
     reading,
     sessions,
     surface,
@@ -21,6 +22,8 @@ app_name = "dashboard"
 
 urlpatterns = [
     path("", home.home, name="home"),
+    path("measure/", measure.measure, name="measure"),
+    path("measure/<str:name>", measure.client_file, name="client-file"),
     path("devices/", devices.devices, name="devices"),
     path("devices/<slug:slug>/", devices.device, name="device"),
     path("devices/<slug:slug>/card.png", cards.device_card, name="device-card"),

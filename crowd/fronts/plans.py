@@ -1,10 +1,11 @@
 """What a device does with each frame of a configuration, as data for clients that execute it.
 
-A plan follows from the configuration, the sequence's camera and this version of the program. Its digest is
-its name.
+A plan follows from the configuration, the sequence's camera and this version of the program. So does the WGSL
+text of its kernels. The digest of each is its name.
 """
 
 import hashlib
+import json
 import logging
 from collections.abc import Mapping
 from functools import cache, lru_cache
@@ -22,11 +23,22 @@ KFUSION = "kfusion"  # the one system whose frames are planned
 log = logging.getLogger(__name__)
 
 
-class FramePlan(NamedTuple):
-    """The plan's JSON, its digest, and the backends whose default limits it keeps."""
+class Document(NamedTuple):
+    """JSON and its digest."""
 
     content: str
     sha256: str
+
+    @classmethod
+    def of(cls, content: str) -> "Document":
+        return cls(content, hashlib.sha256(content.encode()).hexdigest())
+
+
+class FramePlan(NamedTuple):
+    """A plan, the WGSL text of its kernels by their name, and the backends whose default limits it keeps."""
+
+    plan: Document
+    shaders: Document
     backends: tuple[str, ...]
 
 
@@ -46,7 +58,9 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
 
 
 def find(sha256: str) -> str | None:
-    """The JSON of a plan of a front that was ever published; None where none has this digest. One query."""
+    """The JSON of a plan, or of its shaders, of a front that was ever published; None where none has this
+    digest. One query.
+    """
     if not sequences.DIGEST.fullmatch(sha256):
         return None
     return _contents(selectors.released(KFUSION)).get(sha256)
@@ -63,10 +77,11 @@ def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
 
 @lru_cache(maxsize=1)
 def _contents(released: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
-    """The JSON of each plan of the fronts RELEASED (slug and digest), by its digest."""
+    """The plans of the fronts RELEASED (slug and digest) and their shaders, by digest."""
     fronts = [selectors.front(slug) for slug, _ in released]
     plans = [of_point(front, point) for front in fronts if front for point in front.points]
-    return {plan.sha256: plan.content for plan in plans if plan}
+    documents = [document for made in plans if made for document in (made.plan, made.shaders)]
+    return {document.sha256: document.content for document in documents}
 
 
 @cache
@@ -75,15 +90,18 @@ def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     from slam.devices import webgpu
     from slam.devices.layout import Layout
     from slam.kfusion.configuration import Configuration
+    from slam.kfusion.pipeline import FOLDERS
     from slam.kfusion.plan import plan
+    from slam.plans.declarations import shaders
     from slam.system import scene_of
 
     made = plan(Configuration.from_mapping(dict(parameters)), scene_of(_pack(sequence)), Layout("pixels"))
     largest = max(buffer.planes * buffer.nbytes(made.state_type.itemsize) for buffer in made.buffers)
     fits = largest <= webgpu.LIMITS["max-storage-buffer-binding-size"]
-    content = made.to_json()
     backends = tuple(b for b in APPLICATIONS[KFUSION].backends if fits or b != "webgpu")
-    return FramePlan(content, hashlib.sha256(content.encode()).hexdigest(), backends)
+    return FramePlan(
+        Document.of(made.to_json()), Document.of(json.dumps(shaders(made, FOLDERS), indent=1)), backends
+    )
 
 
 @lru_cache(maxsize=8)

@@ -1,0 +1,106 @@
+/**
+ * What this browser keeps: downloaded files by their digest, settings by name, and measured sessions by id.
+ */
+
+const NAME = "frontrunner";
+const VERSION = 1;
+const STORES = /** @type {const} */ (["files", "settings", "sessions"]);
+
+/** @typedef {typeof STORES[number]} Store */
+
+/** The browser does not let this page keep anything, or its disk is full. */
+export class StorageError extends Error {}
+
+/** @type {Promise<IDBDatabase> | null} */
+let opened = null;
+
+/** @returns {Promise<IDBDatabase>} */
+function open() {
+  opened ??= new Promise((resolve, reject) => {
+    const request = indexedDB.open(NAME, VERSION);
+    request.onupgradeneeded = () => {
+      for (const store of STORES) request.result.createObjectStore(store);
+    };
+    request.onsuccess = () => {
+      // Another tab with a newer version of this page waits for this one to let go.
+      request.result.onversionchange = () => request.result.close();
+      resolve(request.result);
+    };
+    request.onerror = () => reject(refused(request.error));
+  });
+  return opened;
+}
+
+/**
+ * @param {DOMException | null} error
+ * @returns {StorageError}
+ */
+function refused(error) {
+  const full = error?.name === "QuotaExceededError";
+  const reason = full ? "its storage is full: free some space" : (error?.message ?? "storage is switched off");
+  return new StorageError(`This browser cannot keep measurements: ${reason}`);
+}
+
+/**
+ * Do WORK on a store, and wait until what it changed is on disk.
+ * @template T
+ * @param {Store} store
+ * @param {IDBTransactionMode} mode
+ * @param {(store: IDBObjectStore) => IDBRequest<T>} work
+ * @returns {Promise<T>}
+ */
+async function transact(store, mode, work) {
+  const database = await open();
+  return new Promise((resolve, reject) => {
+    const transaction = database.transaction(store, mode, { durability: "strict" });
+    const request = work(transaction.objectStore(store));
+    transaction.oncomplete = () => resolve(request.result);
+    transaction.onabort = () => reject(refused(transaction.error));
+  });
+}
+
+/**
+ * The value of KEY; undefined where there is none.
+ * @param {Store} store
+ * @param {string} key
+ * @returns {Promise<any>}
+ */
+export function read(store, key) {
+  return transact(store, "readonly", (files) => files.get(key));
+}
+
+/**
+ * Every value of a store, in the order of their keys.
+ * @param {Store} store
+ * @returns {Promise<any[]>}
+ */
+export function readAll(store) {
+  return transact(store, "readonly", (files) => files.getAll());
+}
+
+/**
+ * Keep VALUE under KEY. It is on disk when this is done.
+ * @param {Store} store
+ * @param {string} key
+ * @param {unknown} value
+ */
+export async function write(store, key, value) {
+  await transact(store, "readwrite", (files) => files.put(value, key));
+}
+
+/**
+ * Forget KEY.
+ * @param {Store} store
+ * @param {string} key
+ */
+export async function remove(store, key) {
+  await transact(store, "readwrite", (files) => files.delete(key));
+}
+
+/**
+ * Forget everything in a store.
+ * @param {Store} store
+ */
+export async function clear(store) {
+  await transact(store, "readwrite", (files) => files.clear());
+}

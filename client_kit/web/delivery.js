@@ -1,0 +1,210 @@
+/**
+ * Sends what waits, once: the same bytes under the same key until the server answers (docs/protocol.md).
+ */
+
+import * as database from "./database.js";
+import { Refusal, UnreachableError, ask, askJson } from "./server.js";
+import * as sessions from "./sessions.js";
+import { APP, VERSION } from "./version.js";
+
+const FIRST_PAUSE_SECONDS = 30;
+const LONGEST_PAUSE_SECONDS = 6 * 3600;
+const SUMMARY_TRIES = 30;
+const SUMMARY_PAUSE_MS = 500;
+// These say that the same bytes will never be taken.
+const FINAL = new Set([400, 409, 413, 415, 422]);
+
+/** @typedef {import("./sessions.js").Session} Session */
+/** @typedef {{id: string, token: string}} Installation */
+
+/** Nothing more is sent until the visitor did something: agree again, or load this page anew. */
+export class StoppedError extends Error {
+  /**
+   * @param {"consent_outdated" | "outdated"} code
+   * @param {string} message
+   */
+  constructor(code, message) {
+    super(message);
+    this.code = code;
+  }
+}
+
+/**
+ * Send every session whose time has come, and a wish to erase before them. One tab does it at a time.
+ * @returns {Promise<void>} Raises StoppedError.
+ */
+export function sendAll() {
+  return navigator.locks.request("frontrunner-delivery", async () => {
+    if (!(await carryOutErasure())) return;
+    const waiting = (await sessions.all()).filter(({ state }) => state === "queued").reverse();
+    for (const session of waiting) {
+      if (session.notBefore > Date.now()) continue;
+      if (!(await send(session))) return;
+    }
+  });
+}
+
+/**
+ * Send SESSION and keep what became of it.
+ * @param {Session} session
+ * @returns {Promise<boolean>} whether the next one may be sent now
+ */
+async function send(session) {
+  try {
+    const installation = await enrolled(session.manifest.consent_version);
+    const answer = await askJson("/submissions", {
+      method: "POST",
+      token: installation.token,
+      body: session.body ?? "",
+      headers: { "Idempotency-Key": session.key },
+    });
+    const states = new Set(answer.items.map((/** @type {{status: string}} */ item) => item.status));
+    session.state = states.has("accepted") ? "accepted" : states.has("duplicate") ? "duplicate" : "rejected";
+    session.reason = answer.items.find((/** @type {any} */ item) => item.code)?.detail ?? "";
+    session.answer = { submission_id: answer.submission_id };
+    await sessions.keep(session);
+    return true;
+  } catch (error) {
+    if (error instanceof Refusal) return refused(session, error);
+    if (error instanceof UnreachableError) return later(session, error.message, null);
+    throw error;
+  }
+}
+
+/**
+ * @param {Session} session
+ * @param {Refusal} error
+ * @returns {Promise<boolean>}
+ */
+async function refused(session, error) {
+  if (error.status === 401) {
+    // The installation is gone there: another one sends the same bytes.
+    await database.remove("settings", "installation");
+    return send(session);
+  }
+  if (error.code === "device_changed") {
+    await retire();
+    return send(session);
+  }
+  if (error.status === 426) throw new StoppedError("outdated", "This page is out of date: load it again.");
+  if (error.code === "consent_outdated") {
+    await database.remove("settings", "consent");
+    throw new StoppedError("consent_outdated", "What is sent has changed: please read it and agree again.");
+  }
+  if (error.temporary || error.retryAfter !== null) return later(session, error.message, error.retryAfter);
+  if (FINAL.has(error.status)) {
+    session.state = "rejected";
+    session.reason = error.message;
+    await sessions.keep(session);
+    return true;
+  }
+  return later(session, error.message, null);
+}
+
+/**
+ * Try SESSION again after SECONDS, or after a random time that grows with each try.
+ * @param {Session} session
+ * @param {string} reason
+ * @param {number | null} seconds
+ * @returns {Promise<boolean>} false: what is for this server waits, too
+ */
+async function later(session, reason, seconds) {
+  const longest = Math.min(FIRST_PAUSE_SECONDS * 2 ** session.tries, LONGEST_PAUSE_SECONDS);
+  session.tries += 1;
+  session.reason = reason;
+  session.notBefore = Date.now() + 1000 * (seconds ?? Math.random() * longest);
+  await sessions.keep(session);
+  return false;
+}
+
+/**
+ * This browser's installation on the server; a new one where there is none.
+ * @param {number} consentVersion
+ * @returns {Promise<Installation>}
+ */
+async function enrolled(consentVersion) {
+  const known = await database.read("settings", "installation");
+  if (known) return known;
+  const body = JSON.stringify({ app: APP, app_version: VERSION, consent_version: consentVersion });
+  const answer = await askJson("/enrol", { method: "POST", body });
+  const installation = { id: answer.installation_id, token: answer.token };
+  await database.write("settings", "installation", installation);
+  return installation;
+}
+
+/** Keep the present installation's token for an erasure, and enrol anew for what follows. */
+async function retire() {
+  const installation = await database.read("settings", "installation");
+  const former = (await database.read("settings", "former")) ?? [];
+  if (installation) await database.write("settings", "former", [...former, installation]);
+  await database.remove("settings", "installation");
+}
+
+/**
+ * What the server makes of an accepted SESSION, as soon as it has worked through it; null where it has not yet.
+ * @param {Session} session
+ * @returns {Promise<any>}
+ */
+export async function summaryOf(session) {
+  const installation = await database.read("settings", "installation");
+  if (!installation || !session.answer) return null;
+  for (let tries = 0; tries < SUMMARY_TRIES; tries++) {
+    const state = await askJson(`/submissions/${session.answer.submission_id}`, { token: installation.token });
+    if (state.summarised) return state;
+    await new Promise((resolve) => setTimeout(resolve, SUMMARY_PAUSE_MS));
+  }
+  return null;
+}
+
+/**
+ * Everything that is kept of this browser, here and on the server.
+ * @returns {Promise<object>}
+ */
+export async function exported() {
+  const installation = await database.read("settings", "installation");
+  const server = installation ? await askJson("/me/data", { token: installation.token }) : null;
+  return { sessions: await sessions.all(), server };
+}
+
+/** Erase everything here, and on the server as soon as that can be reached. */
+export async function erase() {
+  const installation = await database.read("settings", "installation");
+  const former = (await database.read("settings", "former")) ?? [];
+  const wishes = (await database.read("settings", "erasing")) ?? [];
+  await database.write("settings", "erasing", [...wishes, ...former, ...(installation ? [installation] : [])]);
+  await Promise.all(["installation", "former", "consent", "stated"].map((name) => database.remove("settings", name)));
+  await database.clear("sessions");
+  await sendAll();
+}
+
+/**
+ * Tell the server to erase what its owner wished to be erased.
+ * @returns {Promise<boolean>} whether nothing is left to erase
+ */
+export async function carryOutErasure() {
+  /** @type {Installation[]} */
+  let left = (await database.read("settings", "erasing")) ?? [];
+  for (const installation of left) {
+    try {
+      await ask("/me", { method: "DELETE", token: installation.token });
+    } catch (error) {
+      const gone = error instanceof Refusal && (error.status === 401 || error.status === 404);
+      if (!gone && (error instanceof Refusal || error instanceof UnreachableError)) return false;
+      if (!gone) throw error;
+    }
+    left = left.filter(({ id }) => id !== installation.id);
+    await database.write("settings", "erasing", left);
+  }
+  return true;
+}
+
+/**
+ * Whether the model of this device may be shown in public though few people measured it.
+ * @param {boolean} shown
+ */
+export async function showModel(shown) {
+  const installation = await database.read("settings", "installation");
+  if (!installation) return;
+  const body = JSON.stringify({ show_model: shown });
+  await ask("/me", { method: "PATCH", token: installation.token, body });
+}

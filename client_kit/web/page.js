@@ -1,0 +1,428 @@
+/** The page /measure/: asks, measures in a worker, keeps every finished run, sends, and shows what came of it. */
+
+import * as consent from "./consent.js";
+import * as database from "./database.js";
+import * as delivery from "./delivery.js";
+import { browserOf, identify } from "./device.js";
+import { showResult, showSessions } from "./results.js";
+import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, download, downloadJson, readManifest } from "./server.js";
+import * as sessions from "./sessions.js";
+import { describeAdapter, requestAdapter } from "./webgpu.js";
+
+const SILENCE_MS = 180_000; // of the worker, after which it is given up
+// What the worker loads: kept, like all that this page loads, for a visit without a network.
+const WORKER_FILES = [
+  "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "schedule.js", "trajectory.js",
+];
+
+/** @typedef {import("./server.js").Manifest} Manifest */
+/** @typedef {import("./measurement.js").Message} Message */
+/** @typedef {import("./sessions.js").Session} Session */
+/** @typedef {import("./webgpu.js").AdapterInfo} AdapterInfo */
+
+/**
+ * @template {HTMLElement} T
+ * @param {string} id
+ * @param {new () => T} kind
+ * @returns {T}
+ */
+function element(id, kind) {
+  const found = document.getElementById(id);
+  if (!(found instanceof kind)) throw new Error(`the page has no ${kind.name} ${id}`);
+  return found;
+}
+
+const agree = element("agree", HTMLInputElement);
+const start = element("start", HTMLButtonElement);
+const stop = element("stop", HTMLButtonElement);
+const running = element("running", HTMLElement);
+const step = element("step", HTMLElement);
+const progress = element("progress", HTMLProgressElement);
+const picture = element("picture", HTMLCanvasElement);
+const notice = element("notice", HTMLElement);
+const asking = element("asking", HTMLElement);
+const modelInput = element("model", HTMLInputElement);
+
+/** What help there is where a browser cannot measure. */
+const REASONS = {
+  insecure: [
+    "This address has no HTTPS",
+    "Browsers measure on secure pages only. Open this page over https://, or on the server's own machine as http://localhost.",
+  ],
+  no_webgpu: [
+    "This browser has no WebGPU",
+    "Use Chrome or Samsung Internet on Android 12 or later, Safari on iOS or iPadOS 26 or later, or a current Chrome, Edge or Safari on a computer. On a PC the native client works without a browser.",
+  ],
+  no_adapter: [
+    "This browser has WebGPU, but no device for it",
+    "Its graphics driver may be too old or switched off. Update the system, or try another browser.",
+  ],
+  wrong_results: [
+    "This device computes something else",
+    "Its browser or graphics driver gives wrong results, so nothing was timed and nothing is sent. The server counts this by the maker of the graphics chip and the browser. An update may help.",
+  ],
+  device_lost: [
+    "The graphics device was lost",
+    "The browser took it away twice. What was finished is kept. Close other programs and start again.",
+  ],
+  error: ["The measurement ended with an error", ""],
+};
+
+class NotMeasurableError extends Error {
+  /** @param {"insecure" | "no_webgpu" | "no_adapter"} code */
+  constructor(code) {
+    super(REASONS[code][0]);
+    this.code = code;
+  }
+}
+
+/** @type {{manifest: Manifest, fresh: boolean, adapter: AdapterInfo} | null} */
+let ready = null;
+/** @type {Worker | null} */
+let worker = null;
+
+async function prepare() {
+  if (!window.isSecureContext) throw new NotMeasurableError("insecure");
+  if (!navigator.gpu) throw new NotMeasurableError("no_webgpu");
+  const adapter = await requestAdapter(navigator.gpu);
+  if (!adapter) throw new NotMeasurableError("no_adapter");
+  const { manifest, fresh } = await readManifest();
+  ready = { manifest, fresh, adapter: describeAdapter(adapter) };
+  await showConsent();
+}
+
+async function showConsent() {
+  if (!ready) return;
+  const { manifest, adapter } = ready;
+  const missing = manifest.configurations.find(
+    ({ name, plan, shaders, trajectory }) =>
+      manifest.protocol.order.includes(name) && !(plan && shaders && trajectory),
+  );
+  if (manifest.protocol.version !== 2 || missing) {
+    return say("Nothing to measure in a browser", "The published front is for the native client.");
+  }
+  if (!manifest.accepting) {
+    return say("The server takes no measurements now", manifest.message ?? "Please come back later.");
+  }
+  const stated = await database.read("settings", "stated");
+  const device = await identify(adapter, stated ?? null);
+  const bytes = manifest.sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
+  element("download", HTMLElement).textContent = `${(bytes / 1e6).toFixed(0)} MB`;
+  element("sample", HTMLElement).textContent = consent.sample(manifest, device);
+  element("stated", HTMLElement).hidden = Boolean(device.model) && !stated;
+  agree.checked = await consent.isGiven(manifest);
+  start.disabled = !agree.checked;
+  const open = await sessions.resumable(manifest);
+  const runs = plannedRuns(manifest);
+  start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : "Start";
+  asking.hidden = false;
+}
+
+/**
+ * How many runs a session has.
+ * @param {Manifest} manifest
+ */
+function plannedRuns({ protocol }) {
+  return protocol.repeats * new Set(protocol.order).size;
+}
+
+/**
+ * Show a notice in place of what was on the page.
+ * @param {string} title
+ * @param {string} text
+ */
+function say(title, text) {
+  element("notice-title", HTMLElement).textContent = title;
+  element("notice-text", HTMLElement).textContent = text;
+  notice.hidden = false;
+}
+
+/**
+ * Say why nothing (more) can be measured, and count it.
+ * @param {keyof typeof REASONS} code
+ * @param {string} [detail]
+ */
+function fail(code, detail = "") {
+  const [title, text] = REASONS[code];
+  say(title, [text, detail].filter(Boolean).join(" "));
+  const unsupported = code === "insecure" || code === "no_webgpu" || code === "no_adapter";
+  count(unsupported ? "unsupported" : "failed", code);
+}
+
+/**
+ * @param {string} what
+ * @param {string} [reason]
+ */
+function count(what, reason) {
+  countAttempt(what, { reason, gpu: ready?.adapter, browser: browserOf().name });
+}
+
+agree.addEventListener("change", async () => {
+  start.disabled = !agree.checked;
+  if (!ready) return;
+  if (agree.checked) {
+    await consent.give(ready.manifest);
+    await sessions.agreedTo(ready.manifest.consent_version);
+  } else {
+    await database.remove("settings", "consent");
+    count("refused", "declined");
+  }
+});
+
+start.addEventListener("click", () => {
+  start.disabled = true; // before anything is awaited: a second press starts nothing
+  navigator.locks
+    .request("frontrunner-measuring", { ifAvailable: true }, async (lock) => {
+      if (lock) await measure();
+      else say("Another tab measures already", "Two measurements would disturb each other.");
+    })
+    .catch(showError)
+    .finally(showConsent);
+});
+
+stop.addEventListener("click", () => worker?.postMessage({ type: "stop" }));
+document.addEventListener("visibilitychange", () => {
+  if (document.visibilityState === "hidden") worker?.postMessage({ type: "stop" });
+});
+
+async function measure() {
+  if (!ready) return;
+  const { manifest, adapter } = ready;
+  notice.hidden = true;
+  element("result", HTMLElement).hidden = true;
+  asking.hidden = true;
+  running.hidden = false;
+  progress.removeAttribute("value");
+  running.scrollIntoView({ block: "nearest" });
+  count("began");
+  const wake = await navigator.wakeLock?.request("screen").catch(() => null);
+  try {
+    await navigator.storage?.persist?.();
+    const order = await orderOf(manifest);
+    const stated = await database.read("settings", "stated");
+    const session =
+      (await sessions.resumable(manifest)) ?? (await sessions.begin(manifest, await identify(adapter, stated ?? null)));
+    await measureIn(session, { ...order, done: session.runs, session: session.clock });
+  } finally {
+    running.hidden = true;
+    await wake?.release().catch(() => {});
+  }
+}
+
+/**
+ * What the worker needs, downloaded where it is missing.
+ * @param {Manifest} manifest
+ */
+async function orderOf(manifest) {
+  const { protocol, sequence } = manifest;
+  const chunks = [];
+  const total = sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
+  let done = 0;
+  for (const chunk of sequence.chunks) {
+    step.textContent = `Downloading the recording: ${(done / 1e6).toFixed(1)} of ${(total / 1e6).toFixed(1)} MB`;
+    chunks.push(await download(chunk));
+    done += chunk.bytes;
+    progress.value = done / total;
+  }
+  const configurations = [];
+  for (const { name, band, plan, shaders, trajectory } of manifest.configurations) {
+    if (!protocol.order.includes(name) || !plan || !shaders || !trajectory) continue;
+    configurations.push({
+      name, band, plan: await downloadJson(plan), shaders: await downloadJson(shaders),
+      trajectory: await downloadJson(trajectory),
+    });
+  }
+  const [header, ...frames] = chunks;
+  return { type: "measure", protocol, configurations, header, chunks: frames };
+}
+
+/**
+ * Have the worker measure ORDER, and keep what it finishes in SESSION.
+ * @param {Session} session
+ * @param {any} order
+ */
+async function measureIn(session, order) {
+  const last = await new Promise((resolve, reject) => {
+    let silence = 0;
+    const listen = () => {
+      clearTimeout(silence);
+      silence = setTimeout(() => resolve({ type: "failed", code: "error", detail: "The device stopped answering." }), SILENCE_MS);
+    };
+    worker = new Worker(new URL("worker.js", import.meta.url), { type: "module" });
+    worker.onerror = (event) => reject(new Error(event.message || "the worker could not be loaded"));
+    worker.onmessage = async ({ data }) => {
+      listen();
+      try {
+        if (data.type === "done" || data.type === "failed") resolve(data);
+        else await took(session, data);
+      } catch (error) {
+        reject(error);
+      }
+    };
+    listen();
+    worker.postMessage(order);
+    if (document.visibilityState === "hidden") worker.postMessage({ type: "stop" });
+  }).finally(() => {
+    worker?.terminate();
+    worker = null;
+  });
+  if (last.type === "failed") {
+    if (last.code === "wrong_results") session.runs.length = 0;
+    await sessions.end(session);
+    fail(last.code === "cannot_resume" ? "error" : last.code, last.detail);
+  } else if (last.interrupted) {
+    if (!session.runs.length) await sessions.end(session);
+    say("The measurement was interrupted", "What was finished is kept. Keep this page visible while it measures.");
+    count("failed", "hidden");
+  } else {
+    await sessions.end(session);
+    count("finished");
+  }
+  if (session.state === "queued") await deliver(session);
+}
+
+/**
+ * @param {Session} session
+ * @param {Message} message
+ */
+async function took(session, message) {
+  if (message.type === "progress") showProgress(message);
+  else if (message.type === "picture") draw(message);
+  else if (message.type === "session") {
+    session.clock = { stage_clock: message.stage_clock, empty_frame_us: message.empty_frame_us };
+    await sessions.keep(session);
+  } else if (message.type === "run") {
+    session.runs.push(message.run);
+    await sessions.keep(session);
+    worker?.postMessage({ type: "next" });
+  }
+}
+
+/** @param {Extract<Message, {type: "progress"}>} message */
+function showProgress({ phase, configuration, run, runs, frame, frames }) {
+  const words = {
+    preparing: "Preparing the recording",
+    checking: `Checking what this device computes: ${configuration}`,
+    measuring: `${configuration}, run ${run} of ${runs}`,
+  }[phase];
+  if (step.textContent !== words) step.textContent = words;
+  const before = phase === "measuring" ? run - 1 : 0;
+  progress.value = phase === "measuring" ? (before + frame / frames) / runs : frame / frames;
+}
+
+/** @param {Extract<Message, {type: "picture"}>} message */
+function draw({ width, height, pixels }) {
+  picture.width = width;
+  picture.height = height;
+  picture.getContext("2d")?.putImageData(new ImageData(pixels, width, height), 0, 0);
+  picture.hidden = false;
+}
+
+/**
+ * Show the result of SESSION, send it, and show what the server made of it.
+ * @param {Session} session
+ */
+async function deliver(session) {
+  showResult(session, null, null);
+  await sendWaiting();
+  const sent = (await sessions.all()).find(({ id }) => id === session.id) ?? session;
+  showResult(sent, null, null);
+  if (!sent.answer) return;
+  try {
+    const state = await delivery.summaryOf(sent);
+    const { application, front_version } = sent.manifest;
+    const crowd = await askJson(
+      `/speedups?${new URLSearchParams({ application, front: front_version, configuration: "best" })}`,
+    );
+    showResult(sent, state, crowd.results);
+  } catch (error) {
+    if (!(error instanceof Refusal || error instanceof UnreachableError)) throw error;
+  }
+}
+
+async function sendWaiting() {
+  try {
+    await delivery.sendAll();
+  } catch (error) {
+    if (!(error instanceof delivery.StoppedError)) throw error;
+    say("Not sent yet", error.message);
+  }
+  showSessions(await sessions.all());
+}
+
+/** @param {unknown} error */
+function showError(error) {
+  if (error instanceof NotMeasurableError) return fail(error.code);
+  if (error instanceof UnreachableError) return say("The server cannot be reached", "Try again when there is a network.");
+  if (error instanceof Refusal || error instanceof DamagedError || error instanceof database.StorageError) {
+    return say("This did not work", error.message);
+  }
+  fail("error", error instanceof Error ? error.message : String(error));
+}
+
+// What the owner of a device may do.
+
+element("export", HTMLButtonElement).addEventListener("click", async () => {
+  const content = JSON.stringify(await delivery.exported().catch(showError), null, 2);
+  const link = document.createElement("a");
+  link.href = `data:application/json;charset=utf-8,${encodeURIComponent(content)}`;
+  link.download = "frontrunner-measurements.json";
+  link.click();
+});
+
+element("erase", HTMLButtonElement).addEventListener("click", async () => {
+  if (!window.confirm("Erase everything that was measured here, on this device and on the server?")) return;
+  await delivery.erase().catch(showError);
+  element("result", HTMLElement).hidden = true;
+  showSessions(await sessions.all());
+  await showConsent();
+});
+
+element("show-model", HTMLInputElement).addEventListener("change", async ({ currentTarget }) => {
+  const box = /** @type {HTMLInputElement} */ (currentTarget);
+  await delivery.showModel(box.checked).catch((error) => {
+    box.checked = !box.checked;
+    showError(error);
+  });
+});
+
+/** @type {Map<string, {manufacturer: string, model: string}>} */
+const offered = new Map();
+
+modelInput.addEventListener("input", async () => {
+  const stated = offered.get(modelInput.value);
+  if (stated || !modelInput.value) {
+    if (stated) await database.write("settings", "stated", stated);
+    else await database.remove("settings", "stated");
+    return showConsent();
+  }
+  const found = await askJson(`/models?${new URLSearchParams({ search: modelInput.value })}`).catch(() => null);
+  if (!found) return;
+  const options = found.results.map((/** @type {{name: string, manufacturer: string, model: string}} */ row) => {
+    offered.set(row.name, { manufacturer: row.manufacturer, model: row.model });
+    const option = document.createElement("option");
+    option.value = row.name;
+    return option;
+  });
+  element("models", HTMLDataListElement).replaceChildren(...options);
+});
+
+window.addEventListener("online", () => sendWaiting().catch(showError));
+
+/** Keep what this page loaded, so that it opens without a network. */
+async function keepOffline() {
+  if (!("serviceWorker" in navigator)) return;
+  await navigator.serviceWorker.register(new URL("service-worker.js", import.meta.url));
+  const registration = await navigator.serviceWorker.ready;
+  const loaded = performance.getEntriesByType("resource").map(({ name }) => name);
+  const later = WORKER_FILES.map((name) => String(new URL(name, import.meta.url)));
+  registration.active?.postMessage({ type: "keep", urls: [location.href, ...loaded, ...later] });
+}
+
+keepOffline().catch(() => {}); // an offline page is a convenience
+prepare()
+  .then(() => {
+    count("opened");
+    return sendWaiting();
+  })
+  .catch(showError);

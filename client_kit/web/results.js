@@ -1,0 +1,219 @@
+/** What a session came to, on the page: for its owner at once, whatever the server makes of it later. */
+
+import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
+
+/** @typedef {import("./sessions.js").Session} Session */
+/** @typedef {import("./run-record.js").Run} Run */
+
+const STATES = {
+  measuring: "in progress",
+  queued: "kept here, not sent yet",
+  accepted: "sent",
+  duplicate: "sent",
+  rejected: "refused by the server",
+};
+
+/**
+ * @param {string} id
+ * @returns {HTMLElement}
+ */
+function byId(id) {
+  const found = document.getElementById(id);
+  if (!found) throw new Error(`the page has no element ${id}`);
+  return found;
+}
+
+/**
+ * A new element with a class and with CONTENT, as text where it is one.
+ * @param {string} tag
+ * @param {string} style
+ * @param {...(string | Node)} content
+ * @returns {HTMLElement}
+ */
+function made(tag, style, ...content) {
+  const element = document.createElement(tag);
+  if (style) element.className = style;
+  element.append(...content);
+  return element;
+}
+
+/**
+ * @param {number} value
+ * @returns {string} 12.3 or 4.56: three digits
+ */
+function digits(value) {
+  return value >= 100 ? value.toFixed(0) : value.toPrecision(3);
+}
+
+/**
+ * Show SESSION's result. STATE is the server's answer about it, CROWD its rows of /speedups; both null before that.
+ * @param {Session} session
+ * @param {any} state
+ * @param {any[] | null} crowd
+ */
+export function showResult(session, state, crowd) {
+  const { protocol } = session.manifest;
+  const result = byId("result");
+  const first = result.hidden;
+  const speedup = speedupOf(session.runs, "best", protocol, session.bands);
+  const own = crowd?.find(({ device, backend }) => device === state?.device && backend === "webgpu");
+  const judged = state?.sessions?.flatMap((/** @type {any} */ row) => row.speedups)
+    .find((/** @type {any} */ row) => row.configuration === "best");
+  const standing = judged && judged.state !== "valid" ? judged.state : (own?.state ?? null);
+  result.dataset.speedup = speedup ? String(speedup.value) : "";
+  result.dataset.state = standing ?? (session.answer ? "sent" : "kept");
+
+  byId("speedup").textContent = speedup ? `${digits(speedup.value)}×` : "no speedup";
+  byId("interval").textContent = intervalOf(session, speedup);
+  byId("rates").replaceChildren(...["default", "best"].flatMap((name) => rateOf(session, name)));
+  byId("stages").replaceChildren(...["default", "best"].flatMap((name) => barOf(session, name)));
+  byId("standing").textContent = standingOf(session, standing, judged?.reason ?? "", speedup?.value, own, crowd);
+  byId("links").replaceChildren(...linksOf(state));
+  result.hidden = false;
+  if (first) result.focus();
+}
+
+/**
+ * @param {Session} session
+ * @param {import("./speedup.js").Speedup | null} speedup
+ * @returns {string}
+ */
+function intervalOf({ runs }, speedup) {
+  if (!speedup) {
+    const failed = runs.find(({ failure }) => failure);
+    return failed ? `${failed.configuration}: ${failed.failure}` : "No pair of runs is complete.";
+  }
+  if (speedup.low === null || speedup.high === null) return "One pair of runs: too few for an interval.";
+  return `95 % interval of this session: ${digits(speedup.low)}× to ${digits(speedup.high)}×, from ${speedup.pairs} pairs of runs.`;
+}
+
+/**
+ * Frames a second of a configuration.
+ * @param {Session} session
+ * @param {string} name
+ * @returns {HTMLElement[]}
+ */
+function rateOf({ runs, manifest }, name) {
+  const good = runs.filter(({ configuration, status }) => configuration === name && status === "ok");
+  if (!good.length) return [];
+  const seconds = good.reduce((sum, run) => sum + meanSeconds(run, manifest.protocol), 0) / good.length;
+  const rate = made("dd", "value small", `${digits(1 / seconds)} frames a second`);
+  return [made("div", "", made("dt", `key key-${name}`, name), rate, made("dd", "note", `${digits(1000 * seconds)} ms a frame`))];
+}
+
+/**
+ * A configuration's stages, as parts of its frame; none where no clock measured them.
+ * @param {Session} session
+ * @param {string} name
+ * @returns {HTMLElement[]}
+ */
+function barOf({ runs, manifest }, name) {
+  const good = runs.filter(({ configuration, status }) => configuration === name && status === "ok");
+  /** @type {Record<string, number>} */
+  const sums = {};
+  for (const run of good) {
+    for (const [stage, seconds] of Object.entries(stageSeconds(run, manifest.protocol))) {
+      sums[stage] = (sums[stage] ?? 0) + seconds / good.length;
+    }
+  }
+  const total = Object.values(sums).reduce((sum, seconds) => sum + seconds, 0);
+  if (!total) return [];
+  const bar = made("div", "stage-bar");
+  const words = [];
+  for (const [stage, seconds] of Object.entries(sums)) {
+    const part = made("span", `stage-${stage}`);
+    part.style.width = `${(100 * seconds) / total}%`;
+    bar.append(part);
+    words.push(`${stage} ${digits(1000 * seconds)} ms`);
+  }
+  bar.setAttribute("aria-hidden", "true");
+  return [made("p", "", made("span", `key key-${name}`, name), `: ${words.join(", ")}`), bar];
+}
+
+/**
+ * Where the session stands, in words.
+ * @param {Session} session
+ * @param {string | null} standing
+ * @param {string} reason
+ * @param {number | undefined} speedup
+ * @param {any} own
+ * @param {any[] | null} crowd
+ * @returns {string}
+ */
+function standingOf(session, standing, reason, speedup, own, crowd) {
+  if (session.state === "rejected") return `The server refused this session: ${session.reason}`;
+  if (!session.answer) return "Kept on this device. It is sent as soon as the server can be reached.";
+  if (!standing) return "Sent. The server is still working through it.";
+  if (standing !== "unconfirmed" && standing !== "confirmed") return `The server sets this session aside: ${standing}, ${reason}.`;
+  const others = (crowd ?? []).filter((row) => row.backend === "webgpu" && row !== own);
+  const faster = others.filter((row) => row.speedup > (speedup ?? 0)).length;
+  const place = others.length
+    ? `Your device gains more than ${others.length - faster} of ${others.length} other devices measured in a browser.`
+    : "No other device was measured in a browser yet.";
+  const confirmed = standing === "confirmed" ? "The figure is confirmed." : "The figure is public and marked as unconfirmed until independent devices agree.";
+  return `${place} ${confirmed}`;
+}
+
+/**
+ * @param {any} state
+ * @returns {HTMLElement[]}
+ */
+function linksOf(state) {
+  const links = [];
+  if (state?.page) links.push(link(state.page, "Your own page"), made("small", "", " (whoever has its address can read it)"));
+  if (state?.device) {
+    const address = `/devices/${state.device}/`;
+    links.push(document.createTextNode(" "), link(address, "This device among the others"));
+    const share = made("button", "", "Share");
+    share.addEventListener("click", () => shared(share, new URL(address, location.href).href));
+    links.push(document.createTextNode(" "), share);
+  }
+  return /** @type {HTMLElement[]} */ (links);
+}
+
+/**
+ * @param {string} address
+ * @param {string} text
+ * @returns {HTMLElement}
+ */
+function link(address, text) {
+  const anchor = made("a", "", text);
+  anchor.setAttribute("href", address);
+  return anchor;
+}
+
+/**
+ * Share ADDRESS as the platform does it, else copy it.
+ * @param {HTMLElement} button
+ * @param {string} address
+ */
+async function shared(button, address) {
+  try {
+    if (navigator.share) await navigator.share({ title: "Frontrunner", url: address });
+    else {
+      await navigator.clipboard.writeText(address);
+      button.textContent = "Link copied";
+    }
+  } catch {
+    // The owner closed the dialogue, or the browser does not permit it: the link stands beside the button.
+  }
+}
+
+/**
+ * List what was measured here.
+ * @param {Session[]} all
+ */
+export function showSessions(all) {
+  const rows = all
+    .filter(({ state }) => state !== "measuring")
+    .map((session) => {
+      const speedup = speedupOf(session.runs, "best", session.manifest.protocol, session.bands);
+      const when = made("time", "", new Date(session.startedAt).toLocaleString());
+      when.setAttribute("datetime", session.startedAt);
+      const value = made("span", "value", speedup ? `${digits(speedup.value)}×` : "no pair");
+      const reason = session.state === "accepted" || !session.reason ? "" : `: ${session.reason}`;
+      return made("li", "", when, value, made("small", "", `${session.manifest.front_version}, ${STATES[session.state]}${reason}`));
+    });
+  byId("sessions").replaceChildren(...rows);
+  byId("mine").hidden = !rows.length;
+}

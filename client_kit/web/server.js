@@ -1,0 +1,176 @@
+/** Requests to the server that this page came from. */
+
+import * as database from "./database.js";
+
+const API = "/api/v1";
+
+/** The server answered that it does not do this. `retryAfter` in seconds, null where it does not say. */
+export class Refusal extends Error {
+  /**
+   * @param {number} status
+   * @param {{code?: string, detail?: string}} problem
+   * @param {number | null} retryAfter
+   */
+  constructor(status, problem, retryAfter) {
+    super(problem.detail ?? `the server answered ${status}`);
+    this.status = status;
+    this.code = problem.code ?? "";
+    this.retryAfter = retryAfter;
+  }
+
+  /** Whether the same request may succeed later. */
+  get temporary() {
+    return this.status === 429 || this.status >= 500;
+  }
+}
+
+/** The server cannot be reached. */
+export class UnreachableError extends Error {}
+
+/** A download is not what its digest says. */
+export class DamagedError extends Error {}
+
+/**
+ * Ask for PATH of the API. JSON in and out.
+ * @param {string} path
+ * @param {{method?: string, token?: string, body?: string, headers?: Record<string, string>}} [request]
+ * @returns {Promise<Response>} with status 200 to 399
+ */
+export async function ask(path, { method = "GET", token, body, headers = {} } = {}) {
+  const sent = { ...headers };
+  if (token) sent.Authorization = `Bearer ${token}`;
+  if (body !== undefined) sent["Content-Type"] = "application/json";
+  let response;
+  try {
+    response = await fetch(`${API}${path}`, { method, headers: sent, body, redirect: "error", cache: "no-store" });
+  } catch (error) {
+    throw new UnreachableError("The server cannot be reached", { cause: error });
+  }
+  if (response.ok || response.status === 304) return response;
+  throw new Refusal(response.status, await problemOf(response), secondsOf(response.headers.get("Retry-After")));
+}
+
+/**
+ * Ask for PATH and read its JSON. An answer that breaks off is as good as none.
+ * @param {string} path
+ * @param {Parameters<typeof ask>[1]} [request]
+ * @returns {Promise<any>}
+ */
+export async function askJson(path, request) {
+  const response = await ask(path, request);
+  try {
+    return await response.json();
+  } catch (error) {
+    throw new UnreachableError("The server's answer broke off", { cause: error });
+  }
+}
+
+/**
+ * @param {Response} response
+ * @returns {Promise<{code?: string, detail?: string}>}
+ */
+async function problemOf(response) {
+  try {
+    const problem = await response.json();
+    return problem && typeof problem === "object" ? problem : {};
+  } catch {
+    return {};
+  }
+}
+
+/**
+ * @param {string | null} header
+ * @returns {number | null}
+ */
+function secondsOf(header) {
+  const seconds = Number(header);
+  return header !== null && Number.isFinite(seconds) && seconds >= 0 ? seconds : null;
+}
+
+/** @typedef {{sha256: string, url: string}} Addressed */
+
+/**
+ * What a client is asked to measure (docs/protocol.md).
+ * @typedef {object} Manifest
+ * @property {string} application
+ * @property {string} front_version
+ * @property {{name: string, parameters: Record<string, number>, backends?: string[], plan?: Addressed,
+ *   shaders?: Addressed, trajectory?: Addressed, band?: number}[]} configurations
+ * @property {any} protocol
+ * @property {{name: string, sha256: string, chunks: (Addressed & {bytes: number})[]}} sequence
+ * @property {number} consent_version
+ * @property {string} minimum_app_version
+ * @property {boolean} accepting
+ * @property {string | null} message
+ */
+
+/**
+ * The manifest, and whether the server answered now; without a network, the one of the last visit.
+ * @returns {Promise<{manifest: Manifest, fresh: boolean}>}
+ */
+export async function readManifest() {
+  const kept = await database.read("settings", "manifest");
+  try {
+    const response = await ask("/manifest", { headers: kept ? { "If-None-Match": kept.etag } : {} });
+    if (response.status === 304) return { manifest: kept.manifest, fresh: true };
+    const manifest = await response.json();
+    await database.write("settings", "manifest", { etag: response.headers.get("ETag") ?? "", manifest });
+    return { manifest, fresh: true };
+  } catch (error) {
+    const away = error instanceof UnreachableError || error instanceof SyntaxError;
+    if (kept && (away || (error instanceof Refusal && error.temporary))) return { manifest: kept.manifest, fresh: false };
+    throw error;
+  }
+}
+
+/**
+ * A file by its digest: the kept one, else downloaded, checked and kept.
+ * @param {Addressed} file
+ * @returns {Promise<ArrayBuffer>}
+ */
+export async function download({ sha256, url }) {
+  const kept = await database.read("files", sha256);
+  if (kept) return kept;
+  let response;
+  try {
+    response = await fetch(url, { redirect: "error" });
+    if (!response.ok) throw new Refusal(response.status, {}, secondsOf(response.headers.get("Retry-After")));
+    const content = await response.arrayBuffer();
+    if ((await digest(content)) !== sha256) throw new DamagedError(`${url} is damaged: its SHA-256 differs`);
+    await database.write("files", sha256, content);
+    return content;
+  } catch (error) {
+    if (error instanceof TypeError) throw new UnreachableError("The server cannot be reached", { cause: error });
+    throw error;
+  }
+}
+
+/**
+ * The same, as JSON.
+ * @param {Addressed} file
+ * @returns {Promise<any>}
+ */
+export async function downloadJson(file) {
+  return JSON.parse(new TextDecoder().decode(await download(file)));
+}
+
+/**
+ * @param {ArrayBuffer} content
+ * @returns {Promise<string>} SHA-256, hexadecimal
+ */
+async function digest(content) {
+  const bytes = new Uint8Array(await crypto.subtle.digest("SHA-256", content));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+/**
+ * Count how far this visitor came; nothing identifies who it is. Nobody waits for the answer.
+ * @param {string} step
+ * @param {{reason?: string, gpu?: {vendor: string, architecture: string}, browser?: string | null}} [more]
+ */
+export function countAttempt(step, { reason, gpu, browser } = {}) {
+  const body = JSON.stringify({
+    step, reason, browser: browser ?? undefined, gpu_vendor: gpu?.vendor, gpu_architecture: gpu?.architecture,
+  });
+  ask("/attempts", { method: "POST", body }).catch(() => {});
+}

@@ -1,0 +1,52 @@
+/** Opens /measure/ without a network: what the page loaded last is kept, and used where the network fails. */
+
+const CACHE = "frontrunner-measure";
+const KEPT = ["/measure/", "/static/"];
+
+/** @type {ServiceWorkerGlobalScope} */
+const scope = /** @type {any} */ (self);
+
+scope.addEventListener("install", () => void scope.skipWaiting());
+scope.addEventListener("activate", (event) => event.waitUntil(scope.clients.claim()));
+
+// The first visit loads before this worker controls the page: it says what it loaded.
+scope.addEventListener("message", (event) => {
+  if (event.data.type === "keep") event.waitUntil(keep(event.data.urls));
+});
+
+scope.addEventListener("fetch", (event) => {
+  if (event.request.method === "GET" && isKept(event.request.url)) event.respondWith(answer(event.request));
+});
+
+/**
+ * @param {string} url
+ * @returns {boolean}
+ */
+function isKept(url) {
+  const { origin, pathname } = new URL(url);
+  return origin === scope.location.origin && KEPT.some((start) => pathname.startsWith(start));
+}
+
+/** @param {string[]} urls */
+async function keep(urls) {
+  const cache = await caches.open(CACHE);
+  await Promise.all([...new Set(urls)].filter(isKept).map((url) => cache.add(url).catch(() => {})));
+}
+
+/**
+ * The network's answer, which is kept; without a network the kept one.
+ * @param {Request} request
+ * @returns {Promise<Response>}
+ */
+async function answer(request) {
+  const cache = await caches.open(CACHE);
+  try {
+    const response = await fetch(request);
+    if (response.ok) await cache.put(request, response.clone());
+    return response;
+  } catch (error) {
+    const kept = await cache.match(request, { ignoreSearch: true });
+    if (kept) return kept;
+    throw error;
+  }
+}

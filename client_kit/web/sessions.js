@@ -1,0 +1,147 @@
+/**
+ * The sessions that this browser measured: one may be in progress, the others wait for the server or have its
+ * answer. A finished run is on disk before the next one starts.
+ */
+
+import * as database from "./database.js";
+import { VERSION } from "./version.js";
+
+const SCHEMA_VERSION = 1;
+// A device that rested for longer is in another state than the one that the first runs saw.
+const RESUMABLE_MS = 30 * 60 * 1000;
+
+/** @typedef {import("./server.js").Manifest} Manifest */
+/** @typedef {import("./run-record.js").Run} Run */
+/** @typedef {import("./measurement.js").SessionClock} SessionClock */
+/** @typedef {import("./device.js").Identity} Identity */
+/** @typedef {"measuring" | "queued" | "accepted" | "duplicate" | "rejected"} State */
+
+/**
+ * `manifest` holds what of it a result page needs. `body` and `key` are what is sent, unchanged until there is an
+ * answer. `notBefore` is when to try again (milliseconds since 1970). `answer` is what the server said last.
+ * @typedef {object} Session
+ * @property {string} id
+ * @property {string} startedAt
+ * @property {State} state
+ * @property {Pick<Manifest, "application" | "front_version" | "protocol" | "consent_version">} manifest
+ * @property {Record<string, number>} bands
+ * @property {Identity} device
+ * @property {SessionClock | null} clock
+ * @property {Run[]} runs
+ * @property {string | null} body
+ * @property {string} key
+ * @property {number} tries
+ * @property {number} notBefore
+ * @property {string} reason
+ * @property {any} answer
+ */
+
+/**
+ * A new session of what MANIFEST asks for, kept.
+ * @param {Manifest} manifest
+ * @param {Identity} device
+ * @returns {Promise<Session>}
+ */
+export async function begin(manifest, device) {
+  const { application, front_version, protocol, consent_version } = manifest;
+  const bands = Object.fromEntries(manifest.configurations.map(({ name, band }) => [name, band ?? Infinity]));
+  /** @type {Session} */
+  const session = {
+    id: crypto.randomUUID(),
+    startedAt: new Date().toISOString().replace(/\.\d+Z$/, "Z"),
+    state: "measuring",
+    manifest: { application, front_version, protocol, consent_version },
+    bands,
+    device,
+    clock: null,
+    runs: [],
+    body: null,
+    key: crypto.randomUUID(),
+    tries: 0,
+    notBefore: 0,
+    reason: "",
+    answer: null,
+  };
+  await keep(session);
+  return session;
+}
+
+/**
+ * Keep what changed of SESSION; it is on disk when this is done.
+ * @param {Session} session
+ */
+export function keep(session) {
+  return database.write("sessions", session.id, session);
+}
+
+/**
+ * All sessions, newest first.
+ * @returns {Promise<Session[]>}
+ */
+export async function all() {
+  const sessions = /** @type {Session[]} */ (await database.readAll("sessions"));
+  return sessions.sort((a, b) => b.startedAt.localeCompare(a.startedAt));
+}
+
+/**
+ * The session in progress that can go on under MANIFEST, null where there is none. Others in progress are ended:
+ * their finished runs are queued.
+ * @param {Manifest} manifest
+ * @returns {Promise<Session | null>}
+ */
+export async function resumable(manifest) {
+  let found = null;
+  for (const session of (await all()).filter(({ state }) => state === "measuring")) {
+    const young = Date.now() - Date.parse(session.startedAt) < RESUMABLE_MS;
+    const same = session.manifest.front_version === manifest.front_version;
+    if (!found && young && same && session.clock && session.runs.length) found = session;
+    else await end(session);
+  }
+  return found;
+}
+
+/**
+ * No run follows: SESSION waits to be sent, or is forgotten where nothing of it was finished.
+ * @param {Session} session
+ */
+export async function end(session) {
+  if (!session.runs.length || !session.clock) return database.remove("sessions", session.id);
+  session.state = "queued";
+  session.body = JSON.stringify(payload(session, session.clock));
+  return keep(session);
+}
+
+/**
+ * The owner agreed to another version of what is sent: what waits is sent under that, and anew.
+ * @param {number} version
+ */
+export async function agreedTo(version) {
+  for (const session of await all()) {
+    if (session.state !== "queued" || session.manifest.consent_version === version) continue;
+    session.manifest.consent_version = version;
+    session.key = crypto.randomUUID();
+    session.notBefore = 0;
+    await end(session);
+  }
+}
+
+/**
+ * What POST /submissions takes (docs/protocol.md).
+ * @param {Session} session
+ * @param {SessionClock} clock
+ */
+export function payload({ id, startedAt, manifest, device, runs }, clock) {
+  const { application, front_version, protocol, consent_version } = manifest;
+  return {
+    schema_version: SCHEMA_VERSION,
+    app_version: VERSION,
+    consent_version,
+    device,
+    sessions: [
+      {
+        id, started_at: startedAt, application, front_version, protocol_version: protocol.version,
+        backend: "webgpu", ...clock, samples: [], runs,
+      },
+    ],
+  };
+}
