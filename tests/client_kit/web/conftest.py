@@ -1,0 +1,45 @@
+"""A real Chromium with WebGPU on its software adapter, and the browser's modules on a server."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from tests.browser.chromium import NoBrowserError, launched
+from tests.client_kit.web.serving import WebServer, served
+
+FLAGS = ("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader")
+
+
+@pytest.fixture(scope="package")
+def web_server() -> Iterator[WebServer]:
+    with served() as server:
+        yield server
+
+
+@pytest.fixture(scope="package")
+def web_browser() -> Iterator[Any]:
+    """The installed browser, started once; a skip with its reason where there is none."""
+    try:
+        with launched(*FLAGS) as browser:
+            yield browser
+    except NoBrowserError as reason:
+        pytest.skip(str(reason))
+
+
+@pytest.fixture
+def web_page(web_browser: Any, web_server: WebServer) -> Iterator[Any]:
+    """A page on which modules can be imported from /measure/."""
+    page = web_browser.new_page()
+    page.goto(web_server.url)
+    assert page.evaluate("crossOriginIsolated")
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def gpu_page(web_page: Any) -> Any:
+    """The same, with a WebGPU adapter; a skip where this browser has none."""
+    if not web_page.evaluate("navigator.gpu?.requestAdapter().then(Boolean)"):
+        pytest.skip("this Chromium has no WebGPU adapter")
+    return web_page

@@ -1,0 +1,50 @@
+"""What the page orders the worker to measure, made as the server and the page make it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slam.datasets import open_sequence
+from slam.datasets.pack import read_manifest
+from slam.devices.webgpu import LAYOUT
+from slam.kfusion.configuration import Configuration
+from slam.kfusion.pipeline import FOLDERS
+from slam.kfusion.plan import plan
+from slam.plans.declarations import shaders
+from slam.system import scene_of
+
+# import(url) of what `serve_order` gave, with the files fetched.
+FETCH_ORDER = """
+async function fetchOrder(url) {
+    const order = await (await fetch(url)).json();
+    const bytes = (path) => fetch(path).then((answer) => answer.arrayBuffer());
+    const [header, ...chunks] = await Promise.all(order.chunks.map(bytes));
+    return { ...order, header, chunks };
+}
+"""
+
+
+def configuration(
+    name: str, parameters: Mapping[str, Any], folder: Path, band: float, trajectory: list[list[float]]
+) -> dict[str, Any]:
+    """A configuration of an order, over the pack in FOLDER."""
+    made = plan(Configuration(**parameters), scene_of(open_sequence(folder)), LAYOUT)
+    return {
+        "name": name,
+        "band": band,
+        "trajectory": trajectory,
+        "plan": made.to_dict(),
+        "shaders": shaders(made, FOLDERS),
+    }
+
+
+def chunk_addresses(folder: Path, prefix: str) -> list[str]:
+    """The addresses of a pack's chunks, where FOLDER is served as PREFIX."""
+    return [f"{prefix}chunks/{chunk['sha256']}" for chunk in read_manifest(folder)["chunks"]]
+
+
+def encoded(document: object) -> bytes:
+    return json.dumps(document, allow_nan=False).encode()

@@ -1,0 +1,404 @@
+"""A session in a browser: its runs, and what becomes of it where something fails."""
+
+from __future__ import annotations
+
+import json
+import re
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from client_kit.manifest import Manifest
+from slam.benchmark import run
+from slam.datasets import open_sequence
+from tests.client_kit.web import orders
+from tests.slam.tiny import FRAMES, write_tiny_pack
+
+FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-3.json"
+# Two whose trajectories hardly differ from device to device, on so small a sequence.
+DEFAULT = {"compute_size_ratio": 2, "volume_resolution": 64, "mu": 0.3, "pyramid_iterations_fine": 1,
+           "pyramid_iterations_middle": 2, "pyramid_iterations_coarse": 2, "tracking_rate": 2}  # fmt: skip
+BEST = DEFAULT | {"tracking_rate": 1, "integration_rate": 6}
+STAGES = ["preprocessing", "tracking", "integration", "raycasting"]
+# What a session sends, in this order. `react(message, tools)` may stop it or lose its device.
+MEASURE = """async ({ url, change, react, gpu }) => {
+    FETCH_ORDER
+    const { measure } = await import("/measure/measurement.js");
+    const order = await fetchOrder(url);
+    new Function("order", change)(order);
+    const devices = [];
+    const { requestDevice } = GPUAdapter.prototype;
+    GPUAdapter.prototype.requestDevice = async function (...description) {
+        devices.push(await requestDevice.apply(this, description));
+        return devices.at(-1);
+    };
+    const stopping = new AbortController();
+    const messages = [];
+    const tools = {
+        stop: () => stopping.abort(),
+        lose: () => devices.at(-1).destroy(),
+        count: (type) => messages.filter((message) => message.type === type).length,
+    };
+    const reaction = new Function("message", "tools", react);
+    await measure(order, {
+        gpu: new Function(`return ${gpu}`)(),
+        send: (message) => {
+            const picture = message.type === "picture";
+            messages.push(picture ? { ...message, pixels: message.pixels.length } : message);
+            reaction(message, tools);
+        },
+        stored: async () => messages.push({ type: "stored" }),
+        signal: stopping.signal,
+    });
+    return { messages, devices: devices.length };
+}""".replace("FETCH_ORDER", orders.FETCH_ORDER)
+# The same by the messages of the worker.
+WORK = """async ({ url }) => {
+    FETCH_ORDER
+    const order = await fetchOrder(url);
+    const worker = new Worker("/measure/worker.js", { type: "module" });
+    const messages = [];
+    return new Promise((resolve, reject) => {
+        worker.onerror = (error) => reject(new Error(error.message));
+        worker.onmessage = ({ data }) => {
+            messages.push(data.type === "picture" ? { ...data, pixels: data.pixels.length } : data);
+            if (data.type === "done" || data.type === "failed") resolve(messages);
+            if (data.type !== "run") return;
+            messages.push({ type: "stored" });
+            worker.postMessage({ type: data.run.order === 2 ? "stop" : "next" });
+        };
+        worker.postMessage({ type: "measure", ...order }, [order.header, ...order.chunks]);
+    });
+}""".replace("FETCH_ORDER", orders.FETCH_ORDER)
+
+Session = Callable[..., tuple[list[dict[str, Any]], int]]
+
+
+@pytest.fixture(scope="module")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tiny_pack(tmp_path_factory.mktemp("web"))
+
+
+@pytest.fixture(scope="module")
+def order(pack: Path) -> dict[str, Any]:
+    """Two configurations over a tiny sequence, with the trajectories that OpenCL finds."""
+    sequence = open_sequence(pack)
+    configurations = []
+    for name, parameters in (("default", DEFAULT), ("best", BEST)):
+        report = run(parameters, sequence)
+        positions = report.poses[:, :3, 3]
+        assert [frame.tracked for frame in report.frames].count(False) == 0
+        configurations.append(orders.configuration(name, parameters, pack, 0.005, positions.tolist()))
+    return {
+        "protocol": {
+            "version": 2, "warmup_frames": 2, "frames": FRAMES, "first_counted_frame": 4,
+            "order": ["default", "best", "best", "default"], "repeats": 2, "rest_seconds": 0, "max_ate": 0.05,
+        },
+        "configurations": configurations,
+        "chunks": orders.chunk_addresses(pack, "/tiny/"),
+        "done": [],
+        "session": None,
+    }  # fmt: skip
+
+
+def publish(web_server: Any, pack: Path, order: dict[str, Any]) -> None:
+    web_server.folders["/tiny/"] = pack
+    web_server.documents["/order"] = orders.encoded(order)
+
+
+@pytest.fixture
+def published(web_server: Any, pack: Path, order: dict[str, Any]) -> None:
+    publish(web_server, pack, order)
+
+
+@pytest.fixture
+def session(gpu_page: Any, published: None) -> Session:
+    """session(change, react, gpu): the messages of a session and how many devices it opened.
+
+    `change` and `react` are statements of JavaScript, over `order`, and over `message` and `tools`.
+    """
+
+    def measured(change: str = "", react: str = "", gpu: str = "navigator.gpu") -> Any:
+        given = {"url": "/order", "change": change, "react": react, "gpu": gpu}
+        found = gpu_page.evaluate(MEASURE, given)
+        return found["messages"], found["devices"]
+
+    return measured
+
+
+def of(messages: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
+    return [message for message in messages if message["type"] == kind]
+
+
+def runs_of(messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [message["run"] for message in of(messages, "run")]
+
+
+@pytest.fixture(scope="module")
+def whole(web_browser: Any, web_server: Any, pack: Path, order: dict[str, Any]) -> list[dict[str, Any]]:
+    """The messages of a session that nothing disturbs."""
+    page = web_browser.new_page()
+    page.goto(web_server.url)
+    if not page.evaluate("navigator.gpu?.requestAdapter().then(Boolean)"):
+        pytest.skip("this Chromium has no WebGPU adapter")
+    publish(web_server, pack, order)
+    given = {"url": "/order", "change": "", "react": "", "gpu": "navigator.gpu"}
+    messages = page.evaluate(MEASURE, given)["messages"]
+    page.close()
+    return list(messages)
+
+
+def test_a_session_is_measured_in_the_order_of_the_protocol(whole: list[dict[str, Any]], pack: Path) -> None:
+    messages = whole
+
+    assert messages[0]["type"] == "adapter"
+    assert messages[0]["info"]["architecture"] == "swiftshader"
+    assert messages[-1] == {"type": "done", "interrupted": False}
+    [clock] = of(messages, "session")
+    assert clock["empty_frame_us"] > 0
+    runs = runs_of(messages)
+    assert [(r["configuration"], r["repeat"], r["order"]) for r in runs] == [
+        ("default", 0, 0), ("best", 0, 1), ("best", 1, 2), ("default", 1, 3),
+    ]  # fmt: skip
+    assert len({uuid.UUID(r["id"]) for r in runs}) == 4
+    assert messages.index(clock) < messages.index(of(messages, "run")[0])
+    for message in of(messages, "run"):
+        assert messages[messages.index(message) + 1] == {"type": "stored"}
+    for result in runs:
+        parameters = DEFAULT if result["configuration"] == "default" else BEST
+        report = run(parameters, open_sequence(pack))
+        assert report.ate is not None
+        assert (result["status"], result["failure"]) == ("ok", None)
+        assert result["tracked"] == [frame.tracked for frame in report.frames]
+        assert result["ate_max"] == pytest.approx(report.ate.max, abs=0.005)
+        assert result["ate_mean"] <= result["ate_rmse"] <= result["ate_max"]
+        assert 0 <= result["deviation"] < 0.005
+        assert len(result["frame_us"]) == FRAMES
+        assert all(isinstance(time, int) and time > 0 for time in result["frame_us"])
+        assert ("stages_us" in result) == (clock["stage_clock"] == "device")
+        if "stages_us" in result:
+            assert list(result["stages_us"]) == STAGES
+            sums = np.sum(list(result["stages_us"].values()), axis=0)
+            assert (sums <= result["frame_us"]).all()
+
+
+def test_progress_and_pictures_leave_the_timed_frames_alone(whole: list[dict[str, Any]]) -> None:
+    messages = whole
+    progress = of(messages, "progress")
+    assert [m["phase"] for m in progress] == sorted(
+        (m["phase"] for m in progress), key=["preparing", "checking", "measuring"].index
+    )
+    timed = [m for m in progress if m["phase"] == "measuring"]
+    assert {(m["run"], m["runs"], m["frames"]) for m in timed} == {(n, 4, FRAMES) for n in (1, 2, 3, 4)}
+    assert [m["frame"] for m in timed if m["run"] == 1] == [0, 10, 12]
+    kinds = [m["type"] for m in messages if m.get("phase") != "preparing"]
+    session_at = kinds.index("session")
+    assert kinds[session_at:] == [
+        "session", *["progress", "progress", "progress", "picture", "run", "stored"] * 4, "done",
+    ]  # fmt: skip
+    assert kinds[:session_at].count("picture") == 4
+    assert {(m["width"], m["height"], m["pixels"]) for m in of(messages, "picture")} == {(80, 60, 19200)}
+
+
+@pytest.mark.parametrize(
+    ("order_of_runs", "repeats"),
+    [
+        (["default", "best", "best", "default"], 4),
+        (["default", "best"], 3),
+        (["default", "a", "b"], 2),
+        (["a", "default", "a"], 1),
+    ],
+)
+def test_the_runs_are_those_of_the_python_client(
+    web_page: Any, order_of_runs: list[str], repeats: int
+) -> None:
+    front = json.loads(FRONT.read_text(encoding="utf-8"))
+    point = front["configurations"][0] | {"trajectory": {"sha256": 64 * "0", "url": "/"}}
+    manifest = Manifest.parse(
+        {
+            "application": "kfusion", "front_version": "3", "consent_version": 1, "accepting": True,
+            "minimum_app_version": "0", "configurations": [point | {"name": n} for n in set(order_of_runs)],
+            "protocol": front["protocol"] | {"order": order_of_runs, "repeats": repeats},
+            "sequence": front["sequence"] | {"chunks": [{"sha256": 64 * "0", "bytes": 1, "url": "/"}]},
+        }
+    )  # fmt: skip
+    script = """async (protocol) => {
+        const { plannedRuns } = await import("/measure/schedule.js");
+        return plannedRuns(protocol).map((run) => [run.configuration, run.repeat, run.order]);
+    }"""
+
+    found = web_page.evaluate(script, {"order": order_of_runs, "repeats": repeats})
+
+    names = list(manifest.plan())
+    assert found == [[name, names[:place].count(name), place] for place, name in enumerate(names)]
+
+
+def test_the_worker_waits_for_each_run_to_be_stored_and_stops(gpu_page: Any, published: None) -> None:
+    messages = gpu_page.evaluate(WORK, {"url": "/order"})
+
+    assert [run["order"] for run in runs_of(messages)] == [0, 1, 2]
+    assert messages[-1] == {"type": "done", "interrupted": True}
+    for message in of(messages, "run"):
+        assert messages[messages.index(message) + 1] == {"type": "stored"}
+
+
+def test_a_stop_drops_the_unfinished_run(session: Session) -> None:
+    messages, _ = session(react="if (message.phase === 'measuring' && message.frame === 10) tools.stop();")
+
+    assert runs_of(messages) == []
+    assert messages[-1] == {"type": "done", "interrupted": True}
+
+
+def test_a_stop_before_anything_is_timed_ends_the_session(session: Session) -> None:
+    messages, _ = session(react="if (message.phase === 'preparing') tools.stop();")
+
+    assert [m["type"] for m in messages] == ["adapter", "progress", "done"]
+
+
+def test_a_resumed_session_keeps_its_clocks_and_makes_the_runs_that_are_left(session: Session) -> None:
+    messages, _ = session(
+        change="order.done = [{}, {}, {}]; order.session = { stage_clock: 'none', empty_frame_us: 12.5 };"
+    )
+
+    assert of(messages, "session") == [{"type": "session", "stage_clock": "none", "empty_frame_us": 12.5}]
+    [result] = runs_of(messages)
+    assert (result["configuration"], result["repeat"], result["order"]) == ("default", 1, 3)
+    assert "stages_us" not in result
+    assert {m["configuration"] for m in of(messages, "progress")} == {"", "default"}
+
+
+def test_a_session_that_has_all_its_runs_is_done(session: Session) -> None:
+    messages, _ = session(change="order.done = [{}, {}, {}, {}];")
+
+    assert [m["type"] for m in messages] == ["adapter", "done"]
+
+
+WITHOUT_TIMESTAMPS = """({ async requestAdapter(options) {
+    const adapter = await navigator.gpu.requestAdapter(options);
+    return { features: new Set(), info: adapter.info, requestDevice: () => adapter.requestDevice() };
+} })"""
+
+
+def test_without_timestamps_no_run_has_stage_times(session: Session) -> None:
+    messages, _ = session(change="order.protocol.order = ['best'];", gpu=WITHOUT_TIMESTAMPS)
+
+    assert of(messages, "session")[0]["stage_clock"] == "none"
+    assert [("stages_us" in result, result["status"]) for result in runs_of(messages)] == [(False, "ok")] * 2
+
+
+def test_a_session_with_stage_times_cannot_be_resumed_without_timestamps(session: Session) -> None:
+    messages, _ = session(
+        change="order.done = [{}]; order.session = { stage_clock: 'device', empty_frame_us: 12.5 };",
+        gpu=WITHOUT_TIMESTAMPS,
+    )
+
+    assert [m["type"] for m in messages] == ["adapter", "failed"]
+    assert messages[-1]["code"] == "cannot_resume"
+
+
+def test_a_configuration_that_does_not_fit_fails_and_the_other_is_measured(
+    gpu_page: Any, published: None, web_server: Any, order: dict[str, Any], pack: Path, session: Session
+) -> None:
+    large = orders.configuration("best", BEST | {"volume_resolution": 512}, pack, 0.005, [[0, 0, 0]] * FRAMES)
+    altered = order | {"configurations": [order["configurations"][0], large]}
+    web_server.documents["/order"] = orders.encoded(altered)
+
+    messages, devices = session()
+
+    runs = runs_of(messages)
+    assert [(r["configuration"], r["status"]) for r in runs] == [
+        ("default", "ok"), ("best", "failed"), ("best", "failed"), ("default", "ok"),
+    ]  # fmt: skip
+    for failed in runs[1:3]:
+        assert re.fullmatch(
+            r"the buffer voxels needs one buffer of 512 MiB, '.+' allows at most 128 MiB", failed["failure"]
+        )
+        assert (failed["frame_us"], failed["tracked"], failed["ate_max"]) == ([], [], None)
+        assert "deviation" not in failed
+    assert messages[-1] == {"type": "done", "interrupted": False}
+    assert devices == 1
+
+
+def test_a_lost_device_is_a_failed_run_and_another_device_goes_on(session: Session) -> None:
+    """The configuration that lost it is not tried again, as in the Python client."""
+    messages, devices = session(react="if (message.run === 2 && message.frame === 10) tools.lose();")
+
+    runs = runs_of(messages)
+    assert [(r["configuration"], r["status"]) for r in runs] == [
+        ("default", "ok"), ("best", "failed"), ("best", "failed"), ("default", "ok"),
+    ]  # fmt: skip
+    assert all("the device was lost" in failed["failure"] for failed in runs[1:3])
+    assert messages[-1] == {"type": "done", "interrupted": False}
+    assert devices == 2
+    warming = [m for m in of(messages, "progress") if m["phase"] == "checking" and m["run"] == 4]
+    assert [m["frame"] for m in warming] == [0, 2]
+
+
+def test_a_device_that_is_lost_twice_in_a_row_ends_the_session(session: Session) -> None:
+    messages, _ = session(react="if (message.phase === 'measuring' && message.frame === 10) tools.lose();")
+
+    assert [r["status"] for r in runs_of(messages)] == ["failed", "failed"]
+    assert messages[-1]["type"] == "failed"
+    assert messages[-1]["code"] == "device_lost"
+
+
+def test_a_device_that_is_lost_in_the_check_fails_its_configuration(session: Session) -> None:
+    messages, _ = session(
+        react="if (message.phase === 'checking' && message.configuration === 'best') tools.lose();"
+    )
+
+    assert [r["status"] for r in runs_of(messages)] == ["ok", "failed", "failed", "ok"]
+    assert messages[-1]["type"] == "done"
+
+
+def test_a_shader_that_computes_something_else_is_found_before_anything_is_timed(session: Session) -> None:
+    messages, _ = session(
+        change="""const { shaders } = order.configurations[0];
+        shaders.solve = shaders.solve.replace("fn solve(", "fn unused(");
+        shaders.solve += "@compute @workgroup_size(64) fn solve() { state.pose[3] += 0.01; }";"""
+    )
+
+    assert messages[-1]["code"] == "wrong_results"
+    assert re.match(r"default: the trajectory is \d\.\d+ m from its reference, the band is 0.005 m",
+                    messages[-1]["detail"])  # fmt: skip
+    assert not of(messages, "session")
+    assert not of(messages, "run")
+
+
+def test_a_shader_that_does_not_compile_is_an_error_that_names_it(session: Session) -> None:
+    messages, _ = session(change="order.configurations[1].shaders.solve += 'fn {';")
+
+    assert messages[-1]["type"] == "failed"
+    assert messages[-1]["code"] == "error"
+    assert re.search(r"refused the kernel solve: line \d+: ", messages[-1]["detail"])
+    assert not of(messages, "run")
+
+
+def test_a_damaged_sequence_is_an_error(session: Session) -> None:
+    messages, _ = session(change="order.chunks[0] = order.chunks[0].slice(0, 1000);")
+
+    assert messages[-1]["code"] == "error"
+    assert "frame 0 of a chunk of 1000 bytes is damaged" in messages[-1]["detail"]
+
+
+@pytest.mark.parametrize(
+    ("gpu", "code"),
+    [("undefined", "no_webgpu"), ("({ requestAdapter: async () => null })", "no_adapter")],
+)
+def test_where_nothing_can_be_measured_the_reason_is_sent(session: Session, gpu: str, code: str) -> None:
+    messages, _ = session(gpu=gpu)
+
+    assert [(m["type"], m["code"]) for m in messages] == [("failed", code)]
+
+
+def test_compatibility_mode_serves_where_there_is_nothing_else(session: Session) -> None:
+    gpu = """({ requestAdapter: async (options) => options.featureLevel === "compatibility"
+        && options.powerPreference === "high-performance" ? navigator.gpu.requestAdapter() : null })"""
+
+    messages, _ = session(gpu=gpu, react="if (message.type === 'adapter') tools.stop();")
+
+    assert [m["type"] for m in messages] == ["adapter", "done"]

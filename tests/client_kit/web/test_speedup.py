@@ -1,0 +1,108 @@
+"""What a session comes to is the same in JavaScript and in Python."""
+
+from __future__ import annotations
+
+import dataclasses
+import random
+from typing import Any
+
+import pytest
+
+from client_kit.manifest import Protocol
+from client_kit.session import Run, Session
+from tests.client_kit.web.serving import evaluated
+
+PROTOCOL = Protocol(
+    version=2, warmup_frames=2, frames=12, first_counted_frame=4, order=("default", "best"), repeats=3,
+    rest_seconds=0, max_ate=0.05, adaptive=None,
+)  # fmt: skip
+BANDS = {"default": 0.002, "best": 0.01}
+STAGES = ("preprocessing", "tracking")
+COMPUTE = """async ({ sessions, protocol, bands }) => {
+    const speedup = await import("/measure/speedup.js");
+    return sessions.map((runs) => ({
+        speedup: speedup.speedupOf(runs, "best", protocol, bands),
+        drift: speedup.drift(runs, "best", protocol),
+        valid: runs.map((run) => speedup.isValid(run, protocol, bands)),
+        seconds: runs.map((run) => run.frame_us.length ? speedup.meanSeconds(run, protocol) : null),
+        stages: runs.map((run) => run.frame_us.length ? speedup.stageSeconds(run, protocol) : null),
+    }));
+}"""
+
+
+def made_up_run(chance: random.Random, name: str, repeat: int, order: int) -> Run:
+    failed = chance.random() < 0.1
+    frames = tuple(chance.randrange(1 if chance.random() < 0.9 else 0, 50_000) for _ in range(12))
+    deviation = None if failed else BANDS[name] * chance.choice([0.1, 0.9, 1.0, 1.1])
+    return Run(
+        f"run-{order}",
+        name,
+        repeat,
+        order,
+        "failed" if failed else "ok",
+        failure="out of memory" if failed else None,
+        frame_us=() if failed else frames,
+        stages_us={} if failed else {stage: tuple(time // 3 for time in frames) for stage in STAGES},
+        ate_max=None if failed else chance.choice([0.001, 0.049, 0.05, None]),
+        deviation=deviation,
+        band=BANDS[name],
+    )
+
+
+def made_up_session(seed: int) -> tuple[Run, ...]:
+    chance = random.Random(seed)
+    names = [name for _ in range(chance.randrange(0, 26)) for name in ("default", "best")]
+    if chance.random() < 0.5:
+        chance.shuffle(names)
+    names = names[: chance.randrange(len(names) + 1)] if chance.random() < 0.3 else names
+    return tuple(
+        made_up_run(chance, name, names[:order].count(name), order) for order, name in enumerate(names)
+    )
+
+
+def document(run: Run) -> dict[str, Any]:
+    """A run as the worker sends it."""
+    found = dataclasses.asdict(run)
+    for member in ("band", "trajectory_sha256", *(["deviation"] if run.deviation is None else [])):
+        del found[member]
+    return found
+
+
+def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
+    sessions = [made_up_session(seed) for seed in range(120)]
+    order = {
+        "sessions": [[document(run) for run in runs] for runs in sessions],
+        "protocol": {"first_counted_frame": 4, "max_ate": 0.05},
+        "bands": BANDS,
+    }
+
+    found = evaluated(web_page, COMPUTE, order)
+
+    intervals = 0
+    for runs, result in zip(sessions, found, strict=True):
+        session = Session("id", "now", "webgpu", runs, ())
+        speedup = session.speedup("best", PROTOCOL)
+        if speedup is None:
+            assert result["speedup"] is None
+        else:
+            intervals += speedup.low is not None
+            for name, value in dataclasses.asdict(speedup).items():
+                assert result["speedup"][name] == (None if value is None else pytest.approx(value, rel=1e-9))
+        drift = session.drift("best", PROTOCOL)
+        assert result["drift"] == (None if drift is None else pytest.approx(drift, rel=1e-9))
+        assert result["valid"] == [run.valid(PROTOCOL) for run in runs]
+        for run, seconds, stages in zip(runs, result["seconds"], result["stages"], strict=True):
+            if run.frame_us:
+                assert seconds == pytest.approx(run.mean_seconds(PROTOCOL), rel=1e-12)
+                assert stages == pytest.approx(run.stage_seconds(PROTOCOL), rel=1e-12)
+    assert intervals > 20
+
+
+def test_runs_without_stage_times_have_none(web_page: Any) -> None:
+    run = document(made_up_run(random.Random(1), "default", 0, 0)) | {"frame_us": [1] * 12}
+    del run["stages_us"]
+    order = {"sessions": [[run]], "protocol": {"first_counted_frame": 4, "max_ate": 0.05}, "bands": BANDS}
+
+    [found] = evaluated(web_page, COMPUTE, order)
+
+    assert found["stages"] == [{}]

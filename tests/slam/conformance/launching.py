@@ -1,0 +1,67 @@
+"""Runs one kernel on NumPy arrays, wherever plans are executed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from slam.devices.layout import Layout
+from slam.kfusion.plan import MEMBERS, constants_of, kernels_of
+from slam.plans.execution import Execution
+from slam.plans.plan import STATE, Buffer, Dispatch, Plan, Value
+from tests.slam.conformance import vectors
+
+Grid = tuple[tuple[int, ...], tuple[int, ...]]
+
+
+def launcher(
+    layout: Layout, prepare: Callable[[Plan], Execution], vectors_folder: str | None = None
+) -> Callable[..., None]:
+    """launch(kernel, grid, **arguments): a plan of one dispatch, executed by what PREPARE makes of it.
+
+    Arrays (planes, ...) travel to the device and, where the kernel writes them, back. `grid` is the global
+    and the local size. Golden vectors are written to VECTORS_FOLDER where there is one.
+    """
+
+    def launch(name: str, grid: Grid, **arguments: Any) -> None:
+        kernel = next(kernel for kernel in kernels_of(layout) if kernel.name == name)
+        buffers = [Buffer("state", STATE, 1)]
+        values: dict[str, Value] = {}
+        for parameter in kernel.parameters:
+            value = arguments[parameter.name]
+            if parameter.access is None:
+                values[parameter.name] = value
+                continue
+            values[parameter.name] = parameter.name
+            if parameter.type != STATE:
+                count = value.size // parameter.planes
+                buffers.append(Buffer(parameter.name, parameter.type, count, parameter.planes))
+        assert set(arguments) == set(values)
+        plan = Plan(
+            system="kfusion",
+            layout=layout.kind,
+            configuration={},
+            scene={},
+            constants=constants_of(layout),
+            state=MEMBERS,
+            initial={},
+            buffers=tuple(buffers),
+            kernels=(kernel,),
+            dispatches=(Dispatch(name, "test", *grid, values),),
+            input="",
+        )
+        execution = prepare(plan)
+        arrays = {p.name: (p, arguments[p.name]) for p in kernel.parameters if p.access is not None}
+        given = {name: array.copy() for name, (_, array) in arrays.items()}
+        for buffer, (parameter, array) in arrays.items():
+            execution.write(buffer, array if buffer == STATE else array.reshape(parameter.planes, -1))
+        execution.run(0)
+        for buffer, (parameter, array) in arrays.items():
+            if parameter.access != "read":
+                array[...] = execution.read(buffer).reshape(array.shape)
+        if vectors_folder:
+            changed = {p.name: array for p, array in arrays.values() if p.access != "read"}
+            vectors.write(Path(vectors_folder), plan, given, changed)
+
+    return launch
