@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 
 from django.contrib import admin, messages
 from django.db import transaction
-from django.db.models import Count, QuerySet
+from django.db.models import Count, QuerySet, Sum
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.urls import reverse
@@ -16,6 +16,7 @@ from django.utils import timezone
 from crowd.audit.services import record
 from crowd.devices import decisions
 from crowd.devices.models import (
+    BrowserAttempt,
     CatalogueEntry,
     DeviceAlias,
     DeviceDescription,
@@ -194,6 +195,27 @@ class CatalogueEntryAdmin(ReadOnlyAdmin):
 
     list_display = ("market_name", "maker", "code", "device", "soc", "gpu")
     search_fields = ("market_name", "code", "device", "maker")
+
+
+@admin.register(BrowserAttempt)
+class BrowserAttemptAdmin(ReadOnlyAdmin):
+    """How many visitors of /measure/ began, refused, failed and finished, and why."""
+
+    list_display = ("day", "step", "reason", "gpu_vendor", "gpu_architecture", "browser", "attempts")
+    list_filter = ("step", "reason", "gpu_vendor", "browser")
+    date_hierarchy = "day"
+    change_list_template = "admin/devices/browserattempt/change_list.html"
+
+    def changelist_view(
+        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        """The list, with the sums of what its filters leave."""
+        response = super().changelist_view(request, extra_context)
+        data = getattr(response, "context_data", None)
+        if data and "cl" in data:
+            rows = data["cl"].queryset.order_by("step", "reason").values("step", "reason")
+            data["sums"] = rows.annotate(total=Sum("attempts"))
+        return response
 
 
 @admin.register(Installation)

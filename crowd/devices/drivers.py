@@ -1,4 +1,4 @@
-"""OpenCL drivers by name and version, out of the strings that they give: to tell which release computed."""
+"""OpenCL drivers and browsers by name and version: to tell which release computed."""
 
 import re
 from collections.abc import Mapping
@@ -43,8 +43,16 @@ DRIVERS = tuple(
 )
 
 
+# A browser hides the driver below it, and brings the compiler of the kernels.
+BROWSERS = frozenset({"Chrome", "Edge", "Firefox", "Opera", "Safari", "Samsung Internet"})
+BROWSER_VERSION = re.compile(r"\d{1,4}", re.ASCII)
+
+
 def driver(raw: Mapping[str, Any]) -> Driver:
-    """The driver behind RAW; Driver() where no rule knows its platform."""
+    """The driver behind RAW, or its browser; Driver() where no rule knows the platform."""
+    if (browser := text(raw, "browser")) in BROWSERS:
+        version = text(raw, "browser_version")
+        return Driver(browser, version if BROWSER_VERSION.fullmatch(version) else "")
     platform, given = text(raw, "opencl_platform"), text(raw, "opencl_driver")
     for known, name, version in DRIVERS:
         if known.search(platform):

@@ -19,13 +19,14 @@ WORDS = (
     "dual sim fe xl zoom compact premium stylus fusion one vision macro ace grand core mega hd dtv ii iii iv "
     "gt turbo speed explorer standard edition desktop tower laptop notebook workstation server sff micro "
     "gaming gen inch studio carbon yoga nano detachable chromebook spin swift tablet phone view zenfone sp "
-    "xa xz gs"
+    "xa xz gs air"
 )
 COMMON = frozenset(WORDS.split())
 # The series that a maker's names begin with.
 SERIES = {
     "Acer": "aspire chromebook enduro extensa iconia liquid nitro predator spin swift travelmate veriton",
     "Alienware": "alienware area aurora m x",
+    "Apple": "iphone ipad",
     "ASUS": "chromebook expertbook memo nexus padfone phone proart rog strix transformer tuf vivobook "
     "zenbook zenfone zenpad",
     "BLU": "advance bold c dash energy g grand life pure studio tank touchbook vivo",
@@ -155,6 +156,20 @@ def is_known_model(maker: str, model: str) -> bool:
         return True
     bare = re.sub(rf"^{re.escape(maker)}[ _-]", "", model, flags=FLAGS)
     return bool(ANY.fullmatch(bare) or NEXUS.fullmatch(bare)) or _is_of_a_series(maker, bare)
+
+
+@lru_cache(maxsize=10_000)
+def maker_of(model: str) -> str:
+    """The maker that writes MODEL so; empty where none does, or several do."""
+    makers = {maker for maker, code in COMPILED.items() if code.fullmatch(model)}
+    makers |= {maker for maker in SERIES if _begins_a_series(maker, model) and is_known_model(maker, model)}
+    return makers.pop() if len(makers) == 1 else ""
+
+
+def _begins_a_series(maker: str, model: str) -> bool:
+    """Whether MODEL's first word is a series of MAKER alone, longer than a letter or two."""
+    first = SEPARATORS.split(model)[0].casefold()
+    return len(first) > 2 and first in SERIES[maker].split()
 
 
 def _is_of_a_series(maker: str, model: str) -> bool:

@@ -269,6 +269,30 @@ class CatalogueEntry(models.Model):
         return f"{self.market_name} ({self.code or self.device})"
 
 
+class BrowserAttempt(models.Model):
+    """How many visitors of /measure/ came to one step on a day. Words are from lists: see attempts.py."""
+
+    day = models.DateField()
+    step = models.CharField(max_length=16)
+    reason = models.CharField(max_length=16, blank=True)
+    gpu_vendor = models.CharField(max_length=16, blank=True)
+    gpu_architecture = models.CharField(max_length=16, blank=True)
+    browser = models.CharField(max_length=16, blank=True)
+    attempts = models.PositiveIntegerField(default=0)
+
+    class Meta:
+        ordering = ["-day", "step", "reason"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["day", "step", "reason", "gpu_vendor", "gpu_architecture", "browser"],
+                name="one_count_of_an_attempt",
+            )
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.day} {self.step} {self.reason}".strip()
+
+
 class Revision(models.Model):
     """One change of what pages show: `crowd.devices.revision` adds rows and counts them."""
 

@@ -19,19 +19,31 @@ from crowd.devices.emulators import is_emulator, is_virtual_machine
 from crowd.devices.names import text
 
 # Counts up with every change of a rule: descriptions derived by older rules are derived again.
-RULES = 2
+RULES = 3
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
 # What a model is known by, and the driver that ran.
 RAW_STRINGS = frozenset(
     {
-        "board", "board_platform", "brand", "cpu", "device", "egl", "manufacturer", "model",
+        "board", "board_platform", "brand", "browser", "browser_version", "cpu", "device", "egl",
+        "gpu_architecture", "gpu_description", "gpu_device", "gpu_vendor", "manufacturer", "model",
+        "model_source",
         "opencl_device", "opencl_driver", "opencl_platform", "os", "product", "soc_manufacturer",
         "soc_model",
     }
 )  # fmt: skip
-SYSTEMS = {"android": "Android", "windows": "Windows", "macos": "macOS", "darwin": "macOS", "ios": "iOS"}
-HANDHELD = frozenset({"Android", "iOS"})
+SYSTEMS = {
+    "android": "Android",
+    "chromeos": "ChromeOS",
+    "darwin": "macOS",
+    "ios": "iOS",
+    "ipados": "iPadOS",
+    "macos": "macOS",
+    "windows": "Windows",
+}
+HANDHELD = frozenset({"Android", "iOS", "iPadOS"})
+# What people call a device of which a browser names the operating system and the GPU alone.
+KINDS = {"iOS": "iPhone", "iPadOS": "iPad", "macOS": "Mac"}
 # What the simulation calls its devices (crowd.results.simulation).
 SIMULATED_MAKER = "Simulated"
 SIMULATED_NAME = re.compile(
@@ -94,13 +106,20 @@ def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
 def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
     system = operating_system(text(raw, "os"))
     maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
+    if text(raw, "browser") and not maker:
+        maker = model_names.maker_of(text(raw, "model"))
     model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
     cpu = chips.processor(text(raw, "cpu"))
     soc = system_on_chip(raw, system)
     compared = _name(system, model, cpu or without_noise(text(raw, "cpu")), soc or _raw_soc(raw))
+    nameless_browser = not (model or cpu or soc) and bool(processors.browser_gpu(raw))
+    if nameless_browser:
+        maker, compared = "", _browser_name(raw, system)
     key = "|".join((maker, compared)).casefold()[:200]
     listed = names.is_known_maker(maker) or (simulated and maker == SIMULATED_MAKER)
-    if _is_known(maker, model, simulated):
+    if nameless_browser:
+        name, named = compared, True
+    elif _is_known(maker, model, simulated):
         name, named = _name(system, model, cpu, ""), True
     elif (cpu or soc) and not (model and _names_its_model(system)):
         # Nothing is known of the device but its chip.
@@ -143,6 +162,16 @@ def _name(system: str, model: str, cpu: str, soc: str) -> str:
     if model and cpu and not _names_its_model(system):
         return f"{model}, {cpu}"
     return model or cpu or soc or _unknown(system)
+
+
+def _browser_name(raw: Mapping[str, Any], system: str) -> str:
+    """The name of a device whose browser hides its model: "iPhone, Apple GPU"."""
+    computed = processors.processor_of(raw)
+    chip = computed.name if computed.name != processors.UNKNOWN_CHIP else "unknown GPU"
+    if computed.kind == processors.CPU:
+        chip = "software rendering"
+    kind = KINDS.get(system) or f"{system or 'Unknown'} device"
+    return f"{kind}, {chip}"
 
 
 def _unknown(system: str) -> str:

@@ -1,4 +1,4 @@
-"""Who computed: the chip behind an OpenCL device, by one name for all spellings of it."""
+"""Who computed: the chip behind an OpenCL device or a browser's GPU, by one name for all spellings of it."""
 
 import re
 from collections.abc import Mapping
@@ -28,9 +28,10 @@ class Processor:
 def processor_of(raw: Mapping[str, Any]) -> Processor:
     """The chip that computed for the device behind RAW, the client's strings.
 
-    A CPU that the OpenCL device does not name is the one that the kernel names, else the system on a chip.
+    A CPU that the OpenCL device does not name is the one that the kernel names, else the system on a chip. A
+    browser names the maker and the architecture of a GPU, and the GPU itself where its user permits.
     """
-    device = text(raw, "opencl_device")
+    device = text(raw, "opencl_device") or browser_gpu(raw)
     graphics = chips.graphics(device)
     if graphics is not None:
         return Processor(graphics.name, GPU)
@@ -40,6 +41,13 @@ def processor_of(raw: Mapping[str, Any]) -> Processor:
     if CPU_PLATFORM.search(text(raw, "opencl_platform")) or CPU_DEVICE.search(device):
         return Processor(_of_the_system(raw) or UNKNOWN_CHIP, CPU)
     return Processor(UNKNOWN_CHIP, GPU)
+
+
+def browser_gpu(raw: Mapping[str, Any]) -> str:
+    """What a browser says of the GPU; empty for other clients."""
+    described = text(raw, "gpu_description")
+    known = chips.graphics(described) or CPU_DEVICE.search(described)
+    return described if known else f"{text(raw, 'gpu_vendor')} {text(raw, 'gpu_architecture')}".strip()
 
 
 def _of_the_system(raw: Mapping[str, Any]) -> str:

@@ -8,12 +8,15 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.api import answer
+from crowd.api import answer, body
+from crowd.decoding import decoded
 from crowd.devices.authentication import OwnEndpoint, RightsEndpoint, installation_asking
-from crowd.devices.services import renew_token
+from crowd.devices.models import Installation
+from crowd.devices.services import choose_disclosure, renew_token
 from crowd.problems import not_found
 from crowd.results.privacy import erasure
 from crowd.results.privacy.own_data import own_data
+from crowd.results.privacy.own_page import path_of
 
 PRIVATE = {"Cache-Control": "no-store"}
 
@@ -54,8 +57,43 @@ class OwnTokenView(OwnEndpoint):
         return answer(Token(renew_token(installation_asking(request))), 201, PRIVATE)
 
 
+class Own(msgspec.Struct):
+    """What the server knows of an installation. `page`: the path of its private page."""
+
+    installation_id: UUID
+    show_model: bool
+    page: str
+
+
+class Choice(msgspec.Struct):
+    """Whether the device's model may be named in public, however rare it is."""
+
+    show_model: bool
+
+
+CHOICE = msgspec.json.Decoder(Choice)
+
+
 class OwnView(RightsEndpoint):
-    """Erasure of everything."""
+    """The installation itself."""
+
+    @extend_schema(
+        operation_id="own", summary="This installation: its choice and its page", responses={200: Own}
+    )
+    def get(self, request: Request) -> HttpResponse:
+        return _own(installation_asking(request))
+
+    @extend_schema(
+        operation_id="choose",
+        summary="Show the device's model in public, however rare, or hide it",
+        description="Hiding takes effect at once. A hidden model is shown again at most once an hour.",
+        request={"application/json": Choice},
+        responses={200: Own},
+    )
+    def patch(self, request: Request) -> HttpResponse:
+        installation = installation_asking(request)
+        choose_disclosure(installation, decoded(CHOICE, body(request)).show_model)
+        return _own(installation)
 
     @extend_schema(
         operation_id="erase", summary="Erase this installation and all it sent", responses={204: None}
@@ -63,6 +101,11 @@ class OwnView(RightsEndpoint):
     def delete(self, request: Request) -> HttpResponse:
         erasure.erase_installation(installation_asking(request))
         return HttpResponse(status=204)
+
+
+def _own(installation: Installation) -> HttpResponse:
+    found = Own(installation.pk, installation.show_model, path_of(installation))
+    return answer(found, headers=PRIVATE)
 
 
 class OwnRunView(RightsEndpoint):
