@@ -13,13 +13,20 @@ from crowd.devices.models import BrowserAttempt
 OTHER = "other"
 MOST_ROWS = 500  # of a day, after which devices and browsers are not told apart
 # adapter.info.vendor, as Chromium and Safari write it.
-GPU_VENDORS = frozenset("amd apple arm google img-tec intel mesa microsoft nvidia qualcomm samsung".split())
+GPU_VENDORS = frozenset(
+    {
+        "amd", "apple", "arm", "google", "img-tec", "intel", "mesa", "microsoft", "nvidia", "qualcomm",
+        "samsung",
+    }
+)  # fmt: skip
 GPU_ARCHITECTURES = frozenset(
-    "adreno-4xx adreno-5xx adreno-6xx adreno-7xx adreno-8xx ampere bifrost blackwell gen-8 gen-9 gen-11 gen-12hp "
-    "gen-12lp hopper lovelace maxwell metal-3 metal-4 midgard pascal rdna-1 rdna-2 rdna-3 rdna-4 rogue "
-    "swiftshader turing valhall xe xe-2".split()
-)
-
+    {
+        "adreno-4xx", "adreno-5xx", "adreno-6xx", "adreno-7xx", "adreno-8xx", "ampere", "bifrost",
+        "blackwell", "gen-8", "gen-9", "gen-11", "gen-12hp", "gen-12lp", "hopper", "lovelace", "maxwell",
+        "metal-3", "metal-4", "midgard", "pascal", "rdna-1", "rdna-2", "rdna-3", "rdna-4", "rogue",
+        "swiftshader", "turing", "valhall", "xe", "xe-2",
+    }
+)  # fmt: skip
 
 Step = Literal["opened", "refused", "began", "failed", "finished", "unsupported"]
 Reason = Literal[

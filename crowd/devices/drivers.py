@@ -51,8 +51,8 @@ BROWSER_VERSION = re.compile(r"\d{1,4}", re.ASCII)
 def driver(raw: Mapping[str, Any]) -> Driver:
     """The driver behind RAW, or its browser; Driver() where no rule knows the platform."""
     if (browser := text(raw, "browser")) in BROWSERS:
-        version = text(raw, "browser_version")
-        return Driver(browser, version if BROWSER_VERSION.fullmatch(version) else "")
+        given = text(raw, "browser_version")
+        return Driver(browser, given if BROWSER_VERSION.fullmatch(given) else "")
     platform, given = text(raw, "opencl_platform"), text(raw, "opencl_driver")
     for known, name, version in DRIVERS:
         if known.search(platform):

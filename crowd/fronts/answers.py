@@ -16,8 +16,8 @@ from crowd.fronts.selectors import Front, Point
 class Addressed(msgspec.Struct):
     """JSON that never changes, at `url` relative to the server.
 
-    A plan (slam/plans/schema.json). Its shaders: the WGSL text of each kernel by name. A trajectory: a list of
-    [x, y, z] in metres, one a frame.
+    A plan (slam/plans/schema.json). Its shaders: the WGSL text of each kernel by name. A trajectory: a list
+    of [x, y, z] in metres, one a frame.
     """
 
     sha256: str
