@@ -36,6 +36,7 @@
 | FRONTRUNNER_SEND_SECONDS | 60 | a client that reads nothing of an answer for so long is dropped |
 | FRONTRUNNER_WEB_THREADS | 4 | requests that one web server process works on at a time |
 | FRONTRUNNER_PAGES_PER_MINUTE | 600 | pages, tables, cards and exports read from one address |
+| FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
 | FRONTRUNNER_WATCHERS | (none) | networks that may read /metrics and /readyz, such as 10.0.0.5/32,fd00::/8 |
 | FRONTRUNNER_LEASE_SECONDS | 90 | after so long without a heartbeat a measurement's worker counts as dead |
 | FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement, less than a lease |
@@ -68,6 +69,7 @@ FRONTRUNNER_OWN_REQUESTS_PER_MINUTE = integer("FRONTRUNNER_OWN_REQUESTS_PER_MINU
 FRONTRUNNER_ENROLMENTS_PER_HOUR = integer("FRONTRUNNER_ENROLMENTS_PER_HOUR", 120)
 FRONTRUNNER_READS_PER_MINUTE = integer("FRONTRUNNER_READS_PER_MINUTE", 600)
 FRONTRUNNER_PAGES_PER_MINUTE = integer("FRONTRUNNER_PAGES_PER_MINUTE", 600)
+FRONTRUNNER_SOURCE = matching("FRONTRUNNER_SOURCE", "", r"(https?://.+)?", "https://host/project")
 FRONTRUNNER_WATCHERS = networks("FRONTRUNNER_WATCHERS")
 FRONTRUNNER_BYTES_PER_DAY = integer("FRONTRUNNER_BYTES_PER_DAY", 16 << 20)
 FRONTRUNNER_VALUES_PER_DAY = integer("FRONTRUNNER_VALUES_PER_DAY", 2_000_000)

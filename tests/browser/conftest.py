@@ -11,6 +11,13 @@ from tests.crowd.conftest import pack
 
 __all__ = ["pack"]
 
+# WebGPU on the processor, and a name that is not localhost: browsers trust that one without HTTPS.
+FLAGS = (
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",
+    "--host-resolver-rules=MAP lab.test 127.0.0.1",
+)
+
 
 @pytest.fixture(scope="package")
 def chromium() -> Iterator[Any]:
@@ -18,7 +25,7 @@ def chromium() -> Iterator[Any]:
     # Playwright runs an event loop in this thread, under which Django would refuse to touch the database.
     os.environ["DJANGO_ALLOW_ASYNC_UNSAFE"] = "1"
     try:
-        with launched() as browser:
+        with launched(*FLAGS) as browser:
             yield browser
     except NoBrowserError as reason:
         pytest.skip(str(reason))

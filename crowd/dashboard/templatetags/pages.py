@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlencode
 
+import segno
 from django import template
+from django.conf import settings
 from django.template.loader import render_to_string
 from django.urls import reverse
 from django.utils.html import format_html
-from django.utils.safestring import SafeString
+from django.utils.safestring import SafeString, mark_safe
 
 from crowd.dashboard.drawings.drawing import with_query
 
@@ -70,6 +72,20 @@ def described(content: str) -> SafeString:
 def server(context: dict[str, Any]) -> str:
     """This server's address as a client needs it, without a slash at the end."""
     return context["request"].build_absolute_uri("/").rstrip("/")
+
+
+@register.simple_tag
+def source() -> str:
+    """Where this deployment's source and documentation are; empty where nobody said so."""
+    address: str = settings.FRONTRUNNER_SOURCE
+    return address
+
+
+@register.simple_tag
+def qr_code(address: str) -> SafeString:
+    """ADDRESS as a picture that phones read."""
+    svg: str = segno.make(address, micro=False).svg_inline(scale=4, border=2, dark="#131b20", light="#ffffff")
+    return mark_safe(svg)
 
 
 @register.simple_block_tag(takes_context=True)

@@ -1,0 +1,86 @@
+"""A server with a small published front, and someone who has never been there."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crowd.fronts import manifests, plans
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.services import publish_content
+from slam.datasets.pack import Pack
+from tests.browser.visitor import Visitor
+from tests.crowd.documents import STANDARD
+from tests.slam.tiny import write_tiny_pack
+
+ROOT = Path(__file__).parents[3]
+FRAMES = 8
+DEFAULT = STANDARD | {
+    "compute_size_ratio": 1,
+    "volume_resolution": 64,
+    "integration_rate": 1,
+    "tracking_rate": 1,
+}
+BEST = DEFAULT | {
+    "compute_size_ratio": 2, "pyramid_iterations_fine": 2, "pyramid_iterations_middle": 1,
+    "pyramid_iterations_coarse": 0, "integration_rate": 4,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Published:
+    """The folder with the sequence, and the front's document: its references are measured, over OpenCL."""
+
+    sequences: Path
+    document: dict[str, Any]
+
+
+@pytest.fixture(scope="package")
+def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
+    folder = tmp_path_factory.mktemp("sequences")
+    pack = Pack(write_tiny_pack(folder))
+    predicted = {"runtime": 0.01, "ate_max": 0.01, "ate_mean": 0.005}
+    document = {
+        "application": "kfusion",
+        "version": "web",
+        "protocol": {
+            "version": 2, "warmup_frames": 2, "frames": FRAMES, "first_counted_frame": 4,
+            "order": ["default", "best", "best", "default"], "repeats": 4, "rest_seconds": 0, "max_ate": 0.05,
+        },
+        "sequence": {"name": pack.name, "sha256": pack.sha256},
+        "configurations": [
+            {"name": "default", "parameters": DEFAULT, "predicted": predicted},
+            {"name": "best", "parameters": BEST, "predicted": predicted},
+        ],
+        "provenance": {"note": "made up for testing", "evaluations": 0},
+    }  # fmt: skip
+    plain, complete = folder / "front.json", folder / "complete.json"
+    plain.write_text(json.dumps(document))
+    # OpenCL does not survive a fork: in a process of its own.
+    command = [sys.executable, "-m", "slam", "reference", "--front", plain, "--sequence", folder / "tiny"]
+    subprocess.run([*map(str, command), "--out", str(complete)], cwd=ROOT, check=True, capture_output=True)
+    return Published(folder, json.loads(complete.read_text()))
+
+
+@pytest.fixture
+def front(transactional_db: None, settings: Any, published: Published) -> FrontVersion:
+    """The front, published on this test's server."""
+    settings.FRONTRUNNER_SEQUENCES = [published.sequences]
+    settings.FRONTRUNNER_QUORUM = 3
+    for cache in (plans._pack, plans._made, plans._contents, manifests._made):
+        cache.cache_clear()
+    return publish_content(published.document)[0]
+
+
+@pytest.fixture
+def visitor(chromium: Any, live_server: Any, front: FrontVersion) -> Iterator[Visitor]:
+    """Someone with a phone who has never been here."""
+    one = Visitor(chromium, live_server.url, width=390)
+    one.page.set_default_timeout(90_000)
+    yield one
+    one.context.close()

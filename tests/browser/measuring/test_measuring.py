@@ -1,0 +1,292 @@
+"""Someone measures a device by opening a link: what they see, what arrives, and what is never lost."""
+
+import copy
+import json
+import re
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.devices.models import BrowserAttempt, DeviceDescription, Installation
+from crowd.fronts.services import publish_content
+from crowd.results.models import MeasurementSession, Run
+from tests.browser.measuring.conftest import Published
+from tests.browser.visitor import Visitor
+
+API = "/api/v1"
+MEASURED = "#result[data-speedup]"
+SENT = "#result:is([data-state=unconfirmed], [data-state=suspect])"
+
+
+def begin(visitor: Visitor) -> Any:
+    """The page, agreed and started."""
+    page = visitor.page
+    page.goto(f"{visitor.server}/measure/")
+    page.locator("#agree").click()
+    page.locator("#start").click()
+    return page
+
+
+def finished(page: Any, selector: str = SENT) -> Any:
+    """The result, as soon as it is there."""
+    result = page.locator(selector)
+    result.wait_for()
+    return result
+
+
+def steps() -> list[str]:
+    """What was counted of visitors, in any order."""
+    return sorted(
+        f"{row.step} {row.reason}".strip()
+        for row in BrowserAttempt.objects.all()
+        for _ in range(row.attempts)
+    )
+
+
+def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) -> None:
+    page = visitor.open("/")
+    page.get_by_role("link", name="Measure this device", exact=True).click()
+    page.locator("#agree").click()
+    page.get_by_text("What is sent, with the values of this device").click()
+    sample = json.loads(page.locator("#sample").inner_text())
+    page.locator("#start").click()
+    page.get_by_text(re.compile("^best, run [0-9] of 8$")).wait_for()
+    result = finished(page)
+
+    speedup = float(result.get_attribute("data-speedup"))
+    session = MeasurementSession.objects.get()
+    rows = client.get(f"{API}/speedups").json()["results"]
+    assert (session.backend, session.runs.filter(status="ok").count()) == ("webgpu", 8)
+    assert [(row["backend"], row["state"]) for row in rows] == [("webgpu", "unconfirmed")]
+    assert rows[0]["speedup"] == pytest.approx(speedup)
+    assert rows[0]["session_low"] < speedup < rows[0]["session_high"]
+    assert sample["device"] == DeviceDescription.objects.get().raw
+    assert "unconfirmed" in result.inner_text()
+    page.goto(f"{visitor.server}/")
+    assert page.get_by_text("software rendering").first.is_visible()
+    assert steps() == ["began", "finished", "opened"]
+    assert visitor.complaints == []
+
+
+def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> None:
+    visitor.page.route("**/api/v1/submissions", lambda route: route.abort())
+    page = begin(visitor)
+    finished(page, f"{MEASURED}[data-state=kept]")
+    assert page.get_by_text("sent as soon as the server can be reached").is_visible()
+    assert MeasurementSession.objects.count() == 0
+
+    visitor.page.unroute("**/api/v1/submissions")
+    let_it_try_again(page)
+    page.reload()
+    page.locator("#sessions").get_by_text("sent").wait_for()
+    page.reload()
+    page.locator("#sessions").get_by_text("sent").wait_for()
+
+    assert Run.objects.count() == 8
+    assert MeasurementSession.objects.count() == 1
+
+
+def let_it_try_again(page: Any) -> None:
+    """The time until the next try has passed."""
+    page.evaluate(
+        """async () => {
+            const sessions = await import("/measure/sessions.js");
+            for (const session of await sessions.all()) await sessions.keep({ ...session, notBefore: 0 });
+        }"""
+    )
+
+
+def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None:
+    page = begin(visitor)
+    finished(page)
+    page.evaluate("navigator.serviceWorker.ready.then(() => undefined)")
+    page.reload()  # this time under the service worker
+    page.locator("#start").wait_for()
+    visitor.context.set_offline(True)
+
+    page.reload()
+    page.get_by_role("button", name="Start").click()
+    finished(page, f"{MEASURED}[data-state=kept]")
+    visitor.context.set_offline(False)
+    let_it_try_again(page)
+    page.evaluate("dispatchEvent(new Event('online'))")
+    page.locator("#sessions li").filter(has_text="sent").nth(1).wait_for()
+
+    assert MeasurementSession.objects.count() == 2
+
+
+def test_a_tab_killed_after_the_second_run_goes_on_in_the_next(visitor: Visitor) -> None:
+    page = begin(visitor)
+    page.get_by_text(re.compile("run 3 of 8$")).wait_for()
+    page.close()
+    page = visitor.context.new_page()
+    page.set_default_timeout(90_000)
+    page.goto(f"{visitor.server}/measure/")
+    page.get_by_role("button", name=re.compile("^Continue: [2-4] of 8 runs are done$")).click()
+    finished(page)
+
+    runs = Run.objects.order_by("order")
+    assert [run.order for run in runs] == list(range(8))
+    assert MeasurementSession.objects.count() == 1
+
+
+def test_a_hidden_page_stops_and_keeps_what_is_finished(visitor: Visitor) -> None:
+    page = begin(visitor)
+    page.get_by_text(re.compile("run 2 of 8$")).wait_for()
+    page.evaluate(
+        """() => {
+            Object.defineProperty(document, "visibilityState", { value: "hidden", configurable: true });
+            document.dispatchEvent(new Event("visibilitychange"));
+        }"""
+    )
+
+    page.get_by_text("The measurement was interrupted").wait_for()
+    page.get_by_role("button", name=re.compile("^Continue: [1-3] of 8 runs are done$")).wait_for()
+    assert steps() == ["began", "failed hidden", "opened"]
+
+
+def test_the_same_bytes_are_sent_again_after_503(visitor: Visitor) -> None:
+    sent: list[tuple[str | None, bytes | None]] = []
+
+    def answer(route: Any) -> None:
+        sent.append((route.request.headers["idempotency-key"], route.request.post_data_buffer))
+        if len(sent) == 1:
+            route.fulfill(status=503, headers={"Retry-After": "600"}, body="{}")
+        else:
+            route.continue_()
+
+    visitor.page.route("**/api/v1/submissions", answer)
+    page = begin(visitor)
+    finished(page, f"{MEASURED}[data-state=kept]")
+    page.evaluate("dispatchEvent(new Event('online'))")  # too early
+    let_it_try_again(page)
+    page.reload()
+    page.locator("#sessions").get_by_text("sent").wait_for()
+
+    assert len(sent) == 2
+    assert sent[0] == sent[1]
+    assert MeasurementSession.objects.count() == 1
+
+
+def test_a_shader_that_is_not_what_its_digest_says_is_refused(visitor: Visitor) -> None:
+    visitor.page.route(
+        "**/shaders/*", lambda route: route.fulfill(body="{}", content_type="application/json")
+    )
+    page = begin(visitor)
+
+    page.get_by_text("is damaged: its SHA-256 differs").wait_for()
+    assert MeasurementSession.objects.count() == 0
+
+
+def test_a_device_that_computes_something_else_is_told_so_before_anything_is_timed(
+    visitor: Visitor, published: Published
+) -> None:
+    narrow = copy.deepcopy(published.document) | {"version": "narrow"}
+    narrow["configurations"][1]["band"] = 1e-9
+    publish_content(narrow)
+    page = begin(visitor)
+
+    page.get_by_text("This device computes something else").wait_for()
+    assert page.get_by_text("the band is 1e-9 m").is_visible()
+    [counted] = BrowserAttempt.objects.filter(reason="wrong_results")
+    assert (counted.step, counted.gpu_architecture, counted.browser) == ("failed", "swiftshader", "Chrome")
+    assert MeasurementSession.objects.count() == Installation.objects.count() == 0
+
+
+@pytest.mark.parametrize(
+    ("script", "title", "reason"),
+    [
+        ("delete Navigator.prototype.gpu", "This browser has no WebGPU", "no_webgpu"),
+        ("GPU.prototype.requestAdapter = async () => null", "but no device for it", "no_adapter"),
+    ],
+)
+def test_a_browser_that_cannot_measure_says_why(
+    visitor: Visitor, script: str, title: str, reason: str
+) -> None:
+    visitor.page.add_init_script(script)
+    page = visitor.open("/measure/")
+
+    page.get_by_text(title).wait_for()
+    assert page.locator("#start").is_hidden()
+    page.wait_for_load_state("networkidle")
+    assert steps() == [f"unsupported {reason}"]
+
+
+def test_an_address_without_https_says_so_and_shows_no_qr_code(visitor: Visitor, settings: Any) -> None:
+    settings.ALLOWED_HOSTS = ["*"]
+    insecure = visitor.server.replace("localhost", "lab.test").replace("127.0.0.1", "lab.test")
+    page = visitor.page
+    page.goto(f"{insecure}/measure/")
+
+    page.get_by_text("This address has no HTTPS").wait_for()
+    page.goto(f"{insecure}/")
+    assert page.locator(".qr-code").count() == 0
+    assert page.get_by_text("Phones measure over HTTPS only").is_visible()
+
+
+def test_nothing_starts_without_agreement(visitor: Visitor) -> None:
+    page = visitor.open("/measure/")
+    page.locator("#agree").check()
+    assert page.locator("#start").is_enabled()
+    page.locator("#agree").uncheck()
+
+    assert page.locator("#start").is_disabled()
+    page.wait_for_load_state("networkidle")
+    assert steps() == ["opened", "refused declined"]
+
+
+def test_an_owner_exports_and_erases(visitor: Visitor) -> None:
+    page = begin(visitor)
+    finished(page)
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Export").click()
+    exported = json.loads(download.value.path().read_text())
+    assert len(exported["sessions"]) == 1
+    assert exported["server"]
+
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.get_by_role("button", name="Erase everything").click()
+    page.locator("#mine").wait_for(state="hidden")
+
+    assert MeasurementSession.objects.count() == Installation.objects.count() == 0
+
+
+def test_an_owner_shows_the_model(visitor: Visitor) -> None:
+    page = begin(visitor)
+    finished(page)
+    page.locator("#show-model").check()
+    page.wait_for_load_state("networkidle")
+
+    assert Installation.objects.get().show_model
+
+
+def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
+    page = begin(visitor)
+    page.get_by_text(re.compile("^Checking")).wait_for()
+    other = visitor.context.new_page()
+    other.goto(f"{visitor.server}/measure/")
+    other.locator("#start").click()
+
+    other.get_by_text("Another tab measures already").wait_for()
+    page.bring_to_front()
+    finished(page)
+    assert MeasurementSession.objects.count() == 1
+
+
+@pytest.mark.parametrize("width", [360, 390, 1400])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_and_is_accessible(
+    chromium: Any, live_server: Any, front: Any, width: int, scheme: str
+) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    one = Visitor(chromium, live_server.url, width=width, scheme=scheme)
+    page = one.open("/measure/")
+    page.locator("#start").wait_for()
+
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+    assert [rule["id"] for rule in found if rule["impact"] in {"serious", "critical"}] == []
+    assert one.complaints == []
+    one.context.close()
