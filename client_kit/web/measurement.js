@@ -105,7 +105,8 @@ export async function measure(order, host) {
   } catch (error) {
     if (error instanceof StoppedError) host.send({ type: "done", interrupted: true });
     else {
-      const code = error instanceof EndedError ? error.code : "error";
+      const lost = error instanceof DeviceLostError ? "device_lost" : "error";
+      const code = error instanceof EndedError ? error.code : lost;
       host.send({ type: "failed", code, detail: oneLine(messageOf(error)) });
     }
   } finally {

@@ -583,7 +583,7 @@ function wholeWords(image) {
  * @returns {string}
  */
 export function oneLine(text) {
-  return text.replace(/\s+/g, " ").trim().slice(0, 300);
+  return text.replace(/[\s\p{C}]+/gu, " ").trim().slice(0, 300);
 }
 
 /**

@@ -73,17 +73,6 @@ def test_raycast(launch: Callable[..., None], session: SimpleNamespace) -> None:
     test_kfusion_kernels.test_raycast(launch, session, 0.6, (0.25, -0.3, 0.1))
 
 
-@pytest.fixture(scope="module")
-def page(web_browser: Any, web_server: Any) -> Any:
-    """One page for all kernels, which keeps its device."""
-    page = web_browser.new_page()
-    page.goto(web_server.url)
-    if not page.evaluate("navigator.gpu?.requestAdapter().then(Boolean)"):
-        pytest.skip("this Chromium has no WebGPU adapter")
-    yield page
-    page.close()
-
-
 @pytest.fixture
 def session() -> SimpleNamespace:
     """What the tests ask of a device: how its kernels are laid out."""
@@ -91,5 +80,5 @@ def session() -> SimpleNamespace:
 
 
 @pytest.fixture
-def launch(page: Any) -> Callable[..., None]:
-    return launcher(LAYOUT, lambda plan: BrowserExecution(page, plan))
+def launch(gpu_page: Any) -> Callable[..., None]:
+    return launcher(LAYOUT, lambda plan: BrowserExecution(gpu_page, plan))
