@@ -23,7 +23,8 @@ from tests.slam.conformance.test_image_kernels import *  # noqa: F403
 from tests.slam.conformance.test_kfusion_kernels import *  # noqa: F403
 
 EXECUTE = """async ({ plan, shaders, inputs, outputs }) => {
-    const { Device, Execution, requestAdapter } = await import("/measure/webgpu.js");
+    const { Device, requestAdapter } = await import("/measure/gpu-device.js");
+    const { Execution } = await import("/measure/webgpu.js");
     window.device ??= await Device.open(await requestAdapter(navigator.gpu));
     const execution = await Execution.create(window.device, plan, shaders);
     for (const [name, text] of Object.entries(inputs)) {
