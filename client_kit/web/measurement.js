@@ -3,14 +3,15 @@
  * warm-up too, then its runs in the protocol's order.
  */
 
+import {
+  Device, DeviceLostError, DoesNotFitError, describeAdapter, messageOf, oneLine, requestAdapter,
+} from "./gpu-device.js";
 import { readFrames, readHeader } from "./pack.js";
 import { shade, viewOf } from "./picture.js";
 import { failedRun, finishedRun, isPlausible, positionsOf } from "./run-record.js";
 import { plannedRuns } from "./schedule.js";
 import { deviation } from "./trajectory.js";
-import {
-  Device, DeviceLostError, DoesNotFitError, Execution, describeAdapter, messageOf, oneLine, requestAdapter,
-} from "./webgpu.js";
+import { Execution } from "./webgpu.js";
 
 const EMPTY_FRAMES = 50;
 const FRAMES_A_PROGRESS = 10;
@@ -22,7 +23,7 @@ const MICROSECONDS = 1e6;
 /** @typedef {import("./run-record.js").Run} Run */
 /** @typedef {import("./schedule.js").PlannedRun} PlannedRun */
 /** @typedef {import("./schedule.js").Protocol} Protocol */
-/** @typedef {import("./webgpu.js").AdapterInfo} AdapterInfo */
+/** @typedef {import("./gpu-device.js").AdapterInfo} AdapterInfo */
 /** @typedef {import("./webgpu.js").Outcome} Outcome */
 /** @typedef {import("./webgpu.js").Shaders} Shaders */
 /** @typedef {"device" | "none"} StageClock */
@@ -105,7 +106,8 @@ export async function measure(order, host) {
   } catch (error) {
     if (error instanceof StoppedError) host.send({ type: "done", interrupted: true });
     else {
-      const code = error instanceof EndedError ? error.code : "error";
+      const lost = error instanceof DeviceLostError ? "device_lost" : "error";
+      const code = error instanceof EndedError ? error.code : lost;
       host.send({ type: "failed", code, detail: oneLine(messageOf(error)) });
     }
   } finally {

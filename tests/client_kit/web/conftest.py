@@ -27,7 +27,7 @@ def web_browser() -> Iterator[Any]:
         pytest.skip(str(reason))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def web_page(web_browser: Any, web_server: WebServer) -> Iterator[Any]:
     """A page on which modules can be imported from /measure/."""
     page = web_browser.new_page()
@@ -37,7 +37,7 @@ def web_page(web_browser: Any, web_server: WebServer) -> Iterator[Any]:
     page.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def gpu_page(web_page: Any) -> Any:
     """The same, with a WebGPU adapter; a skip where this browser has none."""
     if not web_page.evaluate("navigator.gpu?.requestAdapter().then(Boolean)"):

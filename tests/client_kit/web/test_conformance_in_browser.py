@@ -23,7 +23,8 @@ from tests.slam.conformance.test_image_kernels import *  # noqa: F403
 from tests.slam.conformance.test_kfusion_kernels import *  # noqa: F403
 
 EXECUTE = """async ({ plan, shaders, inputs, outputs }) => {
-    const { Device, Execution, requestAdapter } = await import("/measure/webgpu.js");
+    const { Device, requestAdapter } = await import("/measure/gpu-device.js");
+    const { Execution } = await import("/measure/webgpu.js");
     window.device ??= await Device.open(await requestAdapter(navigator.gpu));
     const execution = await Execution.create(window.device, plan, shaders);
     for (const [name, text] of Object.entries(inputs)) {
@@ -73,17 +74,6 @@ def test_raycast(launch: Callable[..., None], session: SimpleNamespace) -> None:
     test_kfusion_kernels.test_raycast(launch, session, 0.6, (0.25, -0.3, 0.1))
 
 
-@pytest.fixture(scope="module")
-def page(web_browser: Any, web_server: Any) -> Any:
-    """One page for all kernels, which keeps its device."""
-    page = web_browser.new_page()
-    page.goto(web_server.url)
-    if not page.evaluate("navigator.gpu?.requestAdapter().then(Boolean)"):
-        pytest.skip("this Chromium has no WebGPU adapter")
-    yield page
-    page.close()
-
-
 @pytest.fixture
 def session() -> SimpleNamespace:
     """What the tests ask of a device: how its kernels are laid out."""
@@ -91,5 +81,5 @@ def session() -> SimpleNamespace:
 
 
 @pytest.fixture
-def launch(page: Any) -> Callable[..., None]:
-    return launcher(LAYOUT, lambda plan: BrowserExecution(page, plan))
+def launch(gpu_page: Any) -> Callable[..., None]:
+    return launcher(LAYOUT, lambda plan: BrowserExecution(gpu_page, plan))
