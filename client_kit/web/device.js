@@ -4,7 +4,7 @@
  * Chromium names the model of an Android device. Safari and Firefox do not: their owners may choose it.
  */
 
-/** @typedef {import("./webgpu.js").AdapterInfo} AdapterInfo */
+/** @typedef {import("./gpu-device.js").AdapterInfo} AdapterInfo */
 /** @typedef {Record<string, string | null>} Identity */
 
 const SYSTEMS = /** @type {[RegExp, string, RegExp | null][]} */ ([

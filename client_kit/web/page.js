@@ -7,18 +7,19 @@ import { browserOf, identify, isHandheld } from "./device.js";
 import { showResult, showSessions } from "./results.js";
 import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, download, downloadJson, readManifest } from "./server.js";
 import * as sessions from "./sessions.js";
-import { describeAdapter, requestAdapter } from "./webgpu.js";
+import { describeAdapter, requestAdapter } from "./gpu-device.js";
 
 const SILENCE_MS = 180_000; // of the worker, after which it is given up
 // What the worker loads: kept, like all that this page loads, for a visit without a network.
 const WORKER_FILES = [
-  "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "schedule.js", "trajectory.js",
+  "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "schedule.js", "stage-clock.js",
+  "trajectory.js", "webgpu.js",
 ];
 
 /** @typedef {import("./server.js").Manifest} Manifest */
 /** @typedef {import("./measurement.js").Message} Message */
 /** @typedef {import("./sessions.js").Session} Session */
-/** @typedef {import("./webgpu.js").AdapterInfo} AdapterInfo */
+/** @typedef {import("./gpu-device.js").AdapterInfo} AdapterInfo */
 
 /**
  * @template {HTMLElement} T
@@ -182,6 +183,7 @@ start.addEventListener("click", () => {
 
 stop.addEventListener("click", () => worker?.postMessage({ type: "stop" }));
 document.addEventListener("visibilitychange", () => {
+  // A hidden page loses the device sooner or later, and computes at another speed.
   if (document.visibilityState === "hidden") worker?.postMessage({ type: "stop" });
 });
 
