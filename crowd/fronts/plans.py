@@ -1,12 +1,13 @@
 """What a device does with each frame of a configuration, as data for clients that execute it.
 
-A plan follows from the configuration, the sequence's camera and this version of the program. Its digest is
-its name.
+A plan follows from the configuration, the sequence's camera and this version of the program. The shaders are
+the WGSL texts of its kernels. The digest of each is its name.
 """
 
 import hashlib
+import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
@@ -22,11 +23,20 @@ KFUSION = "kfusion"  # the one system whose frames are planned
 log = logging.getLogger(__name__)
 
 
-class FramePlan(NamedTuple):
-    """The plan's JSON, its digest, and the backends whose default limits it keeps."""
+class Document(NamedTuple):
+    """JSON and its digest."""
 
     content: str
     sha256: str
+
+
+class FramePlan(NamedTuple):
+    """The plan, the WGSL text of each kernel that it launches, and the backends whose default limits it
+    keeps.
+    """
+
+    plan: Document
+    shaders: Document
     backends: tuple[str, ...]
 
 
@@ -47,9 +57,19 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
 
 def find(sha256: str) -> str | None:
     """The JSON of a plan of a front that was ever published; None where none has this digest. One query."""
+    return _find(sha256, lambda plan: plan.plan)
+
+
+def find_shaders(sha256: str) -> str | None:
+    """The JSON object of such a plan's shaders, by kernel; None where none has this digest. One query."""
+    return _find(sha256, lambda plan: plan.shaders)
+
+
+def _find(sha256: str, document: Callable[[FramePlan], Document]) -> str | None:
     if not sequences.DIGEST.fullmatch(sha256):
         return None
-    return _contents(selectors.released(KFUSION)).get(sha256)
+    documents = map(document, _of_fronts(selectors.released(KFUSION)))
+    return next((found.content for found in documents if found.sha256 == sha256), None)
 
 
 def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
@@ -62,11 +82,11 @@ def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
 
 
 @lru_cache(maxsize=1)
-def _contents(released: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
-    """The JSON of each plan of the fronts RELEASED (slug and digest), by its digest."""
+def _of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
+    """The plan of each configuration of the fronts RELEASED (slug and digest) that has one."""
     fronts = [selectors.front(slug) for slug, _ in released]
     plans = [of_point(front, point) for front in fronts if front for point in front.points]
-    return {plan.sha256: plan.content for plan in plans if plan}
+    return tuple(plan for plan in plans if plan)
 
 
 @cache
@@ -75,15 +95,21 @@ def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     from slam.devices import webgpu
     from slam.devices.layout import Layout
     from slam.kfusion.configuration import Configuration
+    from slam.kfusion.pipeline import FOLDERS
     from slam.kfusion.plan import plan
+    from slam.plans.declarations import shaders
     from slam.system import scene_of
 
     made = plan(Configuration.from_mapping(dict(parameters)), scene_of(_pack(sequence)), Layout("pixels"))
     largest = max(buffer.planes * buffer.nbytes(made.state_type.itemsize) for buffer in made.buffers)
     fits = largest <= webgpu.LIMITS["max-storage-buffer-binding-size"]
-    content = made.to_json()
     backends = tuple(b for b in APPLICATIONS[KFUSION].backends if fits or b != "webgpu")
-    return FramePlan(content, hashlib.sha256(content.encode()).hexdigest(), backends)
+    texts = json.dumps(shaders(made, FOLDERS))
+    return FramePlan(_document(made.to_json()), _document(texts), backends)
+
+
+def _document(content: str) -> Document:
+    return Document(content, hashlib.sha256(content.encode()).hexdigest())
 
 
 @lru_cache(maxsize=8)

@@ -37,6 +37,7 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
     path, asked = (request.path, request.GET) if request else ("", {})
     crowd = urlencode({name: asked[name] for name in CROWD if asked.get(name)})
     names = {
+        "Measure": "measure",
         "Devices": "devices",
         "Fronts": "fronts",
         "Transfer": "transfer",
