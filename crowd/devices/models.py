@@ -187,7 +187,7 @@ class DeviceDescription(models.Model):
 
     @property
     def driver(self) -> str:
-        """The OpenCL driver by name and version."""
+        """The OpenCL driver, or the browser, by name and version."""
         return f"{self.driver_name} {self.driver_version}".strip()
 
 

@@ -14,23 +14,34 @@ from typing import Any
 from django.utils.text import slugify
 
 from crowd.devices import chips, model_names, names, processors
+from crowd.devices.browsers import is_browser
 from crowd.devices.chips.central_processors import without_noise
 from crowd.devices.emulators import is_emulator, is_virtual_machine
 from crowd.devices.names import text
 
 # Counts up with every change of a rule: descriptions derived by older rules are derived again.
-RULES = 2
+RULES = 3
 UNKNOWN = "Unknown device"
 SLUG_LENGTH = 100
 # What a model is known by, and the driver that ran.
 RAW_STRINGS = frozenset(
     {
-        "board", "board_platform", "brand", "cpu", "device", "egl", "manufacturer", "model",
-        "opencl_device", "opencl_driver", "opencl_platform", "os", "product", "soc_manufacturer",
-        "soc_model",
+        "board", "board_platform", "brand", "browser", "browser_version", "cpu", "device", "egl",
+        "gpu_architecture", "gpu_description", "gpu_device", "gpu_fallback", "gpu_vendor", "manufacturer",
+        "model", "model_source", "opencl_device", "opencl_driver", "opencl_platform", "os", "product",
+        "soc_manufacturer", "soc_model",
     }
 )  # fmt: skip
-SYSTEMS = {"android": "Android", "windows": "Windows", "macos": "macOS", "darwin": "macOS", "ios": "iOS"}
+SYSTEMS = {
+    "android": "Android", "windows": "Windows", "macos": "macOS", "darwin": "macOS", "ios": "iOS",
+    "ipados": "iOS", "chrome os": "ChromeOS", "chromeos": "ChromeOS",
+}  # fmt: skip
+# `model_source` of a model that no browser named.
+STATED_BY_OWNER = "owner"
+# What browsers say in place of a model.
+NO_MODELS = frozenset({"ipad", "iphone", "k", "mac", "macintosh"})
+# What a browser's device is called where nothing but its system is known.
+FORMS = {"Android": "Android device", "macOS": "Mac", "": "Device"}
 HANDHELD = frozenset({"Android", "iOS"})
 # What the simulation calls its devices (crowd.results.simulation).
 SIMULATED_MAKER = "Simulated"
@@ -40,8 +51,9 @@ SIMULATED_NAME = re.compile(
 
 DEVICE, UNKNOWN_DEVICE, EMULATOR, VIRTUAL = "device", "unknown", "emulator", "virtual"
 SIMULATED = "simulated"
-# Begins no other model's key: what devices say of themselves is one line each.
+# Begin no other model's key: what devices say of themselves is one line each.
 SIMULATED_PREFIX = "simulated\n"
+BROWSER_PREFIX = "browser\n"
 
 
 @dataclass(frozen=True)
@@ -49,6 +61,9 @@ class Identity:
     """What raw strings come to. `key` starts with the maker: no model merges across makers. `kind` is DEVICE,
     UNKNOWN_DEVICE (its strings name no model), EMULATOR or VIRTUAL (a PC's virtual machine); SIMULATED where
     nobody has the device.
+
+    `machine` stays the same when another chip of the device computes: it is the key, unless the name of that
+    chip is all that a browser says of the model.
 
     `named` says that manufacturer and name come from rules. Where it is False they may hold the text that
     came, for administrators alone. `slug`, `cpu`, `soc`, `gpu` and `os` never do.
@@ -64,6 +79,7 @@ class Identity:
     os: str
     kind: str
     named: bool
+    machine: str
 
     @property
     def distinct_slug(self) -> str:
@@ -95,6 +111,11 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
     system = operating_system(text(raw, "os"))
     maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
     model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
+    if is_browser(raw):
+        if not model or model.casefold() in NO_MODELS:
+            return _without_model(raw, system)
+        # A browser names no maker.
+        maker = maker or model_names.maker_of(model)
     cpu = chips.processor(text(raw, "cpu"))
     soc = system_on_chip(raw, system)
     compared = _name(system, model, cpu or without_noise(text(raw, "cpu")), soc or _raw_soc(raw))
@@ -122,6 +143,37 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
         os=system[:50],
         kind=kind_of(raw, system, maker, model or text(raw, "cpu")),
         named=named,
+        machine=key,
+    )
+
+
+def _without_model(raw: Mapping[str, Any], system: str) -> Identity:
+    """Of a device that a browser says no model of: its form and the chip that computed, both as rules call
+    them. Nothing that the browser sent is part of the key.
+    """
+    processor = processors.processor_of(raw)
+    chip = "" if processor.name == processors.UNKNOWN_CHIP else processor.name
+    if system == "iOS":
+        tablet = text(raw, "os").casefold().startswith("ipados") or text(raw, "model").casefold() == "ipad"
+        maker, form = "Apple", "iPad" if tablet else "iPhone"
+        name = form
+    else:
+        maker, form = "", FORMS.get(system, f"{system} PC")
+        name = f"{form}, {chip}" if chip else _unknown(system)
+    named = name != _unknown(system)
+    kind = kind_of(raw, system, maker, name)
+    return Identity(
+        key=f"{BROWSER_PREFIX}{maker}|{name}".casefold(),
+        slug=slug_of(maker, name),
+        manufacturer=maker,
+        name=name,
+        cpu="",
+        soc="",
+        gpu=graphics(raw),
+        os=system,
+        kind=kind if named or kind == EMULATOR else UNKNOWN_DEVICE,
+        named=named,
+        machine=f"{BROWSER_PREFIX}{maker}|{form}".casefold(),
     )
 
 

@@ -1,4 +1,4 @@
-"""Who computed: the chip behind an OpenCL device, by one name for all spellings of it."""
+"""Who computed: the chip behind an OpenCL device or a WebGPU adapter, by one name for all spellings of it."""
 
 import re
 from collections.abc import Mapping
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from crowd.devices import chips
+from crowd.devices.browsers import is_browser
 from crowd.devices.names import text
 
 UNKNOWN_CHIP = "unknown chip"
@@ -19,7 +20,10 @@ CPU_DEVICE = re.compile(r"^(pthread|cpu|basic)\b|llvmpipe|softpipe|swiftshader",
 
 @dataclass(frozen=True)
 class Processor:
-    """A chip that computes. `name` comes from a rule, or is UNKNOWN_CHIP."""
+    """A chip that computes. `name` comes from a rule, or is UNKNOWN_CHIP.
+
+    Of a browser it is often a family of chips, or the program that stands in for a graphics chip.
+    """
 
     name: str
     kind: Literal["cpu", "gpu"]
@@ -30,6 +34,8 @@ def processor_of(raw: Mapping[str, Any]) -> Processor:
 
     A CPU that the OpenCL device does not name is the one that the kernel names, else the system on a chip.
     """
+    if is_browser(raw):
+        return _of_adapter(raw)
     device = text(raw, "opencl_device")
     graphics = chips.graphics(device)
     if graphics is not None:
@@ -40,6 +46,18 @@ def processor_of(raw: Mapping[str, Any]) -> Processor:
     if CPU_PLATFORM.search(text(raw, "opencl_platform")) or CPU_DEVICE.search(device):
         return Processor(_of_the_system(raw) or UNKNOWN_CHIP, CPU)
     return Processor(UNKNOWN_CHIP, GPU)
+
+
+def _of_adapter(raw: Mapping[str, Any]) -> Processor:
+    found = chips.adapter(
+        text(raw, "gpu_vendor"),
+        text(raw, "gpu_architecture"),
+        (text(raw, "gpu_description"), text(raw, "gpu_device")),
+        fallback=text(raw, "gpu_fallback") == "true",
+    )
+    if found.software:
+        return Processor(found.name or _of_the_system(raw) or UNKNOWN_CHIP, CPU)
+    return Processor(found.name or UNKNOWN_CHIP, GPU)
 
 
 def _of_the_system(raw: Mapping[str, Any]) -> str:

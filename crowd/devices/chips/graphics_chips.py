@@ -36,7 +36,10 @@ POWERVR = (
     (r"\bpowervr (?:rogue )?(g[emtx]?\d{4})(?: (plus))?\b", "PowerVR {0} {1}"),
     (r"\bpowervr\b", "PowerVR"),
 )
-XCLIPSE = ((r"\bxclipse ?(\d{3}[a-z]?)\b", "Samsung Xclipse {0}"),)
+XCLIPSE = (
+    (r"\bxclipse ?(\d{3}[a-z]?)\b", "Samsung Xclipse {0}"),
+    (r"\bxclipse\b", "Samsung Xclipse"),
+)
 APPLE = (
     (r"\bapple ([am]\d{1,2}[xz]?)(?: (bionic|fusion|pro|max|ultra))?\b", "Apple {0} {1}"),
     (r"^apple(?: gpu)?$", "Apple GPU"),
