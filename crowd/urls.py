@@ -21,6 +21,7 @@ urlpatterns = [
     path("shaders/<str:sha256>", shaders, name="shaders"),
     path("data/<str:name>/<str:file>", export_file, name="export-file"),
     path("api/v1/", include("crowd.fronts.urls")),
+    path("api/v1/", include("crowd.devices.urls")),
     path("api/v1/", include("crowd.results.api.urls")),
     path("api/v1/", include("crowd.explorations.urls")),
     path("api/v1/openapi.json", openapi.OpenApiView.as_view(), name="openapi"),

@@ -14,8 +14,9 @@ from django.urls import reverse
 from django.utils import timezone
 
 from crowd.audit.services import record
-from crowd.devices import decisions
+from crowd.devices import attempts, decisions
 from crowd.devices.models import (
+    AttemptCount,
     CatalogueEntry,
     DeviceAlias,
     DeviceDescription,
@@ -194,6 +195,23 @@ class CatalogueEntryAdmin(ReadOnlyAdmin):
 
     list_display = ("market_name", "maker", "code", "device", "soc", "gpu")
     search_fields = ("market_name", "code", "device", "maker")
+
+
+@admin.register(AttemptCount)
+class AttemptCountAdmin(ReadOnlyAdmin):
+    """How many opened the page that measures, how far they came, and why not further."""
+
+    list_display = ("day", "step", "reason", "gpu_vendor", "gpu_architecture", "browser", "count")
+    list_filter = ("step", "reason", "browser", "gpu_vendor", "gpu_architecture")
+    date_hierarchy = "day"
+
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
+        """The list, and sums over all that it lists."""
+        response = super().changelist_view(request, extra_context)
+        context = getattr(response, "context_data", None) or {}
+        if "cl" in context:
+            context["summary"] = attempts.summary(context["cl"].queryset)
+        return response
 
 
 @admin.register(Installation)

@@ -269,6 +269,36 @@ class CatalogueEntry(models.Model):
         return f"{self.market_name} ({self.code or self.device})"
 
 
+class AttemptCount(models.Model):
+    """How often browsers took one step of measuring on one day: `crowd.devices.attempts` counts them.
+
+    Only listed words are stored, and nothing about who it was. Never part of figures or open data.
+    """
+
+    day = models.DateField(help_text="UTC")
+    step = models.CharField(
+        max_length=12, help_text="opened, unsupported, refused, began, failed or finished"
+    )
+    reason = models.CharField(max_length=16, blank=True, help_text="why it went no further")
+    gpu_vendor = models.CharField(max_length=16, blank=True)
+    gpu_architecture = models.CharField(max_length=16, blank=True)
+    browser = models.CharField(max_length=24, blank=True)
+    count = models.PositiveIntegerField()
+
+    class Meta:
+        verbose_name = "browser attempt"
+        ordering = ["-day", "step", "-count"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["day", "step", "reason", "gpu_vendor", "gpu_architecture", "browser"],
+                name="attempt_count_key",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.day} {self.step} {self.reason}".strip()
+
+
 class Revision(models.Model):
     """One change of what pages show: `crowd.devices.revision` adds rows and counts them."""
 

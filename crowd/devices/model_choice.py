@@ -1,0 +1,77 @@
+"""Models that an owner may choose from: Apple's list, the imported catalogue, names that rules accept."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from django.db.models import Q
+
+from crowd.devices import apple_models, model_names, names
+from crowd.devices.models import CatalogueEntry
+
+MOST = 50
+MOST_WORDS = 6
+
+
+class Choice(NamedTuple):
+    """A model as it is sent, and the name under which people know it."""
+
+    manufacturer: str
+    model: str
+    name: str
+
+
+def find(maker: str, search: str) -> list[Choice]:
+    """At most MOST models of MAKER (empty: of any maker) whose names hold all words of SEARCH. One query.
+
+    Where none of them is listed, SEARCH itself is offered if it is written as its maker writes models.
+    """
+    maker = names.manufacturer(" ".join(maker.split()))
+    words = search.casefold().split()[:MOST_WORDS]
+    if not maker and not words:
+        return []
+    found: dict[tuple[str, str], Choice] = {}
+    listed = [*_of_apple(maker, words), *_catalogued(maker, words)]
+    for choice in listed or _written(maker, search):
+        found.setdefault((choice.manufacturer.casefold(), names.folded(choice.model)), choice)
+    return sorted(found.values(), key=lambda choice: (choice.manufacturer, choice.name))[:MOST]
+
+
+def _of_apple(maker: str, words: list[str]) -> Iterator[Choice]:
+    if maker not in ("", "Apple"):
+        return
+    for model in apple_models.MODELS:
+        if all(word in f"apple {model}".casefold() for word in words):
+            yield Choice("Apple", model, model)
+
+
+def _catalogued(maker: str, words: list[str]) -> Iterator[Choice]:
+    rows = CatalogueEntry.objects.exclude(maker="").exclude(code="")
+    if maker:
+        rows = rows.filter(maker=maker.casefold())
+    for word in words:
+        rows = rows.filter(Q(market_name__icontains=word) | Q(code__contains=word) | Q(maker__contains=word))
+    columns = rows.order_by("maker", "market_name", "code").values_list("maker", "code", "market_name")
+    for name, code, market_name in columns[: 2 * MOST]:
+        manufacturer = names.manufacturer(name)
+        model = names.without_maker(market_name, manufacturer)
+        if names.folded(model) != names.folded(code):
+            model = _spelled(code)
+        yield Choice(manufacturer, model, names.shown(manufacturer, model, market_name))
+
+
+def _written(maker: str, search: str) -> Iterator[Choice]:
+    """SEARCH itself, where MAKER writes models so; else the maker that it begins with, or alone writes so."""
+    text = " ".join(search.split())
+    named = [each for each in names.LISTED if text.casefold().startswith(f"{each.casefold()} ")]
+    known = maker or max(named, key=len, default="")
+    model = names.without_maker(text, known)
+    known = known or model_names.maker_of(model)
+    if names.is_known_maker(known) and model_names.is_known_model(known, model):
+        yield Choice(known, _spelled(model), _spelled(model))
+
+
+def _spelled(model: str) -> str:
+    """MODEL in capitals, or with capital words, where it has small letters alone."""
+    if model != model.casefold():
+        return model
+    return model.title() if " " in model else model.upper()
