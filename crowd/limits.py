@@ -119,6 +119,13 @@ class Enrolments(ByAddress):
     name, setting, seconds = "enrolments", "FRONTRUNNER_ENROLMENTS_PER_HOUR", AN_HOUR
 
 
+class Attempts(ByAddress):
+    """Steps of measuring in a browser, which are counted without a token."""
+
+    what = "counted steps of browsers of an address"
+    name, setting, seconds = "attempts", "FRONTRUNNER_ATTEMPTS_PER_HOUR", AN_HOUR
+
+
 class Submissions(ByInstallation):
     """Submissions and dry runs."""
 
@@ -135,5 +142,5 @@ class OwnRequests(ByInstallation):
 
 def in_force() -> list[Limit]:
     """The limits of this deployment, for people to read."""
-    kinds = (Submissions, OwnRequests, Enrolments, Reads, Pages)
+    kinds = (Submissions, OwnRequests, Enrolments, Attempts, Reads, Pages)
     return [limit for limit in (kind() for kind in kinds) if limit.quota]

@@ -27,9 +27,17 @@ WATCHING = frozenset({"healthz", "readyz", "metrics"})
 BODY_REFUSAL = "frontrunner.body_refusal"
 # Files that never change; monitoring; the API, whose endpoints have limits of their own.
 NOT_PAGES = (
-    "/sequences/", "/trajectories/", "/plans/", "/shaders/", "/measure/", "/healthz", "/readyz", "/metrics",
+    "/sequences/",
+    "/trajectories/",
+    "/plans/",
+    "/shaders/",
+    "/healthz",
+    "/readyz",
+    "/metrics",
     "/api/",
-)  # fmt: skip
+)
+# A page; the files below it come with it, and are asked for each time.
+MEASURE = "/measure/"
 DOCUMENTATION = "/api/v1/docs"
 
 log = logging.getLogger("crowd.requests")
@@ -91,7 +99,9 @@ class PageLimitMiddleware:
 
 
 def _is_page(path: str) -> bool:
-    return path == DOCUMENTATION or not path.startswith((settings.STATIC_URL, *NOT_PAGES))
+    if path in (DOCUMENTATION, MEASURE):
+        return True
+    return not path.startswith((settings.STATIC_URL, MEASURE, *NOT_PAGES))
 
 
 def _too_many(limit: limits.Pages) -> HttpResponse:

@@ -23,7 +23,7 @@ _BOTH = {
     ),
     "devices": (
         *("view_devicemodel", "view_devicedescription", "view_devicealias", "view_devicesplit"),
-        "view_catalogueentry",
+        *("view_catalogueentry", "view_attemptcount"),
     ),
 }
 _DECIDING = {"fronts": ("publish_frontversion",), "devices": ("change_devicemodel",)}

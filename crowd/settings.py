@@ -23,6 +23,7 @@
 | FRONTRUNNER_SECOND_PERSON | 0 | 1: anyone who drafted or submitted a front cannot publish it |
 | FRONTRUNNER_OWN_REQUESTS_PER_MINUTE | 120 | what one installation asks about itself |
 | FRONTRUNNER_ENROLMENTS_PER_HOUR | 120 | new installations from one address |
+| FRONTRUNNER_ATTEMPTS_PER_HOUR | 240 | steps of measuring in a browser that are counted, from one address |
 | FRONTRUNNER_READS_PER_MINUTE | 600 | API requests without a token from one address |
 | FRONTRUNNER_BYTES_PER_DAY | 16777216 | bytes, after gzip, of one installation; 4 times as many an address |
 | FRONTRUNNER_VALUES_PER_DAY | 2000000 | values in them; 4 times as many an address |
@@ -60,6 +61,7 @@ FRONTRUNNER_PORT = integer("FRONTRUNNER_PORT", 8000)
 FRONTRUNNER_BIND = os.environ.get("FRONTRUNNER_BIND", "127.0.0.1")
 FRONTRUNNER_FRONTS = BASE_DIR / "fixtures" / "fronts"
 FRONTRUNNER_SEQUENCES = [BASE_DIR / "fixtures" / "sequences", FRONTRUNNER_VAR / "sequences"]
+FRONTRUNNER_WEB_CLIENT = BASE_DIR / "client_kit" / "web"
 FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
 FRONTRUNNER_MINIMUM_APP_VERSION = matching(
     "FRONTRUNNER_MINIMUM_APP_VERSION", "0.1.0", r"[0-9]{1,6}(\.[0-9]{1,6})*", "0.1.0"
@@ -67,6 +69,7 @@ FRONTRUNNER_MINIMUM_APP_VERSION = matching(
 FRONTRUNNER_SUBMISSIONS_PER_MINUTE = integer("FRONTRUNNER_SUBMISSIONS_PER_MINUTE", 60)
 FRONTRUNNER_OWN_REQUESTS_PER_MINUTE = integer("FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", 120)
 FRONTRUNNER_ENROLMENTS_PER_HOUR = integer("FRONTRUNNER_ENROLMENTS_PER_HOUR", 120)
+FRONTRUNNER_ATTEMPTS_PER_HOUR = integer("FRONTRUNNER_ATTEMPTS_PER_HOUR", 240)
 FRONTRUNNER_READS_PER_MINUTE = integer("FRONTRUNNER_READS_PER_MINUTE", 600)
 FRONTRUNNER_PAGES_PER_MINUTE = integer("FRONTRUNNER_PAGES_PER_MINUTE", 600)
 FRONTRUNNER_SOURCE = matching("FRONTRUNNER_SOURCE", "", r"(https?://.+)?", "https://host/project")

@@ -4,7 +4,7 @@ from django.contrib import admin
 from django.urls import include, path, re_path
 
 from crowd import health, openapi, problems
-from crowd.fronts.views import chunk, plan, trajectory
+from crowd.fronts.views import chunk, plan, shaders, trajectory
 from crowd.results.opendata.serving import export_file
 
 handler400 = "crowd.problems.refused"
@@ -18,7 +18,7 @@ urlpatterns = [
     path("sequences/<str:sha256>", chunk, name="chunk"),
     path("trajectories/<str:sha256>", trajectory, name="trajectory"),
     path("plans/<str:sha256>", plan, name="plan"),
-    path("shaders/<str:sha256>", plan, name="shaders"),
+    path("shaders/<str:sha256>", shaders, name="shaders"),
     path("data/<str:name>/<str:file>", export_file, name="export-file"),
     path("api/v1/", include("crowd.fronts.urls")),
     path("api/v1/", include("crowd.devices.urls")),

@@ -1,5 +1,5 @@
-/** The version of this client, as servers see it: client_kit.__version__. */
-export const VERSION = "0.2.0";
-
-/** The name under which it enrols. */
+/** The name under which this client enrols. */
 export const APP = "frontrunner-web";
+
+/** Its version, which the page says: that of the program that served it. */
+export const VERSION = document.getElementById("asking")?.dataset.version ?? "";

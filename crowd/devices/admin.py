@@ -7,16 +7,16 @@ from urllib.parse import urlencode
 
 from django.contrib import admin, messages
 from django.db import transaction
-from django.db.models import Count, QuerySet, Sum
+from django.db.models import Count, QuerySet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.urls import reverse
 from django.utils import timezone
 
 from crowd.audit.services import record
-from crowd.devices import decisions
+from crowd.devices import attempts, decisions
 from crowd.devices.models import (
-    BrowserAttempt,
+    AttemptCount,
     CatalogueEntry,
     DeviceAlias,
     DeviceDescription,
@@ -197,24 +197,20 @@ class CatalogueEntryAdmin(ReadOnlyAdmin):
     search_fields = ("market_name", "code", "device", "maker")
 
 
-@admin.register(BrowserAttempt)
-class BrowserAttemptAdmin(ReadOnlyAdmin):
-    """How many visitors of /measure/ began, refused, failed and finished, and why."""
+@admin.register(AttemptCount)
+class AttemptCountAdmin(ReadOnlyAdmin):
+    """How many opened the page that measures, how far they came, and why not further."""
 
-    list_display = ("day", "step", "reason", "gpu_vendor", "gpu_architecture", "browser", "attempts")
-    list_filter = ("step", "reason", "gpu_vendor", "browser")
+    list_display = ("day", "step", "reason", "gpu_vendor", "gpu_architecture", "browser", "count")
+    list_filter = ("step", "reason", "browser", "gpu_vendor", "gpu_architecture")
     date_hierarchy = "day"
-    change_list_template = "admin/devices/browserattempt/change_list.html"
 
-    def changelist_view(
-        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
-    ) -> HttpResponse:
-        """The list, with the sums of what its filters leave."""
+    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
+        """The list, and sums over all that it lists."""
         response = super().changelist_view(request, extra_context)
-        data = getattr(response, "context_data", None)
-        if data and "cl" in data:
-            rows = data["cl"].queryset.order_by("step", "reason").values("step", "reason")
-            data["sums"] = rows.annotate(total=Sum("attempts"))
+        context = getattr(response, "context_data", None) or {}
+        if "cl" in context:
+            context["summary"] = attempts.summary(context["cl"].queryset)
         return response
 
 

@@ -1,69 +1,115 @@
-"""How far visitors of /measure/ came: daily counts by words from lists. Nothing identifies anybody."""
+"""How many opened the page that measures, and how far they came: counts of a day, of nobody in particular.
 
+A count belongs to a day, a step, a reason, the maker and architecture of a graphics chip, and a browser. All
+of these are listed words; a stranger's are OTHER. Neither addresses nor times of day are kept.
+"""
+
+from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
-from django.db import transaction
-from django.db.models import F
+from django.db import IntegrityError, transaction
+from django.db.models import F, QuerySet, Sum
 
-from crowd.devices.drivers import BROWSERS
-from crowd.devices.models import BrowserAttempt
+from crowd.decoding import decoded
+from crowd.devices import browsers
+from crowd.devices.chips.web_adapters import OTHER, known_words
+from crowd.devices.models import AttemptCount
 
-OTHER = "other"
-MOST_ROWS = 500  # of a day, after which devices and browsers are not told apart
-# adapter.info.vendor, as Chromium and Safari write it.
-GPU_VENDORS = frozenset(
-    {
-        "amd", "apple", "arm", "google", "img-tec", "intel", "mesa", "microsoft", "nvidia", "qualcomm",
-        "samsung",
-    }
-)  # fmt: skip
-GPU_ARCHITECTURES = frozenset(
-    {
-        "adreno-4xx", "adreno-5xx", "adreno-6xx", "adreno-7xx", "adreno-8xx", "ampere", "bifrost",
-        "blackwell", "gen-8", "gen-9", "gen-11", "gen-12hp", "gen-12lp", "hopper", "lovelace", "maxwell",
-        "metal-3", "metal-4", "midgard", "pascal", "rdna-1", "rdna-2", "rdna-3", "rdna-4", "rogue",
-        "swiftshader", "turing", "valhall", "xe", "xe-2",
-    }
-)  # fmt: skip
+# Combinations of a day that have a row of their own; later ones are counted under OTHER.
+MOST_ROWS = 300
 
-Step = Literal["opened", "refused", "began", "failed", "finished", "unsupported"]
+Text = Annotated[str, msgspec.Meta(max_length=200)]
+Step = Literal["opened", "unsupported", "refused", "began", "failed", "finished"]
 Reason = Literal[
-    "no_webgpu", "insecure", "no_adapter", "wrong_results", "device_lost", "does_not_fit", "hidden", "error",
+    "no_webgpu",
+    "insecure",
+    "no_adapter",
+    "wrong_results",
+    "device_lost",
+    "does_not_fit",
+    "hidden",
+    "error",
     "declined",
-]  # fmt: skip
+]
+WITH_REASON = frozenset({"refused", "failed", "unsupported"})
 
 
 class Attempt(msgspec.Struct):
-    """One step of a visitor of /measure/. Words that the server does not know count as other."""
+    """How far a browser came, why not further, and what it runs on. Nothing here says who it is."""
 
     step: Step
     reason: Reason | None = None
-    gpu_vendor: str | None = None
-    gpu_architecture: str | None = None
-    browser: str | None = None
+    gpu_vendor: Text | None = None
+    gpu_architecture: Text | None = None
+    browser: Text | None = None
+
+
+_ATTEMPT = msgspec.json.Decoder(Attempt)
+
+
+def read(body: bytes) -> Attempt:
+    """BODY as an attempt. Raises Problem 400."""
+    return decoded(_ATTEMPT, body)
 
 
 def count(attempt: Attempt) -> None:
-    """Add one to today's count of what ATTEMPT says."""
-    row = {
-        "day": datetime.now(UTC).date(),
+    """Add one to the count of ATTEMPT's day, step, reason, chip and browser."""
+    vendor, architecture = known_words(_line(attempt.gpu_vendor), _line(attempt.gpu_architecture))
+    day = datetime.now(UTC).date()
+    key: dict[str, object] = {
+        "day": day,
         "step": attempt.step,
-        "reason": attempt.reason or "",
-        "gpu_vendor": _listed(attempt.gpu_vendor, GPU_VENDORS),
-        "gpu_architecture": _listed(attempt.gpu_architecture, GPU_ARCHITECTURES),
-        "browser": _listed(attempt.browser, BROWSERS),
+        "reason": (attempt.reason or "") if attempt.step in WITH_REASON else "",
     }
-    with transaction.atomic():
-        today = BrowserAttempt.objects.filter(day=row["day"])
-        if not today.filter(**row).exists() and today.count() >= MOST_ROWS:
-            row |= dict.fromkeys(("gpu_vendor", "gpu_architecture", "browser"), OTHER)
-        BrowserAttempt.objects.bulk_create([BrowserAttempt(**row)], ignore_conflicts=True)
-        BrowserAttempt.objects.filter(**row).update(attempts=F("attempts") + 1)
+    told: dict[str, object] = {
+        "gpu_vendor": vendor,
+        "gpu_architecture": architecture,
+        "browser": browsers.known(_line(attempt.browser)),
+    }
+    if _added(key | told):
+        return
+    if AttemptCount.objects.filter(day=day).count() >= MOST_ROWS:
+        told = dict.fromkeys(told, OTHER)
+    try:
+        with transaction.atomic():
+            AttemptCount.objects.create(**key, **told, count=1)
+    except IntegrityError:
+        # Another request was first, or the row of others is there already.
+        _added(key | told)
 
 
-def _listed(word: str | None, words: frozenset[str]) -> str:
-    if not word:
-        return ""
-    return word if word in words else OTHER
+@dataclass(frozen=True)
+class Summary:
+    """Sums over some days: of each step; of each step and reason, and of each chip and browser that computed
+    wrong results, most first.
+    """
+
+    steps: tuple[tuple[str, int], ...]
+    reasons: tuple[tuple[Any, ...], ...]
+    wrong_results: tuple[tuple[Any, ...], ...]
+
+
+def summary(rows: "QuerySet[AttemptCount]") -> Summary:
+    """What administrators see of ROWS. Three queries."""
+    steps = dict(_sums(rows, "step"))
+    stopped = rows.filter(step__in=WITH_REASON)
+    wrong = rows.filter(reason="wrong_results")
+    return Summary(
+        tuple((step, steps.get(step, 0)) for step in get_args(Step)),
+        _sums(stopped, "step", "reason"),
+        _sums(wrong, "gpu_vendor", "gpu_architecture", "browser"),
+    )
+
+
+def _sums(rows: "QuerySet[AttemptCount]", *by: str) -> tuple[tuple[Any, ...], ...]:
+    return tuple(rows.order_by().values_list(*by).annotate(sum=Sum("count")).order_by("-sum", *by))
+
+
+def _added(key: dict[str, object]) -> bool:
+    return bool(AttemptCount.objects.filter(**key).update(count=F("count") + 1))
+
+
+def _line(text: str | None) -> str:
+    return " ".join((text or "").split())

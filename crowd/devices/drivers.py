@@ -1,10 +1,11 @@
-"""OpenCL drivers and browsers by name and version: to tell which release computed."""
+"""OpenCL drivers, and browsers in their place, by name and version: to tell which release computed."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from crowd.devices import browsers
 from crowd.devices.names import text
 
 FLAGS = re.IGNORECASE | re.ASCII
@@ -43,16 +44,18 @@ DRIVERS = tuple(
 )
 
 
-# A browser hides the driver below it, and brings the compiler of the kernels.
-BROWSERS = frozenset({"Chrome", "Edge", "Firefox", "Opera", "Safari", "Samsung Internet"})
-BROWSER_VERSION = re.compile(r"\d{1,4}", re.ASCII)
-
-
 def driver(raw: Mapping[str, Any]) -> Driver:
-    """The driver behind RAW, or its browser; Driver() where no rule knows the platform."""
-    if (browser := text(raw, "browser")) in BROWSERS:
-        given = text(raw, "browser_version")
-        return Driver(browser, given if BROWSER_VERSION.fullmatch(given) else "")
+    """The driver behind RAW; Driver() where no rule knows its platform.
+
+    Of a browser it is its name and major number: a browser has a WebGPU of its own, and hides the driver.
+    """
+    if browsers.is_browser(raw):
+        name = browsers.known(text(raw, "browser"))
+        return (
+            Driver()
+            if name in ("", browsers.OTHER)
+            else Driver(name, browsers.major(text(raw, "browser_version")))
+        )
     platform, given = text(raw, "opencl_platform"), text(raw, "opencl_driver")
     for known, name, version in DRIVERS:
         if known.search(platform):

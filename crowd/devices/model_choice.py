@@ -1,51 +1,77 @@
-"""Models that an owner may choose from where a browser does not name the device's."""
+"""Models that an owner may choose from: Apple's list, the imported catalogue, names that rules accept."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from django.db.models import Q
 
+from crowd.devices import apple_models, model_names, names
 from crowd.devices.models import CatalogueEntry
 
 MOST = 50
-APPLE = "Apple"
-# What runs iOS or iPadOS 26, the first with WebGPU (support.apple.com, November 2026).
-IPHONES = (
-    "iPhone 11", "iPhone 11 Pro", "iPhone 11 Pro Max", "iPhone SE (2020)", "iPhone 12 mini", "iPhone 12",
-    "iPhone 12 Pro", "iPhone 12 Pro Max", "iPhone 13 mini", "iPhone 13", "iPhone 13 Pro", "iPhone 13 Pro Max",
-    "iPhone SE (2022)", "iPhone 14", "iPhone 14 Plus", "iPhone 14 Pro", "iPhone 14 Pro Max", "iPhone 15",
-    "iPhone 15 Plus", "iPhone 15 Pro", "iPhone 15 Pro Max", "iPhone 16e", "iPhone 16", "iPhone 16 Plus",
-    "iPhone 16 Pro", "iPhone 16 Pro Max", "iPhone 17", "iPhone Air", "iPhone 17 Pro", "iPhone 17 Pro Max",
-    "iPad (2020)", "iPad (2021)", "iPad (2022)", "iPad (2025)", "iPad mini (2019)", "iPad mini (2021)",
-    "iPad mini (2024)", "iPad Air (2019)", "iPad Air (2020)", "iPad Air (2022)", "iPad Air (2024)",
-    "iPad Air (2025)", "iPad Pro (2018)", "iPad Pro (2020)", "iPad Pro (2021)", "iPad Pro (2022)",
-    "iPad Pro (2024)", "iPad Pro (2025)",
-)  # fmt: skip
+MOST_WORDS = 6
 
 
-@dataclass(frozen=True)
-class Model:
-    """A model by its maker, as clients send it, and as people call it."""
+class Choice(NamedTuple):
+    """A model as it is sent, and the name under which people know it."""
 
     manufacturer: str
     model: str
     name: str
 
 
-def matching(search: str) -> list[Model]:
-    """At most MOST models whose name holds every word of SEARCH. One query, none for an empty SEARCH."""
-    words = search.casefold().split()
-    if not words:
+def find(maker: str, search: str) -> list[Choice]:
+    """At most MOST models of MAKER (empty: of any maker) whose names hold all words of SEARCH. One query.
+
+    Where none of them is listed, SEARCH itself is offered if it is written as its maker writes models.
+    """
+    maker = names.manufacturer(" ".join(maker.split()))
+    words = search.casefold().split()[:MOST_WORDS]
+    if not maker and not words:
         return []
-    apple = [
-        Model(APPLE, name, f"{APPLE} {name}")
-        for name in IPHONES
-        if all(word in f"{APPLE} {name}".casefold() for word in words)
-    ]
-    wanted = Q()
+    found: dict[tuple[str, str], Choice] = {}
+    listed = [*_of_apple(maker, words), *_catalogued(maker, words)]
+    for choice in listed or _written(maker, search):
+        found.setdefault((choice.manufacturer.casefold(), names.folded(choice.model)), choice)
+    return sorted(found.values(), key=lambda choice: (choice.manufacturer, choice.name))[:MOST]
+
+
+def _of_apple(maker: str, words: list[str]) -> Iterator[Choice]:
+    if maker not in ("", "Apple"):
+        return
+    for model in apple_models.MODELS:
+        if all(word in f"apple {model}".casefold() for word in words):
+            yield Choice("Apple", model, model)
+
+
+def _catalogued(maker: str, words: list[str]) -> Iterator[Choice]:
+    rows = CatalogueEntry.objects.exclude(maker="").exclude(code="")
+    if maker:
+        rows = rows.filter(maker=maker.casefold())
     for word in words:
-        wanted &= Q(market_name__icontains=word) | Q(code__icontains=word) | Q(maker__icontains=word)
-    entries = (
-        CatalogueEntry.objects.filter(wanted).exclude(maker="").exclude(code="")[: MOST - len(apple[:MOST])]
-    )
-    listed = [Model(row.maker, row.code, f"{row.market_name} ({row.code})") for row in entries]
-    return [*apple[:MOST], *listed]
+        rows = rows.filter(Q(market_name__icontains=word) | Q(code__contains=word) | Q(maker__contains=word))
+    columns = rows.order_by("maker", "market_name", "code").values_list("maker", "code", "market_name")
+    for name, code, market_name in columns[: 2 * MOST]:
+        manufacturer = names.manufacturer(name)
+        model = names.without_maker(market_name, manufacturer)
+        if names.folded(model) != names.folded(code):
+            model = _spelled(code)
+        yield Choice(manufacturer, model, names.shown(manufacturer, model, market_name))
+
+
+def _written(maker: str, search: str) -> Iterator[Choice]:
+    """SEARCH itself, where MAKER writes models so; else the maker that it begins with, or alone writes so."""
+    text = " ".join(search.split())
+    named = [each for each in names.LISTED if text.casefold().startswith(f"{each.casefold()} ")]
+    known = maker or max(named, key=len, default="")
+    model = names.without_maker(text, known)
+    known = known or model_names.maker_of(model)
+    if names.is_known_maker(known) and model_names.is_known_model(known, model):
+        yield Choice(known, _spelled(model), _spelled(model))
+
+
+def _spelled(model: str) -> str:
+    """MODEL in capitals, or with capital words, where it has small letters alone."""
+    if model != model.casefold():
+        return model
+    return model.title() if " " in model else model.upper()

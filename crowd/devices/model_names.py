@@ -7,6 +7,8 @@ with listed words and short numbers. So a stranger can make up a model, and cann
 import re
 from functools import lru_cache
 
+from crowd.devices import apple_models
+
 LONGEST = 60
 FLAGS = re.IGNORECASE | re.ASCII
 # What stands between the parts of a name.
@@ -19,14 +21,13 @@ WORDS = (
     "dual sim fe xl zoom compact premium stylus fusion one vision macro ace grand core mega hd dtv ii iii iv "
     "gt turbo speed explorer standard edition desktop tower laptop notebook workstation server sff micro "
     "gaming gen inch studio carbon yoga nano detachable chromebook spin swift tablet phone view zenfone sp "
-    "xa xz gs air"
+    "xa xz gs"
 )
 COMMON = frozenset(WORDS.split())
 # The series that a maker's names begin with.
 SERIES = {
     "Acer": "aspire chromebook enduro extensa iconia liquid nitro predator spin swift travelmate veriton",
     "Alienware": "alienware area aurora m x",
-    "Apple": "iphone ipad",
     "ASUS": "chromebook expertbook memo nexus padfone phone proart rog strix transformer tuf vivobook "
     "zenbook zenfone zenpad",
     "BLU": "advance bold c dash energy g grand life pure studio tank touchbook vivo",
@@ -140,6 +141,25 @@ WITHOUT_MAKER = re.compile(
     r"hardkernel odroid[ -][a-z]{1,2}\d[a-z]?",
     FLAGS,
 )
+# Codes and names that one maker alone gives, where a browser names the model and no maker.
+MAKERS_OWN = tuple(
+    (re.compile(pattern, FLAGS), maker)
+    for pattern, maker in (
+        (r"(?:sm|gt|sgh|sch|sph|shv|shw)-[a-z]{1,2}\d.*|galaxy\b.*", "Samsung"),
+        (r"pixel(?: .*)?", "Google"),
+        (r"moto(?:rola)?\b.*|xt\d{4}.*", "Motorola"),
+        (r"rmx\d{4}", "realme"),
+        (r"oneplus\b.*|(?:gm|hd|in|kb|le|ne)2?\d{3}", "OnePlus"),
+        (r"m?2\d{3,7}[a-z]{1,3}\d{0,3}[a-z]{0,2}|(?:mi|redmi|poco|xiaomi)\b.*", "Xiaomi"),
+        (r"xq-[a-z]{2}\d\d|so-\d\d[a-z]|xperia\b.*", "Sony"),
+        (r"vivo\b.*|v\d{4}[a-z]{0,2}", "vivo"),
+        (r"fp\d", "Fairphone"),
+        (r"asus[_ ].*", "ASUS"),
+        (r"lenovo\b.*|tb-?[a-z]?\d{3,4}.*", "Lenovo"),
+        (r"(?:iphone|ipad)\b.*", "Apple"),
+    )
+)
+APPLE = frozenset(model.casefold() for model in apple_models.MODELS)
 NEXUS = re.compile(r"nexus (?:one|s|q|4|5x?|6p?|7|9|10|player)", FLAGS)
 COMPILED = {maker: re.compile(code, FLAGS) for maker, code in CODES.items()}
 ANY = re.compile(ANY_CODE, FLAGS)
@@ -152,24 +172,17 @@ def is_known_model(maker: str, model: str) -> bool:
         return False
     if not maker:
         return bool(WITHOUT_MAKER.fullmatch(model))
+    if maker == "Apple" and model.casefold() in APPLE:
+        return True
     if maker in COMPILED and COMPILED[maker].fullmatch(model):
         return True
     bare = re.sub(rf"^{re.escape(maker)}[ _-]", "", model, flags=FLAGS)
     return bool(ANY.fullmatch(bare) or NEXUS.fullmatch(bare)) or _is_of_a_series(maker, bare)
 
 
-@lru_cache(maxsize=10_000)
 def maker_of(model: str) -> str:
-    """The maker that writes MODEL so; empty where none does, or several do."""
-    makers = {maker for maker, code in COMPILED.items() if code.fullmatch(model)}
-    makers |= {maker for maker in SERIES if _begins_a_series(maker, model) and is_known_model(maker, model)}
-    return makers.pop() if len(makers) == 1 else ""
-
-
-def _begins_a_series(maker: str, model: str) -> bool:
-    """Whether MODEL's first word is a series of MAKER alone, longer than a letter or two."""
-    first = SEPARATORS.split(model)[0].casefold()
-    return len(first) > 2 and first in SERIES[maker].split()
+    """The maker, as `names.manufacturer` writes it, that alone calls a model so; empty where several do."""
+    return next((maker for pattern, maker in MAKERS_OWN if pattern.fullmatch(model)), "")
 
 
 def _is_of_a_series(maker: str, model: str) -> bool:

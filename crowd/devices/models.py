@@ -187,7 +187,7 @@ class DeviceDescription(models.Model):
 
     @property
     def driver(self) -> str:
-        """The OpenCL driver by name and version."""
+        """The OpenCL driver, or the browser, by name and version."""
         return f"{self.driver_name} {self.driver_version}".strip()
 
 
@@ -269,24 +269,30 @@ class CatalogueEntry(models.Model):
         return f"{self.market_name} ({self.code or self.device})"
 
 
-class BrowserAttempt(models.Model):
-    """How many visitors of /measure/ came to one step on a day. Words are from lists: see attempts.py."""
+class AttemptCount(models.Model):
+    """How often browsers took one step of measuring on one day: `crowd.devices.attempts` counts them.
 
-    day = models.DateField()
-    step = models.CharField(max_length=16)
-    reason = models.CharField(max_length=16, blank=True)
+    Only listed words are stored, and nothing about who it was. Never part of figures or open data.
+    """
+
+    day = models.DateField(help_text="UTC")
+    step = models.CharField(
+        max_length=12, help_text="opened, unsupported, refused, began, failed or finished"
+    )
+    reason = models.CharField(max_length=16, blank=True, help_text="why it went no further")
     gpu_vendor = models.CharField(max_length=16, blank=True)
     gpu_architecture = models.CharField(max_length=16, blank=True)
-    browser = models.CharField(max_length=16, blank=True)
-    attempts = models.PositiveIntegerField(default=0)
+    browser = models.CharField(max_length=24, blank=True)
+    count = models.PositiveIntegerField()
 
     class Meta:
-        ordering = ["-day", "step", "reason"]
+        verbose_name = "browser attempt"
+        ordering = ["-day", "step", "-count"]
         constraints = [
             models.UniqueConstraint(
                 fields=["day", "step", "reason", "gpu_vendor", "gpu_architecture", "browser"],
-                name="one_count_of_an_attempt",
-            )
+                name="attempt_count_key",
+            ),
         ]
 
     def __str__(self) -> str:

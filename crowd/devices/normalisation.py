@@ -14,6 +14,7 @@ from typing import Any
 from django.utils.text import slugify
 
 from crowd.devices import chips, model_names, names, processors
+from crowd.devices.browsers import is_browser
 from crowd.devices.chips.central_processors import without_noise
 from crowd.devices.emulators import is_emulator, is_virtual_machine
 from crowd.devices.names import text
@@ -26,24 +27,22 @@ SLUG_LENGTH = 100
 RAW_STRINGS = frozenset(
     {
         "board", "board_platform", "brand", "browser", "browser_version", "cpu", "device", "egl",
-        "gpu_architecture", "gpu_description", "gpu_device", "gpu_vendor", "manufacturer", "model",
-        "model_source",
-        "opencl_device", "opencl_driver", "opencl_platform", "os", "product", "soc_manufacturer",
-        "soc_model",
+        "gpu_architecture", "gpu_description", "gpu_device", "gpu_fallback", "gpu_vendor", "manufacturer",
+        "model", "model_source", "opencl_device", "opencl_driver", "opencl_platform", "os", "product",
+        "soc_manufacturer", "soc_model",
     }
 )  # fmt: skip
 SYSTEMS = {
-    "android": "Android",
-    "chromeos": "ChromeOS",
-    "darwin": "macOS",
-    "ios": "iOS",
-    "ipados": "iPadOS",
-    "macos": "macOS",
-    "windows": "Windows",
-}
-HANDHELD = frozenset({"Android", "iOS", "iPadOS"})
-# What people call a device of which a browser names the operating system and the GPU alone.
-KINDS = {"iOS": "iPhone", "iPadOS": "iPad", "macOS": "Mac"}
+    "android": "Android", "windows": "Windows", "macos": "macOS", "darwin": "macOS", "ios": "iOS",
+    "ipados": "iOS", "chrome os": "ChromeOS", "chromeos": "ChromeOS",
+}  # fmt: skip
+# `model_source` of a model that no browser named.
+STATED_BY_OWNER = "owner"
+# What browsers say in place of a model.
+NO_MODELS = frozenset({"ipad", "iphone", "k", "mac", "macintosh"})
+# What a browser's device is called where nothing but its system is known.
+FORMS = {"Android": "Android device", "macOS": "Mac", "": "Device"}
+HANDHELD = frozenset({"Android", "iOS"})
 # What the simulation calls its devices (crowd.results.simulation).
 SIMULATED_MAKER = "Simulated"
 SIMULATED_NAME = re.compile(
@@ -52,8 +51,9 @@ SIMULATED_NAME = re.compile(
 
 DEVICE, UNKNOWN_DEVICE, EMULATOR, VIRTUAL = "device", "unknown", "emulator", "virtual"
 SIMULATED = "simulated"
-# Begins no other model's key: what devices say of themselves is one line each.
+# Begin no other model's key: what devices say of themselves is one line each.
 SIMULATED_PREFIX = "simulated\n"
+BROWSER_PREFIX = "browser\n"
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,9 @@ class Identity:
     """What raw strings come to. `key` starts with the maker: no model merges across makers. `kind` is DEVICE,
     UNKNOWN_DEVICE (its strings name no model), EMULATOR or VIRTUAL (a PC's virtual machine); SIMULATED where
     nobody has the device.
+
+    `machine` stays the same when another chip of the device computes: it is the key, unless the name of that
+    chip is all that a browser says of the model.
 
     `named` says that manufacturer and name come from rules. Where it is False they may hold the text that
     came, for administrators alone. `slug`, `cpu`, `soc`, `gpu` and `os` never do.
@@ -76,6 +79,7 @@ class Identity:
     os: str
     kind: str
     named: bool
+    machine: str
 
     @property
     def distinct_slug(self) -> str:
@@ -106,20 +110,18 @@ def identify(raw: Mapping[str, Any], simulated: bool = False) -> Identity:
 def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
     system = operating_system(text(raw, "os"))
     maker = names.manufacturer(text(raw, "manufacturer") or text(raw, "brand"))
-    if text(raw, "browser") and not maker:
-        maker = model_names.maker_of(text(raw, "model"))
     model = names.without_maker(text(raw, "model") or text(raw, "board"), maker)
+    if is_browser(raw):
+        if not model or model.casefold() in NO_MODELS:
+            return _without_model(raw, system)
+        # A browser names no maker.
+        maker = maker or model_names.maker_of(model)
     cpu = chips.processor(text(raw, "cpu"))
     soc = system_on_chip(raw, system)
     compared = _name(system, model, cpu or without_noise(text(raw, "cpu")), soc or _raw_soc(raw))
-    nameless_browser = not (model or cpu or soc) and bool(processors.browser_gpu(raw))
-    if nameless_browser:
-        maker, compared = "", _browser_name(raw, system)
     key = "|".join((maker, compared)).casefold()[:200]
     listed = names.is_known_maker(maker) or (simulated and maker == SIMULATED_MAKER)
-    if nameless_browser:
-        name, named = compared, True
-    elif _is_known(maker, model, simulated):
+    if _is_known(maker, model, simulated):
         name, named = _name(system, model, cpu, ""), True
     elif (cpu or soc) and not (model and _names_its_model(system)):
         # Nothing is known of the device but its chip.
@@ -141,6 +143,37 @@ def _identify(raw: Mapping[str, Any], simulated: bool) -> Identity:
         os=system[:50],
         kind=kind_of(raw, system, maker, model or text(raw, "cpu")),
         named=named,
+        machine=key,
+    )
+
+
+def _without_model(raw: Mapping[str, Any], system: str) -> Identity:
+    """Of a device that a browser says no model of: its form and the chip that computed, both as rules call
+    them. Nothing that the browser sent is part of the key.
+    """
+    processor = processors.processor_of(raw)
+    chip = "" if processor.name == processors.UNKNOWN_CHIP else processor.name
+    if system == "iOS":
+        tablet = text(raw, "os").casefold().startswith("ipados") or text(raw, "model").casefold() == "ipad"
+        maker, form = "Apple", "iPad" if tablet else "iPhone"
+        name = form
+    else:
+        maker, form = "", FORMS.get(system, f"{system} PC")
+        name = f"{form}, {chip}" if chip else _unknown(system)
+    named = name != _unknown(system)
+    kind = kind_of(raw, system, maker, name)
+    return Identity(
+        key=f"{BROWSER_PREFIX}{maker}|{name}".casefold(),
+        slug=slug_of(maker, name),
+        manufacturer=maker,
+        name=name,
+        cpu="",
+        soc="",
+        gpu=graphics(raw),
+        os=system,
+        kind=kind if named or kind == EMULATOR else UNKNOWN_DEVICE,
+        named=named,
+        machine=f"{BROWSER_PREFIX}{maker}|{form}".casefold(),
     )
 
 
@@ -162,16 +195,6 @@ def _name(system: str, model: str, cpu: str, soc: str) -> str:
     if model and cpu and not _names_its_model(system):
         return f"{model}, {cpu}"
     return model or cpu or soc or _unknown(system)
-
-
-def _browser_name(raw: Mapping[str, Any], system: str) -> str:
-    """The name of a device whose browser hides its model: "iPhone, Apple GPU"."""
-    computed = processors.processor_of(raw)
-    chip = computed.name if computed.name != processors.UNKNOWN_CHIP else "unknown GPU"
-    if computed.kind == processors.CPU:
-        chip = "software rendering"
-    kind = KINDS.get(system) or f"{system or 'Unknown'} device"
-    return f"{kind}, {chip}"
 
 
 def _unknown(system: str) -> str:

@@ -1,4 +1,4 @@
-"""Who computed: the chip behind an OpenCL device or a browser's GPU, by one name for all spellings of it."""
+"""Who computed: the chip behind an OpenCL device or a WebGPU adapter, by one name for all spellings of it."""
 
 import re
 from collections.abc import Mapping
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from crowd.devices import chips
+from crowd.devices.browsers import is_browser
 from crowd.devices.names import text
 
 UNKNOWN_CHIP = "unknown chip"
@@ -19,7 +20,10 @@ CPU_DEVICE = re.compile(r"^(pthread|cpu|basic)\b|llvmpipe|softpipe|swiftshader",
 
 @dataclass(frozen=True)
 class Processor:
-    """A chip that computes. `name` comes from a rule, or is UNKNOWN_CHIP."""
+    """A chip that computes. `name` comes from a rule, or is UNKNOWN_CHIP.
+
+    Of a browser it is often a family of chips, or the program that stands in for a graphics chip.
+    """
 
     name: str
     kind: Literal["cpu", "gpu"]
@@ -28,10 +32,11 @@ class Processor:
 def processor_of(raw: Mapping[str, Any]) -> Processor:
     """The chip that computed for the device behind RAW, the client's strings.
 
-    A CPU that the OpenCL device does not name is the one that the kernel names, else the system on a chip. A
-    browser names the maker and the architecture of a GPU, and the GPU itself where its user permits.
+    A CPU that the OpenCL device does not name is the one that the kernel names, else the system on a chip.
     """
-    device = text(raw, "opencl_device") or browser_gpu(raw)
+    if is_browser(raw):
+        return _of_adapter(raw)
+    device = text(raw, "opencl_device")
     graphics = chips.graphics(device)
     if graphics is not None:
         return Processor(graphics.name, GPU)
@@ -43,11 +48,16 @@ def processor_of(raw: Mapping[str, Any]) -> Processor:
     return Processor(UNKNOWN_CHIP, GPU)
 
 
-def browser_gpu(raw: Mapping[str, Any]) -> str:
-    """What a browser says of the GPU; empty for other clients."""
-    described = text(raw, "gpu_description")
-    known = chips.graphics(described) or CPU_DEVICE.search(described)
-    return described if known else f"{text(raw, 'gpu_vendor')} {text(raw, 'gpu_architecture')}".strip()
+def _of_adapter(raw: Mapping[str, Any]) -> Processor:
+    found = chips.adapter(
+        text(raw, "gpu_vendor"),
+        text(raw, "gpu_architecture"),
+        (text(raw, "gpu_description"), text(raw, "gpu_device")),
+        fallback=text(raw, "gpu_fallback") == "true",
+    )
+    if found.software:
+        return Processor(found.name or _of_the_system(raw) or UNKNOWN_CHIP, CPU)
+    return Processor(found.name or UNKNOWN_CHIP, GPU)
 
 
 def _of_the_system(raw: Mapping[str, Any]) -> str:

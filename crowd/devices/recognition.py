@@ -9,7 +9,7 @@ import msgspec
 from django.db import transaction
 from django.db.models import CharField, QuerySet
 
-from crowd.devices import catalogue, disclosure, drivers, normalisation, processors, revision
+from crowd.devices import catalogue, chips, disclosure, drivers, normalisation, processors, revision
 from crowd.devices.models import DeviceDescription, DeviceModel
 from crowd.devices.normalisation import Identity
 from crowd.devices.signals import models_changed
@@ -189,16 +189,23 @@ def _parts(identity: Identity, entry: catalogue.Entry) -> dict[str, str]:
     return {
         "cpu": identity.cpu,
         "soc": identity.soc or entry.soc,
-        "gpu": identity.gpu or entry.gpu,
+        "gpu": _closer(identity.gpu, entry.gpu),
         "os": identity.os,
         "market_name": entry.market_name,
     }
+
+
+def _closer(gpu: str, other: str) -> str:
+    """GPU, or OTHER where GPU is unknown, or only says the family of OTHER."""
+    return other if other and (not gpu or (chips.is_one_chip(other) and not chips.is_one_chip(gpu))) else gpu
 
 
 def _complete(model: DeviceModel, identity: Identity, entry: catalogue.Entry) -> None:
     missing = {
         part: text for part, text in _parts(identity, entry).items() if text and not getattr(model, part)
     }
+    if (gpu := _closer(model.gpu, identity.gpu)) != model.gpu:
+        missing["gpu"] = gpu
     if missing:
         for part, value in missing.items():
             setattr(model, part, value)

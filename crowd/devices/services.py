@@ -111,7 +111,7 @@ def _refuse_another_device(
     if first is None:
         return
     known, described = identify(first.raw, installation.simulated), identify(raw, installation.simulated)
-    if known.key != described.key:
+    if known.machine != described.machine:
         raise Problem(
             409,
             "device_changed",

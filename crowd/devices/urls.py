@@ -1,10 +1,10 @@
-"""Addresses of devices under /api/v1/, besides those of their results."""
+"""Addresses of devices under /api/v1/ that need no measurement."""
 
 from django.urls import path
 
 from crowd.devices import views
 
 urlpatterns = [
-    path("models", views.ModelsView.as_view()),
     path("attempts", views.AttemptsView.as_view()),
+    path("models", views.ModelsView.as_view()),
 ]

@@ -1,65 +1,70 @@
-"""The API's addresses for the browser's client: models to choose from, and how far visitors came."""
+"""What browsers ask before they measure: to be counted, and which models there are."""
 
 import msgspec
 from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
+from crowd import limits
 from crowd.api import Endpoint, answer, body
-from crowd.decoding import decoded
 from crowd.devices import attempts, model_choice
 from crowd.problems import Problem
 
-LONGEST_SEARCH = 100
-ATTEMPT = msgspec.json.Decoder(attempts.Attempt)
+LONGEST = 100
 
 
-class ModelAnswer(msgspec.Struct):
-    """A model: `manufacturer` and `model` are what a client sends, `name` is for people."""
+class ModelChoice(msgspec.Struct):
+    """A model to state: `manufacturer` and `model` are sent, `name` is shown."""
 
     manufacturer: str
     model: str
     name: str
 
 
-class ModelsAnswer(msgspec.Struct):
-    """At most 50 models."""
+class ModelChoices(msgspec.Struct):
+    """Models by name."""
 
-    results: list[ModelAnswer]
-
-
-class ModelsView(Endpoint):
-    """Models to choose from, for an owner whose browser does not name the device."""
-
-    @extend_schema(
-        operation_id="models",
-        summary="Device models whose name holds the words of `search`, at most 50",
-        parameters=[
-            OpenApiParameter(
-                "search", {"type": "string", "maxLength": LONGEST_SEARCH}, description="none where absent"
-            )
-        ],
-        responses={200: ModelsAnswer},
-    )
-    def get(self, request: Request) -> HttpResponse:
-        search = request.query_params.get("search", "")
-        if len(search) > LONGEST_SEARCH:
-            raise Problem(
-                400, "invalid_filter", f"search has more than {LONGEST_SEARCH} characters", field="search"
-            )
-        rows = model_choice.matching(search)
-        return answer(ModelsAnswer([ModelAnswer(row.manufacturer, row.model, row.name) for row in rows]))
+    results: list[ModelChoice]
 
 
 class AttemptsView(Endpoint):
-    """How far visitors of /measure/ came."""
+    """Counts steps of measuring in a browser."""
+
+    throttle_classes = [limits.Attempts]
 
     @extend_schema(
         operation_id="attempt",
-        summary="Count one step of a visitor of /measure/, without who it was",
+        summary="Count a step of measuring in a browser",
+        description=(
+            "Daily counts by step, reason, graphics chip and browser, of listed words. Neither an address "
+            "nor a time of day is kept, and nothing of it is published."
+        ),
         request={"application/json": attempts.Attempt},
         responses={204: None},
     )
     def post(self, request: Request) -> HttpResponse:
-        attempts.count(decoded(ATTEMPT, body(request)))
+        attempts.count(attempts.read(body(request)))
         return HttpResponse(status=204)
+
+
+class ModelsView(Endpoint):
+    """Models that an owner may state."""
+
+    @extend_schema(
+        operation_id="models",
+        summary="Models that an owner may state where the device does not say its own",
+        parameters=[
+            OpenApiParameter("maker", str, description="a maker's whole name, as Samsung"),
+            OpenApiParameter("search", str, description="words of the name, or a code"),
+        ],
+        responses={200: ModelChoices},
+    )
+    def get(self, request: Request) -> HttpResponse:
+        asked = {name: request.query_params.get(name, "") for name in ("maker", "search")}
+        for name, text in asked.items():
+            if len(text) > LONGEST:
+                raise Problem(
+                    400, "invalid_filter", f"{name} has {len(text)} characters, at most {LONGEST}", field=name
+                )
+        found = model_choice.find(**asked)
+        return answer(ModelChoices([ModelChoice(*choice) for choice in found]))

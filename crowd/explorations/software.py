@@ -1,18 +1,19 @@
 """Which version of the software measured."""
 
 import subprocess
-import tomllib
 from functools import cache
 from pathlib import Path
 
 from django.conf import settings
+
+from crowd.release import version as release_version
 
 
 @cache
 def version() -> str:
     """The release, with the commit where this is a checkout, and a mark where files differ from it."""
     base = Path(settings.BASE_DIR)
-    release = str(tomllib.loads((base / "pyproject.toml").read_text())["project"]["version"])
+    release = release_version()
     described = _git(base, "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
     return f"{release}+{described}" if described else release
 

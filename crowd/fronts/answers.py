@@ -16,8 +16,8 @@ from crowd.fronts.selectors import Front, Point
 class Addressed(msgspec.Struct):
     """JSON that never changes, at `url` relative to the server.
 
-    A plan (slam/plans/schema.json). Its shaders: the WGSL text of each kernel by name. A trajectory: a list
-    of [x, y, z] in metres, one a frame.
+    A plan (slam/plans/schema.json), shaders: an object with the WGSL text of each kernel by its name, or a
+    trajectory: a list of [x, y, z] in metres, one a frame.
     """
 
     sha256: str
@@ -27,8 +27,8 @@ class Addressed(msgspec.Struct):
 class Configuration(msgspec.Struct):
     """One point: its name, its parameters, what the reference device predicts (seconds a frame, metres).
 
-    `backends`: those whose default limits it keeps. `plan`: what happens in a frame, where it is planned, and
-    `shaders`: the kernels that it launches.
+    `backends`: those whose default limits it keeps. Where a frame is planned, `plan`: what happens in it, and
+    `shaders`: the kernels that the plan launches.
     Protocol 2 alone: `band`, how far (m) positions may be from the reference `trajectory`.
     """
 
@@ -169,13 +169,16 @@ def _configuration(front: Front, point: Point) -> Configuration:
         found.backends = list(APPLICATIONS[front.application].backends)
     elif (plan := plans.of_point(front, point)) is not None:
         found.backends = list(plan.backends)
-        found.plan = Addressed(plan.plan.sha256, f"/plans/{plan.plan.sha256}")
-        found.shaders = Addressed(plan.shaders.sha256, f"/shaders/{plan.shaders.sha256}")
+        found.plan = _addressed("plans", plan.plan.sha256)
+        found.shaders = _addressed("shaders", plan.shaders.sha256)
     if point.band is not None and point.trajectory_sha256 is not None:
         found.band = point.band
-        address = f"/trajectories/{point.trajectory_sha256}"
-        found.trajectory = Addressed(point.trajectory_sha256, address)
+        found.trajectory = _addressed("trajectories", point.trajectory_sha256)
     return found
+
+
+def _addressed(kind: str, sha256: str) -> Addressed:
+    return Addressed(sha256, f"/{kind}/{sha256}")
 
 
 def summary(front: Front) -> FrontSummary:

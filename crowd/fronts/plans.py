@@ -1,13 +1,13 @@
 """What a device does with each frame of a configuration, as data for clients that execute it.
 
-A plan follows from the configuration, the sequence's camera and this version of the program. So does the WGSL
-text of its kernels. The digest of each is its name.
+A plan follows from the configuration, the sequence's camera and this version of the program. The shaders are
+the WGSL texts of its kernels. The digest of each is its name.
 """
 
 import hashlib
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
@@ -29,13 +29,11 @@ class Document(NamedTuple):
     content: str
     sha256: str
 
-    @classmethod
-    def of(cls, content: str) -> "Document":
-        return cls(content, hashlib.sha256(content.encode()).hexdigest())
-
 
 class FramePlan(NamedTuple):
-    """A plan, the WGSL text of its kernels by their name, and the backends whose default limits it keeps."""
+    """The plan, the WGSL text of each kernel that it launches, and the backends whose default limits it
+    keeps.
+    """
 
     plan: Document
     shaders: Document
@@ -58,12 +56,20 @@ def of_point(front: Front, point: Point) -> FramePlan | None:
 
 
 def find(sha256: str) -> str | None:
-    """The JSON of a plan, or of its shaders, of a front that was ever published; None where none has this
-    digest. One query.
-    """
+    """The JSON of a plan of a front that was ever published; None where none has this digest. One query."""
+    return _find(sha256, lambda plan: plan.plan)
+
+
+def find_shaders(sha256: str) -> str | None:
+    """The JSON object of such a plan's shaders, by kernel; None where none has this digest. One query."""
+    return _find(sha256, lambda plan: plan.shaders)
+
+
+def _find(sha256: str, document: Callable[[FramePlan], Document]) -> str | None:
     if not sequences.DIGEST.fullmatch(sha256):
         return None
-    return _contents(selectors.released(KFUSION)).get(sha256)
+    documents = map(document, _of_fronts(selectors.released(KFUSION)))
+    return next((found.content for found in documents if found.sha256 == sha256), None)
 
 
 def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
@@ -76,12 +82,11 @@ def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
 
 
 @lru_cache(maxsize=1)
-def _contents(released: tuple[tuple[str, str], ...]) -> Mapping[str, str]:
-    """The plans of the fronts RELEASED (slug and digest) and their shaders, by digest."""
+def _of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
+    """The plan of each configuration of the fronts RELEASED (slug and digest) that has one."""
     fronts = [selectors.front(slug) for slug, _ in released]
     plans = [of_point(front, point) for front in fronts if front for point in front.points]
-    documents = [document for made in plans if made for document in (made.plan, made.shaders)]
-    return {document.sha256: document.content for document in documents}
+    return tuple(plan for plan in plans if plan)
 
 
 @cache
@@ -99,9 +104,12 @@ def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     largest = max(buffer.planes * buffer.nbytes(made.state_type.itemsize) for buffer in made.buffers)
     fits = largest <= webgpu.LIMITS["max-storage-buffer-binding-size"]
     backends = tuple(b for b in APPLICATIONS[KFUSION].backends if fits or b != "webgpu")
-    return FramePlan(
-        Document.of(made.to_json()), Document.of(json.dumps(shaders(made, FOLDERS), indent=1)), backends
-    )
+    texts = json.dumps(shaders(made, FOLDERS))
+    return FramePlan(_document(made.to_json()), _document(texts), backends)
+
+
+def _document(content: str) -> Document:
+    return Document(content, hashlib.sha256(content.encode()).hexdigest())
 
 
 @lru_cache(maxsize=8)

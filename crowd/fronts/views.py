@@ -98,6 +98,12 @@ def plan(request: HttpRequest, sha256: str) -> HttpResponseBase:
     return _by_digest(request, sha256, _json(plans.find))
 
 
+@require_safe
+def shaders(request: HttpRequest, sha256: str) -> HttpResponseBase:
+    """The WGSL texts of a plan's kernels by their digest."""
+    return _by_digest(request, sha256, _json(plans.find_shaders))
+
+
 def _by_digest(
     request: HttpRequest, sha256: str, find: Callable[[str], HttpResponseBase | None]
 ) -> HttpResponseBase:

@@ -170,6 +170,26 @@ def device_document(model: str = "Pixel 8", **changes: Any) -> dict[str, Any]:
     } | changes
 
 
+def browser_document(os: str | None = "Android", **changes: Any) -> dict[str, Any]:
+    """What a browser says of the device that it runs on."""
+    return {
+        "os": os,
+        "os_version": "16",
+        "manufacturer": None,
+        "model": "SM-S918B",
+        "model_source": "browser",
+        "architecture": "arm",
+        "cpu_count": "8",
+        "memory_gib": "8",
+        "gpu_vendor": "qualcomm",
+        "gpu_architecture": "adreno-7xx",
+        "gpu_device": "",
+        "gpu_description": "",
+        "browser": "Chrome",
+        "browser_version": "149.0.7600.4",
+    } | changes
+
+
 def submission_document(*sessions: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A whole request body; one ordinary session unless SESSIONS are given."""
     return {

@@ -83,7 +83,7 @@ def test_the_limits_are_the_settings_defaults() -> None:
     rows = re.findall(r"\| ([0-9]+) an? (?:minute|hour) \| `(FRONTRUNNER_\w+)` \|", DOCUMENT)
     settings = (ROOT / "crowd" / "settings.py").read_text()
 
-    assert len(rows) == 5
+    assert len(rows) == 6
     for default, name in rows:
         assert f'integer("{name}", {default})' in settings
 

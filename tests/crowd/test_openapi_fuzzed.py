@@ -19,7 +19,7 @@ from schemathesis.specs.openapi.checks import (
 
 from crowd.explorations.models import Exploration
 from crowd.explorations.tokens import issue_token
-from crowd.limits import Enrolments, OwnRequests, Reads, Submissions
+from crowd.limits import Attempts, Enrolments, OwnRequests, Reads, Submissions
 from crowd.openapi import document
 from crowd.results.models import Submission
 from crowd.wsgi import application
@@ -34,7 +34,7 @@ CHECKS = [
     response_headers_conformance,
     response_schema_conformance,
 ]
-LIMITS = [limit.setting for limit in (Reads, Enrolments, Submissions, OwnRequests)]
+LIMITS = [limit.setting for limit in (Attempts, Reads, Enrolments, Submissions, OwnRequests)]
 DOCUMENT = schemathesis.openapi.from_dict(document())
 DOCUMENT.app = application
 OPERATIONS = {operation.ok().label: operation.ok() for operation in DOCUMENT.get_all_operations()}

@@ -24,7 +24,7 @@ FIXTURES = Path(__file__).parents[2] / "fixtures"
 def shipped(db: None, settings: LazySettings) -> None:
     settings.FRONTRUNNER_FRONTS = FIXTURES / "fronts"
     settings.FRONTRUNNER_SEQUENCES = [FIXTURES / "sequences"]
-    for cache in (plans._pack, plans._made, plans._contents, manifests._made):
+    for cache in (plans._pack, plans._made, plans._of_fronts, manifests._made):
         cache.cache_clear()
     list(first_run.publish_shipped_fronts())
 
@@ -46,6 +46,20 @@ def test_each_configuration_names_its_plan_by_its_digest(client: Client, shipped
         jsonschema.validate(document, schema)
 
 
+def test_each_configuration_names_the_shaders_of_its_plan_by_their_digest(
+    client: Client, shipped: None
+) -> None:
+    for configuration in configurations(client, "kfusion").values():
+        answer = client.get(configuration["shaders"]["url"])
+        texts = answer.json()
+        launched = {step["kernel"] for step in client.get(configuration["plan"]["url"]).json()["dispatches"]}
+
+        assert hashlib.sha256(answer.content).hexdigest() == configuration["shaders"]["sha256"]
+        assert "immutable" in answer.headers["Cache-Control"]
+        assert set(texts) == launched
+        assert all(f"fn {name}(" in text for name, text in texts.items())
+
+
 def test_a_volume_beyond_webgpus_default_limits_is_for_opencl_alone(client: Client, shipped: None) -> None:
     backends = {name: each["backends"] for name, each in configurations(client, "kfusion").items()}
 
@@ -57,15 +71,32 @@ def test_elasticfusion_has_no_plan(client: Client, shipped: None) -> None:
     for configuration in configurations(client, "elasticfusion").values():
         assert configuration["backends"] == ["opencl"]
         assert "plan" not in configuration
+        assert "shaders" not in configuration
 
 
-def test_an_unknown_plan_is_not_found_nor_a_known_one_sent_twice(client: Client, shipped: None) -> None:
-    plan = configurations(client, "kfusion")["best"]["plan"]
-    again = client.get(plan["url"], headers={"If-None-Match": f'"{plan["sha256"]}"'})
+@pytest.mark.parametrize(("member", "address"), [("plan", "/plans"), ("shaders", "/shaders")])
+def test_an_unknown_digest_is_not_found_nor_a_known_one_sent_twice(
+    client: Client, shipped: None, member: str, address: str
+) -> None:
+    best = configurations(client, "kfusion")["best"]
+    again = client.get(best[member]["url"], headers={"If-None-Match": f'"{best[member]["sha256"]}"'})
+    other = best["shaders" if member == "plan" else "plan"]["sha256"]
 
     assert (again.status_code, again.content) == (304, b"")
-    assert client.get(f"/plans/{'0' * 64}").status_code == 404
-    assert client.get("/plans/not-a-digest").status_code == 404
+    assert client.get(f"{address}/{'0' * 64}").status_code == 404
+    assert client.get(f"{address}/not-a-digest").status_code == 404
+    assert client.get(f"{address}/{other}").status_code == 404
+
+
+@pytest.mark.parametrize("member", ["plan", "shaders"])
+def test_a_digest_costs_one_query(
+    client: Client, shipped: None, django_assert_max_num_queries: Any, member: str
+) -> None:
+    address = configurations(client, "kfusion")["best"][member]["url"]
+    client.get(address)
+
+    with django_assert_max_num_queries(1):
+        assert client.get(address).status_code == 200
 
 
 def test_a_configuration_that_does_not_fit_the_camera_is_refused_as_a_draft(db: None, shipped: None) -> None:
@@ -90,6 +121,7 @@ def test_what_has_no_plan_any_more_leaves_the_manifest_whole(
     found = configurations(client, "kfusion")
 
     assert "plan" not in found["default"]
+    assert "shaders" not in found["default"]
     assert "backends" not in found["default"]
 
 
@@ -99,7 +131,7 @@ def test_a_damaged_pack_beside_the_fronts_own_does_no_harm(
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken" / "pack.json").write_text("{")
     settings.FRONTRUNNER_SEQUENCES = [tmp_path, *settings.FRONTRUNNER_SEQUENCES]
-    for cache in (plans._pack, plans._made, plans._contents, manifests._made):
+    for cache in (plans._pack, plans._made, plans._of_fronts, manifests._made):
         cache.cache_clear()
 
     assert "plan" in configurations(client, "kfusion")["best"]

@@ -21,12 +21,13 @@ READS = {
     "/compare?devices=google-pixel-8,google-pixel-9": 17,
     "/explorations": 1,
     "/exports": 2,
+    "/models?maker=samsung&search=galaxy": 1,
     "/openapi.json": 0,
     "/docs": 0,
 }
 OWN = {"/submissions/{submission}": 4, "/me/data": 9}
 # A transaction's begin and end count too; 50 runs take two statements.
-SUBMISSION, VALIDATION, ENROLMENT = 10, 5, 2
+SUBMISSION, VALIDATION, ENROLMENT, ATTEMPT = 10, 5, 2, 2
 
 
 @pytest.fixture
@@ -92,3 +93,11 @@ def test_an_enrolment_costs_at_most(client: Client, db: None, django_assert_max_
 
     with django_assert_max_num_queries(ENROLMENT):
         assert client.post(f"{API}/enrol", wish, content_type="application/json").status_code == 201
+
+
+def test_an_attempt_costs_at_most(client: Client, db: None, django_assert_max_num_queries: Any) -> None:
+    attempt = {"step": "opened", "gpu_vendor": "arm", "browser": "Chrome"}
+    client.post(f"{API}/attempts", attempt, content_type="application/json")  # the first of its day
+
+    with django_assert_max_num_queries(ATTEMPT):
+        assert client.post(f"{API}/attempts", attempt, content_type="application/json").status_code == 204

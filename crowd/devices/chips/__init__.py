@@ -8,5 +8,6 @@ of a name: what devices say of themselves is shown to the public, and anyone can
 from crowd.devices.chips.central_processors import processor
 from crowd.devices.chips.graphics_chips import Graphics, graphics
 from crowd.devices.chips.systems_on_chip import system_on_chip
+from crowd.devices.chips.web_adapters import Adapter, adapter, is_one_chip
 
-__all__ = ["Graphics", "graphics", "processor", "system_on_chip"]
+__all__ = ["Adapter", "Graphics", "adapter", "graphics", "is_one_chip", "processor", "system_on_chip"]

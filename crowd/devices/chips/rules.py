@@ -19,7 +19,6 @@ WORDS = (
     "Thor", "Vega", "Renoir", "Cezanne", "Lucienne", "Barcelo", "Rembrandt", "Phoenix", "Raphael",
     "Mendocino", "VanGogh", "Picasso", "Raven", "Ellesmere", "Baffin", "Tahiti", "Pitcairn", "Bonaire",
     "Oland", "Hawaii", "Fiji", "Tonga", "Lexa", "Fury", "Fury X", "Xe", "Flex", "NanoUltra", "NanoLite",
-    "Midgard", "Bifrost", "Valhall",
 )  # fmt: skip
 SPELLED = {word.casefold(): word for word in WORDS} | {
     "ada": "Ada Generation", "max-q design": "Max-Q", "mobile": "Laptop GPU", "super": "SUPER",

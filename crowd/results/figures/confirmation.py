@@ -15,7 +15,7 @@ from django.conf import settings
 from django.db import transaction
 from django.db.models import Avg, Q
 
-from crowd.devices import revision
+from crowd.devices import chips, revision
 from crowd.results.figures import statistics
 from crowd.results.models import DeviceSpeedup, SessionSummary, State
 from crowd.results.validity.measures import AGREEMENT
@@ -50,7 +50,7 @@ def _settle(chip: Chip) -> None:
     # First of all: a figure that changes from here on waits for the end of this transaction.
     rows.filter(unsettled=True).update(unsettled=False)
     doubtful = rows.filter(witnesses__lt=quorum, state=State.VALID)
-    figures = list(doubtful.select_for_update().order_by("pk")) if _is_one_chip(chip[2]) else []
+    figures = list(doubtful.select_for_update().order_by("pk")) if chips.is_one_chip(chip[2]) else []
     changed = released = 0
     for figure, witnesses in _chip_witnesses(chip, figures):
         if figure.chip_witnesses != witnesses:
@@ -128,11 +128,6 @@ def _supported(configuration: int, networks: Collection[str]) -> dict[str, set[F
         if (key := tuple(columns)) in keys:
             found[network].add(key)
     return found
-
-
-def _is_one_chip(processor: str) -> bool:
-    """Whether PROCESSOR names one chip and not a family of chips, as "Adreno" does, or an unknown one."""
-    return any(letter.isdigit() for letter in processor)
 
 
 def _measured(chip: Chip) -> list[tuple[int, str, float]]:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from uuid import UUID
 
 from django.core.signing import BadSignature, Signer
-from django.db.models import Count
+from django.db.models import Count, Q, QuerySet
 
-from crowd.devices.models import DeviceModel, Installation
+from crowd.devices.models import DeviceDescription, DeviceModel, Installation
+from crowd.devices.normalisation import STATED_BY_OWNER
 from crowd.results.reading import selectors
 from crowd.results.reading.rows import Device, SessionRow
 
@@ -20,11 +21,15 @@ LISTED_SESSIONS = 50
 
 @dataclass(frozen=True)
 class OwnDevice:
-    """One device of the installation: by its own name, and as everybody else sees it."""
+    """One device of the installation: by its own name, and as everybody else sees it.
+
+    `stated`: its owner chose the name, because the browser does not say it.
+    """
 
     title: str
     public: Device
     sessions: tuple[SessionRow, ...]
+    stated: bool
 
     @property
     def named(self) -> bool:
@@ -65,4 +70,13 @@ def own_page(signed: str) -> OwnPage | None:
 
 def _device(installation: Installation, model: DeviceModel) -> OwnDevice | None:
     sessions = selectors.own_sessions(installation, model, LISTED_SESSIONS)
-    return OwnDevice(str(model), sessions[0].device, sessions) if sessions else None
+    if not sessions:
+        return None
+    sent = DeviceDescription.objects.filter(sessions__installation=installation, model__in=_names_of(model))
+    stated = sent.filter(raw__model_source=STATED_BY_OWNER).exists()
+    return OwnDevice(str(model), sessions[0].device, sessions, stated)
+
+
+def _names_of(model: DeviceModel) -> QuerySet[DeviceModel]:
+    """MODEL and its aliases."""
+    return DeviceModel.objects.filter(Q(pk=model.pk) | Q(canonical=model.pk))

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.devices.models import BrowserAttempt, DeviceDescription, Installation
+from crowd.devices.models import AttemptCount, DeviceDescription, Installation
 from crowd.fronts.services import publish_content
 from crowd.results.models import MeasurementSession, Run
 from tests.browser.measuring.conftest import Published
@@ -53,9 +53,7 @@ def arrived(page: Any) -> Any:
 def steps() -> list[str]:
     """What was counted of visitors, in any order."""
     return sorted(
-        f"{row.step} {row.reason}".strip()
-        for row in BrowserAttempt.objects.all()
-        for _ in range(row.attempts)
+        f"{row.step} {row.reason}".strip() for row in AttemptCount.objects.all() for _ in range(row.count)
     )
 
 
@@ -79,7 +77,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
     assert sample["device"] == DeviceDescription.objects.get().raw
     assert "unconfirmed" in result.inner_text()
     page.goto(f"{visitor.server}/")
-    assert page.get_by_text("software rendering").first.is_visible()
+    assert page.get_by_text("Linux PC, SwiftShader").first.is_visible()
     assert steps() == ["began", "finished", "opened"]
     assert visitor.complaints == []
 
@@ -204,7 +202,7 @@ def test_a_device_that_computes_something_else_is_told_so_before_anything_is_tim
 
     page.get_by_text("This device computes something else").wait_for()
     assert page.get_by_text("the band is 1e-9 m").is_visible()
-    [counted] = BrowserAttempt.objects.filter(reason="wrong_results")
+    [counted] = AttemptCount.objects.filter(reason="wrong_results")
     assert (counted.step, counted.gpu_architecture, counted.browser) == ("failed", "swiftshader", "Chrome")
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
