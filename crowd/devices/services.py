@@ -1,6 +1,7 @@
 """Writes of installations: enrolment, tokens, their device, whether their models are named."""
 
 import hashlib
+import math
 import secrets
 from collections.abc import Mapping
 from typing import Any
@@ -122,27 +123,30 @@ def _refuse_another_device(
 
 
 @transaction.atomic(savepoint=False)
-def choose_disclosure(installation: Installation, show_model: bool | None) -> None:
+def choose_disclosure(installation: Installation, show_model: bool | None) -> int:
     """Agree that the models of INSTALLATION are named however rare they are, or do not; None: as before.
 
     It takes effect at once and changes no session. Files of the open data are rewritten for it, so the name
-    is shown again at most once an hour; it can be hidden at any time.
+    is shown again at most once an hour; it can be hidden at any time. Answers how many seconds there are left
+    until the name can be shown again, 0 where the choice is stored.
     """
     if show_model is None or show_model == installation.show_model:
-        return
-    if show_model and _has_agreed_lately(installation):
-        return
+        return 0
+    if show_model and (wait := _seconds_to_agree(installation)):
+        return wait
     installation.show_model = show_model
     installation.save(update_fields=["show_model"])
     for model in DeviceModel.objects.filter(sessions__installation=installation, rare=True).distinct():
         refresh_disclosure(model.pk)
+    return 0
 
 
-def _has_agreed_lately(installation: Installation) -> bool:
-    """Whether INSTALLATION agreed within the hour already; counts this time."""
+def _seconds_to_agree(installation: Installation) -> int:
+    """How long INSTALLATION, which agreed within the hour already, has to wait; else 0. Counts this time."""
     with counters.counting("changes of disclosure"):
-        return counters.count(f"agreed:{installation.pk}", AGREED_SECONDS).used > 1
-    return False
+        count = counters.count(f"agreed:{installation.pk}", AGREED_SECONDS)
+        return math.ceil(max(count.resets_in, 1)) if count.used > 1 else 0
+    return 0
 
 
 @transaction.atomic

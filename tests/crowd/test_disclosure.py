@@ -16,7 +16,8 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.results import tasks
 from crowd.results.figures import reassigning
 from crowd.results.figures import sessions as session_figures
-from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
+from crowd.results.models import DeviceSpeedup, ExportFile, MeasurementSession, SessionSummary
+from crowd.results.opendata import exports
 from crowd.results.privacy import disclosure
 from crowd.results.privacy.own_page import path_of
 from crowd.results.validity.version import ALGORITHM
@@ -245,6 +246,74 @@ def test_a_choice_moves_no_session(client: Client, front: Any, join: Join) -> No
     assert list(SessionSummary.objects.values_list("pk", "cohort"))[: len(before)] == before
     assert not MeasurementSession.objects.filter(summary_algorithm__lt=ALGORITHM).exists()
     assert client.get(f"{API}/devices/{NAMED}").status_code == 200
+
+
+def choose(who: Participant, content: Any) -> Any:
+    return who.client.patch(f"{API}/me", content, content_type="application/json", headers=who.headers)
+
+
+def test_the_choice_changes_without_a_measurement(client: Client, front: Any, join: Join) -> None:
+    who = join()
+    measure(who)
+    hidden = masked()
+
+    shown = choose(who, {"show_model": True})
+    assert (shown.status_code, shown.json()["show_model"]) == (200, True)
+    assert client.get(f"{API}/devices/{NAMED}").status_code == 200
+    assert choose(who, {"show_model": False}).json()["show_model"] is False
+    assert client.get(f"{API}/devices/{NAMED}").status_code == 404
+    assert client.get(f"{API}/devices/{hidden}").status_code == 200
+
+
+def test_a_name_is_shown_again_after_an_hour_and_hidden_at_any_time(front: Any, join: Join) -> None:
+    who = join()
+    measure(who)
+    for show in (True, False):
+        assert choose(who, {"show_model": show}).status_code == 200
+
+    again = choose(who, {"show_model": True})
+
+    assert (again.status_code, again.json()["code"]) == (429, "too_many_requests")
+    assert 3_000 < int(again.headers["Retry-After"]) <= 3_600
+    assert who.get("/me").json()["show_model"] is False
+    assert choose(who, {"show_model": False}).status_code == 200
+
+
+def test_open_data_follow_a_choice_without_a_measurement(
+    front: Any, join: Join, django_capture_on_commit_callbacks: Any
+) -> None:
+    who = join()
+    measure(who, show_model=True)
+    exports.make()
+    assert not ExportFile.objects.filter(stale=True).exists()
+
+    with django_capture_on_commit_callbacks():
+        choose(who, {"show_model": False})
+
+    assert {file.table for file in ExportFile.objects.filter(stale=True)} >= {"devices", "sessions"}
+
+
+@pytest.mark.parametrize("content", [{}, {"show_model": None}, {"show_model": "yes"}, [True]])
+def test_a_choice_is_yes_or_no(front: Any, join: Join, content: Any) -> None:
+    answer = choose(join(), content)
+
+    assert (answer.status_code, answer.json()["code"]) == (400, "invalid_field")
+
+
+def test_an_installation_reads_what_it_is(client: Client, front: Any, join: Join) -> None:
+    who = join()
+    answer = who.get("/me")
+
+    assert answer.json() == {
+        "installation_id": who.installation_id,
+        "app": "client_kit",
+        "app_version": "0.1.0",
+        "consent_version": 1,
+        "show_model": False,
+        "page": path_of(Installation.objects.get()),
+    }
+    assert answer.headers["Cache-Control"] == "no-store"
+    assert client.get(f"{API}/me").status_code == 401
 
 
 def test_a_submission_that_says_nothing_changes_no_choice(front: Any, join: Join) -> None:

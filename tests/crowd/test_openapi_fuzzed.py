@@ -117,7 +117,9 @@ def test_real_answers_are_as_described(tokens: dict[str, str], exploration: Expl
         ("/explorations/{key}", {"key": str(exploration.pk)}, {}),
         ("/exports", {}, {}),
         ("/submissions/{key}", {"key": str(submission.pk)}, {}),
+        ("/me", {}, {}),
         ("/me/data", {}, {}),
+        ("/models", {}, {"search": "iphone"}),
     ):
         case = DOCUMENT[f"/api/v1{path}"]["GET"].Case(path_parameters=places, query=query)
         response = case.call_and_validate(headers=own, checks=CHECKS)

@@ -12,9 +12,9 @@ from crowd.api import answer, body
 from crowd.decoding import decoded
 from crowd.devices.authentication import OwnEndpoint, RightsEndpoint, installation_asking
 from crowd.devices.models import Installation
-from crowd.devices.services import choose_disclosure, renew_token
+from crowd.devices.services import renew_token
 from crowd.problems import not_found
-from crowd.results.privacy import erasure
+from crowd.results.privacy import erasure, own_choice
 from crowd.results.privacy.own_data import own_data
 from crowd.results.privacy.own_page import path_of
 
@@ -25,6 +25,26 @@ class Token(msgspec.Struct):
     """The next token; it is shown this once."""
 
     token: str
+
+
+class Own(msgspec.Struct):
+    """An installation as it is stored; `page`: the path of its private page, which names its model."""
+
+    installation_id: UUID
+    app: str
+    app_version: str
+    consent_version: int
+    show_model: bool
+    page: str
+
+
+class Choice(msgspec.Struct):
+    """Whether the device's model is named in public however rare it is."""
+
+    show_model: bool
+
+
+_CHOICE = msgspec.json.Decoder(Choice)
 
 
 class OwnDataView(RightsEndpoint):
@@ -57,42 +77,27 @@ class OwnTokenView(OwnEndpoint):
         return answer(Token(renew_token(installation_asking(request))), 201, PRIVATE)
 
 
-class Own(msgspec.Struct):
-    """What the server knows of an installation. `page`: the path of its private page."""
-
-    installation_id: UUID
-    show_model: bool
-    page: str
-
-
-class Choice(msgspec.Struct):
-    """Whether the device's model may be named in public, however rare it is."""
-
-    show_model: bool
-
-
-CHOICE = msgspec.json.Decoder(Choice)
-
-
 class OwnView(RightsEndpoint):
-    """The installation itself."""
+    """The installation itself: what it chose, and erasure of everything."""
 
     @extend_schema(
-        operation_id="own", summary="This installation: its choice and its page", responses={200: Own}
+        operation_id="own", summary="This installation and where its page is", responses={200: Own}
     )
     def get(self, request: Request) -> HttpResponse:
         return _own(installation_asking(request))
 
     @extend_schema(
         operation_id="choose",
-        summary="Show the device's model in public, however rare, or hide it",
-        description="Hiding takes effect at once. A hidden model is shown again at most once an hour.",
+        summary="Show or hide the device's model",
+        description=(
+            "As `show_model` of a submission. A name can be hidden at any time, and shown again once an hour."
+        ),
         request={"application/json": Choice},
         responses={200: Own},
     )
     def patch(self, request: Request) -> HttpResponse:
         installation = installation_asking(request)
-        choose_disclosure(installation, decoded(CHOICE, body(request)).show_model)
+        own_choice.choose(installation, decoded(_CHOICE, body(request)).show_model)
         return _own(installation)
 
     @extend_schema(
@@ -103,11 +108,6 @@ class OwnView(RightsEndpoint):
         return HttpResponse(status=204)
 
 
-def _own(installation: Installation) -> HttpResponse:
-    found = Own(installation.pk, installation.show_model, path_of(installation))
-    return answer(found, headers=PRIVATE)
-
-
 class OwnRunView(RightsEndpoint):
     """Erasure of one run."""
 
@@ -116,3 +116,15 @@ class OwnRunView(RightsEndpoint):
         if not erasure.erase_run(installation_asking(request), key):
             raise not_found(f"this installation sent no run {key}")
         return HttpResponse(status=204)
+
+
+def _own(installation: Installation) -> HttpResponse:
+    found = Own(
+        installation.pk,
+        installation.app,
+        installation.app_version,
+        installation.consent_version,
+        installation.show_model,
+        path_of(installation),
+    )
+    return answer(found, 200, PRIVATE)
