@@ -16,8 +16,6 @@ from tests.browser.measuring.conftest import Published
 from tests.browser.visitor import Visitor
 
 API = "/api/v1"
-MEASURED = "#result[data-speedup]"
-SENT = "#result[data-state=unconfirmed]"
 
 
 @pytest.fixture(autouse=True)
@@ -38,10 +36,11 @@ def begin(visitor: Visitor) -> Any:
     return page
 
 
-def finished(page: Any, selector: str = SENT) -> Any:
-    """The result, as soon as it is there."""
-    result = page.locator(selector)
-    result.wait_for()
+def finished(page: Any, state: str = "unconfirmed") -> Any:
+    """The result, as soon as it has that STATE, or another one that stays."""
+    page.locator(f"#result:is([data-state={state}], [data-state=suspect], [data-state=invalid])").wait_for()
+    result = page.locator("#result")
+    assert result.get_attribute("data-state") == state, result.inner_text()
     return result
 
 
@@ -85,7 +84,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
 def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> None:
     visitor.page.route("**/api/v1/submissions", lambda route: route.abort())
     page = begin(visitor)
-    finished(page, f"{MEASURED}[data-state=kept]")
+    finished(page, "kept")
     assert page.get_by_text("sent as soon as the server can be reached").is_visible()
     assert MeasurementSession.objects.count() == 0
 
@@ -120,7 +119,7 @@ def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None
 
     page.reload()
     page.get_by_role("button", name="Start").click()
-    finished(page, f"{MEASURED}[data-state=kept]")
+    finished(page, "kept")
     visitor.context.set_offline(False)
     let_it_try_again(page)
     page.evaluate("dispatchEvent(new Event('online'))")
@@ -171,7 +170,7 @@ def test_the_same_bytes_are_sent_again_after_503(visitor: Visitor) -> None:
 
     visitor.page.route("**/api/v1/submissions", answer)
     page = begin(visitor)
-    finished(page, f"{MEASURED}[data-state=kept]")
+    finished(page, "kept")
     page.evaluate("dispatchEvent(new Event('online'))")  # too early
     let_it_try_again(page)
     page.reload()
