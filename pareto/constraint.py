@@ -45,14 +45,15 @@ class Constraint:
     (true counts as 1), numbers within 1e-12 of each other are equal, and no comparison with a division by
     zero holds.
 
-    Raises ConstraintError, naming what cannot be read and what would be right.
+    Raises ConstraintError, naming what cannot be read and what would be right; its message begins with
+    `label`.
     """
 
-    def __init__(self, text: str, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, text: str, parameters: Sequence[Parameter], label: str = "constraint") -> None:
         if not isinstance(text, str) or not text.strip() or len(text) > LONGEST:
-            raise ConstraintError(f"a constraint is a text of 1 to {LONGEST} characters, not {text!r:.80}")
+            raise ConstraintError(f"{label}: give a text of 1 to {LONGEST} characters, not {text!r:.80}")
         self.text = text
-        reader = _Reader(text, parameters)
+        reader = _Reader(text, parameters, label)
         self.clauses = tuple(reader.clause(node) for node in _conjuncts(reader.tree))
         used = {name for clause in self.clauses for name in clause.names}
         self.names = tuple(parameter.name for parameter in parameters if parameter.name in used)
@@ -72,8 +73,9 @@ class _Term:
 class _Reader:
     """Turns the syntax tree of one constraint into functions of columns."""
 
-    def __init__(self, text: str, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, text: str, parameters: Sequence[Parameter], label: str) -> None:
         self.text = text
+        self.label = label
         self.parameters = {parameter.name: parameter for parameter in parameters}
         # Python reads identifiers in Unicode's normal form KC.
         self.identifiers = {unicodedata.normalize("NFKC", name): name for name in self.parameters}
@@ -94,7 +96,7 @@ class _Reader:
             raise self.error(f"it is nested deeper than {DEEPEST} levels")
 
     def error(self, reason: str) -> ConstraintError:
-        return ConstraintError(f"constraint {self.text!r}: {reason}")
+        return ConstraintError(f"{self.label} {self.text!r}: {reason}")
 
     def clause(self, node: ast.expr) -> Clause:
         self.used = {}

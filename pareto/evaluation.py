@@ -29,10 +29,10 @@ def from_table(
     have, ObjectiveError for objectives that share a column.
     """
     names = [objective.name for objective in objectives]
-    rows: dict[tuple[int, ...], list[dict[str, str]]] = {}
+    rows: dict[int, list[dict[str, str]]] = {}
     for line, row in read_rows(path, [*columns(space, objectives), *([feasible[0]] if feasible else [])]):
         try:
-            place = tuple(item.position(row[item.name]) for item in space.parameters)
+            place = space.index_of(space.parse(row))
         except ParetoError as error:
             raise ScenarioError(f"{path}, line {line}: {error}") from error
         rows.setdefault(place, []).append(row)
@@ -40,7 +40,7 @@ def from_table(
     def evaluate(configuration: Configuration) -> dict[str, float]:
         measured: list[list[float]] = []
         failures = ["not in the table"]
-        for row in rows.get(tuple(item.encode(configuration[item.name]) for item in space.parameters), []):
+        for row in rows.get(space.index_of(configuration), []):
             try:
                 measured.append(_values(row, names, feasible))
             except EvaluationError as error:

@@ -162,9 +162,7 @@ class Folder:
         first = 2 + len(space.parameters)
         objectives = [objective.name for objective in explorer.objectives]
         try:
-            configuration = {
-                item.name: item.parse(cell) for item, cell in zip(space.parameters, row[2:first], strict=True)
-            }
+            configuration = space.parse(dict(zip(space.names, row[2:first], strict=True)))
             cells = row[first : first + len(objectives)]
             failed = all(cell == "" for cell in cells)
             values = None if failed else dict(zip(objectives, map(float, cells), strict=True))
