@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import fmean
 
-from pareto.errors import EvaluationError, ParetoError, ScenarioError
+from pareto.errors import EvaluationError, InfeasibleError, ParetoError, ScenarioError
 from pareto.measurements import columns, number, read_rows
 from pareto.objective import Objective
 from pareto.space import Configuration, Space
@@ -63,7 +63,7 @@ def _values(row: dict[str, str], names: list[str], feasible: tuple[str, str] | N
 
 
 def require_feasible(feasible: tuple[str, str], answer: object) -> None:
-    """Raise EvaluationError unless `answer` reads like the (column, text when true) of `feasible`."""
+    """Raise InfeasibleError unless `answer` reads like the (column, text when true) of `feasible`."""
     column, true_value = feasible
     if str(answer).strip().lower() != true_value.lower():
-        raise EvaluationError(f"{column} is {answer}")
+        raise InfeasibleError(f"{column} is {answer}")

@@ -10,7 +10,14 @@ from typing import Any
 import numpy as np
 
 from pareto.answer import obstacle
-from pareto.errors import ConfigurationError, MethodError, ObjectiveError, SpaceError, StateError
+from pareto.errors import (
+    ConfigurationError,
+    DamagedStateError,
+    MethodError,
+    ObjectiveError,
+    SpaceError,
+    StateError,
+)
 from pareto.history import History, read_index
 from pareto.methods import DEFAULT, METHODS, create
 from pareto.objective import Objective, read_limits, read_number, read_objectives, read_values
@@ -162,6 +169,10 @@ class Explorer:
         """Return what was asked and not yet told, in the order asked."""
         return [self.space.decode(index) for index in self.history.pending]
 
+    def skip_asks(self, count: int) -> None:
+        """Count `count` batches as asked for: the next ones do not draw what was drawn for those."""
+        self._asks += count
+
     def state(self) -> dict[str, Any]:
         """Return everything as plain JSON, from which `restore` goes on exactly as this explorer would."""
         state = {
@@ -189,10 +200,12 @@ class Explorer:
         Raises StateError when it is another version's, another space's, or damaged.
         """
         if not isinstance(state, Mapping):
-            raise StateError(f"the state is damaged: it is {state!r:.40} and no object")
-        if state.get("version") != VERSION:
-            raise StateError(f"state version {state.get('version')!r} cannot be read: this one is {VERSION}")
-        if state.get("space") != space.digest:
+            raise DamagedStateError(f"the state is damaged: it is {state!r:.40} and no object")
+        if missing := [field for field in ("version", "space") if field not in state]:
+            raise DamagedStateError(f"the state is damaged: {missing[0]!r} is missing")
+        if state["version"] != VERSION:
+            raise StateError(f"state version {state['version']!r} cannot be read: this one is {VERSION}")
+        if state["space"] != space.digest:
             raise StateError(f"this state belongs to another space than {space.name!r}")
         try:
             objectives = [Objective(item["name"], item["maximise"]) for item in state["objectives"]]
@@ -206,7 +219,7 @@ class Explorer:
             )
             explorer._asks = int(state["asks"])
             if explorer._asks < 0:
-                raise StateError(f"the state is damaged: it was asked {explorer._asks} times")
+                raise DamagedStateError(f"the state is damaged: it was asked {explorer._asks} times")
             explorer.finished = bool(state["finished"])
             prior = Prior(space, explorer.objectives, explorer.limits)
             _record(prior.source, state.get("prior", []))
@@ -215,11 +228,11 @@ class Explorer:
             for index, phase in state["pending"]:
                 explorer.history.expect(read_index(space, index), phase)
             explorer._method.recall(state["memory"], space)
-        except StateError:
-            raise
+        except StateError as error:
+            raise DamagedStateError(str(error)) from error
         # A list where an object belongs has no `items`; a value that may not be told is a ValueError.
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-            raise StateError(f"the state is damaged: {error!r}") from error
+            raise DamagedStateError(f"the state is damaged: {error!r}") from error
         return explorer
 
     def _take_prior(self, prior: Prior) -> None:

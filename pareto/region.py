@@ -5,7 +5,8 @@ set is tabulated: starting from one a parameter, those that a constraint links a
 is dropped, as long as no join is too large. What is left is a product again, whose members are counted and
 drawn exactly however tight the constraints are. A constraint that links too much to be tabulated stays open:
 draws from the product are tested against it. Conditions are tabulated like constraints. Where they link too
-much, values are drawn for inactive parameters, too, and the point is then folded to the one that stands for it.
+much, values are drawn for inactive parameters, too, and the point is then folded to the one that stands for
+it.
 """
 
 from __future__ import annotations

@@ -22,9 +22,9 @@ def sample(
 ) -> Indices:
     """Return `count` distinct allowed indices drawn uniformly, none of them in `exclude`, in random order.
 
-    Fewer are returned only when the space has no more, or, where constraints or conditions link too much to be
-    tabulated (see `Region`), after `draws` draws; uniform are then the values that are drawn. Memory grows with `count` and `exclude`, never with
-    the space.
+    Fewer are returned only when the space has no more, or after `draws` draws where constraints or conditions
+    link too much to be tabulated (see `Region`). In a folded region values are uniform rather than points.
+    Memory grows with `count` and `exclude`, never with the space.
     """
     region = space.region
     taken = np.unique(np.fromiter((i for i in exclude if 0 <= i < len(space)), dtype=np.int64))
@@ -47,8 +47,9 @@ def spread_sample(
     """Return `count` distinct allowed indices that cover every parameter's values evenly, none in `exclude`.
 
     A Latin hypercube: each parameter's values appear equally often, up to rounding, in independent random
-    orders. Parameters that constraints link count as one, whose values are the allowed combinations. A value is
-    drawn for inactive parameters, too, so that each value of the others comes up equally often. Duplicates and excluded points are replaced as by `sample`, at most `draws` times.
+    orders. Parameters that constraints link count as one, whose values are the allowed combinations. Inactive
+    parameters take part with all their values, so that each value of the others appears equally often.
+    Duplicates and excluded points are replaced as by `sample`, at most `draws` times.
     """
     region = space.region_of_values
     columns = []

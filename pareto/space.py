@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto.conditions import Conditions
-from pareto.constraint import Clause, Constraint
+from pareto.constraint import Clause
 from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError
 from pareto.parameter import Parameter, Value
 from pareto.region import Count, Region, evaluate
