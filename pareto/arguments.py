@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
+from pareto.configspace import is_configspace, read_configspace
 from pareto.errors import ObjectiveError, ParetoError, ScenarioError, SpaceError
 from pareto.objective import Objective
 from pareto.scenario import Scenario, is_scenario
@@ -97,9 +98,9 @@ def read_units(text: str, objectives: Iterable[Objective]) -> dict[str, str]:
 
 
 def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario | None]:
-    """Return the space of a JSON file, and the scenario where the file is one.
+    """Return the space of a JSON file, and the scenario where the file is HyperMapper's or ConfigSpace's.
 
-    `levels` are the values of each real parameter of a scenario, which has only its bounds.
+    `levels` are the values of each real parameter of such a file, which has only its bounds.
     """
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
@@ -109,6 +110,9 @@ def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario |
         raise SpaceError(f"{path} is nested too deeply to be a space") from None
     if is_scenario(description):
         scenario = Scenario.from_dict(description, **({"real_count": levels} if levels else {}))
+        return scenario.space, scenario
+    if is_configspace(description):
+        scenario = read_configspace(description, **({"real_count": levels} if levels else {}))
         return scenario.space, scenario
     return Space.from_dict(description), None
 

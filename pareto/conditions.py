@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,8 @@ Mask = NDArray[np.bool_]
 class Conditions:
     """The conditions of `parameters`: a parameter is active while its condition holds.
 
-    It is inactive, too, while a parameter that its condition mentions is inactive. An inactive parameter has
+    It is inactive, too, while a parameter that its condition mentions is inactive; of alternatives that `or`
+    joins, one that holds is enough, whatever parameters the others mention. An inactive parameter has
     one position, that of its default, so that configurations which differ only in it are the same point.
 
     Raises ConstraintError for a condition that cannot be read, or that depends on its own parameter.
@@ -102,15 +104,21 @@ class Conditions:
 
     def _activate(self, name: str, codes: Codes, masks: dict[str, Mask]) -> Mask:
         if name not in masks:
-            condition = self._conditions[name]
-            mask = np.asarray(True)
-            for clause in condition.clauses:
-                mask = mask & clause.holds(codes)
-            for parent in condition.names:
+            alternatives = self._conditions[name].alternatives
+            masks[name] = reduce(
+                np.logical_or, (self._all_hold(clauses, codes, masks) for clauses in alternatives)
+            )
+        return masks[name]
+
+    def _all_hold(self, clauses: Sequence[Clause], codes: Codes, masks: dict[str, Mask]) -> Mask:
+        """Return where all clauses hold and all parameters that they mention are active."""
+        mask = np.asarray(True)
+        for clause in clauses:
+            mask = mask & clause.holds(codes)
+            for parent in clause.names:
                 if parent in self._conditions:
                     mask = mask & self._activate(parent, codes, masks)
-            masks[name] = mask
-        return masks[name]
+        return mask
 
     def _clause(self, name: str) -> Clause:
         position = self._canonical[name]

@@ -68,6 +68,13 @@ class Parameter:
         exact = {str(value): code for code, value in enumerate(self.values)}
         return {text.strip(): code for text, code in exact.items()} | exact
 
+    @property
+    def contiguous(self) -> bool:
+        """Whether the values are all whole numbers from the first to the last, as a range names them."""
+        return self.type == "integer" and all(
+            value == number for number, value in enumerate(self.values, int(self.values[0]))
+        )
+
     def encode(self, value: object) -> int:
         """Return the position of `value`; numbers match to 1e-9, relative.
 

@@ -73,6 +73,27 @@ def test_configurations_that_differ_in_inactive_parameters_only_are_one_point(ti
     )
 
 
+def test_of_alternatives_one_whose_parameters_are_active_is_enough():
+    description = json.loads(json.dumps(TILES))
+    description["parameters"].append(
+        {
+            "name": "prefetch",
+            "type": "boolean",
+            "condition": "block == 8 or unroll > 2 or algorithm == 'plain'",
+        }
+    )
+    space = Space.from_dict(description)
+    for point, active in (
+        ({"algorithm": "plain", "unroll": 1}, True),
+        ({"algorithm": "recursive", "unroll": 3}, True),
+        ({"algorithm": "recursive", "unroll": 1}, False),
+        ({"algorithm": "blocked", "block": 8, "unroll": 1}, True),
+        ({"algorithm": "blocked", "block": 16, "pad": True, "unroll": 1}, False),
+    ):
+        index = space.encode(point | {"prefetch": True})
+        assert space.decode(index)["prefetch"] == (True if active else None)
+
+
 def test_a_value_is_missing_only_where_its_parameter_is_active(tiles):
     for left_out in ({}, {"block": None}):
         with pytest.raises(ConfigurationError, match="'block' is missing"):
