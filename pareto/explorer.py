@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from pareto.methods import DEFAULT, METHODS, create
 from pareto.objective import Objective, read_limits, read_number, read_objectives, read_values
 from pareto.space import Configuration, Space
 from pareto.transfer import Prior
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 VERSION = 1  # of the saved state
 
@@ -135,6 +138,17 @@ class Explorer:
             self.history.record(index, values, phase)
             self.finished = False
 
+    def tell_frame(self, frame: DataFrame) -> None:
+        """Take the rows of a pandas DataFrame with a column for each parameter and objective, as `tell` does.
+
+        A missing value is a failed measurement, except in a parameter that is inactive. Further columns are
+        ignored. Raises ConfigurationError or ObjectiveError, and takes nothing then.
+        """
+        from pareto.frames import read_frame
+
+        rows = read_frame(frame, self.space, self.objectives)
+        self.tell([configuration for configuration, _ in rows], [values for _, values in rows])
+
     def forget(self, configurations: Sequence[Mapping[str, Any]]) -> None:
         """Take back pending configurations that nobody will measure; they may be proposed again.
 
@@ -153,6 +167,30 @@ class Explorer:
             (self.space.decode(int(index)), dict(zip(names, map(float, row), strict=True)))
             for index, row in zip(indices, values, strict=True)
         ]
+
+    def front_frame(self) -> DataFrame:
+        """Return `front` as a pandas DataFrame with a column for each parameter and objective."""
+        from pareto.frames import write_frame
+
+        return write_frame(self.space, self.objectives, self.front())
+
+    def evaluations_frame(self) -> DataFrame:
+        """Return a row for each measurement, as `front_frame` does, NaN for the values of failed ones.
+
+        Configurations stand in the order in which they first arrived, repeats of one beside each other.
+        """
+        from pareto.frames import write_frame
+
+        names = [objective.name for objective in self.objectives]
+        return write_frame(
+            self.space,
+            self.objectives,
+            (
+                (self.space.decode(index), None if row is None else dict(zip(names, row, strict=True)))
+                for index, measured in self.history.told.items()
+                for row in measured
+            ),
+        )
 
     def answer(self) -> list[tuple[Configuration, dict[str, float]]]:
         """Return the front where there is one worth reading, otherwise raise the reason.

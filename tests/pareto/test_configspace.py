@@ -150,7 +150,7 @@ TILES = Space.from_dict(
             {"name": "unroll", "type": "integer", "minimum": 1, "maximum": 6, "default": 2},
             {"name": "pad", "type": "boolean", "condition": "unroll > 1 and unroll < 5 and block >= 16"},
             {"name": "scale", "type": "real", "values": [0.5, 1.5]},
-            {"name": "vendor", "type": "categorical", "values": ["x", 1, True]},
+            {"name": "vendor", "type": "categorical", "values": ["x", 1, "y"]},
         ],
         "constraints": ["block * unroll <= 64", "scale < 1 or unroll < 3"],
     }
