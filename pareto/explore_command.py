@@ -51,7 +51,7 @@ def add_explore(commands: Any) -> None:
     """Register the command with argparse's `commands`."""
     explore = commands.add_parser("explore", help="measure configurations until the budget is spent")
     explore.add_argument(
-        "--space", type=Path, required=True, help="a space, or a HyperMapper scenario, as JSON"
+        "--space", type=Path, required=True, help="JSON: a space, a HyperMapper scenario or a ConfigSpace"
     )
     add_objectives(explore, "names, separated by commas; a scenario brings its own")
     source = explore.add_mutually_exclusive_group(required=True)
