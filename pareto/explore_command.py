@@ -259,7 +259,10 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
         for name, value in constant_objectives(explorer.history).items():
             sys.stderr.write(f"pareto: warning: {name} was {value:g} in every configuration\n")
     front = summarise_front(explorer)
-    sys.stdout.write(f"{front.size} points on the front: {out / FRONT}\n{front.describe()}\n")
+    sys.stdout.write(
+        f"{front.size} point{'' if front.size == 1 else 's'} on the front: {out / FRONT}\n"
+        f"{front.describe()}\n"
+    )
     return FAILED if loop.stopped or isinstance(missing, AllFailedError) else 0
 
 

@@ -84,11 +84,10 @@ def _summary(explorer: Explorer) -> str:
         "measured": f"{made_here(explorer):,}",
         "failed": f"{failed:,}",
         "on the front": f"{front.size:,}",
-        "hypervolume": number(front.volume),
+        f"hypervolume{' of logarithms' if front.log else ''}": number(front.volume),
     }
     if front.reference:
-        point = ", ".join(f"{name} {number(value)}" for name, value in front.reference.items())
-        facts[f"reference point{' of logarithms' if front.log else ''}"] = point
+        facts["up to"] = ", ".join(f"{name} {number(value)}" for name, value in front.reference.items())
     items = "".join(f"<div><dt>{name}</dt><dd>{html.escape(fact)}</dd></div>" for name, fact in facts.items())
     return f"<dl>{items}</dl>"
 

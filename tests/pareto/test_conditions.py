@@ -17,6 +17,7 @@ from pareto.folder import Folder
 from pareto.measurements import read_measurements
 from pareto.methods import METHODS
 from pareto.objective import read_objectives
+from pareto.plot.page import page
 from pareto.sampling import sample, spread_sample
 from pareto.space import Space
 from tests.pareto.conftest import explore, rows
@@ -216,6 +217,18 @@ def test_files_have_an_empty_cell_and_json_null_for_what_is_inactive(toy):
     assert {tuple(point.values()) for point, _ in read} == by_hand(space)
     table = from_table(toy / "table.csv", space, objectives)
     assert table({"algorithm": "plain", "unroll": 3, "block": 8}) == {"error": 3.0, "seconds": 1.0}
+
+
+def test_pictures_show_what_is_inactive_as_an_empty_cell(tiles):
+    explorer = Explorer(tiles, ["seconds", "error"], method="random")
+    batch = explorer.ask(30)
+    explorer.tell(batch, [{"seconds": 5.0 - point["unroll"], "error": point["unroll"]} for point in batch])
+    drawn = page(explorer, {})
+    table = drawn[drawn.index("<tbody>") : drawn.index("</tbody>")]
+    assert "<td></td><td></td>" in table
+    assert "None" not in table
+    assert "<dt>hypervolume of logarithms</dt>" in drawn
+    assert "<dt>up to</dt><dd>seconds 4, error 4</dd>" in drawn
 
 
 def test_the_default_shows_what_is_active_and_survives_json(tiles):
