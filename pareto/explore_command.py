@@ -115,27 +115,10 @@ def explore_folder(options: argparse.Namespace) -> int:
     space, scenario = read_space(options.space, options.levels)
     for note in scenario.notes if scenario else ():
         sys.stderr.write(f"pareto: {note}\n")
-    objectives = read_objectives(
-        options.objectives, options.maximise, scenario.objectives if scenario else ()
-    )
-    if not objectives:
-        raise ScenarioError("--objectives is missing: a,b")
-    budget = options.budget or (scenario and scenario.budget)
-    if not budget:
-        raise ScenarioError("--budget is missing: how many measurements?")
-    _require_sense(options)
-    fresh = Explorer(
-        space,
-        objectives,
-        read_limits(options.limits),
-        seed=options.seed,
-        method=options.method,
-        prior=read_measurements(options.prior, space, objectives) if options.prior else (),
-        **_method_options(options, scenario),
-    )
-    header(fresh)  # before anything is measured, since it refuses names that clash
-    units = read_units(options.units, objectives)
-    known = read_measurements(options.warm_start, space, objectives) if options.warm_start else []
+    fresh = _new_explorer(options, space, scenario)
+    plan = _plan(options, scenario)
+    units = read_units(options.units, fresh.objectives)
+    known = read_measurements(options.warm_start, space, fresh.objectives) if options.warm_start else []
     feasible = scenario.feasible if scenario else None
     slots = _slots(options, [CONFIG, *space.names])
     program = None
@@ -144,8 +127,6 @@ def explore_folder(options: argparse.Namespace) -> int:
             options.command, space.names, fresh.objectives, options.timeout, feasible, resources=slots[0]
         )
     pool = Pool(program or _lookup(options.table, fresh, feasible), slots)
-    give_up = options.give_up if options.give_up is not None else GIVE_UP if program else 0
-    plan = Plan(budget, options.batch or BATCH, options.repeats, give_up)
     folder = Folder(options.out)
     with ExitStack() as stack:
         stack.enter_context(folder.locked())
@@ -174,8 +155,31 @@ def explore_folder(options: argparse.Namespace) -> int:
         return _report(explorer, options.out, loop)
 
 
-def _require_sense(options: argparse.Namespace) -> None:
-    """Raise ScenarioError for options that contradict each other."""
+def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:
+    """Return an explorer that knows nothing yet. Raises ScenarioError where there are no objectives."""
+    objectives = read_objectives(
+        options.objectives, options.maximise, scenario.objectives if scenario else ()
+    )
+    if not objectives:
+        raise ScenarioError("--objectives is missing: a,b")
+    explorer = Explorer(
+        space,
+        objectives,
+        read_limits(options.limits),
+        seed=options.seed,
+        method=options.method,
+        prior=read_measurements(options.prior, space, objectives) if options.prior else (),
+        **_method_options(options, scenario),
+    )
+    header(explorer)  # before anything is measured, since it refuses names that clash
+    return explorer
+
+
+def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
+    """Return how long to measure. Raises ScenarioError for options that contradict each other."""
+    budget = options.budget or (scenario and scenario.budget)
+    if not budget:
+        raise ScenarioError("--budget is missing: how many measurements?")
     for name in ("timeout", "jobs", "resource", "give_up"):
         if getattr(options, name) and not options.command:
             raise ScenarioError(f"--{name.replace('_', '-')} is for --command: a table answers at once")
@@ -183,6 +187,8 @@ def _require_sense(options: argparse.Namespace) -> None:
         raise ScenarioError("--repeats is for --command: a table answers the same each time")
     if options.no_picture and options.serve is not None:
         raise ScenarioError("--serve shows front.html, which --no-picture leaves out: give one of them")
+    give_up = GIVE_UP if options.give_up is None and options.command else options.give_up or 0
+    return Plan(budget, options.batch or BATCH, options.repeats, give_up)
 
 
 def _lookup(table: Path, explorer: Explorer, feasible: tuple[str, str] | None) -> Measure:
