@@ -44,6 +44,18 @@ def obstacle(history: History) -> NoAnswerError | None:
     return None
 
 
+def constant_objectives(history: History) -> dict[str, float]:
+    """Return the objectives that had one value in all of ENOUGH successful configurations or more."""
+    indices, values = history.measured()
+    if len(indices) < ENOUGH:
+        return {}
+    return {
+        objective.name: float(column[0])
+        for objective, column in zip(history.objectives, values.T, strict=True)
+        if not np.ptp(column)
+    }
+
+
 def _nothing_feasible(history: History, values: np.ndarray) -> NothingFeasibleError:
     limits: Mapping[str, float] = history.limits
     wanted, nearest = [], []

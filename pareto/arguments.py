@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
-from pareto.errors import ObjectiveError, ParetoError, SpaceError
+from pareto.configspace import is_configspace, read_configspace
+from pareto.errors import ObjectiveError, ParetoError, ScenarioError, SpaceError
 from pareto.objective import Objective
 from pareto.scenario import Scenario, is_scenario
 from pareto.space import Space
@@ -96,9 +98,9 @@ def read_units(text: str, objectives: Iterable[Objective]) -> dict[str, str]:
 
 
 def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario | None]:
-    """Return the space of a JSON file, and the scenario where the file is one.
+    """Return the space of a JSON file, and the scenario where the file is HyperMapper's or ConfigSpace's.
 
-    `levels` are the values of each real parameter of a scenario, which has only its bounds.
+    `levels` are the values of each real parameter of such a file, which has only its bounds.
     """
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
@@ -109,7 +111,23 @@ def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario |
     if is_scenario(description):
         scenario = Scenario.from_dict(description, **({"real_count": levels} if levels else {}))
         return scenario.space, scenario
+    if is_configspace(description):
+        scenario = read_configspace(description, **({"real_count": levels} if levels else {}))
+        return scenario.space, scenario
     return Space.from_dict(description), None
+
+
+def read_resources(texts: Iterable[str]) -> dict[str, list[str]]:
+    """Return the items of NAME=A,B texts. Raises ScenarioError for a name that no environment has."""
+    resources: dict[str, list[str]] = {}
+    for text in texts:
+        name, _, items = text.partition("=")
+        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) or not split(items):
+            raise ScenarioError(f"--resource {text!r}: write NAME=A,B with a name that a variable may have")
+        if name in resources:
+            raise ScenarioError(f"--resource {name} is given twice: list all its items in one")
+        resources[name] = split(items)
+    return resources
 
 
 def split(text: str | None) -> list[str]:
@@ -121,6 +139,20 @@ def count(text: str) -> int:
     """A whole number of 1 or more, for argparse."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of 1 or more")
+    return int(text)
+
+
+def whole(text: str) -> int:
+    """A whole number of 0 or more, for argparse."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of 0 or more")
+    return int(text)
+
+
+def port(text: str) -> int:
+    """A number of a port, for argparse."""
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port: 0 to 65535")
     return int(text)
 
 

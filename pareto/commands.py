@@ -17,7 +17,10 @@ from pareto.transfer_command import add_transfer
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; return its exit code: 0 done, 2 usage, 130 interrupted with everything saved."""
+    """Run the command line; return its exit code.
+
+    0 done, 1 nothing succeeded, 2 usage, 130 interrupted with everything saved.
+    """
     try:
         options = _parser().parse_args(arguments)
         code = int(options.act(options))

@@ -43,17 +43,22 @@ class Constraint:
     `in [..]`, min, max, abs, parentheses, numbers, texts and true and false are known; `&`, `|` and `~` may
     join conditions. A parameter whose name is no identifier is written in backticks. Arithmetic is float64
     (true counts as 1), numbers within 1e-12 of each other are equal, and no comparison with a division by
-    zero holds.
+    zero holds. `clauses` hold all together; of the `alternatives`, which `or` joins, one has to hold.
 
-    Raises ConstraintError, naming what cannot be read and what would be right.
+    Raises ConstraintError, naming what cannot be read and what would be right; its message begins with
+    `label`.
     """
 
-    def __init__(self, text: str, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, text: str, parameters: Sequence[Parameter], label: str = "constraint") -> None:
         if not isinstance(text, str) or not text.strip() or len(text) > LONGEST:
-            raise ConstraintError(f"a constraint is a text of 1 to {LONGEST} characters, not {text!r:.80}")
+            raise ConstraintError(f"{label}: give a text of 1 to {LONGEST} characters, not {text!r:.80}")
         self.text = text
-        reader = _Reader(text, parameters)
+        reader = _Reader(text, parameters, label)
         self.clauses = tuple(reader.clause(node) for node in _conjuncts(reader.tree))
+        self.alternatives = tuple(
+            tuple(reader.clause(node) for node in _conjuncts(alternative))
+            for alternative in _disjuncts(reader.tree)
+        )
         used = {name for clause in self.clauses for name in clause.names}
         self.names = tuple(parameter.name for parameter in parameters if parameter.name in used)
 
@@ -72,8 +77,9 @@ class _Term:
 class _Reader:
     """Turns the syntax tree of one constraint into functions of columns."""
 
-    def __init__(self, text: str, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, text: str, parameters: Sequence[Parameter], label: str) -> None:
         self.text = text
+        self.label = label
         self.parameters = {parameter.name: parameter for parameter in parameters}
         # Python reads identifiers in Unicode's normal form KC.
         self.identifiers = {unicodedata.normalize("NFKC", name): name for name in self.parameters}
@@ -94,7 +100,7 @@ class _Reader:
             raise self.error(f"it is nested deeper than {DEEPEST} levels")
 
     def error(self, reason: str) -> ConstraintError:
-        return ConstraintError(f"constraint {self.text!r}: {reason}")
+        return ConstraintError(f"{self.label} {self.text!r}: {reason}")
 
     def clause(self, node: ast.expr) -> Clause:
         self.used = {}
@@ -257,6 +263,16 @@ def _conjuncts(node: ast.expr) -> list[ast.expr]:
             sides = [node.left, *node.comparators]
             pairs = zip(sides, node.ops, sides[1:], strict=False)
             return [ast.Compare(left, [operator], [right]) for left, operator, right in pairs]
+    return [node]
+
+
+def _disjuncts(node: ast.expr) -> list[ast.expr]:
+    """Return the conditions that `node` joins by `or` or `|`; else itself."""
+    match node:
+        case ast.BoolOp(op=ast.Or(), values=values):
+            return [part for value in values for part in _disjuncts(value)]
+        case ast.BinOp(op=ast.BitOr(), left=left, right=right):
+            return [*_disjuncts(left), *_disjuncts(right)]
     return [node]
 
 

@@ -33,12 +33,20 @@ class StateError(ParetoError):
     """A saved state belongs to another space or was written by an incompatible version."""
 
 
+class DamagedStateError(StateError):
+    """A saved state cannot be read; the measurements beside it may still be."""
+
+
 class ScenarioError(ParetoError):
     """A scenario file lacks something, or asks for something that is not supported."""
 
 
 class EvaluationError(ParetoError):
     """One configuration could not be measured; the message is the reason kept beside it."""
+
+
+class InfeasibleError(EvaluationError):
+    """A configuration was measured, and the answer is that it does not count."""
 
 
 class NoAnswerError(ParetoError):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import fmean
 
-from pareto.errors import EvaluationError, ParetoError, ScenarioError
+from pareto.errors import EvaluationError, InfeasibleError, ParetoError, ScenarioError
 from pareto.measurements import columns, number, read_rows
 from pareto.objective import Objective
 from pareto.space import Configuration, Space
@@ -29,10 +29,10 @@ def from_table(
     have, ObjectiveError for objectives that share a column.
     """
     names = [objective.name for objective in objectives]
-    rows: dict[tuple[int, ...], list[dict[str, str]]] = {}
+    rows: dict[int, list[dict[str, str]]] = {}
     for line, row in read_rows(path, [*columns(space, objectives), *([feasible[0]] if feasible else [])]):
         try:
-            place = tuple(item.position(row[item.name]) for item in space.parameters)
+            place = space.index_of(space.parse(row))
         except ParetoError as error:
             raise ScenarioError(f"{path}, line {line}: {error}") from error
         rows.setdefault(place, []).append(row)
@@ -40,7 +40,7 @@ def from_table(
     def evaluate(configuration: Configuration) -> dict[str, float]:
         measured: list[list[float]] = []
         failures = ["not in the table"]
-        for row in rows.get(tuple(item.encode(configuration[item.name]) for item in space.parameters), []):
+        for row in rows.get(space.index_of(configuration), []):
             try:
                 measured.append(_values(row, names, feasible))
             except EvaluationError as error:
@@ -63,7 +63,7 @@ def _values(row: dict[str, str], names: list[str], feasible: tuple[str, str] | N
 
 
 def require_feasible(feasible: tuple[str, str], answer: object) -> None:
-    """Raise EvaluationError unless `answer` reads like the (column, text when true) of `feasible`."""
+    """Raise InfeasibleError unless `answer` reads like the (column, text when true) of `feasible`."""
     column, true_value = feasible
     if str(answer).strip().lower() != true_value.lower():
-        raise EvaluationError(f"{column} is {answer}")
+        raise InfeasibleError(f"{column} is {answer}")

@@ -5,47 +5,76 @@ from __future__ import annotations
 import argparse
 import hashlib
 import sys
-import time
 from collections import Counter
+from collections.abc import Collection
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from pareto.answer import obstacle
+from pareto.answer import constant_objectives, obstacle
 from pareto.arguments import (
     add_objectives,
     add_units,
     count,
+    port,
     read_limits,
     read_objectives,
+    read_resources,
     read_space,
     read_units,
     seconds,
+    whole,
 )
-from pareto.errors import AllFailedError, EvaluationError, ScenarioError
-from pareto.evaluation import Evaluate, from_table
+from pareto.errors import AllFailedError, ConstantObjectiveError, DamagedStateError, ScenarioError
+from pareto.evaluation import from_table
 from pareto.explorer import Explorer
-from pareto.folder import FRONT, IMPORTED, Folder, header, made_here
-from pareto.interrupts import interruptible
+from pareto.folder import EVALUATIONS, FRONT, IMPORTED, Folder, header, made_here
+from pareto.live_page import LivePage, served
+from pareto.measurement_loop import MeasurementLoop, Plan
 from pareto.measurements import Measurement, read_measurements
 from pareto.methods import DEFAULT, METHODS
-from pareto.program import from_command
-from pareto.progress import Progress
+from pareto.parameter import Value
+from pareto.pool import Measure, Pool
+from pareto.program import Program
+from pareto.progress import summarise_front
 from pareto.scenario import Scenario
+from pareto.space import Space
+from pareto.template import CONFIG
 
 BATCH = 20
+GIVE_UP = 10  # equal failures at the start: a broken program, not a difficult space
+PORT = 8765
+FAILED = 1  # the exit code where nothing succeeded
 
 
 def add_explore(commands: Any) -> None:
     """Register the command with argparse's `commands`."""
     explore = commands.add_parser("explore", help="measure configurations until the budget is spent")
     explore.add_argument(
-        "--space", type=Path, required=True, help="a space, or a HyperMapper scenario, as JSON"
+        "--space", type=Path, required=True, help="JSON: a space, a HyperMapper scenario or a ConfigSpace"
     )
     add_objectives(explore, "names, separated by commas; a scenario brings its own")
     source = explore.add_mutually_exclusive_group(required=True)
     source.add_argument("--table", type=Path, help="look values up in a CSV file")
     source.add_argument("--command", help="run a program: {config} becomes JSON, {name} a parameter's value")
     explore.add_argument("--timeout", type=seconds, help="seconds a program may take")
+    explore.add_argument("--jobs", type=count, metavar="N", help="programs that run at the same time (1)")
+    explore.add_argument(
+        "--resource",
+        action="append",
+        default=[],
+        metavar="NAME=A,B,..",
+        help="each running program has one item for itself, as the variable NAME and the placeholder {NAME}",
+    )
+    explore.add_argument(
+        "--repeats", type=count, default=1, metavar="N", help="measurements of each configuration (1)"
+    )
+    explore.add_argument(
+        "--give-up",
+        type=whole,
+        metavar="N",
+        help=f"end after N equal failures at the start ({GIVE_UP}); 0 for never",
+    )
     explore.add_argument(
         "--budget", type=count, help="measurements, those of earlier runs in this folder included"
     )
@@ -64,7 +93,15 @@ def add_explore(commands: Any) -> None:
     )
     explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario")
     add_units(explore)
-    explore.add_argument("--no-picture", action="store_true", help="do not draw front.html at the end")
+    explore.add_argument("--no-picture", action="store_true", help="do not draw front.html")
+    explore.add_argument(
+        "--serve",
+        type=port,
+        nargs="?",
+        const=PORT,
+        metavar="PORT",
+        help=f"show front.html to a browser on this machine while the search runs ({PORT})",
+    )
     explore.add_argument("--method", default=DEFAULT, choices=list(METHODS))
     explore.add_argument("--seed", type=int, default=0)
     explore.add_argument(
@@ -74,21 +111,58 @@ def add_explore(commands: Any) -> None:
 
 
 def explore_folder(options: argparse.Namespace) -> int:
-    """Explore into the folder; 0 done, 130 interrupted with everything saved."""
+    """Explore into the folder; 0 done, 1 nothing succeeded, 130 interrupted with everything saved."""
     space, scenario = read_space(options.space, options.levels)
     for note in scenario.notes if scenario else ():
         sys.stderr.write(f"pareto: {note}\n")
+    fresh = _new_explorer(options, space, scenario)
+    plan = _plan(options, scenario)
+    units = read_units(options.units, fresh.objectives)
+    known = read_measurements(options.warm_start, space, fresh.objectives) if options.warm_start else []
+    feasible = scenario.feasible if scenario else None
+    slots = _slots(options, [CONFIG, *space.names])
+    program = None
+    if options.command:
+        program = Program(
+            options.command, space.names, fresh.objectives, options.timeout, feasible, resources=slots[0]
+        )
+    pool = Pool(program or _lookup(options.table, fresh, feasible), slots)
+    folder = Folder(options.out)
+    with ExitStack() as stack:
+        stack.enter_context(folder.locked())
+        explorer = _resume(folder, fresh)
+        _require_same(fresh, explorer)
+        folder.require_source(*_source(options))
+        _tell_choices(space, program)
+        _tell_known(explorer, folder, known)
+        page = None if options.no_picture else LivePage(explorer, options.out, units)
+        if page and options.serve is not None:
+            address = stack.enter_context(served(options.out, options.serve))
+            page.draw()
+            sys.stderr.write(f"pareto: the progress is shown at {address}\n")
+        loop = MeasurementLoop(
+            explorer,
+            folder,
+            pool,
+            plan,
+            end=program.end if program else lambda: None,
+            refresh=page.refresh if page else lambda: None,
+        )
+        loop.run()
+        folder.write_front(explorer)
+        if page:
+            page.draw()
+        return _report(explorer, options.out, loop)
+
+
+def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:
+    """Return an explorer that knows nothing yet. Raises ScenarioError where there are no objectives."""
     objectives = read_objectives(
         options.objectives, options.maximise, scenario.objectives if scenario else ()
     )
     if not objectives:
         raise ScenarioError("--objectives is missing: a,b")
-    budget = options.budget or (scenario and scenario.budget)
-    if not budget:
-        raise ScenarioError("--budget is missing: how many measurements?")
-    if options.timeout and not options.command:
-        raise ScenarioError("--timeout is for --command: a table answers at once")
-    fresh = Explorer(
+    explorer = Explorer(
         space,
         objectives,
         read_limits(options.limits),
@@ -97,28 +171,29 @@ def explore_folder(options: argparse.Namespace) -> int:
         prior=read_measurements(options.prior, space, objectives) if options.prior else (),
         **_method_options(options, scenario),
     )
-    header(fresh)  # before anything is measured, since it refuses names that clash
-    units = read_units(options.units, objectives)
-    known = read_measurements(options.warm_start, space, objectives) if options.warm_start else []
-    feasible = scenario.feasible if scenario else None
-    evaluate = (
-        from_table(options.table, space, fresh.objectives, feasible)
-        if options.table
-        else from_command(options.command, fresh.objectives, options.timeout, feasible)
-    )
-    folder = Folder(options.out)
-    with folder.locked():
-        explorer = folder.resume(space) or fresh
-        _require_same(fresh, explorer)
-        folder.require_source(*_source(options))
-        _tell_known(explorer, folder, known)
-        batch = options.batch or BATCH
-        reasons = _measure(explorer, folder, evaluate, budget, batch)
-        folder.write_front(explorer)
-        if not options.no_picture:
-            _draw(explorer, options.out / "front.html", units)
-        _report(explorer, options.out, budget, reasons)
-    return 0
+    header(explorer)  # before anything is measured, since it refuses names that clash
+    return explorer
+
+
+def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
+    """Return how long to measure. Raises ScenarioError for options that contradict each other."""
+    budget = options.budget or (scenario and scenario.budget)
+    if not budget:
+        raise ScenarioError("--budget is missing: how many measurements?")
+    for name in ("timeout", "jobs", "resource", "give_up"):
+        if getattr(options, name) and not options.command:
+            raise ScenarioError(f"--{name.replace('_', '-')} is for --command: a table answers at once")
+    if options.table and options.repeats > 1:
+        raise ScenarioError("--repeats is for --command: a table answers the same each time")
+    if options.no_picture and options.serve is not None:
+        raise ScenarioError("--serve shows front.html, which --no-picture leaves out: give one of them")
+    give_up = GIVE_UP if options.give_up is None and options.command else options.give_up or 0
+    return Plan(budget, options.batch or BATCH, options.repeats, give_up)
+
+
+def _lookup(table: Path, explorer: Explorer, feasible: tuple[str, str] | None) -> Measure:
+    evaluate = from_table(table, explorer.space, explorer.objectives, feasible)
+    return lambda configuration, _resources: evaluate(configuration)
 
 
 def _tell_known(explorer: Explorer, folder: Folder, known: list[Measurement]) -> None:
@@ -137,62 +212,82 @@ def _tell_known(explorer: Explorer, folder: Folder, known: list[Measurement]) ->
         folder.append(explorer, configuration, values, error="" if values else "failed in the earlier run")
 
 
-def _measure(explorer: Explorer, folder: Folder, evaluate: Evaluate, budget: int, batch: int) -> Counter[str]:
-    """Measure until the budget is spent or the method has nothing to ask; return the reasons of failures."""
-    reasons: Counter[str] = Counter()
-    progress = Progress(explorer, budget, sys.stderr)
-    queue, done = explorer.pending(), made_here(explorer)
-    with interruptible() as interrupts:
-        try:
-            while done < budget:
-                if not queue:
-                    queue = explorer.ask(min(batch, budget - done))
-                    folder.asked(explorer)
-                if not queue:
-                    break
-                configuration = queue.pop(0)
-                started, error = time.monotonic(), ""
-                try:
-                    values: dict[str, float] | None = evaluate(configuration)
-                except EvaluationError as failure:
-                    values, error = None, str(failure)
-                    reasons[error] += 1
-                with interrupts.held():  # what was measured is written down first
-                    explorer.tell([configuration], [values])
-                    folder.append(explorer, configuration, values, time.monotonic() - started, error)
-                done += 1
-                progress.tell(done)
-            folder.asked(explorer)
-        except KeyboardInterrupt:
-            progress.end()
-            folder.write_front(explorer)
-            raise KeyboardInterrupt(
-                f"interrupted after {made_here(explorer)} of {budget} measurements, all of them saved in "
-                f"{folder.path}; the same command goes on from there"
-            ) from None
-    progress.end()
-    return reasons
+def _resume(folder: Folder, fresh: Explorer) -> Explorer:
+    """Return the folder's explorer, rebuilt from its measurements where its state is lost, or `fresh`."""
+    try:
+        return folder.resume(fresh.space) or fresh
+    except DamagedStateError as error:
+        reason = str(error).rsplit(": ", 1)[0]
+        explorer = folder.rebuild(fresh, reason)
+        told = sum(map(len, explorer.history.told.values()))
+        sys.stderr.write(
+            f"pareto: {reason}: it was rebuilt from the {told} rows of {EVALUATIONS}; the search goes on "
+            "with these measurements and the options given now\n"
+        )
+        return explorer
 
 
-def _draw(explorer: Explorer, path: Path, units: dict[str, str]) -> None:
-    from pareto.plot import save  # which loads Plotly
+def _tell_choices(space: Space, program: Program | None) -> None:
+    """Say what was chosen where the user said nothing."""
+    if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
+        sys.stderr.write(f"pareto: no default given, so chosen: {', '.join(chosen)}\n")
+    if program and not program.template.used & {CONFIG, *space.names}:
+        sys.stderr.write(
+            "pareto: warning: --command has no placeholder such as {config}: the program cannot know what it "
+            "measures\n"
+        )
 
-    save(explorer, path, units)
+
+def _default(space: Space, name: str) -> Value:
+    return next(item.default for item in space.parameters if item.name == name)
 
 
-def _report(explorer: Explorer, out: Path, budget: int, reasons: Counter[str]) -> None:
-    """Say what was found and what was not."""
-    done, front = made_here(explorer), len(explorer.front())
-    if done < budget:
+def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
+    """Say what was found and what was not; return the exit code."""
+    done, budget = made_here(explorer), loop.plan.budget
+    missing = obstacle(explorer.history)
+    if loop.stopped:
+        sys.stderr.write(
+            f"pareto: stopped: the first {loop.plan.give_up} measurements failed in the same way: "
+            f"{loop.stopped}\npareto: correct that and start with a new --out, or allow more failures with "
+            "--give-up N (0: any number)\n"
+        )
+    elif done < budget:
         sys.stderr.write(
             f"pareto: stopped after {done} of {budget}: {explorer.method} has nothing more to ask\n"
         )
-    if missing := obstacle(explorer.history):
+    if missing:
         sys.stderr.write(f"pareto: {missing}\n")
-    if isinstance(missing, AllFailedError) and reasons:
-        reason, times = reasons.most_common(1)[0]
+    if isinstance(missing, AllFailedError) and loop.reasons:
+        reason, times = loop.reasons.most_common(1)[0]
         sys.stderr.write(f"pareto: {times} times the reason was: {reason}\n")
-    sys.stdout.write(f"{front} points on the front: {out / FRONT}\n")
+    if not isinstance(missing, ConstantObjectiveError):
+        for name, value in constant_objectives(explorer.history).items():
+            sys.stderr.write(f"pareto: warning: {name} was {value:g} in every configuration\n")
+    front = summarise_front(explorer)
+    sys.stdout.write(
+        f"{front.size} point{'' if front.size == 1 else 's'} on the front: {out / FRONT}\n"
+        f"{front.describe()}\n"
+    )
+    return FAILED if loop.stopped or isinstance(missing, AllFailedError) else 0
+
+
+def _slots(options: argparse.Namespace, taken: Collection[str]) -> list[dict[str, str]]:
+    """Return what each program that runs at the same time as others may use: an item of each --resource.
+
+    Raises ScenarioError where there are too few items, or a resource has one of the names that are `taken`.
+    """
+    resources = read_resources(options.resource)
+    fewest = min(map(len, resources.values()), default=None)
+    jobs = options.jobs or fewest or 1
+    for name, items in resources.items():
+        if name in taken:
+            raise ScenarioError(f"--resource {name} has the name of a parameter: give it another name")
+        if jobs > len(items):
+            raise ScenarioError(
+                f"--jobs {jobs} needs {jobs} items of --resource {name}, which has {len(items)}"
+            )
+    return [{name: items[slot] for name, items in resources.items()} for slot in range(jobs)]
 
 
 def _source(options: argparse.Namespace) -> tuple[str, str]:

@@ -5,17 +5,27 @@ from __future__ import annotations
 import operator
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pareto.answer import obstacle
-from pareto.errors import ConfigurationError, MethodError, ObjectiveError, SpaceError, StateError
+from pareto.errors import (
+    ConfigurationError,
+    DamagedStateError,
+    MethodError,
+    ObjectiveError,
+    SpaceError,
+    StateError,
+)
 from pareto.history import History, read_index
 from pareto.methods import DEFAULT, METHODS, create
 from pareto.objective import Objective, read_limits, read_number, read_objectives, read_values
 from pareto.space import Configuration, Space
 from pareto.transfer import Prior
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 VERSION = 1  # of the saved state
 
@@ -128,6 +138,17 @@ class Explorer:
             self.history.record(index, values, phase)
             self.finished = False
 
+    def tell_frame(self, frame: DataFrame) -> None:
+        """Take the rows of a pandas DataFrame with a column for each parameter and objective, as `tell` does.
+
+        A missing value is a failed measurement, except in a parameter that is inactive. Further columns are
+        ignored. Raises ConfigurationError or ObjectiveError, and takes nothing then.
+        """
+        from pareto.frames import read_frame
+
+        rows = read_frame(frame, self.space, self.objectives)
+        self.tell([configuration for configuration, _ in rows], [values for _, values in rows])
+
     def forget(self, configurations: Sequence[Mapping[str, Any]]) -> None:
         """Take back pending configurations that nobody will measure; they may be proposed again.
 
@@ -147,6 +168,30 @@ class Explorer:
             for index, row in zip(indices, values, strict=True)
         ]
 
+    def front_frame(self) -> DataFrame:
+        """Return `front` as a pandas DataFrame with a column for each parameter and objective."""
+        from pareto.frames import write_frame
+
+        return write_frame(self.space, self.objectives, self.front())
+
+    def evaluations_frame(self) -> DataFrame:
+        """Return a row for each measurement, as `front_frame` does, NaN for the values of failed ones.
+
+        Configurations stand in the order in which they first arrived, repeats of one beside each other.
+        """
+        from pareto.frames import write_frame
+
+        names = [objective.name for objective in self.objectives]
+        return write_frame(
+            self.space,
+            self.objectives,
+            (
+                (self.space.decode(index), None if row is None else dict(zip(names, row, strict=True)))
+                for index, measured in self.history.told.items()
+                for row in measured
+            ),
+        )
+
     def answer(self) -> list[tuple[Configuration, dict[str, float]]]:
         """Return the front where there is one worth reading, otherwise raise the reason.
 
@@ -161,6 +206,10 @@ class Explorer:
     def pending(self) -> list[Configuration]:
         """Return what was asked and not yet told, in the order asked."""
         return [self.space.decode(index) for index in self.history.pending]
+
+    def skip_asks(self, count: int) -> None:
+        """Count `count` batches as asked for: the next ones do not draw what was drawn for those."""
+        self._asks += count
 
     def state(self) -> dict[str, Any]:
         """Return everything as plain JSON, from which `restore` goes on exactly as this explorer would."""
@@ -189,10 +238,12 @@ class Explorer:
         Raises StateError when it is another version's, another space's, or damaged.
         """
         if not isinstance(state, Mapping):
-            raise StateError(f"the state is damaged: it is {state!r:.40} and no object")
-        if state.get("version") != VERSION:
-            raise StateError(f"state version {state.get('version')!r} cannot be read: this one is {VERSION}")
-        if state.get("space") != space.digest:
+            raise DamagedStateError(f"the state is damaged: it is {state!r:.40} and no object")
+        if missing := [field for field in ("version", "space") if field not in state]:
+            raise DamagedStateError(f"the state is damaged: {missing[0]!r} is missing")
+        if state["version"] != VERSION:
+            raise StateError(f"state version {state['version']!r} cannot be read: this one is {VERSION}")
+        if state["space"] != space.digest:
             raise StateError(f"this state belongs to another space than {space.name!r}")
         try:
             objectives = [Objective(item["name"], item["maximise"]) for item in state["objectives"]]
@@ -206,7 +257,7 @@ class Explorer:
             )
             explorer._asks = int(state["asks"])
             if explorer._asks < 0:
-                raise StateError(f"the state is damaged: it was asked {explorer._asks} times")
+                raise DamagedStateError(f"the state is damaged: it was asked {explorer._asks} times")
             explorer.finished = bool(state["finished"])
             prior = Prior(space, explorer.objectives, explorer.limits)
             _record(prior.source, state.get("prior", []))
@@ -215,11 +266,11 @@ class Explorer:
             for index, phase in state["pending"]:
                 explorer.history.expect(read_index(space, index), phase)
             explorer._method.recall(state["memory"], space)
-        except StateError:
-            raise
+        except StateError as error:
+            raise DamagedStateError(str(error)) from error
         # A list where an object belongs has no `items`; a value that may not be told is a ValueError.
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-            raise StateError(f"the state is damaged: {error!r}") from error
+            raise DamagedStateError(f"the state is damaged: {error!r}") from error
         return explorer
 
     def _take_prior(self, prior: Prior) -> None:

@@ -11,19 +11,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pareto.errors import ObjectiveError, StateError
+from pareto.errors import DamagedStateError, ObjectiveError, StateError
 from pareto.explorer import Explorer
 from pareto.measurements import columns
 from pareto.space import Configuration, Space
 
-EVALUATIONS, FRONT, STATE, SPACE, SOURCE, LOCK = (
+EVALUATIONS, FRONT, PAGE, STATE, SPACE, SOURCE, LOCK = (
     "evaluations.csv",
     "front.csv",
+    "front.html",
     "state.json",
     "space.json",
     "source.json",
     ".lock",
 )
+DAMAGED = "state.damaged.json"  # where a state is kept that could not be read
 IMPORTED = "told"  # the phase of measurements that an earlier run made
 
 
@@ -31,7 +33,8 @@ class Folder:
     """Keeps `evaluations.csv`, `front.csv` and the state, space and source (JSON) of one exploration.
 
     The state is replaced whenever something was asked; measurements go to the CSV file only. After a crash
-    at any moment the state and the rows it does not know yet give the explorer back as it was.
+    at any moment the state and the rows it does not know yet give the explorer back as it was. Without a
+    state that can be read, the rows alone give back all that was measured.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -61,29 +64,69 @@ class Folder:
         Raises StateError when the folder holds another space's exploration or a damaged file.
         """
         explorer = self.read(space)
+        if explorer is not None:
+            self._cut_torn_row()
+        return explorer
+
+    def rebuild(self, fresh: Explorer, reason: str) -> Explorer:
+        """Tell `fresh` every row of `evaluations.csv`; keep a damaged state under DAMAGED.
+
+        `reason` says why the state cannot be used. The explorer goes on with the same measurements; what it
+        proposes next may differ. Raises StateError when the rows are not of these parameters and objectives.
+        """
         path = self.path / EVALUATIONS
-        if explorer is not None and path.exists():
-            # A row half written in a crash would run into the next one; it will be measured again.
+        rows = _whole_rows(path)[0] if path.exists() else []
+        if rows and rows[0] != header(fresh):
+            raise StateError(
+                f"{reason}, and {path} has the columns {', '.join(rows[0])} instead of "
+                f"{', '.join(header(fresh))}: give the space and objectives that were measured here"
+            )
+        for row in rows[1:]:
+            configuration, values = self._read(fresh.space, fresh, row)
+            fresh.tell([configuration], [values], phase=row[1])
+        fresh.skip_asks(len(rows))
+        if rows:
+            self._cut_torn_row()
+        if (self.path / STATE).exists():
+            (self.path / STATE).replace(self.path / DAMAGED)
+        self.asked(fresh)
+        return fresh
+
+    def _cut_torn_row(self) -> None:
+        """Cut off a row half written in a crash, which would run into the next one; it is measured again."""
+        path = self.path / EVALUATIONS
+        if path.exists():
             _, length = _whole_rows(path)
             with path.open("r+b") as file:
                 file.truncate(length)
-            self._written = None
-        return explorer
+        self._written = None
 
     def read(self, space: Space) -> Explorer | None:
-        """Return the explorer as `resume` does, but touch nothing: another process may be at work."""
+        """Return the explorer as `resume` does, but touch nothing: another process may be at work.
+
+        Raises DamagedStateError, which is a StateError, where `rebuild` can help.
+        """
         try:
             text = (self.path / STATE).read_text(encoding="utf-8")
         except FileNotFoundError:
-            return None
+            if not self.rows():
+                return None
+            raise DamagedStateError(
+                f"{self.path / STATE} is missing beside {EVALUATIONS}: the explore command that measured "
+                "here rebuilds it"
+            ) from None
+        except UnicodeDecodeError as error:
+            raise self._damaged(error) from error
         # The rows are read after the state: a process at work adds to the rows first.
         rows = self.rows()
         try:
             explorer = Explorer.restore(space, json.loads(text))
+        except DamagedStateError as error:
+            raise self._damaged(error) from error
         except StateError:
             raise
-        except ValueError as error:
-            raise StateError(f"{self.path / STATE} is damaged: {error}") from error
+        except (ValueError, RecursionError) as error:
+            raise self._damaged(error) from error
         known = sum(map(len, explorer.history.told.values()))
         if len(rows) < known:
             raise StateError(
@@ -132,7 +175,8 @@ class Folder:
         path = self.path / EVALUATIONS
         fresh = not path.exists() or path.stat().st_size == 0
         names = [objective.name for objective in explorer.objectives]
-        phase = explorer.history.phases[explorer.space.encode(configuration)]
+        index = explorer.space.encode(configuration)
+        phase, point = explorer.history.phases[index], explorer.space.decode(index)
         number = (len(self.rows()) if self._written is None else self._written) + 1
         with path.open("a", newline="", encoding="utf-8") as file:
             if fresh:
@@ -140,7 +184,7 @@ class Folder:
             measured = ["" if values is None else repr(values[name]) for name in names]
             taken = "" if seconds is None else f"{seconds:.3f}"
             reason = " ".join(error.split())
-            file.write(_line([number, phase, *configuration.values(), *measured, taken, reason]))
+            file.write(_line([number, phase, *point.values(), *measured, taken, reason]))
             file.flush()
             os.fsync(file.fileno())
         self._written = number
@@ -162,15 +206,18 @@ class Folder:
         first = 2 + len(space.parameters)
         objectives = [objective.name for objective in explorer.objectives]
         try:
-            configuration = {
-                item.name: item.parse(cell) for item, cell in zip(space.parameters, row[2:first], strict=True)
-            }
+            configuration = space.parse(dict(zip(space.names, row[2:first], strict=True)))
             cells = row[first : first + len(objectives)]
             failed = all(cell == "" for cell in cells)
             values = None if failed else dict(zip(objectives, map(float, cells), strict=True))
         except ValueError as error:
             raise StateError(f"{EVALUATIONS}, number {row[0] if row else None}: {error}") from error
         return configuration, values
+
+    def _damaged(self, error: Exception) -> DamagedStateError:
+        return DamagedStateError(
+            f"{self.path / STATE} is damaged ({error}): the explore command that measured here rebuilds it"
+        )
 
     def _replace(self, name: str, text: str) -> None:
         fresh = self.path / f"{name}.new"

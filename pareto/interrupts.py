@@ -13,7 +13,7 @@ class Interrupts:
     """SIGINT and SIGTERM as KeyboardInterrupt, which waits while it is held."""
 
     def __init__(self) -> None:
-        self._holding = self._waiting = False
+        self._holding = self._waiting = self._ignoring = False
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -23,11 +23,18 @@ class Interrupts:
             yield
         finally:
             self._holding = False
-        if self._waiting:
+        if self._waiting and not self._ignoring:
+            self._waiting = False
             raise KeyboardInterrupt
+
+    def ignore(self) -> None:
+        """Raise nothing from now on: the program is ending already."""
+        self._ignoring = True
 
     def take(self, _signal: int, _frame: FrameType | None) -> None:
         """Handle a signal."""
+        if self._ignoring:
+            return
         if self._holding:
             self._waiting = True
         else:

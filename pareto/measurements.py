@@ -27,7 +27,7 @@ def read_measurements(path: Path, space: Space, objectives: Sequence[Objective])
     found: list[Measurement] = []
     for line, row in read_rows(path, columns(space, objectives)):
         try:
-            configuration = {item.name: item.parse(row[item.name]) for item in space.parameters}
+            configuration = space.parse(row)
             space.encode(configuration)
         except ParetoError as error:
             raise ScenarioError(f"{path}, line {line}: {error}") from error

@@ -20,13 +20,15 @@ class Parameter:
     """A named choice between finitely many values.
 
     `type` is one of TYPES. Only `categorical` values have no order; the values of all other types are
-    kept in the order given, which must be ascending for numbers.
+    kept in the order given, which must be ascending for numbers. The parameter is active only while its
+    `condition` on other parameters holds, as `Conditions` reads it; without one, always.
     """
 
     name: str
     type: str
     values: tuple[Value, ...]
     default: Value
+    condition: str | None = None
 
     def __post_init__(self) -> None:
         if not self.name or not isinstance(self.name, str):
@@ -35,6 +37,11 @@ class Parameter:
             raise SpaceError(f"parameter {self.name!r}: type {self.type!r} is not one of {', '.join(TYPES)}")
         if not self.values:
             raise SpaceError(f"parameter {self.name!r} has no values: give at least one")
+        if self.condition is not None and not isinstance(self.condition, str):
+            raise SpaceError(
+                f"parameter {self.name!r}: a condition is a text such as \"mode == 'fast'\", "
+                f"not {self.condition!r}"
+            )
         self._require_values_of_type()
         if self.type != "categorical":
             self._require_order()
@@ -60,6 +67,13 @@ class Parameter:
     def _texts(self) -> dict[str, int]:
         exact = {str(value): code for code, value in enumerate(self.values)}
         return {text.strip(): code for text, code in exact.items()} | exact
+
+    @property
+    def contiguous(self) -> bool:
+        """Whether the values are all whole numbers from the first to the last, as a range names them."""
+        return self.type == "integer" and all(
+            value == number for number, value in enumerate(self.values, int(self.values[0]))
+        )
 
     def encode(self, value: object) -> int:
         """Return the position of `value`; numbers match to 1e-9, relative.
@@ -104,7 +118,13 @@ class Parameter:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plain-JSON description that `from_dict` reads."""
-        return {"name": self.name, "type": self.type, "values": list(self.values), "default": self.default}
+        described = {
+            "name": self.name,
+            "type": self.type,
+            "values": list(self.values),
+            "default": self.default,
+        }
+        return described if self.condition is None else described | {"condition": self.condition}
 
     @classmethod
     def from_dict(cls, description: Mapping[str, Any]) -> Parameter:
@@ -112,7 +132,8 @@ class Parameter:
 
         `values` lists the values. Booleans need none. Integers and reals may have `minimum` and `maximum`
         instead, with a `step` (1 for integers), or with a `count` of values that are evenly spaced on a
-        `scale`, "linear" or "log"; those of integers are rounded, and equal ones are one value.
+        `scale`, "linear" or "log"; those of integers are rounded, and equal ones are one value. `condition`
+        is a text.
 
         Raises SpaceError for a field that is unknown or does not go with the type, and for bad values.
         """
@@ -138,7 +159,10 @@ class Parameter:
         if bad := [value for value in values if not isinstance(value, (bool, int, float, str))]:
             raise SpaceError(f"parameter {name!r}: {bad[0]!r} is neither a number, a text nor true or false")
         default = description.get("default", values[0] if values else None)
-        return cls(name=name, type=kind, values=values, default=default)
+        if "condition" in description and description["condition"] is None:
+            raise SpaceError(f"parameter {name!r}: leave the condition out where there is none")
+        condition = description.get("condition")
+        return cls(name=name, type=kind, values=values, default=default, condition=condition)
 
     def _require_values_of_type(self) -> None:
         if len(self.values) > MOST_VALUES:
@@ -200,4 +224,4 @@ def key(value: Value) -> tuple[str, Value]:
 
 
 _RANGE = {"minimum", "maximum", "step", "count", "scale"}
-_FIELDS = {"name", "type", "values", "default"} | _RANGE
+_FIELDS = {"name", "type", "values", "default", "condition"} | _RANGE

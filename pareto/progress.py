@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TextIO
 
 import numpy as np
@@ -44,42 +46,76 @@ class Progress:
         self._told = now
         mean = (now - self._begun) / max(done - self._before, 1)
         line = describe(self.explorer, self.budget, mean * (self.budget - done))
-        self.stream.write(f"\r{line:<78}" if self.live else f"{line}\n")
+        if self.live:  # a longer line would wrap, and the next one would not cover it
+            width = shutil.get_terminal_size().columns - 1
+            line = f"\r{line[:width]:<{width}}"
+        self.stream.write(line if self.live else f"{line}\n")
+        self.stream.flush()
+
+    def say(self, message: str) -> None:
+        """Write a message on a line of its own."""
+        self.end()
+        self.stream.write(f"pareto: {message}\n")
         self.stream.flush()
 
     def end(self) -> None:
         """Leave the line as it is and go on below it."""
         if self.live and np.isfinite(self._told):
             self.stream.write("\n")
+            self._told = -np.inf
 
 
 def describe(explorer: Explorer, budget: int, left: float) -> str:
-    """Return the line; `left` are seconds. The hypervolume is of logarithms where all values are positive."""
+    """Return the line; `left` are seconds."""
     parts = [f"{made_here(explorer)}/{budget} measured"]
     if failed := len(explorer.history.failed()):
         parts.append(f"{failed} failed")
-    front, volume = present_front(explorer)
-    parts.append(f"{front} on the front")
-    parts.append(f"hypervolume {volume:.4g}")
-    parts.append(f"{duration(left)} left")
+    front = summarise_front(explorer)
+    parts += [f"{front.size} on the front", f"{duration(left)} left", front.describe()]
     return ", ".join(parts)
 
 
-def present_front(explorer: Explorer) -> tuple[int, float]:
-    """Return the front's size, and its hypervolume up to the limits, or the worst value where there is none.
+@dataclass(frozen=True)
+class FrontSummary:
+    """The size of a front and its hypervolume up to the `reference` point, by the objectives' names.
 
-    The volume is the last value of `hypervolume_growth` over the same measurements.
+    With `log` the volume is that of the values' logarithms.
+    """
+
+    size: int
+    volume: float
+    reference: dict[str, float]
+    log: bool = False
+
+    def describe(self) -> str:
+        """Return the hypervolume with its reference point, in words."""
+        point = ", ".join(f"{name} {value:.4g}" for name, value in self.reference.items())
+        kind = " of logarithms" if self.log else ""
+        return f"hypervolume {self.volume:.4g}{kind} up to {point}" if point else "hypervolume 0"
+
+
+def summarise_front(explorer: Explorer) -> FrontSummary:
+    """Return the front's size and hypervolume; it ends at the limits, or the worst value where there is none.
+
+    The volume is of logarithms where all values are positive, and the last value of `hypervolume_growth` over
+    the same measurements.
     """
     _, values = explorer.history.measured()
     if len(values) == 0:
-        return 0, 0.0
+        return FrontSummary(0, 0.0, {})
     maximise = [objective.maximise for objective in explorer.objectives]
     limits = [explorer.limits.get(objective.name) for objective in explorer.objectives]
     reference = reference_point(values, limits, maximise)
     log = bool(values.min() > 0 and reference.min() > 0)
     values = values[explorer.history.within_limits(values)]
     front = values[nondominated(values, maximise)]
-    return len(front), hypervolume(front, reference, maximise, log)
+    names = [objective.name for objective in explorer.objectives]
+    return FrontSummary(
+        len(front),
+        hypervolume(front, reference, maximise, log),
+        dict(zip(names, reference.tolist(), strict=True)),
+        log,
+    )
 
 
 def duration(seconds: float) -> str:

@@ -4,7 +4,9 @@ Parameters that no constraint links are independent, so the allowed part is a pr
 set is tabulated: starting from one a parameter, those that a constraint links are joined and what breaks it
 is dropped, as long as no join is too large. What is left is a product again, whose members are counted and
 drawn exactly however tight the constraints are. A constraint that links too much to be tabulated stays open:
-draws from the product are tested against it.
+draws from the product are tested against it. Conditions are tabulated like constraints. Where they link too
+much, values are drawn for inactive parameters, too, and the point is then folded to the one that stands for
+it.
 """
 
 from __future__ import annotations
@@ -50,16 +52,19 @@ class Region:
     """The points of `space` that keep its constraints, as a product of factors and what must be tested.
 
     A point's index is the sum of one offset from each of the `factors`; `open` are the clauses that remain.
+    In a `folded` region the factors also hold values of inactive parameters: several members of the product
+    are then one point. A region is folded where conditions cannot be tabulated, or where that is asked for.
     """
 
-    def __init__(self, space: Space) -> None:
+    def __init__(self, space: Space, folded: bool = False) -> None:
         self.space = space
-        self.factors, self.open = _tabulated(space, largest_first=False)
-        if self.open:
-            # A large join that drops nearly everything may be what makes the others small.
-            factors, left = _tabulated(space, largest_first=True)
-            if len(left) < len(self.open):
-                self.factors, self.open = factors, left
+        self.folded = folded
+        if not folded:
+            self.factors, self.open = _smallest(space, space.clauses)
+            conditions = {id(clause) for clause in space.condition_clauses}
+            self.folded = any(id(clause) in conditions for clause in self.open)
+        if self.folded:
+            self.factors, self.open = _smallest(space, space.constraint_clauses)
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:
@@ -68,7 +73,10 @@ class Region:
 
     @cached_property
     def size(self) -> int:
-        """How many points the product has: all allowed ones, and those that break open clauses only."""
+        """How many members the product has: all allowed points, and those that break open clauses only.
+
+        A folded region has more members than points.
+        """
         return math.prod(self.sizes)
 
     def join(self, rows: NDArray[np.integer]) -> Indices:
@@ -76,11 +84,11 @@ class Region:
         indices = np.zeros(len(rows), dtype=np.int64)
         for factor, column in zip(self.factors, rows.T, strict=True):
             indices += factor[column]
-        return indices
+        return self.space.fold(indices) if self.folded else indices
 
     def at(self, ranks: Indices) -> Indices:
-        """Return the indices of the product's points number `ranks`: distinct ones of distinct ranks."""
-        if not self.space.constraints:
+        """Return the indices of the product's members number `ranks`: distinct ones unless it is folded."""
+        if not self.space.clauses:
             return ranks
         return self.join(np.stack(np.unravel_index(ranks, self.sizes), axis=-1))
 
@@ -90,16 +98,20 @@ class Region:
 
     @cached_property
     def count(self) -> Count:
-        """The number of allowed points: exact unless a clause is open, else estimated by drawing."""
-        if not self.open or not self.size:
+        """The number of allowed points: exact where all is tabulated, else estimated by drawing."""
+        if not self.size or not (self.open or self.folded):
             return Count(self.size)
         drawn = hits = 0
+        total = squares = 0.0
         for kept in self._drawn():
             drawn, hits = drawn + CHUNK, hits + len(kept)
-            if hits >= HITS:
+            # A point that m members are folded to is drawn m times as often as another one.
+            shares = 1 / self.space.multiplicity(kept) if self.folded else np.ones(len(kept))
+            total, squares = total + shares.sum(), squares + (shares**2).sum()
+            if hits >= HITS and not self.folded:
                 break
-        share = hits / drawn
-        error = math.sqrt(max(share * (1 - share), 1 / drawn) / drawn)
+        share = total / drawn
+        error = math.sqrt(max(squares / drawn - share**2, 1 / drawn) / drawn)
         return Count(round(self.size * share), math.ceil(self.size * error))
 
     def nearest(self, index: int, movable: Collection[str]) -> int | None:
@@ -145,14 +157,27 @@ def evaluate(space: Space, clauses: Sequence[Clause], indices: Indices) -> NDArr
     return mask
 
 
-def _tabulated(space: Space, largest_first: bool) -> tuple[list[Indices], list[Clause]]:
+def _smallest(space: Space, clauses: Sequence[Clause]) -> tuple[list[Indices], list[Clause]]:
+    """Return factors and open clauses, of the two orders of joining those with fewer open clauses."""
+    factors, still_open = _tabulated(space, clauses, largest_first=False)
+    if still_open:
+        # A large join that drops nearly everything may be what makes the others small.
+        others, left = _tabulated(space, clauses, largest_first=True)
+        if len(left) < len(still_open):
+            return others, left
+    return factors, still_open
+
+
+def _tabulated(
+    space: Space, clauses: Sequence[Clause], largest_first: bool
+) -> tuple[list[Indices], list[Clause]]:
     """Return the factors, joined as far as LARGEST_JOIN allows, and the clauses that remain open."""
     factors = [
         np.arange(size, dtype=np.int64) * stride
         for size, stride in zip(space.shape, space.strides, strict=True)
     ]
     members = [{name} for name in space.names]
-    left = [clause for constraint in space.constraints for clause in constraint.clauses]
+    left = list(clauses)
     while True:
         joins = []
         for clause in left:

@@ -22,13 +22,13 @@ def sample(
 ) -> Indices:
     """Return `count` distinct allowed indices drawn uniformly, none of them in `exclude`, in random order.
 
-    Fewer are returned only when the space has no more, or, where a constraint links too much to be tabulated
-    (see `Region`), when `draws` were tested against it. Memory grows with `count` and `exclude`, never with
-    the space.
+    Fewer are returned only when the space has no more, or after `draws` draws where constraints or conditions
+    link too much to be tabulated (see `Region`). In a folded region values are uniform rather than points.
+    Memory grows with `count` and `exclude`, never with the space.
     """
     region = space.region
     taken = np.unique(np.fromiter((i for i in exclude if 0 <= i < len(space)), dtype=np.int64))
-    if space.constraints:
+    if space.clauses:
         taken = taken[space.allowed(taken)]
     if count >= region.size - len(taken) or (count + len(taken)) * 2 > region.size:
         # Most of the points are wanted or gone: there are then no more of them than in the answer, roughly.
@@ -47,15 +47,17 @@ def spread_sample(
     """Return `count` distinct allowed indices that cover every parameter's values evenly, none in `exclude`.
 
     A Latin hypercube: each parameter's values appear equally often, up to rounding, in independent random
-    orders. Parameters that constraints link count as one, whose values are the allowed combinations.
+    orders. Parameters that constraints link count as one, whose values are the allowed combinations. Inactive
+    parameters take part with all their values, so that each value of the others appears equally often.
     Duplicates and excluded points are replaced as by `sample`, at most `draws` times.
     """
+    region = space.region_of_values
     columns = []
-    for size in space.region.sizes:
+    for size in region.sizes:
         levels = (np.arange(count) + rng.random()) * size / max(count, 1)
         columns.append(rng.permutation(np.floor(levels).astype(np.int64) % size))
-    proposed = space.region.join(np.stack(columns, axis=-1))
-    proposed = proposed[space.region.keeps(proposed)]
+    proposed = region.join(np.stack(columns, axis=-1))
+    proposed = proposed[region.keeps(proposed)]
     taken = {int(index) for index in exclude}
     kept = [index for index in dict.fromkeys(proposed.tolist()) if index not in taken]
     filled = sample(space, count - len(kept), rng, taken | set(kept), draws)
@@ -66,7 +68,8 @@ def _drawn(region: Region, count: int, rng: np.random.Generator, taken: Indices,
     """Draw until `count` points are found that are neither `taken` (sorted) nor drawn before."""
     drawn = np.empty(0, dtype=np.int64)
     size, made = 2 * count, 0
-    while len(drawn) < count and (made < draws or not region.open):
+    limited = bool(region.open or region.folded)
+    while len(drawn) < count and (made < draws or not limited):
         fresh = region.at(rng.integers(0, region.size, size=size))
         fresh = fresh[region.keeps(fresh)]
         fresh = fresh[~_among(fresh, taken) & ~_among(fresh, np.sort(drawn))]
@@ -74,7 +77,7 @@ def _drawn(region: Region, count: int, rng: np.random.Generator, taken: Indices,
         drawn = np.concatenate([drawn, fresh[np.sort(first)]])
         made += size
         # Where few draws are allowed, more are made at a time.
-        size = min(4 * CHUNK, 2 * size) if region.open else 2 * max(count - len(drawn), 0)
+        size = min(4 * CHUNK, 2 * size) if limited else 2 * max(count - len(drawn), 0)
     return drawn[:count]
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pareto.errors import ScenarioError
 from pareto.objective import Objective, read_objectives
-from pareto.parameter import Parameter
+from pareto.parameter import Parameter, Value
 from pareto.scenario_fields import SECTIONS, notes_on
 from pareto.space import Space
 from pareto.spacing import is_number
@@ -18,7 +18,7 @@ from pareto.spacing import is_number
 
 @dataclass(frozen=True)
 class Scenario:
-    """What a scenario file asks for.
+    """What a scenario file asks for; a file that describes a space only has no objectives.
 
     `feasible` is the column that tells whether an evaluation counts and the text it then holds; `initial`
     and `iterations` are the evaluations before learning begins and the rounds after it, of `batch`
@@ -142,22 +142,23 @@ def _parameter(name: str, item: Mapping[str, Any], real_count: int, notes: list[
     parameter = Parameter.from_dict(read)
     default = item.get("parameter_default", parameter.values[len(parameter.values) // 2])
     if kind == "real":
-        default = _nearest(parameter, default, notes)
+        default = nearest_value(name, parameter.values, default, notes)
     return Parameter(name, parameter.type, parameter.values, default)
 
 
-def _nearest(parameter: Parameter, default: object, notes: list[str]) -> float:
-    """Return the value that stands for a real default, which rarely lies on our grid."""
+def nearest_value(name: str, values: Sequence[Value], default: object, notes: list[str]) -> Value:
+    """Return the value that stands for a default, which may lie between two of the `values`.
+
+    Where it does, that is added to the `notes`. Raises ScenarioError for a default outside the values' range.
+    """
     if not is_number(default):
-        raise ScenarioError(f"input parameter {parameter.name!r}: default {default!r} is not a number")
-    low, high = float(parameter.values[0]), float(parameter.values[-1])
+        raise ScenarioError(f"input parameter {name!r}: default {default!r} is not a number")
+    low, high = float(values[0]), float(values[-1])
     if not low <= float(default) <= high:  # type: ignore[arg-type]
-        raise ScenarioError(
-            f"input parameter {parameter.name!r}: default {default} is not in {low} .. {high}"
-        )
-    value = min(map(float, parameter.values), key=lambda value: abs(value - float(default)))  # type: ignore[arg-type]
+        raise ScenarioError(f"input parameter {name!r}: default {default} is not in {low} .. {high}")
+    value = min(values, key=lambda value: abs(float(value) - float(default)))  # type: ignore[arg-type]
     if value != default:
-        notes.append(f"{parameter.name}: its default {default} becomes the nearest value, {value:g}")
+        notes.append(f"{name}: its default {default} becomes the nearest value, {value:g}")
     return value
 
 

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.constraint import Constraint
+from pareto.conditions import Conditions
+from pareto.constraint import Clause
 from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError
 from pareto.parameter import Parameter, Value
 from pareto.region import Count, Region, evaluate
 
-Configuration = dict[str, Value]
+Configuration = dict[str, Value | None]  # None: the parameter is inactive
 Indices = NDArray[np.int64]
 
 LARGEST = 2**62  # indices are int64, and sums of two of them must not overflow
@@ -33,8 +34,11 @@ class Space:
     to that grid. `allowed` tells which points keep all constraints. A default that is forbidden moves to an
     allowed point near it, if the parameters named `movable`, whose default nobody chose, are enough for that.
 
-    Raises SpaceError, or ConstraintError for a constraint that cannot be read, for constraints that forbid
-    the default, and for constraints that allow nothing.
+    A parameter with a condition is inactive where it does not hold, and None in configurations there. Of the
+    indices that differ in inactive parameters only, one is allowed: that with their defaults (see `fold`).
+
+    Raises SpaceError, or ConstraintError for a constraint or condition that cannot be read, for constraints
+    that forbid the default, and for constraints that allow nothing.
     """
 
     def __init__(
@@ -57,7 +61,8 @@ class Space:
                 f"{math.prod(self.shape):.1e} points are too many: at most 2**62, use coarser values"
             )
         self.strides = tuple(math.prod(self.shape[axis + 1 :]) for axis in range(len(self.shape)))
-        self.constraints = tuple(Constraint(text, self.parameters) for text in constraints)
+        self.defaults_chosen = tuple(movable)
+        self._constrain(constraints)
         self._allow_default(movable)
 
     def __len__(self) -> int:
@@ -83,8 +88,33 @@ class Space:
 
     @cached_property
     def default(self) -> Configuration:
-        """The configuration in which every parameter has its default value."""
-        return {parameter.name: parameter.default for parameter in self.parameters}
+        """The configuration in which every active parameter has its default value."""
+        return self.decode(self.index_of({item.name: item.default for item in self.parameters}))
+
+    @property
+    def clauses(self) -> tuple[Clause, ...]:
+        """All that an allowed point keeps."""
+        return (*self.constraint_clauses, *self.condition_clauses)
+
+    def fold(self, indices: Indices) -> Indices:
+        """Return `indices` with inactive parameters at their default: equal ones are the same point."""
+        return self.conditions.fold(indices, self._strides)
+
+    def multiplicity(self, indices: Indices) -> NDArray[np.float64]:
+        """Return how many indices are folded to the same point as each of `indices`."""
+        return self.conditions.multiplicity(indices, self._strides)
+
+    def parse(self, cells: Mapping[str, str]) -> Configuration:
+        """Return the configuration that texts by parameter, as in a row of a CSV file, stand for.
+
+        The empty text is None for a parameter with a condition, unless it is one of its values. Raises
+        ConfigurationError for a text that a parameter cannot take; further texts are ignored.
+        """
+        configuration: Configuration = {}
+        for item in self.parameters:
+            inactive = item.condition is not None and not cells[item.name].strip() and "" not in item.values
+            configuration[item.name] = None if inactive else item.parse(cells[item.name])
+        return configuration
 
     @cached_property
     def digest(self) -> str:
@@ -97,10 +127,10 @@ class Space:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def encode(self, configuration: Mapping[str, object]) -> int:
-        """Return the index of `configuration`.
+        """Return the index of `configuration`; inactive parameters may have any value, None, or be absent.
 
-        Raises ConfigurationError for what is no mapping, or naming a missing or unknown parameter or a value
-        that it cannot take, and ForbiddenError, which is one, naming the constraint that is broken.
+        Raises ConfigurationError for what is not a mapping, or naming a missing or unknown parameter or a
+        value that it cannot take, and ForbiddenError, which is one, naming the constraint that is broken.
         """
         index = self.index_of(configuration)
         for constraint in self.constraints:
@@ -118,24 +148,38 @@ class Space:
                 raise ConfigurationError(
                     f"unknown parameter {name!r}: this space has {', '.join(self.names)}"
                 )
-        index = 0
+        index, missing = 0, []
         for parameter, size in zip(self.parameters, self.shape, strict=True):
-            if parameter.name not in configuration:
-                raise ConfigurationError(
-                    f"parameter {parameter.name!r} is missing from {dict(configuration)}"
-                )
-            index = index * size + parameter.encode(configuration[parameter.name])
-        return index
+            value = configuration.get(parameter.name)
+            if value is None and parameter.condition is not None:
+                missing.append(parameter.name)
+                value = parameter.default
+            elif parameter.name not in configuration:
+                raise _missing(parameter.name, configuration)
+            index = index * size + parameter.encode(value)
+        if missing:
+            active = self._active(index)
+            for name in missing:
+                if active[name]:
+                    raise _missing(name, configuration)
+        return int(self.fold(np.array([index]))[0]) if self.conditions else index
 
     def decode(self, index: int) -> Configuration:
-        """Return the configuration of `index`. Raises ConfigurationError outside 0 .. len - 1."""
+        """Return the configuration of `index`, in which inactive parameters are None.
+
+        Raises ConfigurationError outside 0 .. len - 1.
+        """
         if not 0 <= index < len(self):
             raise ConfigurationError(f"index {index} is outside 0 .. {len(self) - 1}")
+        active = self._active(index)
         values: list[Value] = []
         for parameter, size in zip(reversed(self.parameters), reversed(self.shape), strict=True):
             index, code = divmod(int(index), size)
             values.append(parameter.values[code])
-        return dict(zip(self.names, reversed(values), strict=True))
+        return {
+            name: value if active.get(name, True) else None
+            for name, value in zip(self.names, reversed(values), strict=True)
+        }
 
     def codes(self, indices: Iterable[int] | Indices) -> NDArray[np.int64]:
         """Return (n, parameters) value positions of `indices`."""
@@ -143,10 +187,12 @@ class Space:
         return np.stack(np.unravel_index(flat, self.shape), axis=-1).astype(np.int64, copy=False)
 
     def allowed(self, indices: Iterable[int] | Indices) -> NDArray[np.bool_]:
-        """Return a mask of the `indices` that keep all constraints: all of them where there are none."""
+        """Return a mask of the `indices` that keep all constraints: all of them where there are none.
+
+        Where parameters are inactive, only the index with their defaults is allowed.
+        """
         flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)
-        clauses = [clause for constraint in self.constraints for clause in constraint.clauses]
-        return evaluate(self, clauses, flat)
+        return evaluate(self, self.clauses, flat)
 
     @cached_property
     def allowed_grid(self) -> NDArray[np.bool_]:
@@ -154,9 +200,8 @@ class Space:
         grid = np.ones(self.shape, dtype=bool)
         # An axis a parameter, as in an open grid: a constraint is evaluated on its own parameters only.
         codes = dict(zip(self.names, np.ix_(*map(np.arange, self.shape)), strict=True))
-        for constraint in self.constraints:
-            for clause in constraint.clauses:
-                grid &= clause.holds(codes)
+        for clause in self.clauses:
+            grid &= clause.holds(codes)
         grid.flags.writeable = False
         return grid.reshape(-1)
 
@@ -164,6 +209,11 @@ class Space:
     def region(self) -> Region:
         """The allowed part, from which points are counted and drawn."""
         return Region(self)
+
+    @cached_property
+    def region_of_values(self) -> Region:
+        """The allowed part, in which inactive parameters have values to draw; `region` without conditions."""
+        return Region(self, folded=True) if self.conditions else self.region
 
     def count_allowed(self) -> Count:
         """Return the number of allowed points: exact, or with its error where it could only be estimated.
@@ -176,7 +226,8 @@ class Space:
         """Return every allowed point that differs from `index` in exactly one parameter, ascending.
 
         `reach` bounds the step along ordered parameters (1: the next value up and down); None means any
-        other value. Unordered parameters always take every other value.
+        other value. Unordered parameters always take every other value. Parameters that become active by the
+        step have their defaults.
         """
         [codes] = self.codes([index])
         found = []
@@ -187,7 +238,10 @@ class Space:
             if reach is not None and parameter.ordered:
                 steps = steps[np.abs(steps) <= reach]
             found.append(index + steps[steps != 0] * stride)
-        others = np.sort(np.concatenate(found)).astype(np.int64)
+        others = self.fold(np.concatenate(found).astype(np.int64))
+        if self.conditions:
+            others = np.setdiff1d(others, self.fold(np.array([index])))
+        others = np.sort(others)
         return others[self.allowed(others)]
 
     def features(self, indices: Iterable[int] | Indices) -> NDArray[np.float64]:
@@ -195,9 +249,10 @@ class Space:
 
         An ordered parameter is one column, its values evenly spaced. A categorical one has a column a value,
         1/sqrt(2) in its own, so that any two of its values are at distance 1. `feature_owner` tells whose
-        column is which.
+        column is which. Inactive parameters have the coordinates of their defaults.
         """
-        codes = self.codes(indices)
+        flat = np.asarray(indices if isinstance(indices, np.ndarray) else list(indices), dtype=np.int64)
+        codes = self.codes(self.fold(flat))
         columns = []
         for axis, (parameter, size) in enumerate(zip(self.parameters, self.shape, strict=True)):
             if parameter.ordered:
@@ -266,6 +321,26 @@ class Space:
         """Write the space as JSON that `load` reads."""
         Path(path).write_text(json.dumps(self.to_dict(), indent=2) + "\n", encoding="utf-8")
 
+    @cached_property
+    def _strides(self) -> dict[str, tuple[int, int]]:
+        return dict(zip(self.names, zip(self.strides, self.shape, strict=True), strict=True))
+
+    def _active(self, index: int) -> dict[str, bool]:
+        """Return for each parameter with a condition whether it is active."""
+        if not self.conditions:
+            return {}
+        codes = {name: np.array([index // step % size]) for name, (step, size) in self._strides.items()}
+        return {name: bool(mask.all()) for name, mask in self.conditions.active(codes).items()}
+
+    def _constrain(self, constraints: Sequence[str]) -> None:
+        """Read constraints and conditions; an inactive parameter is then at its present default."""
+        self.conditions = Conditions(self.parameters)
+        self.constraints = tuple(self.conditions.constraint(text) for text in constraints)
+        self.constraint_clauses: tuple[Clause, ...] = tuple(
+            clause for constraint in self.constraints for clause in constraint.clauses
+        )
+        self.condition_clauses: tuple[Clause, ...] = self.conditions.clauses()
+
     def _allow_default(self, movable: Collection[str]) -> None:
         """Move a forbidden default in `movable` parameters, or raise ConstraintError."""
         default = {parameter.name: parameter.default for parameter in self.parameters}
@@ -281,7 +356,11 @@ class Space:
         nearest = self.region.nearest(index, movable)
         if nearest is None:
             raise ConstraintError(f"no configuration was found that keeps all of {texts}")
-        moved = {name: value for name, value in self.decode(nearest).items() if value != default[name]}
+        moved = {
+            name: value
+            for name, value in self.decode(nearest).items()
+            if value is not None and value != default[name]
+        }
         if moved.keys() - set(movable):
             raise ConstraintError(
                 f"the default breaks the constraint {broken[0]!r}: give other defaults, such as {moved}"
@@ -290,3 +369,10 @@ class Space:
             replace(parameter, default=moved.get(parameter.name, parameter.default))
             for parameter in self.parameters
         )
+        if self.conditions:  # an inactive parameter stays at its default, which has moved
+            self.__dict__.pop("region", None)
+            self._constrain([constraint.text for constraint in self.constraints])
+
+
+def _missing(name: str, configuration: Mapping[str, object]) -> ConfigurationError:
+    return ConfigurationError(f"parameter {name!r} is missing from {dict(configuration)}")

@@ -19,7 +19,7 @@ from pareto.plot.models import grown, importances, parameter_importance, predict
 from pareto.plot.scatter import scatter
 from pareto.plot.style import FONT, INK, LINE, MUTED, label, number
 from pareto.prediction import out_of_bag
-from pareto.progress import present_front
+from pareto.progress import summarise_front
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -77,15 +77,17 @@ def page(explorer: Explorer, units: Mapping[str, str]) -> str:
 
 def _summary(explorer: Explorer) -> str:
     failed = len(explorer.history.failed())
-    size, volume = present_front(explorer)
+    front = summarise_front(explorer)
     facts = {
         "space": f"{len(explorer.space):,} points",
         "method": f"{explorer.method}, seed {explorer.seed}",
         "measured": f"{made_here(explorer):,}",
         "failed": f"{failed:,}",
-        "on the front": f"{size:,}",
-        "hypervolume": number(volume),
+        "on the front": f"{front.size:,}",
+        f"hypervolume{' of logarithms' if front.log else ''}": number(front.volume),
     }
+    if front.reference:
+        facts["up to"] = ", ".join(f"{name} {number(value)}" for name, value in front.reference.items())
     items = "".join(f"<div><dt>{name}</dt><dd>{html.escape(fact)}</dd></div>" for name, fact in facts.items())
     return f"<dl>{items}</dl>"
 
@@ -152,7 +154,11 @@ def _front_table(explorer: Explorer, units: Mapping[str, str]) -> str:
     roles.setdefault(bend, []).append("knee")
     heads = ["", *(label(name, units) for name in names), *explorer.space.names]
     rows = [
-        [", ".join(roles.get(row, [])), *(number(values[name]) for name in names), *map(str, point.values())]
+        [
+            ", ".join(roles.get(row, [])),
+            *(number(values[name]) for name in names),
+            *("" if value is None else str(value) for value in point.values()),
+        ]
         for row, (point, values) in enumerate(front)
     ]
     head = "".join(f"<th>{html.escape(cell)}</th>" for cell in heads)

@@ -10,7 +10,7 @@ import pytest
 from pareto.commands import main
 from pareto.explorer import Explorer
 from pareto.hypervolume import hypervolume_growth
-from pareto.progress import Progress, duration, present_front
+from pareto.progress import FrontSummary, Progress, duration, summarise_front
 from pareto.space import Space
 from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
 
@@ -28,7 +28,10 @@ def test_exploring_a_table_writes_evaluations_front_and_state(toy, capsys):
     assert not (toy / "out" / "front.html").exists()
     output = capsys.readouterr()
     assert "18 points on the front" in output.out
-    assert output.err.splitlines()[-1].startswith("40/40 measured, 4 failed, 18 on the front, hypervolume ")
+    last = output.err.splitlines()[-1]
+    assert last.startswith("40/40 measured, 4 failed, 18 on the front, 0 s left, hypervolume ")
+    assert last.endswith(" of logarithms up to error 2, seconds 19")
+    assert output.out.splitlines()[-1] == last[last.index("hypervolume") :]
 
 
 def test_a_picture_is_drawn_unless_it_is_declined(toy):
@@ -56,7 +59,7 @@ def test_a_method_that_has_nothing_more_to_ask_says_so(toy, capsys):
 
 def test_when_nothing_succeeds_the_reason_is_told(toy, capsys):
     false = [sys.executable, "-c", "raise SystemExit('no GPU')"]
-    assert explore(toy, "--budget", "3", source=["--command", subprocess.list2cmdline(false)]) == 0
+    assert explore(toy, "--budget", "3", source=["--command", subprocess.list2cmdline(false)]) == 1
     output = capsys.readouterr()
     assert "pareto: all 3 configurations failed: " in output.err
     assert "pareto: 3 times the reason was: exit code 1: no GPU" in output.err
@@ -228,8 +231,8 @@ def test_time_left_is_the_mean_so_far_times_what_is_missing():
         explorer.tell(explorer.ask(1), [values])
         progress.tell(number)
     assert stream.getvalue().splitlines() == [
-        "1/20 measured, 1 on the front, hypervolume 0, 19:00 min left",
-        "2/20 measured, 1 failed, 1 on the front, hypervolume 0, 18:00 min left",
+        "1/20 measured, 1 on the front, 19:00 min left, hypervolume 0 of logarithms up to error 1",
+        "2/20 measured, 1 failed, 1 on the front, 18:00 min left, hypervolume 0 of logarithms up to error 1",
     ]
     assert [duration(seconds) for seconds in (0.4, 99.4, 100, 5999, 6000, 90_000)] == [
         "0 s",
@@ -245,14 +248,15 @@ def test_the_volume_told_is_where_its_curve_ends():
     explorer = Explorer(
         Space.from_dict(SPACE), ["error", "seconds"], {"seconds": 9.0}, method="random", seed=3
     )
-    assert present_front(explorer) == (0, 0.0)
+    assert summarise_front(explorer) == FrontSummary(0, 0.0, {})
     batch = explorer.ask(20)
     told = [{"error": 1 / point["x"], "seconds": float(point["x"])} for point in batch]
     explorer.tell(batch, told)
     growth = hypervolume_growth([[item["error"], item["seconds"]] for item in told], [None, 9.0])
-    size, volume = present_front(explorer)
-    assert size == len(explorer.front())
-    assert volume == pytest.approx(growth[-1])
+    front = summarise_front(explorer)
+    assert front.size == len(explorer.front())
+    assert front.reference == {"error": 1.0, "seconds": 9.0}
+    assert front.volume == pytest.approx(growth[-1])
     assert growth[-1] > 0
 
 

@@ -15,8 +15,8 @@ def test_a_space_tells_its_size_parameters_and_constraints(tmp_path, capsys):
     assert main(["space", str(tmp_path / "space.json")]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "toy: 40 points, of which constraints allow 25",
-        "  x     integer      1 .. 20, 20 values  (default 1)",
-        "  mode  categorical  a,b, c  (default a,b)",
+        "  x     integer      1 .. 20, 20 values  (default 1, chosen)",
+        "  mode  categorical  a,b, c  (default a,b, chosen)",
         "  constraint: x <= 5 or mode == 'c'",
     ]
 

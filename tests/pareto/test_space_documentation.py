@@ -15,8 +15,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "spaces.md").read_text(encoding="ut
 
 
 def block(language: str) -> str:
-    [found] = re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
-    return found
+    return "\n".join(re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL))
 
 
 def test_the_example_gives_the_values_that_its_comments_name(tmp_path, monkeypatch):
@@ -24,16 +23,18 @@ def test_the_example_gives_the_values_that_its_comments_name(tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     compared = 0
-    for line in block("python").splitlines():
-        code, _, comment = line.partition("#")
+    source = block("python")
+    for node in ast.parse(source).body:
+        code = ast.get_source_segment(source, node)
+        comment = source.splitlines()[node.end_lineno - 1].partition("#")[2]
         if not comment:
             exec(code, names)
             continue
-        expected = re.match(r"\s*(\[.*?\]|'.*?'|\d+)", comment)
-        assert expected, line
-        assert eval(code, names) == ast.literal_eval(expected[1]), line
+        expected = re.match(r"\s*(\[.*?\]|\{.*?\}|'.*?'|\d+|True)", comment)
+        assert expected, code
+        assert eval(code, names) == ast.literal_eval(expected[1]), code
         compared += 1
-    assert compared == 6
+    assert compared == 9
 
 
 @pytest.mark.parametrize(

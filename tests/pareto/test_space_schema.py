@@ -77,6 +77,9 @@ BAD_SPACES = [
     {"parameters": [GOOD[0]], "constraints": "a > 1"},
     {"parameters": [GOOD[0]], "constraints": [1]},
     {"parameters": [GOOD[0]], "constraints": [""]},
+    {"parameters": [GOOD[0], {"name": "b", "type": "boolean", "condition": ""}]},
+    {"parameters": [GOOD[0], {"name": "b", "type": "boolean", "condition": None}]},
+    {"parameters": [GOOD[0], {"name": "b", "type": "boolean", "condition": ["a > 1"]}]},
 ]
 
 
@@ -98,6 +101,13 @@ def test_what_is_accepted_keeps_the_schema_before_and_after_a_round_trip(paramet
     description = {"$schema": "space.schema.json", "name": "s", "parameters": [parameter]}
     VALIDATOR.validate(description)
     VALIDATOR.validate(Space.from_dict({**description, "constraints": []}).to_dict())
+
+
+@pytest.mark.parametrize("parameter", GOOD, ids=json.dumps)
+def test_each_form_of_a_parameter_may_have_a_condition(parameter):
+    description = {"parameters": [{"name": "b", "type": "boolean"}, {**parameter, "condition": "b"}]}
+    VALIDATOR.validate(description)
+    VALIDATOR.validate(Space.from_dict(description).to_dict())
 
 
 @pytest.mark.parametrize(
