@@ -199,6 +199,21 @@ export async function carryOutErasure() {
 }
 
 /**
+ * Whether the server may show this device's model though few people measured it; null where it cannot be asked.
+ * @returns {Promise<boolean | null>}
+ */
+export async function isModelShown() {
+  const installation = await database.read("settings", "installation");
+  if (!installation) return null;
+  try {
+    return (await askJson("/me", { token: installation.token })).show_model;
+  } catch (error) {
+    if (error instanceof Refusal || error instanceof UnreachableError) return null;
+    throw error;
+  }
+}
+
+/**
  * Whether the model of this device may be shown in public though few people measured it.
  * @param {boolean} shown
  */

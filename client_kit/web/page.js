@@ -108,14 +108,15 @@ async function showConsent() {
   const stated = await database.read("settings", "stated");
   const device = await identify(adapter, stated ?? null);
   const bytes = manifest.sequence.chunks.reduce((sum, chunk) => sum + chunk.bytes, 0);
-  element("download", HTMLElement).textContent = `${(bytes / 1e6).toFixed(0)} MB`;
+  element("download", HTMLElement).textContent = `${(bytes / 1e6).toPrecision(1)} MB`;
   element("sample", HTMLElement).textContent = consent.sample(manifest, device);
   element("stated", HTMLElement).hidden = !isHandheld(device) || (Boolean(device.model) && !stated);
   agree.checked = await consent.isGiven(manifest);
   start.disabled = !agree.checked;
   const open = await sessions.resumable(manifest);
   const runs = plannedRuns(manifest);
-  start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : "Start";
+  const fresh = element("result", HTMLElement).hidden ? "Start" : "Measure again";
+  start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : fresh;
   asking.hidden = false;
 }
 
@@ -350,6 +351,8 @@ async function sendWaiting() {
     say("Not sent yet", error.message);
   }
   showSessions(await sessions.all());
+  const shown = await delivery.isModelShown();
+  if (shown !== null) element("show-model", HTMLInputElement).checked = shown;
 }
 
 /** @param {unknown} error */
