@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from django.conf import settings
 
 from crowd.dashboard import formats
-from crowd.results.reading.crowd import one_class
+from crowd.results.reading.crowd import one_kind
 from crowd.results.reading.rows import Speedup
 from crowd.results.reading.selectors import Speedups
 
@@ -45,7 +45,7 @@ def left_out(crowd: Speedups) -> LeftOut:
     """The device models of CROWD that its headline leaves out."""
     shown = [row for row in crowd.rows if row.configuration == crowd.filters.leading]
     counted = {row.device.slug for row in shown if row.counts}
-    rows = one_class([row for row in shown if row.device.slug not in counted])
+    rows = one_kind([row for row in shown if row.device.slug not in counted])
     devices = {row.device.slug for row in rows}
     # A model with a figure that only lacks confirmation is unconfirmed, whatever else it has.
     unconfirmed = {row.device.slug for row in rows if not row.suspect}

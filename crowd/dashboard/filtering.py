@@ -21,9 +21,10 @@ from crowd.devices.vendors import VENDORS
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.reading import selectors as results
+from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.filters import ALL, InvalidFilterError, SpeedupFilters
 
-SYSTEMS = ("Android", "Linux", "macOS", "Windows")
+SYSTEMS = ("Android", "iOS", "Linux", "macOS", "Windows")
 SCRIPT = "HX-Request"  # htmx asks with this header
 
 
@@ -119,6 +120,11 @@ class Filtering:
     def vendors(self) -> dict[str, str]:
         """Makers of graphics chips to choose from, each with its full name."""
         return VENDORS
+
+    @property
+    def backends(self) -> dict[str, str]:
+        """Backends to choose from, each with its name."""
+        return BACKENDS
 
     @property
     def systems(self) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from crowd.dashboard.figures import layout
 from crowd.dashboard.figures.decimation import decimated, said
 from crowd.dashboard.palette import Theme
 from crowd.devices.vendors import CPU, OTHER
+from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import Speedup
 
 # Above this many devices a name for each bar no longer fits: the bars stand upright, names on hover and
@@ -117,11 +118,15 @@ def _order(rows: Sequence[Speedup]) -> str:
     return "devices, largest gain first" + (", unconfirmed and suspect ones behind" if apart else "")
 
 
+def _backend(row: Speedup) -> str:
+    return BACKENDS.get(row.backend, row.backend)
+
+
 # What tells the bars of one device from each other. Figures of its CPU and its GPU are never averaged.
 DISTINGUISHING: tuple[Callable[[Speedup], str], ...] = (
-    lambda row: row.processor or row.backend,
+    lambda row: row.processor or _backend(row),
     lambda row: row.processor_class.upper(),
-    lambda row: row.backend,
+    _backend,
     lambda row: row.configuration,
 )
 
@@ -227,7 +232,7 @@ def _detail(name: str, vendor: str, row: Speedup) -> str:
     parts.append(
         f"{formats.plural(row.sessions, 'session')}, {formats.plural(row.installations, 'installation')}"
     )
-    parts.append(f"{vendor}, {layout.text(row.backend)}")
+    parts.append(f"{vendor}, {layout.text(_backend(row))}")
     if row.device.soc:
         parts.append(layout.text(row.device.soc))
     return layout.lines(parts + layout.state_words(row))

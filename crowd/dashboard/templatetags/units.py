@@ -10,6 +10,7 @@ from django import template
 from crowd.dashboard import confirmation, formats
 from crowd.disclosure import public
 from crowd.fronts.protocol import first_counted_frame, max_ate
+from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import Attempts, Device, Speedup
 from crowd.results.validity.rules import RULES
 from slam.protocol import MAX_DRIFT
@@ -78,6 +79,12 @@ def since(moment: datetime | None, now: datetime) -> str:
 def or_absent(text: str | None) -> str:
     """TEXT, or the sign for what is not known."""
     return text or formats.ABSENT
+
+
+@register.filter
+def backend(name: str) -> str:
+    """NAME of a backend as people write it."""
+    return BACKENDS.get(name, name)
 
 
 @register.filter

@@ -78,6 +78,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "standing": here,
             "configurations_height": configurations_height(len(here.rows) if here else 0),
             "others": [row for row in detail.speedups if here is None or row not in here.rows],
+            "backends": results.side_by_side(slug, detail.speedups, figure.front) if figure else (),
             "history": history,
             "releases_height": releases_height(len(history.releases) if history else 0),
             **of_session(detail.latest),

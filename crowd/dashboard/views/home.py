@@ -20,7 +20,13 @@ from crowd.results.reading.selectors import Speedups
 
 NEWEST = 6
 # What the crowd is broken down by, and what a page calls it.
-PARTS = {"vendor": "chip that computed", "soc": "system on a chip", "os": "operating system"}
+PARTS = {
+    "vendor": "chip that computed",
+    "backend": "backend",
+    "soc": "system on a chip",
+    "os": "operating system",
+}
+EXACT = frozenset({"vendor", "backend"})  # filters that match a whole name anyway
 
 
 @filtered
@@ -68,10 +74,10 @@ def _parts(crowd: Speedups, by: str) -> list[Part]:
     """The groups of CROWD by one of PARTS that have a figure that counts."""
     tried: dict[str, list[Attempt]] = defaultdict(list)
     for row in crowd.attempts:
-        tried[row.vendor if by == "vendor" else getattr(row.device, by)].append(row)
+        tried[results.group_of(row, by)].append(row)
 
     def query(group: str) -> str:
-        change: dict[str, Any] = {by: group if by == "vendor" else quoted(group)}
+        change: dict[str, Any] = {by: group if by in EXACT else quoted(group)}
         return replace(crowd.filters, **change).query()
 
     return [

@@ -13,6 +13,7 @@ from crowd.devices.vendors import VENDORS
 from crowd.problems import Problem, not_found
 from crowd.results.api import answers
 from crowd.results.reading import correlations, selectors
+from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.filters import LONGEST, MOST, MOST_WORDS, InvalidFilterError, SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
 
@@ -34,7 +35,8 @@ class SpeedupsView(Endpoint):
         description=(
             "A speedup is a ratio of times on one device with one backend and processor. low and high are a "
             "95 % interval over independent installations, null below three of them. The summary rests on "
-            "confirmed figures: a random-effects mean over device models."
+            "confirmed figures: a random-effects mean over device models. A model counts once: with its GPU "
+            "before its CPU, and natively before in a browser."
         ),
         parameters=[
             OpenApiParameter("front", TEXT, description="version; the newest measured one where absent"),
@@ -51,7 +53,7 @@ class SpeedupsView(Endpoint):
             OpenApiParameter("soc", TEXT, description=MATCHED),
             OpenApiParameter("gpu", TEXT, description=MATCHED),
             OpenApiParameter("os", TEXT, description=MATCHED),
-            OpenApiParameter("backend", TEXT),
+            OpenApiParameter("backend", str, enum=list(BACKENDS), description="with what it was measured"),
             OpenApiParameter(
                 "since", OpenApiTypes.DATE, description="a day, as 2026-11-30: only sessions from then on"
             ),

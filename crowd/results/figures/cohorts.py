@@ -122,15 +122,16 @@ class Plausibility:
 
     def __init__(self) -> None:
         self._predicted: dict[int, dict[int, float]] = {}
-        self._reached: dict[int, list[tuple[float, int]]] = {}
+        self._reached: dict[tuple[int, str], list[tuple[float, int]]] = {}
 
     def bounds(self, cohort: Cohort, configuration: int) -> plausibility.Bounds:
         """Between which log ratios a session of COHORT with CONFIGURATION is plausible."""
         if cohort.front_id not in self._predicted:
             self._predicted[cohort.front_id] = _predicted(cohort.front_id)
-        if configuration not in self._reached:
-            self._reached[configuration] = _reached(configuration)
-        reached = self._reached[configuration]
+        key = (configuration, cohort.backend)
+        if key not in self._reached:
+            self._reached[key] = _reached(*key)
+        reached = self._reached[key]
         others = (
             next((speedup for speedup, device in rows if device != cohort.device_id), None)
             for rows in (reached, reversed(reached))
@@ -280,10 +281,13 @@ def _broken(sessions: Sequence[tuple[str | None, UUID, float]], ranges: Ranges) 
     return found
 
 
-def _reached(configuration: int) -> list[tuple[float, int]]:
-    """The confirmed speedups of CONFIGURATION, ascending, each with its device. One query."""
+def _reached(configuration: int, backend: str) -> list[tuple[float, int]]:
+    """The confirmed speedups of CONFIGURATION with BACKEND, ascending, each with its device. One query."""
     rows = DeviceSpeedup.objects.filter(
-        configuration=configuration, witnesses__gte=settings.FRONTRUNNER_QUORUM, state=State.VALID
+        configuration=configuration,
+        backend=backend,
+        witnesses__gte=settings.FRONTRUNNER_QUORUM,
+        state=State.VALID,
     )
     return sorted(rows.order_by().values_list("speedup", "device_id"))
 

@@ -11,13 +11,13 @@ from functools import cached_property
 
 from django.conf import settings
 
-from crowd.devices.models import ProcessorClass
 from crowd.fronts.selectors import BEST
 from crowd.results.figures import statistics
+from crowd.results.reading.backends import preference
 from crowd.results.reading.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Attempt, Attempts, Headline, Place, Share, Speedup
 
-PARTS = ("vendor", "soc", "os")
+PARTS = ("vendor", "backend", "soc", "os")
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def attempts(rows: Iterable[Attempt], configuration: str = BEST) -> Attempts:
 def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
     """The crowd's figure over models with a confirmed figure of CONFIGURATION (the best one for ALL)."""
     shown = _of(rows, configuration)
-    counted = one_class([row for row in shown if row.counts])
+    counted = one_kind([row for row in shown if row.counts])
     models = _by_model(counted)
     variances = statistics.figure_variances(
         [row.units for row in counted], [row.deviation for row in counted]
@@ -87,10 +87,20 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
     )
 
 
-def one_class(rows: Sequence[Speedup]) -> list[Speedup]:
-    """Of each model in ROWS the figures of one processor class: its GPU's if it has any, else its CPU's."""
-    on_gpu = {row.device.slug for row in rows if row.processor_class == ProcessorClass.GPU}
-    return [row for row in rows if row.processor_class == ProcessorClass.GPU or row.device.slug not in on_gpu]
+def one_kind(rows: Sequence[Speedup]) -> list[Speedup]:
+    """Of each model in ROWS the figures of one processor class and one backend, the preferred ones."""
+    best: dict[str, tuple[bool, int]] = {}
+    for row in rows:
+        kind = preference(row)
+        best[row.device.slug] = min(kind, best.get(row.device.slug, kind))
+    return [row for row in rows if preference(row) == best[row.device.slug]]
+
+
+def group_of(row: Speedup | Attempt, by: str) -> str:
+    """The group of ROW in a breakdown BY "vendor" (of the chip that computed), "backend", "soc", "gpu" or
+    "os".
+    """
+    return str(getattr(row if by in ("vendor", "backend") else row.device, by))
 
 
 def _estimates(rows: Sequence[Speedup], variances: Sequence[float]) -> list[tuple[float, float]]:
@@ -108,19 +118,19 @@ def _estimates(rows: Sequence[Speedup], variances: Sequence[float]) -> list[tupl
 
 
 def breakdown(rows: Iterable[Speedup], by: str, configuration: str = BEST) -> tuple[Share, ...]:
-    """The headline of each group of ROWS, most devices first; BY is "vendor" (of the chip that computed),
-    "soc", "gpu" or "os". A model measured on several vendors' chips counts with each.
+    """The headline of each group of ROWS, most devices first; BY as `group_of` has it. A model measured on
+    several vendors' chips, or with several backends, counts with each.
     """
     groups: dict[str, list[Speedup]] = defaultdict(list)
     for row in _of(rows, configuration):
-        groups[row.vendor if by == "vendor" else getattr(row.device, by)].append(row)
+        groups[group_of(row, by)].append(row)
     shares = (Share(group, headline(members, configuration)) for group, members in groups.items())
     return tuple(sorted(shares, key=lambda share: (-share.figure.devices, share.group)))
 
 
 def place(rows: Iterable[Speedup], slug: str, configuration: str = BEST) -> Place | None:
     """Where the device SLUG stands among the models in the headline of ROWS; None where it is not in it."""
-    counted = one_class([row for row in _of(rows, configuration) if row.counts])
+    counted = one_kind([row for row in _of(rows, configuration) if row.counts])
     devices = {row.device.slug: row.device for row in counted}
     models = _by_model(counted)
     if slug not in models:

@@ -7,6 +7,7 @@ from crowd.devices.disclosure import COLUMNS, find
 from crowd.devices.models import DeviceModel
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSession
+from crowd.results.reading.backends import leading
 from crowd.results.reading.figures import device_of, devices_of, figures, hour, simulated_only
 from crowd.results.reading.filters import SpeedupFilters
 from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow
@@ -24,7 +25,7 @@ def devices(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> 
     all applications. Thirteen queries at most, whatever the number of devices.
     """
     crowd = speedups(SpeedupFilters(simulated=simulated, application=application))
-    best = {row.device.slug: row for row in reversed(crowd.rows)}
+    best = leading(crowd.rows)
     models = _devices_cache.get(revision.current, None, _devices)
     counts = DeviceActivity.objects.values_list("device_id", "sessions", "installations", "last_session_at")
     rows = (

@@ -9,6 +9,7 @@ from urllib.parse import urlencode
 
 from crowd.devices import vendors
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
+from crowd.results.reading.backends import BACKENDS
 
 ALL = "all"
 WHOLE_NUMBER = re.compile(r"[0-9]{1,7}")
@@ -52,6 +53,12 @@ def _vendor(name: str, given: str) -> str:
     return known
 
 
+def _backend(name: str, given: str) -> str:
+    if given.casefold() not in BACKENDS:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give one of {', '.join(BACKENDS)}")
+    return given.casefold()
+
+
 def _text(name: str, given: str) -> str:
     if len(given) > LONGEST:
         raise InvalidFilterError(name, f"{name}={given:.50}...: give at most {LONGEST} characters")
@@ -67,6 +74,7 @@ def _few_words(name: str, given: str) -> str:
 READERS: dict[str, Callable[[str, str], Any]] = {
     "device": _few_words,
     "vendor": _vendor,
+    "backend": _backend,
     "since": _day,
     "until": _day,
     "min_sessions": _number,
@@ -89,7 +97,7 @@ class SpeedupFilters:
     soc: str = ""
     gpu: str = ""
     os: str = ""
-    backend: str = ""
+    backend: str = ""  # one of BACKENDS
     since: date | None = None  # only sessions measured on or after that day (UTC)
     until: date | None = None  # only sessions measured on or before that day (UTC)
     min_sessions: int = 1
@@ -138,7 +146,7 @@ class SpeedupFilters:
             _matched("system on a chip", self.soc),
             _matched("graphics chip", self.gpu),
             _matched("system", self.os),
-            self.backend,
+            BACKENDS.get(self.backend, ""),
             _period(self.since, self.until),
             f"at least {self.min_sessions} sessions" if self.min_sessions > 1 else "",
             "" if self.suspect else "without suspect figures",

@@ -200,7 +200,9 @@ class History:
 
 @dataclass(frozen=True)
 class DeviceRow:
-    """A device in the list; speedup is that of `best` on the newest measured front, None before any."""
+    """A device in the list; speedup is that of `best` on the newest measured front, None before
+    any; of several backends and processors the one that counts.
+    """
 
     device: Device
     sessions: int

@@ -1,6 +1,7 @@
 """Reads of results: what pages and the API show. Every figure comes from summaries, never from raw times."""
 
-from crowd.results.reading.crowd import Speedups, attempts, breakdown, headline, place
+from crowd.results.reading.backends import side_by_side
+from crowd.results.reading.crowd import Speedups, attempts, breakdown, group_of, headline, place
 from crowd.results.reading.devices import device, devices, pending
 from crowd.results.reading.history import history
 from crowd.results.reading.parsing import UnknownFrontError, asked
@@ -24,6 +25,7 @@ __all__ = [
     "breakdown",
     "device",
     "devices",
+    "group_of",
     "headline",
     "history",
     "latest_sessions",
@@ -33,6 +35,7 @@ __all__ = [
     "place",
     "run",
     "session",
+    "side_by_side",
     "speedups",
     "submission",
     "winners",

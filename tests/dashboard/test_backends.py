@@ -1,0 +1,131 @@
+"""Backends never mix: a model counts once, and its page shows them side by side."""
+
+from collections.abc import Callable
+from typing import Any, get_args
+
+import pytest
+from django.test import Client
+
+from crowd.results.intake.schema import Backend
+from crowd.results.reading import selectors
+from crowd.results.reading.backends import BACKENDS, side_by_side
+from crowd.results.reading.filters import SpeedupFilters
+from tests.crowd.documents import browser_document, device_document, session_document, submission_document
+from tests.crowd.participant import API, Participant
+from tests.dashboard.measuring import measure
+from tests.dashboard.reading import read
+
+Join = Callable[[], Participant]
+
+
+def in_a_browser(who: Participant, default_us: int = 80_000, best_us: int = 20_000, **device: Any) -> None:
+    """A session over WebGPU on a Pixel 8, four times faster with best."""
+    session = session_document(default_us=default_us, best_us=best_us, backend="webgpu")
+    raw = browser_document(
+        **{"model": "Pixel 8", "gpu_vendor": "arm", "gpu_architecture": "valhall"} | device
+    )
+    answer = who.submit(submission_document(session, device=raw))
+    assert answer.status_code == 202, answer.content
+
+
+@pytest.fixture
+def both(front: Any, join: Join) -> None:
+    """A Pixel 8 natively and in a browser, a Pixel 9 in a browser alone."""
+    measure(join(), "Pixel 8", default_us=80_000, best_us=10_000)
+    in_a_browser(join())
+    in_a_browser(join(), model="Pixel 9")
+
+
+def test_every_backend_of_a_submission_has_a_name_and_a_place() -> None:
+    assert set(BACKENDS) == set(get_args(Backend))
+    assert (next(iter(BACKENDS)), list(BACKENDS)[-1]) == ("opencl", "webgpu")
+
+
+def test_a_model_counts_once_natively_before_in_a_browser(both: None) -> None:
+    crowd = selectors.speedups(SpeedupFilters())
+
+    assert [(row.device.name, row.backend, row.speedup) for row in crowd.rows] == [
+        ("Pixel 8", "opencl", pytest.approx(8.0)),
+        ("Pixel 8", "webgpu", pytest.approx(4.0)),
+        ("Pixel 9", "webgpu", pytest.approx(4.0)),
+    ]
+    assert (crowd.headline.devices, crowd.headline.sessions) == (2, 2)
+    assert crowd.headline.geometric_mean == pytest.approx((8.0 * 4.0) ** 0.5)
+    assert [row.speedup.backend for row in selectors.devices() if row.speedup] == ["opencl", "webgpu"]
+    place = selectors.place(crowd.rows, "google-pixel-8")
+    assert place is not None
+    assert place.speedup == pytest.approx(8.0)
+
+
+def test_a_gpu_in_a_browser_counts_before_a_native_cpu(front: Any, join: Join) -> None:
+    device = device_document(opencl_platform="Portable Computing Language", opencl_device="cpu")
+    assert join().submit(submission_document(device=device)).status_code == 202
+    in_a_browser(join())
+
+    crowd = selectors.speedups(SpeedupFilters())
+    assert [(row.processor_class, round(row.speedup), row.counts) for row in crowd.rows] == [
+        ("cpu", 8, True),
+        ("gpu", 4, True),
+    ]
+    assert crowd.headline.geometric_mean == pytest.approx(4.0)
+
+
+def test_each_backend_has_a_mean_of_its_own(both: None, client: Client) -> None:
+    parts = selectors.speedups(SpeedupFilters()).parts["backend"]
+
+    means = {share.group: (share.figure.devices, share.figure.geometric_mean) for share in parts}
+    assert means == {"webgpu": (2, pytest.approx(4.0)), "opencl": (1, pytest.approx(8.0))}
+    home = client.get("/").content.decode()
+    assert '<a href="/devices/?backend=webgpu">WebGPU</a>' in home
+
+
+@pytest.mark.parametrize(("asked", "speedup"), [("webgpu", 4.0), ("OpenCL", 8.0)])
+def test_one_backend_can_be_asked_for(both: None, client: Client, asked: str, speedup: float) -> None:
+    answer = client.get(f"{API}/speedups", {"backend": asked}).json()
+
+    assert {row["backend"] for row in answer["results"]} == {asked.casefold()}
+    assert answer["summary"]["geometric_mean"] == pytest.approx(speedup)
+    for address in ("/", "/devices/"):
+        assert f"{speedup:.2f}x" in read(client, f"{address}?backend={asked}")
+        page = client.get(f"{address}?backend={asked}").content.decode()
+        assert f'<option value="{asked.casefold()}" selected>' in page
+
+
+def test_a_backend_that_nobody_measures_with_is_refused(client: Client, db: None) -> None:
+    answer = client.get(f"{API}/speedups", {"backend": "directx"})
+
+    assert (answer.status_code, answer.json()["field"]) == (400, "backend")
+    assert "opencl, cuda, metal, vulkan, cpu, webgpu" in answer.json()["detail"]
+
+
+def test_a_page_shows_the_backends_of_a_device_side_by_side(both: None, client: Client) -> None:
+    page = read(client, "/devices/google-pixel-8/")
+
+    assert "The same device with each backend" in page
+    assert "OpenCL 80.0 ms 10.0 ms 8.00x 8.00-8.00x one session 1 Mali-G715" in page
+    assert "WebGPU 80.0 ms 20.0 ms 4.00x 4.00-4.00x one session 1 Mali (Valhall)" in page
+    assert "The same device with each backend" not in read(client, "/devices/google-pixel-9/")
+
+
+def test_the_comparison_of_backends_costs_so_many_queries(
+    both: None, django_assert_max_num_queries: Any
+) -> None:
+    detail = selectors.device("google-pixel-8")
+    assert detail is not None
+
+    with django_assert_max_num_queries(6):
+        assert len(side_by_side("google-pixel-8", detail.speedups, "kfusion-test")) == 2
+    with django_assert_max_num_queries(0):
+        assert side_by_side("google-pixel-9", (), "kfusion-test") == ()
+
+
+def test_what_is_plausible_is_said_by_the_same_backend(front: Any, join: Join) -> None:
+    """Confirmed 60 times over OpenCL makes 200 plausible there, and not in a browser."""
+    for _ in range(2):
+        measure(join(), "Pixel 9", default_us=60_000, best_us=1_000)
+    measure(join(), "Pixel 8", default_us=200_000, best_us=1_000)
+    in_a_browser(join(), default_us=200_000, best_us=1_000)
+
+    rows = {row.backend: row for row in selectors.speedups(SpeedupFilters(device="Pixel 8")).rows}
+
+    assert (rows["opencl"].suspect, rows["webgpu"].suspect) == (False, True)
