@@ -30,26 +30,37 @@ export class StoppedError extends Error {
 }
 
 /**
- * Send every session whose time has come, and a wish to erase before them. One tab does it at a time.
- * @returns {Promise<void>} Raises StoppedError.
+ * Send what waits, a wish to erase first, oldest session first. One tab does it at a time.
+ * @returns {Promise<number>} milliseconds until the server may be asked again; 0 where nothing waits for that.
+ *   Raises StoppedError.
  */
 export function sendAll() {
   return navigator.locks.request("frontrunner-delivery", async () => {
-    if (!(await carryOutErasure())) return;
+    const pause = await remainingPause();
+    if (pause > 0) return pause;
+    if (!(await carryOutErasure())) return remainingPause();
     const waiting = (await sessions.all()).filter(({ state }) => state === "queued").reverse();
     for (const session of waiting) {
-      if (session.notBefore > Date.now()) continue;
-      if (!(await send(session))) return;
+      if (!(await send(session))) return remainingPause();
+      await database.remove("settings", "pause");
     }
+    return 0;
   });
+}
+
+/** @returns {Promise<number>} milliseconds until the server may be asked again */
+async function remainingPause() {
+  const pause = await database.read("settings", "pause");
+  return Math.max((pause?.until ?? 0) - Date.now(), 0);
 }
 
 /**
  * Send SESSION and keep what became of it.
  * @param {Session} session
+ * @param {boolean} [enrolledAnew] whether another installation was refused just now
  * @returns {Promise<boolean>} whether the next one may be sent now
  */
-async function send(session) {
+async function send(session, enrolledAnew = false) {
   try {
     const installation = await enrolled(session.manifest.consent_version);
     const answer = await askJson("/submissions", {
@@ -65,7 +76,7 @@ async function send(session) {
     await sessions.keep(session);
     return true;
   } catch (error) {
-    if (error instanceof Refusal) return refused(session, error);
+    if (error instanceof Refusal) return refused(session, error, enrolledAnew);
     if (error instanceof UnreachableError) return later(session, error.message, null);
     throw error;
   }
@@ -74,17 +85,15 @@ async function send(session) {
 /**
  * @param {Session} session
  * @param {Refusal} error
+ * @param {boolean} enrolledAnew
  * @returns {Promise<boolean>}
  */
-async function refused(session, error) {
-  if (error.status === 401) {
-    // The installation is gone there: another one sends the same bytes.
-    await database.remove("settings", "installation");
-    return send(session);
-  }
-  if (error.code === "device_changed") {
+async function refused(session, error, enrolledAnew) {
+  if (error.status === 401 || error.code === "device_changed") {
+    if (enrolledAnew) return later(session, error.message, null);
+    // The installation is gone there, or belongs to another device: a new one sends the same bytes.
     await retire();
-    return send(session);
+    return send(session, true);
   }
   if (error.status === 426) throw new StoppedError("outdated", "This page is out of date: load it again.");
   if (error.code === "consent_outdated") {
@@ -102,19 +111,31 @@ async function refused(session, error) {
 }
 
 /**
- * Try SESSION again after SECONDS, or after a random time that grows with each try.
+ * Ask the server for nothing during SECONDS, or for a random time that grows with each try. SESSION waits.
  * @param {Session} session
  * @param {string} reason
  * @param {number | null} seconds
  * @returns {Promise<boolean>} false: what is for this server waits, too
  */
 async function later(session, reason, seconds) {
-  const longest = Math.min(FIRST_PAUSE_SECONDS * 2 ** session.tries, LONGEST_PAUSE_SECONDS);
-  session.tries += 1;
+  await pauseFor(seconds);
   session.reason = reason;
-  session.notBefore = Date.now() + 1000 * (seconds ?? Math.random() * longest);
   await sessions.keep(session);
   return false;
+}
+
+/** @param {number | null} seconds */
+async function pauseFor(seconds) {
+  const tries = (await database.read("settings", "pause"))?.tries ?? 0;
+  const longest = Math.min(FIRST_PAUSE_SECONDS * 2 ** tries, LONGEST_PAUSE_SECONDS);
+  const until = Date.now() + 1000 * (seconds ?? Math.random() * longest);
+  await database.write("settings", "pause", { until, tries: tries + 1, asked: seconds !== null });
+}
+
+/** There is a network again: what waited for that alone need not wait longer. */
+export async function endPause() {
+  const pause = await database.read("settings", "pause");
+  if (pause && !pause.asked) await database.remove("settings", "pause");
 }
 
 /**
@@ -189,8 +210,11 @@ export async function carryOutErasure() {
       await ask("/me", { method: "DELETE", token: installation.token });
     } catch (error) {
       const gone = error instanceof Refusal && (error.status === 401 || error.status === 404);
-      if (!gone && (error instanceof Refusal || error instanceof UnreachableError)) return false;
-      if (!gone) throw error;
+      if (!gone && !(error instanceof Refusal || error instanceof UnreachableError)) throw error;
+      if (!gone) {
+        await pauseFor(error instanceof Refusal ? error.retryAfter : null);
+        return false;
+      }
     }
     left = left.filter(({ id }) => id !== installation.id);
     await database.write("settings", "erasing", left);

@@ -9,6 +9,7 @@ import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, downloa
 import * as sessions from "./sessions.js";
 import { describeAdapter, requestAdapter } from "./gpu-device.js";
 
+const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
 const SILENCE_MS = 180_000; // of the worker, after which it is given up
 // What the worker loads: kept, like all that this page loads, for a visit without a network.
 const WORKER_FILES = [
@@ -165,6 +166,7 @@ agree.addEventListener("change", async () => {
   if (agree.checked) {
     await consent.give(ready.manifest);
     await sessions.agreedTo(ready.manifest.consent_version);
+    await sendWaiting();
   } else {
     await database.remove("settings", "consent");
     count("refused", "declined");
@@ -343,12 +345,20 @@ async function deliver(session) {
   }
 }
 
+let nextSending = 0;
+
 async function sendWaiting() {
+  clearTimeout(nextSending);
   try {
-    await delivery.sendAll();
+    const pause = await delivery.sendAll();
+    if (pause > 0) nextSending = setTimeout(() => sendWaiting().catch(showError), Math.min(pause, LONGEST_TIMER_MS));
   } catch (error) {
     if (!(error instanceof delivery.StoppedError)) throw error;
     say("Not sent yet", error.message);
+    if (error.code === "consent_outdated" && ready) {
+      ready = { ...ready, ...(await readManifest()) };
+      await showConsent();
+    }
   }
   showSessions(await sessions.all());
   const shown = await delivery.isModelShown();
@@ -412,7 +422,7 @@ modelInput.addEventListener("input", async () => {
   element("models", HTMLDataListElement).replaceChildren(...options);
 });
 
-window.addEventListener("online", () => sendWaiting().catch(showError));
+window.addEventListener("online", () => delivery.endPause().then(sendWaiting).catch(showError));
 
 /** Keep what this page loaded, so that it opens without a network. */
 async function keepOffline() {

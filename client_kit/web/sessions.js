@@ -18,7 +18,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
 
 /**
  * `manifest` holds what of it a result page needs. `body` and `key` are what is sent, unchanged until there is an
- * answer. `notBefore` is when to try again (milliseconds since 1970). `answer` is what the server said last.
+ * answer. `changedAt` is when it was kept last (milliseconds since 1970). `answer` is what the server said.
  * @typedef {object} Session
  * @property {string} id
  * @property {string} startedAt
@@ -30,8 +30,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  * @property {Run[]} runs
  * @property {string | null} body
  * @property {string} key
- * @property {number} tries
- * @property {number} notBefore
+ * @property {number} changedAt
  * @property {string} reason
  * @property {any} answer
  */
@@ -57,8 +56,7 @@ export async function begin(manifest, device) {
     runs: [],
     body: null,
     key: crypto.randomUUID(),
-    tries: 0,
-    notBefore: 0,
+    changedAt: 0,
     reason: "",
     answer: null,
   };
@@ -71,6 +69,7 @@ export async function begin(manifest, device) {
  * @param {Session} session
  */
 export function keep(session) {
+  session.changedAt = Date.now();
   return database.write("sessions", session.id, session);
 }
 
@@ -92,7 +91,7 @@ export async function all() {
 export async function resumable(manifest) {
   let found = null;
   for (const session of (await all()).filter(({ state }) => state === "measuring")) {
-    const young = Date.now() - Date.parse(session.startedAt) < RESUMABLE_MS;
+    const young = Date.now() - session.changedAt < RESUMABLE_MS;
     const same = session.manifest.front_version === manifest.front_version;
     if (!found && young && same && session.clock && session.runs.length) found = session;
     else await end(session);
@@ -120,7 +119,6 @@ export async function agreedTo(version) {
     if (session.state !== "queued" || session.manifest.consent_version === version) continue;
     session.manifest.consent_version = version;
     session.key = crypto.randomUUID();
-    session.notBefore = 0;
     await end(session);
   }
 }
