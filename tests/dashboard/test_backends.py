@@ -107,6 +107,16 @@ def test_a_page_shows_the_backends_of_a_device_side_by_side(both: None, client: 
     assert "The same device with each backend" not in read(client, "/devices/google-pixel-9/")
 
 
+def test_a_page_leads_with_the_backend_that_counts(both: None, client: Client) -> None:
+    """The newest session is of the browser."""
+    page = read(client, "/devices/google-pixel-8/")
+
+    assert "Speedup of best over default 8.00x" in page
+    assert "best , newest session 10.0 ms" in page
+    assert "This page leads with OpenCL." in page
+    assert "Speedup of best over default 4.00x" in read(client, "/devices/google-pixel-9/")
+
+
 def test_the_comparison_of_backends_costs_so_many_queries(
     both: None, django_assert_max_num_queries: Any
 ) -> None:

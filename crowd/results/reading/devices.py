@@ -1,6 +1,8 @@
 """Devices: all that somebody measured, and one with its configurations and sessions."""
 
-from django.db.models import Exists, OuterRef
+from collections.abc import Iterable
+
+from django.db.models import Exists, OuterRef, QuerySet
 
 from crowd.devices import revision
 from crowd.devices.disclosure import COLUMNS, find
@@ -10,7 +12,7 @@ from crowd.results.models import DeviceActivity, DeviceSpeedup, MeasurementSessi
 from crowd.results.reading.backends import leading
 from crowd.results.reading.figures import device_of, devices_of, figures, hour, simulated_only
 from crowd.results.reading.filters import SpeedupFilters
-from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow
+from crowd.results.reading.rows import Device, DeviceDetail, DeviceRow, Speedup
 from crowd.results.reading.sessions import LISTED_SESSIONS, session_detail, session_row, session_rows
 from crowd.results.reading.speedups import measured_front, speedups
 from crowd.results.reading.versioned_cache import VersionedCache
@@ -65,7 +67,8 @@ def pending(simulated: bool = False, application: str = DEFAULT_APPLICATION) -> 
 
 def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     """One device: every configuration, newest front first; newest sessions; all of APPLICATION alone where
-    one is given, but for the counts of sessions and installations, which are over all of them.
+    one is given, but for the counts of sessions and installations, which are over all of them. Of several
+    backends the latest session is of the one that counts.
 
     None for an unknown SLUG, and for the name of a model that is masked.
     """
@@ -78,13 +81,27 @@ def device(slug: str, application: str | None = None) -> DeviceDetail | None:
     if not listed:
         return None
     rows = DeviceSpeedup.objects.filter(device=model, **of_one).order_by("-front__published_at", "-speedup")
+    speedups_of = tuple(figures(rows))
     activity = DeviceActivity.objects.filter(device=model).first()
     return DeviceDetail(
         device=device_of(model),
-        speedups=tuple(figures(rows)),
+        speedups=speedups_of,
         sessions=tuple(session_row(row) for row in listed),
         # Before the first summary of a device its sessions are not counted.
         session_count=activity.sessions if activity else len(listed),
         installations=activity.installations if activity else 0,
-        latest=session_detail(listed[0]),
+        latest=session_detail(_leading_session(sessions, listed[0], speedups_of)),
     )
+
+
+def _leading_session(
+    sessions: QuerySet[MeasurementSession], newest: MeasurementSession, rows: Iterable[Speedup]
+) -> MeasurementSession:
+    """The newest of SESSIONS with the backend that counts on the front of NEWEST. A query where that is not
+    NEWEST itself.
+    """
+    of_front = [row for row in rows if (row.front, row.configuration) == (newest.front.slug, BEST)]
+    backends = {row.backend for row in leading(of_front).values()} - {newest.backend}
+    if not backends:
+        return newest
+    return sessions.filter(front=newest.front_id, backend__in=backends).first() or newest
