@@ -63,21 +63,21 @@ def count(attempt: Attempt) -> None:
         "step": attempt.step,
         "reason": (attempt.reason or "") if attempt.step in WITH_REASON else "",
     }
-    told: dict[str, object] = {
+    details: dict[str, object] = {
         "gpu_vendor": vendor,
         "gpu_architecture": architecture,
         "browser": browsers.known(_line(attempt.browser)),
     }
-    if _added(key | told):
+    if _added(key | details):
         return
     if AttemptCount.objects.filter(day=day).count() >= MOST_ROWS:
-        told = dict.fromkeys(told, OTHER)
+        details = dict.fromkeys(details, OTHER)
     try:
         with transaction.atomic():
-            AttemptCount.objects.create(**key, **told, count=1)
+            AttemptCount.objects.create(**key, **details, count=1)
     except IntegrityError:
         # Another request was first, or the row of others is there already.
-        _added(key | told)
+        _added(key | details)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""WebGPU adapters: browsers name the maker and the architecture of a graphics chip, seldom the chip itself.
+"""WebGPU adapters: browsers name the maker and the architecture of a graphics chip, rarely the chip itself.
 
 The words are those of Dawn (Chrome, Edge) and of WebKit. Anything else is not part of a name.
 """
@@ -96,11 +96,11 @@ def adapter(vendor: str, architecture: str, described: tuple[str, ...], fallback
     )
     if renderer or fallback:
         return Adapter(renderer, software=True)
-    told = [found.name for text in described if (found := graphics(text))]
-    chip = next((name for name in told if is_one_chip(name)), "")
+    named = [found.name for text in described if (found := graphics(text))]
+    chip = next((name for name in named if is_one_chip(name)), "")
     maker, architectures = HARDWARE.get(vendor, ("", {}))
     family = architectures.get(architecture, maker)
-    return Adapter(chip or family or next(iter(told), ""), software=False)
+    return Adapter(chip or family or next(iter(named), ""), software=False)
 
 
 def is_one_chip(name: str) -> bool:
