@@ -77,6 +77,7 @@ export async function identify(adapter, stated) {
     gpu_architecture: adapter.architecture || null,
     gpu_device: adapter.device || null,
     gpu_description: adapter.description || null,
+    gpu_fallback: adapter.fallback ? "true" : null,
     browser: browser.name,
     browser_version: browser.version,
   };
