@@ -78,7 +78,7 @@ class NotMeasurableError extends Error {
   }
 }
 
-/** @type {{manifest: Manifest, fresh: boolean, adapter: AdapterInfo} | null} */
+/** @type {{manifest: Manifest, adapter: AdapterInfo} | null} */
 let ready = null;
 /** @type {Worker | null} */
 let worker = null;
@@ -88,8 +88,7 @@ async function prepare() {
   if (!navigator.gpu) throw new NotMeasurableError("no_webgpu");
   const adapter = await requestAdapter(navigator.gpu);
   if (!adapter) throw new NotMeasurableError("no_adapter");
-  const { manifest, fresh } = await readManifest();
-  ready = { manifest, fresh, adapter: describeAdapter(adapter) };
+  ready = { manifest: await readManifest(), adapter: describeAdapter(adapter) };
   await showConsent();
 }
 
@@ -160,10 +159,15 @@ function count(what, reason) {
   countAttempt(what, { reason, gpu: ready?.adapter, browser: browserOf().name });
 }
 
-agree.addEventListener("change", async () => {
+agree.addEventListener("change", () => {
   start.disabled = !agree.checked;
+  noteConsent(agree.checked).catch(showError);
+});
+
+/** @param {boolean} given */
+async function noteConsent(given) {
   if (!ready) return;
-  if (agree.checked) {
+  if (given) {
     await consent.give(ready.manifest);
     await sessions.agreedTo(ready.manifest.consent_version);
     await sendWaiting();
@@ -171,7 +175,7 @@ agree.addEventListener("change", async () => {
     await database.remove("settings", "consent");
     count("refused", "declined");
   }
-});
+}
 
 start.addEventListener("click", () => {
   start.disabled = true; // before anything is awaited: a second press starts nothing
@@ -272,7 +276,6 @@ async function measureIn(session, order) {
     worker = null;
   });
   if (last.type === "failed") {
-    if (last.code === "wrong_results") session.runs.length = 0;
     await sessions.end(session);
     fail(last.code === "cannot_resume" ? "error" : last.code, last.detail);
   } else if (last.interrupted) {
@@ -356,7 +359,7 @@ async function sendWaiting() {
     if (!(error instanceof delivery.StoppedError)) throw error;
     say("Not sent yet", error.message);
     if (error.code === "consent_outdated" && ready) {
-      ready = { ...ready, ...(await readManifest()) };
+      ready.manifest = await readManifest();
       await showConsent();
     }
   }
@@ -377,21 +380,29 @@ function showError(error) {
 
 // What the owner of a device may do.
 
-element("export", HTMLButtonElement).addEventListener("click", async () => {
-  const content = JSON.stringify(await delivery.exported().catch(showError), null, 2);
-  const link = document.createElement("a");
-  link.href = `data:application/json;charset=utf-8,${encodeURIComponent(content)}`;
-  link.download = "frontrunner-measurements.json";
-  link.click();
+element("export", HTMLButtonElement).addEventListener("click", () => save().catch(showError));
+element("erase", HTMLButtonElement).addEventListener("click", () => {
+  if (window.confirm("Erase everything that was measured here, on this device and on the server?")) {
+    erase().catch(showError);
+  }
 });
 
-element("erase", HTMLButtonElement).addEventListener("click", async () => {
-  if (!window.confirm("Erase everything that was measured here, on this device and on the server?")) return;
-  await delivery.erase().catch(showError);
+/** Hand everything that is kept to the browser's downloads. */
+async function save() {
+  const content = JSON.stringify(await delivery.exported(), null, 2);
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([content], { type: "application/json" }));
+  link.download = "frontrunner-measurements.json";
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+async function erase() {
+  await delivery.erase();
   element("result", HTMLElement).hidden = true;
   showSessions(await sessions.all());
   await showConsent();
-});
+}
 
 element("show-model", HTMLInputElement).addEventListener("change", async ({ currentTarget }) => {
   const box = /** @type {HTMLInputElement} */ (currentTarget);

@@ -105,20 +105,20 @@ function secondsOf(header) {
  */
 
 /**
- * The manifest, and whether the server answered now; without a network, the one of the last visit.
- * @returns {Promise<{manifest: Manifest, fresh: boolean}>}
+ * The manifest; without a network, the one of the last visit.
+ * @returns {Promise<Manifest>}
  */
 export async function readManifest() {
   const kept = await database.read("settings", "manifest");
   try {
     const response = await ask("/manifest", { headers: kept ? { "If-None-Match": kept.etag } : {} });
-    if (response.status === 304) return { manifest: kept.manifest, fresh: true };
+    if (response.status === 304) return kept.manifest;
     const manifest = await response.json();
     await database.write("settings", "manifest", { etag: response.headers.get("ETag") ?? "", manifest });
-    return { manifest, fresh: true };
+    return manifest;
   } catch (error) {
     const away = error instanceof UnreachableError || error instanceof SyntaxError;
-    if (kept && (away || (error instanceof Refusal && error.temporary))) return { manifest: kept.manifest, fresh: false };
+    if (kept && (away || (error instanceof Refusal && error.temporary))) return kept.manifest;
     throw error;
   }
 }
