@@ -169,8 +169,8 @@ def test_the_same_bytes_are_sent_again_after_503(visitor: Visitor) -> None:
     page.reload()
     arrived(page).wait_for()
 
-    assert len(sent) == 2
-    assert sent[0] == sent[1]
+    assert len(sent) >= 2
+    assert len(set(sent)) == 1
     assert MeasurementSession.objects.count() == 1
 
 
