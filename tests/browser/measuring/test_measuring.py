@@ -241,9 +241,13 @@ def test_nothing_starts_without_agreement(visitor: Visitor) -> None:
     assert steps() == ["opened", "refused declined"]
 
 
-def test_an_owner_exports_and_erases(visitor: Visitor) -> None:
+def test_an_owner_shows_the_model_exports_and_erases(visitor: Visitor) -> None:
     page = begin(visitor)
     finished(page)
+    with page.expect_response("**/api/v1/me"):
+        page.locator("#show-model").check()
+    assert Installation.objects.get().show_model
+
     with page.expect_download() as download:
         page.get_by_role("button", name="Export").click()
     exported = json.loads(download.value.path().read_text())
@@ -253,17 +257,7 @@ def test_an_owner_exports_and_erases(visitor: Visitor) -> None:
     page.on("dialog", lambda dialog: dialog.accept())
     page.get_by_role("button", name="Erase everything").click()
     page.locator("#mine").wait_for(state="hidden")
-
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
-
-
-def test_an_owner_shows_the_model(visitor: Visitor) -> None:
-    page = begin(visitor)
-    finished(page)
-    with page.expect_response("**/api/v1/me"):
-        page.locator("#show-model").check()
-
-    assert Installation.objects.get().show_model
 
 
 def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
