@@ -23,7 +23,10 @@ function open() {
     };
     request.onsuccess = () => {
       // Another tab with a newer version of this page waits for this one to let go.
-      request.result.onversionchange = () => request.result.close();
+      request.result.onversionchange = () => {
+        request.result.close();
+        opened = null;
+      };
       resolve(request.result);
     };
     request.onerror = () => reject(refused(request.error));
@@ -60,7 +63,7 @@ async function transact(store, mode, work) {
 }
 
 /**
- * The value of KEY; undefined where there is none.
+ * The value of KEY, undefined without one.
  * @param {Store} store
  * @param {string} key
  * @returns {Promise<any>}

@@ -17,7 +17,7 @@ const FINAL = new Set([400, 409, 413, 415, 422]);
 /** @typedef {import("./sessions.js").Session} Session */
 /** @typedef {{id: string, token: string}} Installation */
 
-/** Nothing more is sent until the visitor did something: agree again, or load this page anew. */
+/** Nothing more is sent until the visitor agrees again or reloads the page. */
 export class StoppedError extends Error {
   /**
    * @param {"consent_outdated" | "outdated"} code
@@ -139,7 +139,7 @@ export async function endPause() {
 }
 
 /**
- * This browser's installation on the server; a new one where there is none.
+ * This browser's installation on the server, enrolled on first use.
  * @param {number} consentVersion
  * @returns {Promise<Installation>}
  */
@@ -153,7 +153,7 @@ async function enrolled(consentVersion) {
   return installation;
 }
 
-/** Keep the present installation's token for an erasure, and enrol anew for what follows. */
+/** Keep the installation's token for an erasure. The next session enrols a new one. */
 async function retire() {
   const installation = await database.read("settings", "installation");
   const former = (await database.read("settings", "former")) ?? [];

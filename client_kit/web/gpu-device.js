@@ -22,7 +22,7 @@ export class DeviceLostError extends Error {}
 export class ShaderError extends Error {}
 
 /**
- * The adapter to measure on: the fastest, and one for compatibility mode where there is no other.
+ * The adapter to measure on: the fastest one, else one in compatibility mode.
  * @param {GPU} gpu
  * @returns {Promise<GPUAdapter | null>}
  */
@@ -116,7 +116,7 @@ export class Device {
    * @param {string} what
    * @param {() => T} create
    * @returns {Promise<T>}
-   * @throws {DoesNotFitError} where there is no memory for it
+   * @throws {DoesNotFitError} if it does not fit into memory
    */
   async created(what, create) {
     this.gpu.pushErrorScope("validation");

@@ -67,7 +67,7 @@ const MICROSECONDS = 1e6;
 
 /**
  * Where a session runs. `stored` resolves when the run that was sent last is kept. When `signal` is aborted, the
- * unfinished run is dropped and the session ends. `gpu` is undefined where there is no WebGPU.
+ * unfinished run is dropped and the session ends. `gpu` is undefined without WebGPU.
  * @typedef {object} Host
  * @property {GPU | undefined} gpu
  * @property {(message: Message, transfer?: Transferable[]) => void} send
@@ -169,7 +169,7 @@ class SessionRunner {
   }
 
   /**
-   * The device, opened where there is none or the last one cannot be used any more.
+   * The device, opened on first use and after the last one was lost.
    * @returns {Promise<Device>}
    */
   async #opened() {

@@ -4,7 +4,9 @@ import * as consent from "./consent.js";
 import * as database from "./database.js";
 import * as delivery from "./delivery.js";
 import { browserOf, identify, isHandheld } from "./device.js";
+import { element } from "./elements.js";
 import { showResult, showSessions } from "./results.js";
+import { plannedRuns } from "./schedule.js";
 import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, download, downloadJson, readManifest } from "./server.js";
 import * as sessions from "./sessions.js";
 import { describeAdapter, requestAdapter } from "./gpu-device.js";
@@ -13,26 +15,14 @@ const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
 const SILENCE_MS = 180_000; // of the worker, after which it is given up
 // What the worker loads: kept, like all that this page loads, for a visit without a network.
 const WORKER_FILES = [
-  "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "schedule.js", "stage-clock.js",
-  "trajectory.js", "webgpu.js",
+  "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "stage-clock.js", "trajectory.js",
+  "webgpu.js",
 ];
 
 /** @typedef {import("./server.js").Manifest} Manifest */
 /** @typedef {import("./measurement.js").Message} Message */
 /** @typedef {import("./sessions.js").Session} Session */
 /** @typedef {import("./gpu-device.js").AdapterInfo} AdapterInfo */
-
-/**
- * @template {HTMLElement} T
- * @param {string} id
- * @param {new () => T} kind
- * @returns {T}
- */
-function element(id, kind) {
-  const found = document.getElementById(id);
-  if (!(found instanceof kind)) throw new Error(`the page has no ${kind.name} ${id}`);
-  return found;
-}
 
 const agree = element("agree", HTMLInputElement);
 const start = element("start", HTMLButtonElement);
@@ -114,18 +104,10 @@ async function showConsent() {
   agree.checked = await consent.isGiven(manifest);
   start.disabled = !agree.checked;
   const open = await sessions.resumable(manifest);
-  const runs = plannedRuns(manifest);
+  const runs = plannedRuns(manifest.protocol).length;
   const fresh = element("result", HTMLElement).hidden ? "Start" : "Measure again";
   start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : fresh;
   asking.hidden = false;
-}
-
-/**
- * How many runs a session has.
- * @param {Manifest} manifest
- */
-function plannedRuns({ protocol }) {
-  return protocol.repeats * new Set(protocol.order).size;
 }
 
 /**

@@ -1,5 +1,6 @@
 /** What a session came to, on the page: for its owner at once, whatever the server makes of it later. */
 
+import { element } from "./elements.js";
 import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 
 /** @typedef {import("./sessions.js").Session} Session */
@@ -14,16 +15,6 @@ const STATES = {
 };
 
 /**
- * @param {string} id
- * @returns {HTMLElement}
- */
-function byId(id) {
-  const found = document.getElementById(id);
-  if (!found) throw new Error(`the page has no element ${id}`);
-  return found;
-}
-
-/**
  * A new element with a class and with CONTENT, as text where it is one.
  * @param {string} tag
  * @param {string} style
@@ -31,10 +22,10 @@ function byId(id) {
  * @returns {HTMLElement}
  */
 function made(tag, style, ...content) {
-  const element = document.createElement(tag);
-  if (style) element.className = style;
-  element.append(...content);
-  return element;
+  const created = document.createElement(tag);
+  if (style) created.className = style;
+  created.append(...content);
+  return created;
 }
 
 /**
@@ -53,7 +44,7 @@ function digits(value) {
  */
 export function showResult(session, state, crowd) {
   const { protocol } = session.manifest;
-  const result = byId("result");
+  const result = element("result", HTMLElement);
   const first = result.hidden;
   const speedup = speedupOf(session.runs, "best", protocol, session.bands);
   const own = crowd?.find(({ device, backend }) => device === state?.device && backend === "webgpu");
@@ -63,12 +54,12 @@ export function showResult(session, state, crowd) {
   result.dataset.speedup = speedup ? String(speedup.value) : "";
   result.dataset.state = standing ?? (session.answer ? "sent" : "kept");
 
-  byId("speedup").textContent = speedup ? `${digits(speedup.value)}×` : "no speedup";
-  byId("interval").textContent = intervalOf(session, speedup);
-  byId("rates").replaceChildren(...["default", "best"].flatMap((name) => rateOf(session, name)));
-  byId("stages").replaceChildren(...["default", "best"].flatMap((name) => barOf(session, name)));
-  byId("standing").textContent = standingOf(session, standing, judged?.reason ?? "", speedup?.value, own, crowd);
-  byId("links").replaceChildren(...linksOf(state));
+  element("speedup", HTMLElement).textContent = speedup ? `${digits(speedup.value)}×` : "no speedup";
+  element("interval", HTMLElement).textContent = intervalOf(session, speedup);
+  element("rates", HTMLElement).replaceChildren(...["default", "best"].flatMap((name) => rateOf(session, name)));
+  element("stages", HTMLElement).replaceChildren(...["default", "best"].flatMap((name) => barOf(session, name)));
+  element("standing", HTMLElement).textContent = standingOf(session, standing, judged?.reason ?? "", speedup?.value, own, crowd);
+  element("links", HTMLElement).replaceChildren(...linksOf(state));
   result.hidden = false;
   if (first) result.focus();
 }
@@ -160,7 +151,7 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
  */
 function linksOf(state) {
   const links = [];
-  if (state?.page) links.push(link(state.page, "Your own page"), made("small", "", " (whoever has its address can read it)"));
+  if (state?.page) links.push(link(state.page, "Your own page"), made("small", "", " (anyone with its address can read it)"));
   if (state?.device) {
     const address = `/devices/${state.device}/`;
     links.push(document.createTextNode(" "), link(address, "This device among the others"));
@@ -214,6 +205,6 @@ export function showSessions(all) {
       const reason = session.state === "accepted" || !session.reason ? "" : `: ${session.reason}`;
       return made("li", "", when, value, made("small", "", `${session.manifest.front_version}, ${STATES[session.state]}${reason}`));
     });
-  byId("sessions").replaceChildren(...rows);
-  byId("mine").hidden = !rows.length;
+  element("sessions", HTMLElement).replaceChildren(...rows);
+  element("mine", HTMLElement).hidden = !rows.length;
 }

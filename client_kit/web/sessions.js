@@ -83,7 +83,7 @@ export async function all() {
 }
 
 /**
- * The session in progress that can go on under MANIFEST, null where there is none. Others in progress are ended:
+ * The session in progress that can go on under MANIFEST, or null. Others in progress are ended:
  * their finished runs are queued.
  * @param {Manifest} manifest
  * @returns {Promise<Session | null>}
@@ -111,7 +111,7 @@ export async function end(session) {
 }
 
 /**
- * The owner agreed to another version of what is sent: what waits is sent under that, and anew.
+ * The owner agreed to another version of what is sent: waiting sessions are sent under that version, with new keys.
  * @param {number} version
  */
 export async function agreedTo(version) {

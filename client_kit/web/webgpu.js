@@ -191,7 +191,7 @@ export class Execution {
     const places = await this.#uniforms(parts);
     const pipelines = await Promise.all(
       dispatches.map(({ kernel: name }) => {
-        if (!shaders[name]) throw new ShaderError(`there is no shader of the kernel ${name}`);
+        if (!shaders[name]) throw new ShaderError(`the kernel ${name} has no shader`);
         return this.#device.pipeline(name, shaders[name], kindsOf(kernelOf(this.plan, name)));
       }),
     );

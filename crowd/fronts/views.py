@@ -94,7 +94,7 @@ def trajectory(request: HttpRequest, sha256: str) -> HttpResponseBase:
 
 @require_safe
 def plan(request: HttpRequest, sha256: str) -> HttpResponseBase:
-    """The plan of a frame, or the shaders of one, by their digest."""
+    """The plan of a frame by its digest."""
     return _by_digest(request, sha256, _json(plans.find))
 
 
