@@ -13,7 +13,7 @@ from crowd.explorations.models import ReferenceDevice
 @transaction.atomic
 def issue_token(device: ReferenceDevice, by: str = COMMAND_LINE) -> str:
     """A new token of DEVICE, shown only now; an earlier one no longer works. The audit log names BY."""
-    token = secrets.token_urlsafe(32)
+    token = secrets.token_hex(32)  # never begins with a dash: it follows --token
     device.token_sha256, device.token_issued_at = _digest(token), timezone.now()
     device.save(update_fields=["token_sha256", "token_issued_at"])
     record(by, "token issued", _subject(device))

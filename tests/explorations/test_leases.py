@@ -228,6 +228,7 @@ def test_a_token_is_shown_once_and_opens_one_device_alone(
 
     token = issue_token(device)
     assert token not in str(device.__dict__)
+    assert token.isalnum(), "after --token, a token with a dash reads as an option"
     assert device_of(token) == device
     assert problem(board.post("")) == (401, "token_invalid")
     revoke_token(device)

@@ -102,8 +102,10 @@ def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> 
 
 
 def let_it_try_again(page: Any) -> None:
-    """The time until the next try has passed."""
-    page.evaluate('import("/measure/database.js").then(({ remove }) => remove("settings", "pause"))')
+    """The time until the next try, which the page has kept by now, has passed."""
+    script = 'import("/measure/database.js").then((database) => database.{}("settings", "pause"))'
+    page.wait_for_function(script.format("read"))
+    page.evaluate(script.format("remove"))
 
 
 def test_without_a_network_the_page_opens_and_measures(visitor: Visitor) -> None:
