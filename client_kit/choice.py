@@ -8,7 +8,7 @@ from typing import Any
 
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
-from pareto import front
+from pareto.fronts import front
 
 MEASURED, SCALED = "measured here", "scaled from the reference device"
 

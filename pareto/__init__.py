@@ -1,6 +1,6 @@
 """Multi-objective exploration of discrete design spaces, by ask and tell.
 
-`pareto.front` needs NumPy only; the names below load their modules when they are first used, so that a
+`pareto.fronts.front` needs NumPy only; the names below load their modules when they are first used, so that a
 program which merely reads a front never imports a model library.
 """
 
@@ -10,20 +10,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pareto.explorer import Explorer, Proposal
-    from pareto.objective import Objective
-    from pareto.scenario import Scenario
-    from pareto.space import Configuration, Space
+    from pareto.fronts.objective import Objective
+    from pareto.search.explorer import Explorer, Proposal
+    from pareto.spaces.scenario import Scenario
+    from pareto.spaces.space import Configuration, Space
 
 __all__ = ["Configuration", "Explorer", "Objective", "Proposal", "Scenario", "Space"]
 
 _HOMES = {
-    "Configuration": "pareto.space",
-    "Explorer": "pareto.explorer",
-    "Objective": "pareto.objective",
-    "Proposal": "pareto.explorer",
-    "Scenario": "pareto.scenario",
-    "Space": "pareto.space",
+    "Configuration": "pareto.spaces.space",
+    "Explorer": "pareto.search.explorer",
+    "Objective": "pareto.fronts.objective",
+    "Proposal": "pareto.search.explorer",
+    "Scenario": "pareto.spaces.scenario",
+    "Space": "pareto.spaces.space",
 }
 
 

@@ -3,7 +3,7 @@
 import sys
 
 try:
-    from pareto.commands import main
+    from pareto.cli.commands import main
 except ModuleNotFoundError as missing:
     package = (missing.name or "").split(".")[0]
     if package == "pareto":

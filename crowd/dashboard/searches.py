@@ -8,7 +8,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point, comparable, default, settled
 from crowd.explorations.readings import Found
 from crowd.explorations.watching import Watch, found
-from pareto.hypervolume import hypervolume_growth
+from pareto.fronts.hypervolume import hypervolume_growth
 from slam.protocol import VALID_BELOW
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from crowd.explorations.watching import Watch, found
 from pareto import Space
-from pareto.importance import importance
-from pareto.prediction import Prediction, predictions
+from pareto.surrogates.importance import importance
+from pareto.surrogates.prediction import Prediction, predictions
 
 LEAST, GROWTH = 20, 1.1
 MOST_ROWS = 1000  # of which a model learns here; the answer hardly changes beyond

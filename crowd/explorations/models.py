@@ -9,8 +9,8 @@ from django.db import models
 
 from crowd.fronts.models import NAME
 from pareto.errors import ParetoError
-from pareto.methods import DEFAULT, METHODS
-from pareto.space import Space
+from pareto.search.methods import DEFAULT, METHODS
+from pareto.spaces.space import Space
 from slam.devices.device import BACKENDS
 from slam.protocol import FIRST_COUNTED_FRAME
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from crowd.explorations.known import DEFAULT
 from crowd.explorations.models import Evaluation, Exploration
-from pareto.front import nondominated
+from pareto.fronts.front import nondominated
 
 Phase = Evaluation.Phase
 CHOSEN = (Phase.GIVEN, Phase.RANDOM, Phase.ACTIVE)  # why this exploration measured it at all

@@ -17,7 +17,7 @@ from crowd.fronts import services as fronts
 from crowd.fronts.contents import needs_colour
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT
-from pareto.front import knee, nondominated
+from pareto.fronts.front import knee, nondominated
 from slam.protocol import VALID_BELOW
 
 PREDICTED = ("runtime", "ate_max", "ate_mean")

@@ -17,7 +17,7 @@ import numpy as np
 from crowd.explorations.models import Evaluation, Exploration
 from pareto import Explorer, Space
 from pareto.errors import ConfigurationError
-from pareto.methods import METHODS
+from pareto.search.methods import METHODS
 
 Phase, State = Evaluation.Phase, Evaluation.State
 FINISHED = (State.DONE, State.FAILED)
@@ -141,7 +141,7 @@ def whole_rounds(exploration: Exploration) -> bool:
 
 def _far(space: Space, indices: np.ndarray, values: np.ndarray) -> np.ndarray:
     """How many robust standard deviations each of VALUES lies off, 0 for what is too little to matter."""
-    from pareto.prediction import predictions  # scikit-learn takes a second to import
+    from pareto.surrogates.prediction import predictions  # scikit-learn takes a second to import
 
     far = np.zeros(len(indices))
     prediction = predictions(space, indices, values)

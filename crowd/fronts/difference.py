@@ -6,7 +6,7 @@ from typing import Any
 
 from crowd.fronts.protocol import max_ate
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
-from pareto.hypervolume import hypervolume
+from pareto.fronts.hypervolume import hypervolume
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.explorer import Explorer
-from pareto.front import nondominated
+from pareto.fronts.front import nondominated
 from pareto.plot.style import text
-from pareto.space import Indices
+from pareto.search.explorer import Explorer
+from pareto.spaces.space import Indices
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pareto.hypervolume import hypervolume_growth
+from pareto.fronts.hypervolume import hypervolume_growth
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.style import PHASES, axis, blank, label, stairs, text
 

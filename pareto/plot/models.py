@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pareto.bagging import Bagging, grow
-from pareto.importance import shares
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.style import LIMIT, PHASES, SERIES, axis, blank, label, text
-from pareto.prediction import Prediction
+from pareto.surrogates.bagging import Bagging, grow
+from pareto.surrogates.importance import shares
+from pareto.surrogates.prediction import Prediction
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pareto.explorer import Explorer
-from pareto.folder import made_here
-from pareto.front import knee
+from pareto.fronts.front import knee
+from pareto.measuring.folder import made_here
+from pareto.measuring.progress import summarise_front
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.growth import front_over_time, hypervolume_over_evaluations
 from pareto.plot.models import grown, importances, parameter_importance, predicted_against_measured
 from pareto.plot.scatter import scatter
 from pareto.plot.style import FONT, INK, LINE, MUTED, label, number
-from pareto.prediction import out_of_bag
-from pareto.progress import summarise_front
+from pareto.search.explorer import Explorer
+from pareto.surrogates.prediction import out_of_bag
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure

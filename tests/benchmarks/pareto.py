@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from pareto import Explorer
-from pareto.methods import DEFAULT, METHODS
+from pareto.search.methods import DEFAULT, METHODS
 from tests.benchmarks import pareto_peers as peers
 from tests.benchmarks.pareto_problems import NAMES, Problem, problems
 from tests.benchmarks.pareto_report import print_table, print_targets

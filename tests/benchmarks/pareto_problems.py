@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from pareto import Scenario, Space
 from pareto.errors import EvaluationError
-from pareto.evaluation import from_table
-from pareto.front import nondominated
-from pareto.hypervolume import hypervolume
+from pareto.fronts.front import nondominated
+from pareto.fronts.hypervolume import hypervolume
+from pareto.measuring.table import from_table
 from tests.benchmarks import synthetic_kernel, synthetic_kfusion
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto.methods import METHODS
+from pareto.search.methods import METHODS
 
 # By problem: at most `share` of the best other's mean regret, and at most `most`, at each mark.
 TARGETS: dict[str, tuple[float, dict[int, float]]] = {

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto import Space
-from pareto.forest import Forest
-from pareto.front import nondominated
+from pareto.fronts.front import nondominated
+from pareto.surrogates.forest import Forest
 from tests.benchmarks import pareto_peers as peers
 from tests.benchmarks.pareto_problems import ROOT
 from tests.benchmarks.synthetic_kfusion import evaluate

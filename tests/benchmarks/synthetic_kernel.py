@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.space import Space
+from pareto.spaces.space import Space
 from tests.benchmarks.synthetic_kfusion import roughness
 
 Array = NDArray[np.float64]

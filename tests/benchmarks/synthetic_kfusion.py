@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.space import Space
+from pareto.spaces.space import Space
 
 Array = NDArray[np.float64]
 

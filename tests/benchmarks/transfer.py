@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto import Explorer
-from pareto.correlation import correlate, ranks_of_best
+from pareto.devices.correlation import correlate, ranks_of_best
 from tests.benchmarks.pareto_problems import ROOT, Problem, convolution
 
 DEVICES = ("A100", "A4000")

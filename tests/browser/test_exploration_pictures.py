@@ -9,7 +9,7 @@ import pytest
 
 from pareto.plot import save
 from tests.browser.visitor import Visitor
-from tests.pareto.test_plot import explored
+from tests.pareto.plot.test_plot import explored
 
 
 @pytest.mark.parametrize("width", [390, 1280])

@@ -28,7 +28,7 @@ from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, ReferenceDevice
 from crowd.explorations.points import Point
 from crowd.explorations.watching import SILENT, watch
-from pareto.prediction import Prediction
+from pareto.surrogates.prediction import Prediction
 from tests.dashboard.reading import read
 from tests.dashboard.searches import KNOWN, exploration, measure
 

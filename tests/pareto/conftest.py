@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from threadpoolctl import threadpool_limits
 
-from pareto.commands import main
-from pareto.folder import Folder
+from pareto.cli.commands import main
+from pareto.measuring.folder import Folder
 
 SPACE = {
     "name": "toy",

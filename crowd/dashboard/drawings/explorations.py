@@ -26,7 +26,7 @@ from crowd.explorations import watching
 from crowd.explorations.insights import insight
 from crowd.explorations.points import Point
 from crowd.explorations.watching import Watch, watch
-from pareto.prediction import Prediction
+from pareto.surrogates.prediction import Prediction
 
 
 def read(request: HttpRequest, key: int) -> Watch:  # noqa: ARG001

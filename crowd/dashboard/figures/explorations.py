@@ -12,7 +12,7 @@ from crowd.dashboard.figures import layout
 from crowd.dashboard.figures.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.palette import Theme
 from crowd.explorations.points import Point
-from pareto.prediction import Prediction
+from pareto.surrogates.prediction import Prediction
 
 # Metres between which errors are drawn. 0 has no place on a logarithmic axis, and how far a lost camera
 # has drifted tells nothing, but would squeeze the rest into a corner.

@@ -11,8 +11,8 @@ from django.core.management.base import CommandError, CommandParser
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.fronts import sequences
 from pareto.errors import ParetoError
-from pareto.methods import DEFAULT, METHODS
-from pareto.space import Space
+from pareto.search.methods import DEFAULT, METHODS
+from pareto.spaces.space import Space
 from slam.protocol import VALID_BELOW
 
 LIMITED = "ate_max"  # bounded by VALID_BELOW unless a command says otherwise

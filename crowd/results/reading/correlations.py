@@ -14,7 +14,7 @@ from crowd.results.reading.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
 from crowd.results.reading.tables import table
 from crowd.results.reading.transfer_rows import CorrelationMatrix, DeviceCorrelation
-from pareto.correlation import correlate
+from pareto.devices.correlation import correlate
 
 LEAST_COMMON = 3  # below, two points always lie on a line
 MOST_DEVICES = 40  # what a heat map has room for

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from crowd.results.reading.filters import SpeedupFilters
 from crowd.results.reading.rows import Device
-from pareto.correlation import Estimate
+from pareto.devices.correlation import Estimate
 
 
 @dataclass(frozen=True)

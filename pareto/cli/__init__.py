@@ -1,0 +1,1 @@
+"""The command line: `python -m pareto explore`, `front`, `plot` and the others."""

@@ -1,0 +1,167 @@
+"""What the commands of `python -m pareto` share: reading arguments, and saying what is wrong with them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NoReturn
+
+from pareto.errors import ObjectiveError, ParetoError, ScenarioError, SpaceError
+from pareto.fronts.objective import Objective
+from pareto.spaces.configspace import is_configspace, read_configspace
+from pareto.spaces.scenario import Scenario, is_scenario
+from pareto.spaces.space import Space
+
+
+class UsageError(ParetoError):
+    """The command line cannot be understood."""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose complaint is an error like all others: one line, exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise UsageError."""
+        raise UsageError(f"{message} ({self.prog} --help tells more)")
+
+
+def add_objectives(command: argparse.ArgumentParser, objectives: str) -> None:
+    """Add --objectives (with its help text), --maximise and --limits."""
+    command.add_argument("--objectives", help=objectives)
+    command.add_argument("--maximise", default="", help="those of the objectives that are maximised")
+    command.add_argument(
+        "--limits", "--limit", action="append", default=[], metavar="NAME=VALUE", help="separated by commas"
+    )
+
+
+def read_objectives(names: str | None, maximise: str, otherwise: Iterable[Objective]) -> list[Objective]:
+    """Return the objectives that the arguments name, `otherwise` where they name none.
+
+    Raises ObjectiveError for a maximised one that is no objective.
+    """
+    upwards = split(maximise)
+    wanted = [Objective(name, name in upwards) for name in split(names)] or list(otherwise)
+    for name in upwards:
+        if name not in {objective.name for objective in wanted}:
+            raise ObjectiveError(f"--maximise {name!r} is not an objective")
+    return wanted
+
+
+def read_problem(options: argparse.Namespace) -> tuple[Space, list[Objective]]:
+    """Return the space of --space, and the objectives of --objectives or else of that scenario.
+
+    Raises ObjectiveError where neither names any.
+    """
+    space, scenario = read_space(options.space)
+    otherwise = scenario.objectives if scenario else ()
+    objectives = read_objectives(options.objectives, options.maximise, otherwise)
+    if not objectives:
+        raise ObjectiveError("--objectives is missing: a,b")
+    return space, objectives
+
+
+def read_limits(texts: Iterable[str]) -> dict[str, float]:
+    """Return the limits of NAME=VALUE texts, several in one separated by commas."""
+    limits = {}
+    for item in split(",".join(texts)):
+        name, _, value = item.partition("=")
+        try:
+            limits[name.strip()] = float(value)
+        except ValueError:
+            raise ObjectiveError(f"--limits {item!r}: write name=number, separated by commas") from None
+    return limits
+
+
+def add_units(command: argparse.ArgumentParser) -> None:
+    """Add --units, for the pictures."""
+    command.add_argument(
+        "--units",
+        default="",
+        metavar="NAME=UNIT",
+        help="of objectives, for the pictures; separated by commas",
+    )
+
+
+def read_units(text: str, objectives: Iterable[Objective]) -> dict[str, str]:
+    """Return the units of a NAME=UNIT text. Raises ObjectiveError for a name that is no objective."""
+    units = {}
+    for item in split(text):
+        name, _, unit = item.partition("=")
+        if name not in {objective.name for objective in objectives} or not unit:
+            raise ObjectiveError(f"--units {item!r}: write objective=unit, separated by commas")
+        units[name] = unit
+    return units
+
+
+def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario | None]:
+    """Return the space of a JSON file, and the scenario where the file is HyperMapper's or ConfigSpace's.
+
+    `levels` are the values of each real parameter of such a file, which has only its bounds.
+    """
+    try:
+        description = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return Space.load(path), None  # which says what is wrong with the file
+    except RecursionError:
+        raise SpaceError(f"{path} is nested too deeply to be a space") from None
+    if is_scenario(description):
+        scenario = Scenario.from_dict(description, **({"real_count": levels} if levels else {}))
+        return scenario.space, scenario
+    if is_configspace(description):
+        scenario = read_configspace(description, **({"real_count": levels} if levels else {}))
+        return scenario.space, scenario
+    return Space.from_dict(description), None
+
+
+def read_resources(texts: Iterable[str]) -> dict[str, list[str]]:
+    """Return the items of NAME=A,B texts. Raises ScenarioError for a name that no environment has."""
+    resources: dict[str, list[str]] = {}
+    for text in texts:
+        name, _, items = text.partition("=")
+        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) or not split(items):
+            raise ScenarioError(f"--resource {text!r}: write NAME=A,B with a name that a variable may have")
+        if name in resources:
+            raise ScenarioError(f"--resource {name} is given twice: list all its items in one")
+        resources[name] = split(items)
+    return resources
+
+
+def split(text: str | None) -> list[str]:
+    """Return the names in a text that separates them by commas."""
+    return [item.strip() for item in (text or "").split(",") if item.strip()]
+
+
+def count(text: str) -> int:
+    """A whole number of 1 or more, for argparse."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of 1 or more")
+    return int(text)
+
+
+def whole(text: str) -> int:
+    """A whole number of 0 or more, for argparse."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of 0 or more")
+    return int(text)
+
+
+def port(text: str) -> int:
+    """A number of a port, for argparse."""
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port: 0 to 65535")
+    return int(text)
+
+
+def seconds(text: str) -> float:
+    """A time above 0, for argparse."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
+    return number

@@ -1,0 +1,319 @@
+"""python -m pareto explore: measure configurations until the budget is spent, and lose none on the way."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+from collections import Counter
+from collections.abc import Collection
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from pareto.cli.arguments import (
+    add_objectives,
+    add_units,
+    count,
+    port,
+    read_limits,
+    read_objectives,
+    read_resources,
+    read_space,
+    read_units,
+    seconds,
+    whole,
+)
+from pareto.cli.live_page import LivePage, served
+from pareto.errors import AllFailedError, ConstantObjectiveError, DamagedStateError, ScenarioError
+from pareto.measuring.folder import EVALUATIONS, FRONT, IMPORTED, Folder, header, made_here
+from pareto.measuring.loop import MeasurementLoop, Plan
+from pareto.measuring.measurements import Measurement, read_measurements
+from pareto.measuring.placeholders import CONFIG
+from pareto.measuring.pool import Measure, Pool
+from pareto.measuring.program import Program
+from pareto.measuring.progress import summarise_front
+from pareto.measuring.table import from_table
+from pareto.search.answer import constant_objectives, obstacle
+from pareto.search.explorer import Explorer
+from pareto.search.methods import DEFAULT, METHODS
+from pareto.spaces.parameter import Value
+from pareto.spaces.scenario import Scenario
+from pareto.spaces.space import Space
+
+BATCH = 20
+GIVE_UP = 10  # equal failures at the start: a broken program, not a difficult space
+PORT = 8765
+FAILED = 1  # the exit code where nothing succeeded
+
+
+def add_explore(commands: Any) -> None:
+    """Register the command with argparse's `commands`."""
+    explore = commands.add_parser("explore", help="measure configurations until the budget is spent")
+    explore.add_argument(
+        "--space", type=Path, required=True, help="JSON: a space, a HyperMapper scenario or a ConfigSpace"
+    )
+    add_objectives(explore, "names, separated by commas; a scenario brings its own")
+    source = explore.add_mutually_exclusive_group(required=True)
+    source.add_argument("--table", type=Path, help="look values up in a CSV file")
+    source.add_argument("--command", help="run a program: {config} becomes JSON, {name} a parameter's value")
+    explore.add_argument("--timeout", type=seconds, help="seconds a program may take")
+    explore.add_argument("--jobs", type=count, metavar="N", help="programs that run at the same time (1)")
+    explore.add_argument(
+        "--resource",
+        action="append",
+        default=[],
+        metavar="NAME=A,B,..",
+        help="each running program has one item for itself, as the variable NAME and the placeholder {NAME}",
+    )
+    explore.add_argument(
+        "--repeats", type=count, default=1, metavar="N", help="measurements of each configuration (1)"
+    )
+    explore.add_argument(
+        "--give-up",
+        type=whole,
+        metavar="N",
+        help=f"end after N equal failures at the start ({GIVE_UP}); 0 for never",
+    )
+    explore.add_argument(
+        "--budget", type=count, help="measurements, those of earlier runs in this folder included"
+    )
+    explore.add_argument("--batch", type=count, help=f"proposals a round ({BATCH})")
+    explore.add_argument(
+        "--random", type=count, metavar="N", help="random measurements before learning begins"
+    )
+    explore.add_argument(
+        "--prior",
+        type=Path,
+        metavar="CSV",
+        help="what another device measured, to start from; it never counts",
+    )
+    explore.add_argument(
+        "--warm-start", type=Path, metavar="CSV", help="measurements of this device by an earlier run"
+    )
+    explore.add_argument("--levels", type=count, help="values of each real parameter of a scenario")
+    add_units(explore)
+    explore.add_argument("--no-picture", action="store_true", help="do not draw front.html")
+    explore.add_argument(
+        "--serve",
+        type=port,
+        nargs="?",
+        const=PORT,
+        metavar="PORT",
+        help=f"show front.html to a browser on this machine while the search runs ({PORT})",
+    )
+    explore.add_argument("--method", default=DEFAULT, choices=list(METHODS))
+    explore.add_argument("--seed", type=int, default=0)
+    explore.add_argument(
+        "--out", type=Path, required=True, help="folder; a second run goes on where it ended"
+    )
+    explore.set_defaults(act=explore_folder)
+
+
+def explore_folder(options: argparse.Namespace) -> int:
+    """Explore into the folder; 0 done, 1 nothing succeeded, 130 interrupted with everything saved."""
+    space, scenario = read_space(options.space, options.levels)
+    for note in scenario.notes if scenario else ():
+        sys.stderr.write(f"pareto: {note}\n")
+    fresh = _new_explorer(options, space, scenario)
+    plan = _plan(options, scenario)
+    units = read_units(options.units, fresh.objectives)
+    known = read_measurements(options.warm_start, space, fresh.objectives) if options.warm_start else []
+    feasible = scenario.feasible if scenario else None
+    slots = _slots(options, [CONFIG, *space.names])
+    program = None
+    if options.command:
+        program = Program(
+            options.command, space.names, fresh.objectives, options.timeout, feasible, resources=slots[0]
+        )
+    pool = Pool(program or _lookup(options.table, fresh, feasible), slots)
+    folder = Folder(options.out)
+    with ExitStack() as stack:
+        stack.enter_context(folder.locked())
+        explorer = _resume(folder, fresh)
+        _require_same(fresh, explorer)
+        folder.require_source(*_source(options))
+        _tell_choices(space, program)
+        _tell_known(explorer, folder, known)
+        page = None if options.no_picture else LivePage(explorer, options.out, units)
+        if page and options.serve is not None:
+            address = stack.enter_context(served(options.out, options.serve))
+            page.draw()
+            sys.stderr.write(f"pareto: the progress is shown at {address}\n")
+        loop = MeasurementLoop(
+            explorer,
+            folder,
+            pool,
+            plan,
+            end=program.end if program else lambda: None,
+            refresh=page.refresh if page else lambda: None,
+        )
+        loop.run()
+        folder.write_front(explorer)
+        if page:
+            page.draw()
+        return _report(explorer, options.out, loop)
+
+
+def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:
+    """Return an explorer that knows nothing yet. Raises ScenarioError where there are no objectives."""
+    objectives = read_objectives(
+        options.objectives, options.maximise, scenario.objectives if scenario else ()
+    )
+    if not objectives:
+        raise ScenarioError("--objectives is missing: a,b")
+    explorer = Explorer(
+        space,
+        objectives,
+        read_limits(options.limits),
+        seed=options.seed,
+        method=options.method,
+        prior=read_measurements(options.prior, space, objectives) if options.prior else (),
+        **_method_options(options, scenario),
+    )
+    header(explorer)  # before anything is measured, since it refuses names that clash
+    return explorer
+
+
+def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
+    """Return how long to measure. Raises ScenarioError for options that contradict each other."""
+    budget = options.budget or (scenario and scenario.budget)
+    if not budget:
+        raise ScenarioError("--budget is missing: how many measurements?")
+    for name in ("timeout", "jobs", "resource", "give_up"):
+        if getattr(options, name) and not options.command:
+            raise ScenarioError(f"--{name.replace('_', '-')} is for --command: a table answers at once")
+    if options.table and options.repeats > 1:
+        raise ScenarioError("--repeats is for --command: a table answers the same each time")
+    if options.no_picture and options.serve is not None:
+        raise ScenarioError("--serve shows front.html, which --no-picture leaves out: give one of them")
+    give_up = GIVE_UP if options.give_up is None and options.command else options.give_up or 0
+    return Plan(budget, options.batch or BATCH, options.repeats, give_up)
+
+
+def _lookup(table: Path, explorer: Explorer, feasible: tuple[str, str] | None) -> Measure:
+    evaluate = from_table(table, explorer.space, explorer.objectives, feasible)
+    return lambda configuration, _resources: evaluate(configuration)
+
+
+def _tell_known(explorer: Explorer, folder: Folder, known: list[Measurement]) -> None:
+    """Tell what an earlier run measured, each row once, however often the command is started again."""
+    history = explorer.history
+    folder.asked(explorer)  # a state must stand before the rows that it does not know
+    seen: Counter[int] = Counter()
+    told = {index: len(values) for index, values in history.told.items()}
+    for configuration, values in known:
+        index = explorer.space.encode(configuration)
+        seen[index] += 1
+        of_this_run = index in history.pending or history.phases.get(index, IMPORTED) != IMPORTED
+        if of_this_run or seen[index] <= told.get(index, 0):
+            continue
+        explorer.tell([configuration], [values], phase=IMPORTED)
+        folder.append(explorer, configuration, values, error="" if values else "failed in the earlier run")
+
+
+def _resume(folder: Folder, fresh: Explorer) -> Explorer:
+    """Return the folder's explorer, rebuilt from its measurements where its state is lost, or `fresh`."""
+    try:
+        return folder.resume(fresh.space) or fresh
+    except DamagedStateError as error:
+        reason = str(error).rsplit(": ", 1)[0]
+        explorer = folder.rebuild(fresh, reason)
+        told = sum(map(len, explorer.history.told.values()))
+        sys.stderr.write(
+            f"pareto: {reason}: it was rebuilt from the {told} rows of {EVALUATIONS}; the search goes on "
+            "with these measurements and the options given now\n"
+        )
+        return explorer
+
+
+def _tell_choices(space: Space, program: Program | None) -> None:
+    """Say what was chosen where the user said nothing."""
+    if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
+        sys.stderr.write(f"pareto: no default given, so chosen: {', '.join(chosen)}\n")
+    if program and not program.template.used & {CONFIG, *space.names}:
+        sys.stderr.write(
+            "pareto: warning: --command has no placeholder such as {config}: the program cannot know what it "
+            "measures\n"
+        )
+
+
+def _default(space: Space, name: str) -> Value:
+    return next(item.default for item in space.parameters if item.name == name)
+
+
+def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
+    """Say what was found and what was not; return the exit code."""
+    done, budget = made_here(explorer), loop.plan.budget
+    missing = obstacle(explorer.history)
+    if loop.stopped:
+        sys.stderr.write(
+            f"pareto: stopped: the first {loop.plan.give_up} measurements failed in the same way: "
+            f"{loop.stopped}\npareto: correct that and start with a new --out, or allow more failures with "
+            "--give-up N (0: any number)\n"
+        )
+    elif done < budget:
+        sys.stderr.write(
+            f"pareto: stopped after {done} of {budget}: {explorer.method} has nothing more to ask\n"
+        )
+    if missing:
+        sys.stderr.write(f"pareto: {missing}\n")
+    if isinstance(missing, AllFailedError) and loop.reasons:
+        reason, times = loop.reasons.most_common(1)[0]
+        sys.stderr.write(f"pareto: {times} times the reason was: {reason}\n")
+    if not isinstance(missing, ConstantObjectiveError):
+        for name, value in constant_objectives(explorer.history).items():
+            sys.stderr.write(f"pareto: warning: {name} was {value:g} in every configuration\n")
+    front = summarise_front(explorer)
+    sys.stdout.write(
+        f"{front.size} point{'' if front.size == 1 else 's'} on the front: {out / FRONT}\n"
+        f"{front.describe()}\n"
+    )
+    return FAILED if loop.stopped or isinstance(missing, AllFailedError) else 0
+
+
+def _slots(options: argparse.Namespace, taken: Collection[str]) -> list[dict[str, str]]:
+    """Return what each program that runs at the same time as others may use: an item of each --resource.
+
+    Raises ScenarioError where there are too few items, or a resource has one of the names that are `taken`.
+    """
+    resources = read_resources(options.resource)
+    fewest = min(map(len, resources.values()), default=None)
+    jobs = options.jobs or fewest or 1
+    for name, items in resources.items():
+        if name in taken:
+            raise ScenarioError(f"--resource {name} has the name of a parameter: give it another name")
+        if jobs > len(items):
+            raise ScenarioError(
+                f"--jobs {jobs} needs {jobs} items of --resource {name}, which has {len(items)}"
+            )
+    return [{name: items[slot] for name, items in resources.items()} for slot in range(jobs)]
+
+
+def _source(options: argparse.Namespace) -> tuple[str, str]:
+    """Return what measures: the command, or the digest of the table, which may be moved."""
+    if options.command:
+        return "command", options.command
+    with options.table.open("rb") as file:
+        return "sha256 of the table", hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _method_options(options: argparse.Namespace, scenario: Scenario | None) -> dict[str, Any]:
+    """Return `initial`: what --random says, or the scenario, but that only with the scenario's own budget."""
+    if options.random:
+        return {"initial": options.random}  # a method that has no such option says so
+    known = "initial" in METHODS[options.method].defaults()
+    initial = scenario.initial if scenario and not options.budget and known else None
+    return {"initial": initial} if initial else {}
+
+
+def _require_same(fresh: Explorer, found: Explorer) -> None:
+    """Raise ScenarioError when the folder's exploration is not the one asked for."""
+    asked, had = fresh.state(), found.state()
+    for field in ("objectives", "limits", "seed", "method", "options"):
+        if asked[field] != had[field]:
+            raise ScenarioError(
+                f"this folder's exploration has {field} {had[field]}, not {asked[field]}: use another --out"
+            )
+    if "prior" in asked and asked["prior"] != had.get("prior"):
+        raise ScenarioError("this folder's exploration began with another --prior: use another --out")

@@ -1,0 +1,55 @@
+"""python -m pareto transfer: another device's front, ordered by what it promises on this one."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from pareto.cli.arguments import add_objectives, count, read_limits, read_problem
+from pareto.devices.zero_shot import promises
+from pareto.measuring.folder import table
+from pareto.measuring.measurements import read_measurements
+
+
+def add_transfer(commands: Any) -> None:
+    """Register the command with argparse's `commands`."""
+    transfer = commands.add_parser("transfer", help="order another device's front by what it promises here")
+    transfer.add_argument("source", type=Path, metavar="CSV", help="what the other device measured")
+    transfer.add_argument("--here", type=Path, metavar="CSV", help="what was measured on this device")
+    transfer.add_argument(
+        "--space", type=Path, required=True, help="a space, or a HyperMapper scenario, as JSON"
+    )
+    add_objectives(transfer, "names, separated by commas; a scenario brings its own")
+    transfer.add_argument("--prefer", help="the objective to order by (the first)")
+    transfer.add_argument("--count", type=count, help="take this many, front after front (the front)")
+    transfer.set_defaults(act=print_promises)
+
+
+def print_promises(options: argparse.Namespace) -> int:
+    """Print the configurations as CSV: expected values here, values there, measured here, within limits."""
+    space, objectives = read_problem(options)
+    found = promises(
+        space,
+        objectives,
+        read_measurements(options.source, space, objectives),
+        read_measurements(options.here, space, objectives) if options.here else (),
+        prefer=options.prefer,
+        limits=read_limits(options.limits),
+        count=options.count,
+    )
+    names = [objective.name for objective in objectives]
+    header = [*space.names, *names, *(f"source_{name}" for name in names), "measured", "within_limits"]
+    rows = [
+        [
+            *promise.configuration.values(),
+            *promise.expected.values(),
+            *promise.source.values(),
+            int(promise.measured),
+            int(promise.within),
+        ]
+        for promise in found
+    ]
+    sys.stdout.write(table(header, rows))
+    return 0

@@ -1,0 +1,1 @@
+"""What one device tells about another."""

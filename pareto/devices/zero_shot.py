@@ -1,0 +1,125 @@
+"""Another device's front, ordered by what it promises on this one after few measurements here, or none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.errors import ObjectiveError
+from pareto.fronts.objective import Objective, read_limits, read_objectives, read_values
+from pareto.search.history import History
+from pareto.search.transfer import Prior
+from pareto.spaces.space import Configuration, Indices, Space
+from pareto.surrogates.gaussian import GaussianProcess
+from pareto.surrogates.line import fitted_line
+
+Array = NDArray[np.float64]
+ENOUGH = 5  # common measurements, from which on a model is worth fitting
+
+Pairs = Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]]
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A configuration of the source's front: what it measured there and what to expect here.
+
+    `expected` is what was measured here where `measured` says so; `within` tells whether it keeps the limits.
+    """
+
+    configuration: Configuration
+    source: dict[str, float]
+    expected: dict[str, float]
+    measured: bool
+    within: bool
+
+
+def promises(
+    space: Space,
+    objectives: Iterable[str | Objective],
+    source: Pairs,
+    here: Pairs = (),
+    *,
+    prefer: str | None = None,
+    limits: Mapping[str, float] | None = None,
+    count: int | None = None,
+) -> list[Promise]:
+    """Return the source's front, the best in objective `prefer` first, those expected to break `limits` last.
+
+    `source` and `here` are (configuration, values or None for a failure) pairs of the two devices; what
+    failed here is left out. `prefer` is the first objective unless given. With `count`, that many of the
+    source's configurations are taken, front after front.
+
+    Without measurements here the source's values stand as they are. What is measured here of what the source
+    measured, on its front or not, moves them. One measurement moves all by the factor that it shows (a
+    difference, where not all values are positive). With more they move by a line between logarithms, whose
+    slope leaves 1, the same factor everywhere, only as far as the measurements are sure of it. From ENOUGH
+    on, a Gaussian process learns what the line leaves over: only this can change the order.
+
+    Raises ConfigurationError or ObjectiveError for bad pairs, limits or an unknown `prefer`.
+    """
+    wanted = read_objectives(objectives)
+    names = [objective.name for objective in wanted]
+    if prefer is not None and prefer not in names:
+        raise ObjectiveError(f"prefer = {prefer!r} is not an objective: they are {', '.join(names)}")
+    target = _history(space, wanted, limits, here)
+    prior = Prior.read(space, wanted, {}, source)
+    theirs = dict(zip(*prior.source.measured(), strict=True))
+    known = dict(zip(*target.measured(), strict=True))
+    failed = set(target.failed().tolist())
+    indices = prior.source.front()[0] if count is None else prior.ranked(count)
+    values = np.array([theirs[index] for index in indices.tolist()]).reshape(len(indices), len(wanted))
+    expected = _moved(space, indices, values, theirs, known)
+    found = []
+    for index, row, guess in zip(indices.tolist(), values, expected, strict=True):
+        if index in failed:
+            continue
+        now = known.get(index, guess)
+        within = bool(target.within_limits(now[None])[0])
+        found.append(
+            Promise(space.decode(index), _named(names, row), _named(names, now), index in known, within)
+        )
+    best = wanted[names.index(prefer) if prefer else 0]
+    return sorted(found, key=lambda item: (not item.within, best.sign * item.expected[best.name]))
+
+
+def _history(
+    space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float] | None, pairs: Pairs
+) -> History:
+    history = History(space, objectives, read_limits(objectives, limits))
+    for configuration, values in pairs:
+        read = None if values is None else read_values(objectives, values)
+        history.record(space.encode(configuration), read)
+    return history
+
+
+def _moved(
+    space: Space, indices: Indices, values: Array, theirs: Mapping[int, Array], known: Mapping[int, Array]
+) -> Array:
+    """Return the source's (n, objectives) values as the common configurations let expect them here."""
+    common = [index for index in known if index in theirs]
+    if not common or len(values) == 0:
+        return values
+    x, y = np.array([theirs[index] for index in common]), np.array([known[index] for index in common])
+    moved = np.empty_like(values)
+    for column in range(values.shape[1]):
+        a, b, rest = x[:, column], y[:, column], values[:, column]
+        positive = min(a.min(), b.min(), rest.min()) > 0
+        if positive:
+            a, b, rest = np.log(a), np.log(b), np.log(rest)
+        line = fitted_line(a, b - a)  # of the difference: without a reason for another slope it stays 1
+        guess = rest + line.offset + line.slope * rest
+        left = b - a - line.offset - line.slope * a
+        if len(common) >= ENOUGH:
+            features, owner = space.features(common), space.feature_owner
+            process = GaussianProcess.fit(features, left, owner, np.random.default_rng(0))
+            guess += process.at(space.features(indices)).mean
+        moved[:, column] = np.exp(guess) if positive else guess
+    return moved
+
+
+def _named(names: list[str], row: Array) -> dict[str, float]:
+    return dict(zip(names, map(float, row), strict=True))

@@ -1,0 +1,1 @@
+"""Objectives, dominance and the quality of a front. NumPy is all they need."""

@@ -1,0 +1,295 @@
+"""An exploration on disk: every measurement appended as it arrives, and a state to go on from."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pareto.errors import DamagedStateError, ObjectiveError, StateError
+from pareto.search.explorer import Explorer
+from pareto.search.frames import columns
+from pareto.spaces.space import Configuration, Space
+
+EVALUATIONS, FRONT, PAGE, STATE, SPACE, SOURCE, LOCK = (
+    "evaluations.csv",
+    "front.csv",
+    "front.html",
+    "state.json",
+    "space.json",
+    "source.json",
+    ".lock",
+)
+DAMAGED = "state.damaged.json"  # where a state is kept that could not be read
+IMPORTED = "told"  # the phase of measurements that an earlier run made
+
+
+class Folder:
+    """Keeps `evaluations.csv`, `front.csv` and the state, space and source (JSON) of one exploration.
+
+    The state is replaced whenever something was asked; measurements go to the CSV file only. After a crash
+    at any moment the state and the rows it does not know yet give the explorer back as it was. Without a
+    state that can be read, the rows alone give back all that was measured.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._written: int | None = None  # rows in evaluations.csv, None before they were counted
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes from exploring here; the lock ends with the process, however it ends.
+
+        Raises StateError when another one is at work.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        with (self.path / LOCK).open("a") as file:
+            _lock(file.fileno(), self.path)
+            yield
+
+    def space(self) -> Space:
+        """Return the space that is explored here. Raises StateError where nothing is."""
+        if not (self.path / SPACE).exists():
+            raise StateError(f"{self.path} holds no exploration: there is no {SPACE}")
+        return Space.load(self.path / SPACE)
+
+    def resume(self, space: Space) -> Explorer | None:
+        """Return the explorer that was at work here, ready to go on, or None when there was none.
+
+        Raises StateError when the folder holds another space's exploration or a damaged file.
+        """
+        explorer = self.read(space)
+        if explorer is not None:
+            self._cut_torn_row()
+        return explorer
+
+    def rebuild(self, fresh: Explorer, reason: str) -> Explorer:
+        """Tell `fresh` every row of `evaluations.csv`; keep a damaged state under DAMAGED.
+
+        `reason` says why the state cannot be used. The explorer goes on with the same measurements; what it
+        proposes next may differ. Raises StateError when the rows are not of these parameters and objectives.
+        """
+        path = self.path / EVALUATIONS
+        rows = _whole_rows(path)[0] if path.exists() else []
+        if rows and rows[0] != header(fresh):
+            raise StateError(
+                f"{reason}, and {path} has the columns {', '.join(rows[0])} instead of "
+                f"{', '.join(header(fresh))}: give the space and objectives that were measured here"
+            )
+        for row in rows[1:]:
+            configuration, values = self._read(fresh.space, fresh, row)
+            fresh.tell([configuration], [values], phase=row[1])
+        fresh.skip_asks(len(rows))
+        if rows:
+            self._cut_torn_row()
+        if (self.path / STATE).exists():
+            (self.path / STATE).replace(self.path / DAMAGED)
+        self.asked(fresh)
+        return fresh
+
+    def _cut_torn_row(self) -> None:
+        """Cut off a row half written in a crash, which would run into the next one; it is measured again."""
+        path = self.path / EVALUATIONS
+        if path.exists():
+            _, length = _whole_rows(path)
+            with path.open("r+b") as file:
+                file.truncate(length)
+        self._written = None
+
+    def read(self, space: Space) -> Explorer | None:
+        """Return the explorer as `resume` does, but touch nothing: another process may be at work.
+
+        Raises DamagedStateError, which is a StateError, where `rebuild` can help.
+        """
+        try:
+            text = (self.path / STATE).read_text(encoding="utf-8")
+        except FileNotFoundError:
+            if not self.rows():
+                return None
+            raise DamagedStateError(
+                f"{self.path / STATE} is missing beside {EVALUATIONS}: the explore command that measured "
+                "here rebuilds it"
+            ) from None
+        except UnicodeDecodeError as error:
+            raise self._damaged(error) from error
+        # The rows are read after the state: a process at work adds to the rows first.
+        rows = self.rows()
+        try:
+            explorer = Explorer.restore(space, json.loads(text))
+        except DamagedStateError as error:
+            raise self._damaged(error) from error
+        except StateError:
+            raise
+        except (ValueError, RecursionError) as error:
+            raise self._damaged(error) from error
+        known = sum(map(len, explorer.history.told.values()))
+        if len(rows) < known:
+            raise StateError(
+                f"rows are lost: {self.path / EVALUATIONS} has {len(rows)} of the {known} that {STATE} knows"
+            )
+        for row in rows[known:]:
+            configuration, values = self._read(space, explorer, row)
+            explorer.tell([configuration], [values], phase=row[1])
+        return explorer
+
+    def require_source(self, kind: str, value: str) -> None:
+        """Note what measures here: a command, or the digest of a table.
+
+        Raises StateError when what stands in `evaluations.csv` was measured by another one.
+        """
+        path, source = self.path / SOURCE, {kind: value}
+        if not path.exists() or not self.rows():
+            self._replace(SOURCE, json.dumps(source) + "\n")
+            return
+        try:
+            before = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise StateError(f"{path} is damaged: {error}") from error
+        if before != source:
+            raise StateError(
+                f"{self.path} was measured by {json.dumps(before)}, not by {json.dumps(source)}: use another "
+                f"--out, or, if both measure the same, delete {path}"
+            )
+
+    def asked(self, explorer: Explorer) -> None:
+        """Save the state: before a batch is measured, so that it can be finished after a crash."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        if not (self.path / SPACE).exists():
+            self._replace(SPACE, json.dumps(explorer.space.to_dict(), indent=2) + "\n")
+        self._replace(STATE, json.dumps(explorer.state()) + "\n")
+
+    def append(
+        self,
+        explorer: Explorer,
+        configuration: Configuration,
+        values: dict[str, float] | None,
+        seconds: float | None = None,
+        error: str = "",
+    ) -> None:
+        """Write the measurement told last to `evaluations.csv`, safely on disk when this returns."""
+        path = self.path / EVALUATIONS
+        fresh = not path.exists() or path.stat().st_size == 0
+        names = [objective.name for objective in explorer.objectives]
+        index = explorer.space.encode(configuration)
+        phase, point = explorer.history.phases[index], explorer.space.decode(index)
+        number = (len(self.rows()) if self._written is None else self._written) + 1
+        with path.open("a", newline="", encoding="utf-8") as file:
+            if fresh:
+                file.write(_line(header(explorer)))
+            measured = ["" if values is None else repr(values[name]) for name in names]
+            taken = "" if seconds is None else f"{seconds:.3f}"
+            reason = " ".join(error.split())
+            file.write(_line([number, phase, *point.values(), *measured, taken, reason]))
+            file.flush()
+            os.fsync(file.fileno())
+        self._written = number
+
+    def rows(self) -> list[list[str]]:
+        """Return the rows of `evaluations.csv` below its header; there may be none yet."""
+        path = self.path / EVALUATIONS
+        return _whole_rows(path)[0][1:] if path.exists() else []
+
+    def write_front(self, explorer: Explorer) -> None:
+        """Write the present front to `front.csv`, by the first objective."""
+        names = [objective.name for objective in explorer.objectives]
+        rows = [[*point.values(), *(values[name] for name in names)] for point, values in explorer.front()]
+        self._replace(FRONT, table([*explorer.space.names, *names], rows))
+
+    @staticmethod
+    def _read(space: Space, explorer: Explorer, row: list[str]) -> tuple[Configuration, Any]:
+        # By position: older files may have columns of one name.
+        first = 2 + len(space.parameters)
+        objectives = [objective.name for objective in explorer.objectives]
+        try:
+            configuration = space.parse(dict(zip(space.names, row[2:first], strict=True)))
+            cells = row[first : first + len(objectives)]
+            failed = all(cell == "" for cell in cells)
+            values = None if failed else dict(zip(objectives, map(float, cells), strict=True))
+        except ValueError as error:
+            raise StateError(f"{EVALUATIONS}, number {row[0] if row else None}: {error}") from error
+        return configuration, values
+
+    def _damaged(self, error: Exception) -> DamagedStateError:
+        return DamagedStateError(
+            f"{self.path / STATE} is damaged ({error}): the explore command that measured here rebuilds it"
+        )
+
+    def _replace(self, name: str, text: str) -> None:
+        fresh = self.path / f"{name}.new"
+        with fresh.open("w", newline="", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(self.path / name)
+
+
+def header(explorer: Explorer) -> list[str]:
+    """Return the columns of `evaluations.csv`.
+
+    Raises ObjectiveError where an objective has the name of a parameter, or one of them that of a column
+    which every such file has.
+    """
+    names = columns(explorer.space, explorer.objectives)
+    first, last = ["number", "phase"], ["measured_in", "failure"]
+    if shared := [name for name in names if name in (*first, *last)]:
+        raise ObjectiveError(
+            f"{shared[0]!r} is a column that {EVALUATIONS} has anyway: give the parameter or objective "
+            "another name"
+        )
+    return [*first, *names, *last]
+
+
+def made_here(explorer: Explorer) -> int:
+    """Return how many measurements were made in this exploration, failed ones and repeats included."""
+    history = explorer.history
+    return sum(len(values) for index, values in history.told.items() if history.phases[index] != IMPORTED)
+
+
+def table(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return CSV text; floating-point numbers are written so that they read back exactly."""
+    cells = ([repr(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
+    return _line(header) + "".join(map(_line, cells))
+
+
+def _line(cells: Iterable[object]) -> str:
+    """Return a row of CSV text. Python 3.11 quotes only those line ends that its own rows end with."""
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\r\n").writerow(cells)
+    return text.getvalue().removesuffix("\r\n") + "\n"
+
+
+def _whole_rows(path: Path) -> tuple[list[list[str]], int]:
+    """Return the rows of a CSV file that were written to their end, and where in the file that is."""
+    data = path.read_bytes()
+    data = data[: data.rfind(b"\n") + 1]
+    lines = [line + b"\n" for line in data.split(b"\n")[:-1]]
+    rows: list[list[str]] = []
+    ends: list[int] = []
+    try:
+        reader = csv.reader(line.decode() for line in lines)
+        for row in reader:
+            rows.append(row)
+            ends.append(reader.line_num)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise StateError(f"{path} is damaged after line {ends[-1] if ends else 0}: {error}") from error
+    if rows and len(rows[-1]) < len(rows[0]):  # a line break within a value
+        rows, ends = rows[:-1], ends[:-1]
+    return rows, sum(map(len, lines[: ends[-1]])) if ends else 0
+
+
+def _lock(file: int, folder: Path) -> None:
+    try:
+        import fcntl
+    except ImportError:  # Windows: two explorations of one folder are the user's to avoid
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise StateError(
+            f"another process is exploring in {folder}: wait for it, or use another --out"
+        ) from None

@@ -1,0 +1,72 @@
+"""Measurements that were made elsewhere, read from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from pareto.errors import ParetoError, ScenarioError
+from pareto.fronts.objective import Objective
+from pareto.search.frames import columns
+from pareto.spaces.space import Configuration, Space
+
+Measurement = tuple[Configuration, dict[str, float] | None]
+
+
+def read_measurements(path: Path, space: Space, objectives: Sequence[Objective]) -> list[Measurement]:
+    """Return every row of a CSV file with a column for each parameter and objective, in order.
+
+    The values are None where the measurement failed: where a cell is no finite number. Several rows of one
+    configuration are measurements of it, to be averaged. Further columns are ignored, so `evaluations.csv` of
+    an exploration is such a file.
+
+    Raises ScenarioError when the file cannot be read, lacks a column, or holds a configuration that is not
+    in the space (the message names the line), ObjectiveError for objectives that share a column.
+    """
+    found: list[Measurement] = []
+    for line, row in read_rows(path, columns(space, objectives)):
+        try:
+            configuration = space.parse(row)
+            space.encode(configuration)
+        except ParetoError as error:
+            raise ScenarioError(f"{path}, line {line}: {error}") from error
+        numbers = {objective.name: number(row[objective.name]) for objective in objectives}
+        failed = any(map(math.isnan, numbers.values()))
+        found.append((configuration, None if failed else numbers))
+    return found
+
+
+def read_rows(path: Path, wanted: Iterable[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    """Yield line number and cells by column of each row of a CSV file that has the `wanted` columns.
+
+    Where a row is too short its last cells are empty. Raises ScenarioError when the file cannot be read,
+    lacks a wanted column or has it more than once.
+    """
+    line = 1
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file, restval="")
+            header = list(reader.fieldnames or [])
+            for name in wanted:
+                if (times := header.count(name)) != 1:
+                    many = "more than one" if times else "no"
+                    raise ScenarioError(f"{path} has {many} column {name!r}: it has {', '.join(header)}")
+            for row in reader:
+                line = reader.line_num
+                row.pop(None, None)  # cells beyond the header's
+                yield line, row
+    except OSError as error:
+        raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ScenarioError(f"{path}, after line {line}, is no CSV file in UTF-8: {error}") from error
+
+
+def number(cell: str) -> float:
+    """Return the finite number that a cell holds; NaN for all else, which is a failed measurement."""
+    try:
+        value = float(cell)
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan

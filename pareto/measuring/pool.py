@@ -1,0 +1,96 @@
+"""Several measurements at once, each in a thread with resources of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from pareto.errors import EvaluationError
+from pareto.spaces.space import Configuration
+
+Resources = Mapping[str, str]
+Measure = Callable[[Configuration, Resources], dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A measurement that has ended: its values, or why it failed, and the seconds that it took."""
+
+    configuration: Configuration
+    values: dict[str, float] | None
+    seconds: float
+    failure: EvaluationError | None = None
+
+
+class Pool:
+    """Measures at most one configuration in each of `slots`, which hold the resources of one measurement."""
+
+    def __init__(self, measure: Measure, slots: Sequence[Resources] = ({},)) -> None:
+        self._measure = measure
+        self._free = list(reversed(slots))
+        self._threads: dict[threading.Thread, Resources] = {}
+        self._results: deque[tuple[threading.Thread, Finished | BaseException]] = deque()
+        self._changed = threading.Event()
+        self._ending = False
+
+    @property
+    def free(self) -> int:
+        """How many measurements may be started now."""
+        return len(self._free)
+
+    @property
+    def running(self) -> int:
+        """How many measurements were started and not yet taken."""
+        return len(self._threads)
+
+    def start(self, configuration: Configuration) -> None:
+        """Start a measurement in a free slot."""
+        slot = self._free.pop()
+        thread = threading.Thread(target=self._work, args=(configuration, slot), daemon=True)
+        self._threads[thread] = slot
+        thread.start()
+
+    def wait(self) -> None:
+        """Wait until a measurement has finished. An interrupt here loses nothing."""
+        self._changed.wait()
+
+    def take(self) -> list[Finished]:
+        """Return what has finished, in that order, and free its slots.
+
+        Raises whatever but EvaluationError ended a measurement.
+        """
+        self._changed.clear()
+        taken = []
+        while self._results:
+            thread, result = self._results.popleft()
+            self._free.append(self._threads.pop(thread))
+            if isinstance(result, BaseException):
+                raise result
+            taken.append(result)
+        return taken
+
+    def end(self, kill: Callable[[], None]) -> list[Finished]:
+        """End all measurements by `kill`; return what had finished before, without what `kill` made fail."""
+        self._ending = True
+        kill()
+        for thread in list(self._threads):
+            thread.join(10)
+        return [item for _, item in self._results if isinstance(item, Finished)]
+
+    def _work(self, configuration: Configuration, slot: Resources) -> None:
+        started = time.monotonic()
+        result: Finished | BaseException
+        try:
+            values = self._measure(configuration, slot)
+            result = Finished(configuration, values, time.monotonic() - started)
+        except EvaluationError as failure:
+            if self._ending:
+                return
+            result = Finished(configuration, None, time.monotonic() - started, failure)
+        except BaseException as error:
+            result = error
+        self._results.append((threading.current_thread(), result))
+        self._changed.set()

@@ -1,0 +1,128 @@
+"""How far an exploration is: one line that is written over on a terminal, now and then a line elsewhere."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TextIO
+
+import numpy as np
+
+from pareto.fronts.front import nondominated
+from pareto.fronts.hypervolume import hypervolume, reference_point
+from pareto.measuring.folder import made_here
+from pareto.search.explorer import Explorer
+
+ON_TERMINAL, ELSEWHERE = 0.1, 10.0  # seconds between two lines, at least
+
+
+class Progress:
+    """Tells how many were measured and failed, size and hypervolume of the front, and the time left.
+
+    The time left is what the measurements since the start took on average, asking included, times those
+    missing.
+    """
+
+    def __init__(
+        self,
+        explorer: Explorer,
+        budget: int,
+        stream: TextIO,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.explorer, self.budget, self.stream, self.clock = explorer, budget, stream, clock
+        self.live = stream.isatty()
+        self._begun = clock()
+        self._before = made_here(explorer)
+        self._told = -np.inf
+
+    def tell(self, done: int) -> None:
+        """Write a line after `done` measurements, unless the last one is fresh. The last is always told."""
+        now = self.clock()
+        if done < self.budget and now - self._told < (ON_TERMINAL if self.live else ELSEWHERE):
+            return
+        self._told = now
+        mean = (now - self._begun) / max(done - self._before, 1)
+        line = describe(self.explorer, self.budget, mean * (self.budget - done))
+        if self.live:  # a longer line would wrap, and the next one would not cover it
+            width = shutil.get_terminal_size().columns - 1
+            line = f"\r{line[:width]:<{width}}"
+        self.stream.write(line if self.live else f"{line}\n")
+        self.stream.flush()
+
+    def say(self, message: str) -> None:
+        """Write a message on a line of its own."""
+        self.end()
+        self.stream.write(f"pareto: {message}\n")
+        self.stream.flush()
+
+    def end(self) -> None:
+        """Leave the line as it is and go on below it."""
+        if self.live and np.isfinite(self._told):
+            self.stream.write("\n")
+            self._told = -np.inf
+
+
+def describe(explorer: Explorer, budget: int, left: float) -> str:
+    """Return the line; `left` are seconds."""
+    parts = [f"{made_here(explorer)}/{budget} measured"]
+    if failed := len(explorer.history.failed()):
+        parts.append(f"{failed} failed")
+    front = summarise_front(explorer)
+    parts += [f"{front.size} on the front", f"{duration(left)} left", front.describe()]
+    return ", ".join(parts)
+
+
+@dataclass(frozen=True)
+class FrontSummary:
+    """The size of a front and its hypervolume up to the `reference` point, by the objectives' names.
+
+    With `log` the volume is that of the values' logarithms.
+    """
+
+    size: int
+    volume: float
+    reference: dict[str, float]
+    log: bool = False
+
+    def describe(self) -> str:
+        """Return the hypervolume with its reference point, in words."""
+        point = ", ".join(f"{name} {value:.4g}" for name, value in self.reference.items())
+        kind = " of logarithms" if self.log else ""
+        return f"hypervolume {self.volume:.4g}{kind} up to {point}" if point else "hypervolume 0"
+
+
+def summarise_front(explorer: Explorer) -> FrontSummary:
+    """Return the front's size and hypervolume; it ends at the limits, or the worst value where there is none.
+
+    The volume is of logarithms where all values are positive, and the last value of `hypervolume_growth` over
+    the same measurements.
+    """
+    _, values = explorer.history.measured()
+    if len(values) == 0:
+        return FrontSummary(0, 0.0, {})
+    maximise = [objective.maximise for objective in explorer.objectives]
+    limits = [explorer.limits.get(objective.name) for objective in explorer.objectives]
+    reference = reference_point(values, limits, maximise)
+    log = bool(values.min() > 0 and reference.min() > 0)
+    values = values[explorer.history.within_limits(values)]
+    front = values[nondominated(values, maximise)]
+    names = [objective.name for objective in explorer.objectives]
+    return FrontSummary(
+        len(front),
+        hypervolume(front, reference, maximise, log),
+        dict(zip(names, reference.tolist(), strict=True)),
+        log,
+    )
+
+
+def duration(seconds: float) -> str:
+    """Return a time as 42 s, 12:05 min or 3:25 h."""
+    whole = round(seconds)
+    if whole < 100:
+        return f"{whole} s"
+    if whole < 6000:
+        return f"{whole // 60}:{whole % 60:02} min"
+    return f"{whole // 3600}:{whole % 3600 // 60:02} h"

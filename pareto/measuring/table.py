@@ -1,0 +1,70 @@
+"""Measuring a configuration by looking it up in a table that was measured before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from statistics import fmean
+
+from pareto.errors import EvaluationError, InfeasibleError, ParetoError, ScenarioError
+from pareto.fronts.objective import Objective
+from pareto.measuring.measurements import number, read_rows
+from pareto.search.frames import columns
+from pareto.spaces.space import Configuration, Space
+
+Evaluate = Callable[[Configuration], dict[str, float]]
+
+
+def from_table(
+    path: Path, space: Space, objectives: tuple[Objective, ...], feasible: tuple[str, str] | None = None
+) -> Evaluate:
+    """Return a function that looks a configuration up in a CSV file with a column a parameter and objective.
+
+    It raises EvaluationError for a configuration that is not in the table, whose values are no finite
+    numbers, or whose `feasible` (column, text when true) says no; the text is compared without case. Several
+    rows of one configuration are measurements of it: the mean of those that did not fail counts. Rows that
+    the space's constraints forbid are never asked for.
+
+    Raises ScenarioError when the file cannot be read, lacks a column or holds a value that the space does not
+    have, ObjectiveError for objectives that share a column.
+    """
+    names = [objective.name for objective in objectives]
+    rows: dict[int, list[dict[str, str]]] = {}
+    for line, row in read_rows(path, [*columns(space, objectives), *([feasible[0]] if feasible else [])]):
+        try:
+            place = space.index_of(space.parse(row))
+        except ParetoError as error:
+            raise ScenarioError(f"{path}, line {line}: {error}") from error
+        rows.setdefault(place, []).append(row)
+
+    def evaluate(configuration: Configuration) -> dict[str, float]:
+        measured: list[list[float]] = []
+        failures = ["not in the table"]
+        for row in rows.get(space.index_of(configuration), []):
+            try:
+                measured.append(_values(row, names, feasible))
+            except EvaluationError as error:
+                failures.append(str(error))
+        if not measured:
+            raise EvaluationError(failures[-1])
+        return dict(zip(names, map(fmean, zip(*measured, strict=True)), strict=True))
+
+    return evaluate
+
+
+def _values(row: dict[str, str], names: list[str], feasible: tuple[str, str] | None) -> list[float]:
+    if feasible:
+        require_feasible(feasible, row[feasible[0]])
+    values = [number(row[name]) for name in names]
+    for name, value in zip(names, values, strict=True):
+        if math.isnan(value):
+            raise EvaluationError(f"{name} is {row[name]!r} in the table, no finite number")
+    return values
+
+
+def require_feasible(feasible: tuple[str, str], answer: object) -> None:
+    """Raise InfeasibleError unless `answer` reads like the (column, text when true) of `feasible`."""
+    column, true_value = feasible
+    if str(answer).strip().lower() != true_value.lower():
+        raise InfeasibleError(f"{column} is {answer}")

@@ -1,0 +1,318 @@
+"""Ask and tell: which configurations to measure next, and what was learnt from them."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pareto.errors import (
+    ConfigurationError,
+    DamagedStateError,
+    MethodError,
+    ObjectiveError,
+    SpaceError,
+    StateError,
+)
+from pareto.fronts.objective import Objective, read_limits, read_number, read_objectives, read_values
+from pareto.search.answer import obstacle
+from pareto.search.history import History, read_index
+from pareto.search.methods import DEFAULT, METHODS, create
+from pareto.search.transfer import Prior
+from pareto.spaces.space import Configuration, Space
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+VERSION = 1  # of the saved state
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A configuration to measure, and the phase of the search that wants it: random, active or repeat."""
+
+    index: int
+    configuration: Configuration
+    phase: str
+
+
+class Explorer:
+    """Searches `space` for the configurations that no other beats.
+
+    `objectives` are names (minimised) or Objective; `limits` bound them inclusively, from above or, for
+    maximised ones, from below. On one machine, equal seeds, options and histories give equal proposals;
+    another one may round otherwise. Further `options` are the method's; `pareto.search.methods` lists both.
+
+    `prior` is what another device measured, as (configuration, values or None for a failure) pairs: it guides
+    the search as far as the measurements told here bear it out, and never counts as told. What was measured
+    on this very device is told instead.
+
+    Raises SpaceError, ObjectiveError, or MethodError for what is no method, option or seed, or a method that
+    heeds no prior.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        objectives: Iterable[str | Objective],
+        limits: Mapping[str, float] | None = None,
+        *,
+        seed: int = 0,
+        method: str = DEFAULT,
+        prior: Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]] = (),
+        **options: Any,
+    ) -> None:
+        if not isinstance(space, Space):
+            raise SpaceError(f"an explorer needs a Space, not {space!r}: Space.load reads one from a file")
+        self.space = space
+        self.objectives = read_objectives(objectives)
+        self.limits = read_limits(self.objectives, limits)
+        self.seed = _whole("seed", seed)
+        self.method = method
+        self.finished = False
+        self.history = History(space, self.objectives, self.limits)
+        # NumPy's whole numbers are as good as Python's, but JSON does not know them.
+        self._options = {k: int(v) if isinstance(v, np.integer) else v for k, v in options.items()}
+        self._method = create(method, self._options)
+        self._method.seed = self.seed % 2**64
+        self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
+        self._asks = 0
+
+    def ask(self, count: int = 1, repeats: bool = False) -> list[Configuration]:
+        """Return up to `count` configurations to measure; see `propose`."""
+        return [proposal.configuration for proposal in self.propose(count, repeats)]
+
+    def propose(self, count: int = 1, repeats: bool = False) -> list[Proposal]:
+        """Return up to `count` distinct proposals, none of them told or pending, and mark them pending.
+
+        With `repeats`, configurations of the present front are proposed again instead, those measured least
+        first: against noise. Fewer than `count` come back when the method waits for pending results, or has
+        nothing more to ask for (then `finished` is set until something new is told).
+
+        Raises MethodError when `count` is no whole number.
+        """
+        count = _whole("count", count)
+        rng = np.random.default_rng([self.seed % 2**64, self._asks])
+        self._asks += 1
+        if count <= 0:
+            return []
+        if repeats:
+            chosen = self._repeats(count)
+        else:
+            chosen = self._method.propose(self.history, count, rng)
+            self.finished = not chosen and not self.history.pending
+        for index, phase in chosen:
+            self.history.expect(index, phase)
+        return [Proposal(index, self.space.decode(index), phase) for index, phase in chosen]
+
+    def tell(
+        self,
+        configurations: Sequence[Mapping[str, Any]],
+        results: Sequence[Mapping[str, float] | None],
+        phase: str = "told",
+    ) -> None:
+        """Take measured values; None is a failed measurement, which is learnt from.
+
+        Any subset of what was asked, in any order, and configurations that were never asked, for which
+        `phase` is noted. Telling one configuration again averages its values. Either all are taken or, when
+        an error is raised (ConfigurationError, ObjectiveError), none.
+        """
+        if not (_is_list(configurations) and _is_list(results)):
+            raise ConfigurationError("tell takes two lists: tell([configuration], [values])")
+        if len(configurations) != len(results):
+            raise ObjectiveError(
+                f"{len(results)} results for {len(configurations)} configurations: tell one each, "
+                "None for what failed"
+            )
+        read = [
+            (
+                self.space.encode(configuration),
+                None if values is None else read_values(self.objectives, values),
+            )
+            for configuration, values in zip(configurations, results, strict=True)
+        ]
+        for index, values in read:
+            self.history.record(index, values, phase)
+            self.finished = False
+
+    def tell_frame(self, frame: DataFrame) -> None:
+        """Take the rows of a pandas DataFrame with a column for each parameter and objective, as `tell` does.
+
+        A missing value is a failed measurement, except in a parameter that is inactive. Further columns are
+        ignored. Raises ConfigurationError or ObjectiveError, and takes nothing then.
+        """
+        from pareto.search.frames import read_frame
+
+        rows = read_frame(frame, self.space, self.objectives)
+        self.tell([configuration for configuration, _ in rows], [values for _, values in rows])
+
+    def forget(self, configurations: Sequence[Mapping[str, Any]]) -> None:
+        """Take back pending configurations that nobody will measure; they may be proposed again.
+
+        Raises ConfigurationError, and takes none back then.
+        """
+        if not _is_list(configurations):
+            raise ConfigurationError("forget takes a list: forget([configuration])")
+        for index in [self.space.encode(configuration) for configuration in configurations]:
+            self.history.pending.pop(index, None)
+
+    def front(self) -> list[tuple[Configuration, dict[str, float]]]:
+        """Return the non-dominated configurations within limits with their values, by the first objective."""
+        names = [objective.name for objective in self.objectives]
+        indices, values = self.history.front()
+        return [
+            (self.space.decode(int(index)), dict(zip(names, map(float, row), strict=True)))
+            for index, row in zip(indices, values, strict=True)
+        ]
+
+    def front_frame(self) -> DataFrame:
+        """Return `front` as a pandas DataFrame with a column for each parameter and objective."""
+        from pareto.search.frames import write_frame
+
+        return write_frame(self.space, self.objectives, self.front())
+
+    def evaluations_frame(self) -> DataFrame:
+        """Return a row for each measurement, as `front_frame` does, NaN for the values of failed ones.
+
+        Configurations stand in the order in which they first arrived, repeats of one beside each other.
+        """
+        from pareto.search.frames import write_frame
+
+        names = [objective.name for objective in self.objectives]
+        return write_frame(
+            self.space,
+            self.objectives,
+            (
+                (self.space.decode(index), None if row is None else dict(zip(names, row, strict=True)))
+                for index, measured in self.history.told.items()
+                for row in measured
+            ),
+        )
+
+    def answer(self) -> list[tuple[Configuration, dict[str, float]]]:
+        """Return the front where there is one worth reading, otherwise raise the reason.
+
+        Raises NothingMeasuredError, AllFailedError, NothingFeasibleError or ConstantObjectiveError, all of
+        them NoAnswerError; `front` is empty or trivial then, and asking goes on as ever.
+        """
+        reason = obstacle(self.history)
+        if reason is not None:
+            raise reason
+        return self.front()
+
+    def pending(self) -> list[Configuration]:
+        """Return what was asked and not yet told, in the order asked."""
+        return [self.space.decode(index) for index in self.history.pending]
+
+    def skip_asks(self, count: int) -> None:
+        """Count `count` batches as asked for: the next ones do not draw what was drawn for those."""
+        self._asks += count
+
+    def state(self) -> dict[str, Any]:
+        """Return everything as plain JSON, from which `restore` goes on exactly as this explorer would."""
+        state = {
+            "version": VERSION,
+            "space": self.space.digest,
+            "objectives": [{"name": item.name, "maximise": item.maximise} for item in self.objectives],
+            "limits": self.limits,
+            "seed": self.seed,
+            "method": self.method,
+            "options": self._options,
+            "asks": self._asks,
+            "finished": self.finished,
+            "observations": _observations(self.history),
+            "pending": [[index, phase] for index, phase in self.history.pending.items()],
+            "memory": self._method.memory(),
+        }
+        if self.history.prior is not None:
+            state["prior"] = _observations(self.history.prior.source)
+        return state
+
+    @classmethod
+    def restore(cls, space: Space, state: Mapping[str, Any]) -> Explorer:
+        """Return the explorer that `state` was taken from.
+
+        Raises StateError when it is another version's, another space's, or damaged.
+        """
+        if not isinstance(state, Mapping):
+            raise DamagedStateError(f"the state is damaged: it is {state!r:.40} and no object")
+        if missing := [field for field in ("version", "space") if field not in state]:
+            raise DamagedStateError(f"the state is damaged: {missing[0]!r} is missing")
+        if state["version"] != VERSION:
+            raise StateError(f"state version {state['version']!r} cannot be read: this one is {VERSION}")
+        if state["space"] != space.digest:
+            raise StateError(f"this state belongs to another space than {space.name!r}")
+        try:
+            objectives = [Objective(item["name"], item["maximise"]) for item in state["objectives"]]
+            explorer = cls(
+                space,
+                objectives,
+                state["limits"],
+                seed=state["seed"],
+                method=state["method"],
+                **state["options"],
+            )
+            explorer._asks = int(state["asks"])
+            if explorer._asks < 0:
+                raise DamagedStateError(f"the state is damaged: it was asked {explorer._asks} times")
+            explorer.finished = bool(state["finished"])
+            prior = Prior(space, explorer.objectives, explorer.limits)
+            _record(prior.source, state.get("prior", []))
+            explorer._take_prior(prior)
+            _record(explorer.history, state["observations"])
+            for index, phase in state["pending"]:
+                explorer.history.expect(read_index(space, index), phase)
+            explorer._method.recall(state["memory"], space)
+        except StateError as error:
+            raise DamagedStateError(str(error)) from error
+        # A list where an object belongs has no `items`; a value that may not be told is a ValueError.
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+            raise DamagedStateError(f"the state is damaged: {error!r}") from error
+        return explorer
+
+    def _take_prior(self, prior: Prior) -> None:
+        if not prior.source.told:
+            return
+        if not self._method.uses_prior:
+            heeding = ", ".join(name for name, kind in METHODS.items() if kind.uses_prior)
+            raise MethodError(f"method {self.method!r} heeds no prior: {heeding} does")
+        self.history.prior = prior
+
+    def _repeats(self, count: int) -> list[tuple[int, str]]:
+        indices, _ = self.history.front()
+        waiting = [int(index) for index in indices if int(index) not in self.history.pending]
+        waiting.sort(key=lambda index: len(self.history.told[index]))
+        return [(index, "repeat") for index in waiting[:count]]
+
+
+def _observations(history: History) -> list[list[Any]]:
+    return [
+        [index, history.phases[index], [None if v is None else list(v) for v in values]]
+        for index, values in history.told.items()
+    ]
+
+
+def _record(history: History, observations: Iterable[Sequence[Any]]) -> None:
+    names = [objective.name for objective in history.objectives]
+    for index, phase, measurements in observations:
+        place = read_index(history.space, index)
+        for values in measurements:
+            read = None
+            if values is not None:
+                read = tuple(read_number(*pair) for pair in zip(names, values, strict=True))
+            history.record(place, read, phase)
+
+
+def _is_list(items: object) -> bool:
+    """Whether `items` has elements and is no single configuration or result itself."""
+    return isinstance(items, Collection) and not isinstance(items, (Mapping, str))
+
+
+def _whole(name: str, number: Any) -> int:
+    try:
+        return operator.index(number)
+    except TypeError:
+        raise MethodError(f"{name} = {number!r} is not a whole number") from None

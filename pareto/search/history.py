@@ -1,0 +1,94 @@
+"""What an exploration knows: what was asked, what came back, and what is still under way."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.errors import StateError
+from pareto.fronts.front import nondominated
+from pareto.fronts.objective import Objective
+from pareto.spaces.space import Indices, Space
+
+if TYPE_CHECKING:
+    from pareto.search.transfer import Prior
+
+Values = tuple[float, ...]
+
+
+class History:
+    """Measured values by index, in the order they first arrived, and the indices still pending.
+
+    A configuration may be measured more than once: its value is the mean of its successful measurements,
+    and it counts as failed only while all of them failed. `prior` is what another device measured, which is
+    known and yet not told.
+    """
+
+    def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
+        self.space = space
+        self.objectives = objectives
+        self.limits = dict(limits)
+        self.told: dict[int, list[Values | None]] = {}
+        self.phases: dict[int, str] = {}
+        self.pending: dict[int, str] = {}
+        self.prior: Prior | None = None
+
+    def expect(self, index: int, phase: str) -> None:
+        """Note that `index` is being measured."""
+        self.pending[index] = phase
+
+    def record(self, index: int, values: Values | None, phase: str = "told") -> None:
+        """Note a measurement, or a failed one; `phase` names its origin when nobody asked for it."""
+        self.phases.setdefault(index, self.pending.get(index, phase))
+        self.pending.pop(index, None)
+        self.told.setdefault(index, []).append(values)
+
+    def taken(self) -> set[int]:
+        """Return every index that is told or pending."""
+        return self.told.keys() | self.pending.keys()
+
+    def measured(self) -> tuple[Indices, NDArray[np.float64]]:
+        """Return (n,) indices and (n, objectives) mean values of what succeeded, in order of arrival."""
+        rows = [(index, [v for v in values if v is not None]) for index, values in self.told.items()]
+        rows = [(index, values) for index, values in rows if values]
+        # Nearly everything is measured once: the mean of one takes ten times as long as the rest together.
+        means = [values[0] if len(values) == 1 else np.mean(values, axis=0) for _, values in rows]
+        table = np.array(means, dtype=np.float64)
+        indices = np.array([index for index, _ in rows], dtype=np.int64)
+        return indices, table.reshape(len(rows), len(self.objectives))
+
+    def failed(self) -> Indices:
+        """Return the indices of which every measurement failed, in order of arrival."""
+        return np.array([i for i, values in self.told.items() if not any(values)], dtype=np.int64)
+
+    def within_limits(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return a mask of the rows of (n, objectives) natural values that keep all limits."""
+        mask = np.ones(len(values), dtype=bool)
+        for column, objective in enumerate(self.objectives):
+            if objective.name in self.limits:
+                limit = self.limits[objective.name]
+                mask &= values[:, column] * objective.sign <= limit * objective.sign
+        return mask
+
+    def front(self) -> tuple[Indices, NDArray[np.float64]]:
+        """Return indices and values of the non-dominated points within limits, by the first objective."""
+        indices, values = self.measured()
+        keep = self.within_limits(values)
+        indices, values = indices[keep], values[keep]
+        keep = nondominated(values, [objective.maximise for objective in self.objectives])
+        indices, values = indices[keep], values[keep]
+        signs = [objective.sign for objective in self.objectives]
+        order = np.lexsort((values * signs).T[::-1])
+        return indices[order], values[order]
+
+
+def read_index(space: Space, number: Any) -> int:
+    """Return the index that a saved state names. Raises TypeError for no whole number, StateError outside."""
+    index = operator.index(number)
+    if not 0 <= index < len(space):
+        raise StateError(f"the state is damaged: index {index} is outside 0 .. {len(space) - 1}")
+    return index

@@ -1,0 +1,40 @@
+"""The search methods, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pareto.errors import MethodError
+from pareto.search.methods.algorithm1 import Algorithm1
+from pareto.search.methods.method import Method
+from pareto.search.methods.random import Random
+from pareto.search.methods.two_stage import TwoStage
+
+METHODS: dict[str, type[Method]] = {
+    "two-stage": TwoStage,
+    "algorithm1": Algorithm1,
+    "random": Random,
+}
+DEFAULT = "two-stage"
+LARGEST_OPTION = 1_000_000  # more than anyone measures, and no more than fits into memory
+
+__all__ = ["DEFAULT", "METHODS", "Method", "create"]
+
+
+def create(name: str, options: Mapping[str, Any]) -> Method:
+    """Return a fresh method. Raises MethodError for an unknown name, an unknown option or a bad value."""
+    if not isinstance(name, str) or name not in METHODS:
+        raise MethodError(f"no method {name!r}: there are {', '.join(METHODS)}")
+    kind = METHODS[name]
+    known = kind.defaults()
+    for option, value in options.items():
+        if option not in known:
+            raise MethodError(
+                f"method {name!r} has no option {option!r}: it has {', '.join(known) or 'none'}"
+            )
+        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= LARGEST_OPTION:
+            raise MethodError(
+                f"option {option!r} must be a whole number from 1 to {LARGEST_OPTION:,}, not {value!r}"
+            )
+    return kind(**options)

@@ -1,0 +1,46 @@
+"""What every search method does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pareto.search.history import History
+from pareto.spaces.space import Space
+
+RANDOM, ACTIVE = "random", "active"
+
+
+class Method:
+    """Proposes what to measure next from what is known.
+
+    A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps
+    nothing between proposals but its `memory`. `uses_prior` tells whether it heeds what another device
+    measured.
+    """
+
+    uses_prior: ClassVar[bool] = False
+    seed = 0  # the explorer's, for what must not depend on how often it was asked; no option
+
+    def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
+        """Return up to `count` (index, phase) pairs, distinct and not taken; fewer to wait or to end."""
+        raise NotImplementedError
+
+    def memory(self) -> dict[str, Any]:
+        """Return what must survive a restart beyond the history, as plain JSON."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Any], space: Space) -> None:
+        """Take back what `memory` returned.
+
+        Raises StateError, or what reading plain JSON of another shape raises, when it is damaged.
+        """
+
+    @classmethod
+    def defaults(cls) -> dict[str, int | None]:
+        """Return the options and their default values, None where the method decides."""
+        options = fields(cls)  # type: ignore[arg-type]
+        return {item.name: item.default for item in options if item.init and item.default is not MISSING}

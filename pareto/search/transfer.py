@@ -1,0 +1,203 @@
+"""What another device measured, as knowledge to start from: which of its points to try, and what to expect.
+
+Devices rarely agree in their values and often in their order, so only a straight line is assumed between the
+(log) values of the two, objective by objective. Its slope is learnt from what is measured here, and counts
+only where chance is no likely reason for it: a source that says nothing gets a slope of zero and is ignored,
+one that is reversed a negative slope. The models of the search then learn what the line leaves over.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.errors import ObjectiveError
+from pareto.fronts.front import nondominated
+from pareto.fronts.objective import Objective, read_values
+from pareto.search.history import History
+from pareto.search.screening import LARGEST_GRID
+from pareto.search.targets import Targets
+from pareto.spaces.space import Indices, Space
+from pareto.surrogates.forest import Forest
+from pareto.surrogates.line import Line, fitted_line
+
+Array = NDArray[np.float64]
+
+TREES = 100
+REACH = 4  # how far down its list the most unlike one is looked for
+ENOUGH = 8  # measurements on this device, before which a source is trusted unseen
+LIKELY = math.sqrt(2)  # standard errors: a trial costs one measurement, while a line bends every model
+
+
+class Prior:
+    """Measurements of the same space by another device, the source; none of them counts as measured here."""
+
+    def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
+        """Start empty. `limits` are this device's: they tell what is promising and rule nothing out."""
+        self.source = History(space, objectives, limits={})
+        self._limits = dict(limits)
+
+    @classmethod
+    def read(
+        cls,
+        space: Space,
+        objectives: tuple[Objective, ...],
+        limits: Mapping[str, float],
+        pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]],
+    ) -> Prior:
+        """Take (configuration, values or None for a failure) pairs; those of one configuration average.
+
+        Raises ConfigurationError or ObjectiveError for what `Explorer.tell` would refuse.
+        """
+        prior = cls(space, objectives, limits)
+        for pair in pairs:
+            try:
+                configuration, values = pair
+            except (TypeError, ValueError):
+                raise ObjectiveError(
+                    f"a prior is (configuration, values or None for a failure) pairs, {pair!r} is none"
+                ) from None
+            read = None if values is None else read_values(objectives, values)
+            prior.source.record(space.encode(configuration), read)
+        return prior
+
+    def __bool__(self) -> bool:
+        """Whether the source measured anything that did not fail."""
+        return len(self.source.measured()[0]) > 0
+
+    def ranked(self, count: int) -> Indices:
+        """Return the source's best `count` configurations, the most promising first.
+
+        Those that keep more of the limits on the source come first, since a limit in its values may be out of
+        its reach; then front after front, what is left when the one before is taken away; and within a front
+        each next one is the farthest, in log values, from those before it.
+        """
+        indices, values = self.source.measured()
+        if len(indices) == 0:
+            return indices
+        scaled = Targets.of(self.source).values
+        broken = np.zeros(len(indices), dtype=np.int64)
+        for column, objective in enumerate(self.source.objectives):
+            limit = self._limits.get(objective.name, np.inf * objective.sign)
+            broken += values[:, column] * objective.sign > limit * objective.sign
+        chosen: list[int] = []
+        for number in np.unique(broken):
+            left = np.flatnonzero(broken == number)
+            while len(left) and len(chosen) < count:
+                front = nondominated(scaled[left])
+                chosen += left[front][_farthest_first(scaled[left[front]], count - len(chosen))].tolist()
+                left = left[~front]
+        return indices[chosen]
+
+    def promising(self, count: int, exclude: Collection[int] = ()) -> Indices:
+        """Return up to `count` configurations to try first, none in `exclude`, the most promising first.
+
+        The best of a device are often near relatives, which do well or badly together on another: the k-th to
+        try is, among the best REACH * k, the one that is most unlike those before it.
+        """
+        wanted = max(count, 0) + len(exclude)
+        ranked = self.ranked(REACH * wanted)
+        features = self.source.space.features(ranked)
+        distance = np.full(len(ranked), np.inf)
+        chosen: list[int] = []
+        for number in range(min(wanted, len(ranked))):
+            place = int(np.argmax(distance[: REACH * number + 1]))
+            chosen.append(int(ranked[place]))
+            distance = np.minimum(distance, np.abs(features - features[place]).sum(axis=1))
+            distance[place] = -1.0
+        free = [index for index in chosen if index not in set(exclude)]
+        return np.array(free[: max(count, 0)], dtype=np.int64)
+
+    def expected(self, indices: Indices) -> Array:
+        """Return (n, objectives) of what the source measured or its model predicts there.
+
+        In the units of `Targets.values`: minimised, logarithms where all values are positive.
+        """
+        if len(self.source.space) > LARGEST_GRID:
+            codes = self.source.space.codes(indices)
+            return np.stack([forest.predict(codes) for forest in self._forests], axis=1)
+        return self._grid[indices]
+
+    @cached_property
+    def _grid(self) -> Array:
+        return np.stack([forest.predict_grid() for forest in self._forests], axis=1)
+
+    @cached_property
+    def _forests(self) -> list[Forest]:
+        # Extra trees are grown on all rows to purity: they return a measured value as it was measured.
+        targets = Targets.of(self.source)
+        space = self.source.space
+        codes = space.codes(targets.indices)
+        return [Forest.grow(codes, column, space.shape, seed=0, trees=TREES) for column in targets.values.T]
+
+
+class Trend:
+    """What a prior lets expect here, as far as the measurements here bear it out; zero without a prior.
+
+    `slope` holds, for each objective, that of this device's values over the source's.
+    """
+
+    def __init__(self, prior: Prior | None, slope: Array, offset: Array) -> None:
+        self._prior = prior
+        self.slope = slope
+        self._offset = offset
+
+    @classmethod
+    def of(cls, history: History, targets: Targets) -> Trend:
+        """Fit a line for each objective to what was measured here."""
+        if not history.prior:
+            nothing = np.zeros(targets.values.shape[1])
+            return cls(None, nothing, nothing)
+        lines = _lines(history.prior, targets)
+        slope = np.array([line.slope for line in lines])
+        offset = np.array([line.offset for line in lines])
+        return cls(history.prior if slope.any() else None, slope, offset)
+
+    def __call__(self, indices: Indices) -> Array:
+        """Return (n, objectives) targets; zero where nothing is borne out."""
+        if self._prior is None:
+            return np.zeros((len(indices), len(self.slope)))
+        line = self._offset + self.slope * self._prior.expected(indices)
+        return np.where(self.slope == 0, 0.0, line)
+
+    def rest(self, targets: Targets) -> Array:
+        """Return (n, objectives) what is left to learn of the winsorised targets.
+
+        The line is pulled in as they are, so that a point which is bad on both devices leaves nothing over.
+        """
+        ours = targets.winsorised()
+        line = np.minimum(self(targets.indices), ours.max(axis=0))
+        return ours - np.where(self.slope == 0, 0.0, line)
+
+
+def trusted(history: History) -> bool:
+    """Return whether the source's points are worth trying: at first, and while all slopes seem to rise."""
+    if not history.prior:
+        return False
+    indices, _ = history.measured()
+    if len(indices) < ENOUGH:
+        return True
+    return all(line.t > LIKELY for line in _lines(history.prior, Targets.of(history)))
+
+
+def _lines(prior: Prior, targets: Targets) -> list[Line]:
+    """Return for each objective the line from what the source lets expect to what was measured here."""
+    expected = prior.expected(targets.indices)
+    return [fitted_line(theirs, ours) for theirs, ours in zip(expected.T, targets.values.T, strict=True)]
+
+
+def _farthest_first(points: Array, count: int) -> NDArray[np.int64]:
+    """Return positions of up to `count` rows: the best compromise, then each time the farthest from all."""
+    scaled = (points - points.min(axis=0)) / np.maximum(np.ptp(points, axis=0), 1e-12)
+    order = [int(np.argmin(scaled.sum(axis=1)))]
+    distance = np.full(len(points), np.inf)
+    while len(order) < min(count, len(points)):
+        distance = np.minimum(distance, np.abs(scaled - scaled[order[-1]]).max(axis=1))
+        distance[order] = -1.0
+        order.append(int(np.argmax(distance)))
+    return np.array(order)

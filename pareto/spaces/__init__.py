@@ -1,0 +1,1 @@
+"""Design spaces: parameters, constraints, conditions, and the files that describe them."""

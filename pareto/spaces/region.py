@@ -1,0 +1,204 @@
+"""The part of a space that its constraints allow: its size, and its points by number, without enumerating it.
+
+Parameters that no constraint links are independent, so the allowed part is a product of smaller sets. Each
+set is tabulated: starting from one a parameter, those that a constraint links are joined and what breaks it
+is dropped, as long as no join is too large. What is left is a product again, whose members are counted and
+drawn exactly however tight the constraints are. A constraint that links too much to be tabulated stays open:
+draws from the product are tested against it. Conditions are tabulated like constraints. Where they link too
+much, values are drawn for inactive parameters, too, and the point is then folded to the one that stands for
+it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.spaces.constraint import Clause, Codes
+
+if TYPE_CHECKING:
+    from pareto.spaces.space import Indices, Space
+
+LARGEST_JOIN = 2**22  # rows: 32 MiB of indices, and well below a second
+CHUNK = 2**16  # points evaluated at once, whose columns the cache holds
+DRAWS = 2**20  # for an estimate
+HITS = 10_000  # after which an estimate is good to about 1 %
+FIXED = 1000.0  # what a step of a parameter costs that should stay as it is
+
+
+@dataclass(frozen=True)
+class Count:
+    """A number of points, and the standard error of it where it is an estimate."""
+
+    points: int
+    error: int = 0
+
+    @property
+    def exact(self) -> bool:
+        """Whether the points were counted rather than estimated."""
+        return self.error == 0
+
+    def __str__(self) -> str:
+        return f"{self.points:,}" if self.exact else f"about {self.points:,} (+- {self.error:,})"
+
+
+class Region:
+    """The points of `space` that keep its constraints, as a product of factors and what must be tested.
+
+    A point's index is the sum of one offset from each of the `factors`; `open` are the clauses that remain.
+    In a `folded` region the factors also hold values of inactive parameters: several members of the product
+    are then one point. A region is folded where conditions cannot be tabulated, or where that is asked for.
+    """
+
+    def __init__(self, space: Space, folded: bool = False) -> None:
+        self.space = space
+        self.folded = folded
+        if not folded:
+            self.factors, self.open = _smallest(space, space.clauses)
+            conditions = {id(clause) for clause in space.condition_clauses}
+            self.folded = any(id(clause) in conditions for clause in self.open)
+        if self.folded:
+            self.factors, self.open = _smallest(space, space.constraint_clauses)
+
+    @cached_property
+    def sizes(self) -> tuple[int, ...]:
+        """How many members each factor has."""
+        return tuple(len(factor) for factor in self.factors)
+
+    @cached_property
+    def size(self) -> int:
+        """How many members the product has: all allowed points, and those that break open clauses only.
+
+        A folded region has more members than points.
+        """
+        return math.prod(self.sizes)
+
+    def join(self, rows: NDArray[np.integer]) -> Indices:
+        """Return the indices of (n, factors) positions in the factors."""
+        indices = np.zeros(len(rows), dtype=np.int64)
+        for factor, column in zip(self.factors, rows.T, strict=True):
+            indices += factor[column]
+        return self.space.fold(indices) if self.folded else indices
+
+    def at(self, ranks: Indices) -> Indices:
+        """Return the indices of the product's members number `ranks`: distinct ones unless it is folded."""
+        if not self.space.clauses:
+            return ranks
+        return self.join(np.stack(np.unravel_index(ranks, self.sizes), axis=-1))
+
+    def keeps(self, indices: Indices) -> NDArray[np.bool_]:
+        """Return which points of the product keep the open clauses too."""
+        return evaluate(self.space, self.open, indices)
+
+    @cached_property
+    def count(self) -> Count:
+        """The number of allowed points: exact where all is tabulated, else estimated by drawing."""
+        if not self.size or not (self.open or self.folded):
+            return Count(self.size)
+        drawn = hits = 0
+        total = squares = 0.0
+        for kept in self._drawn():
+            drawn, hits = drawn + CHUNK, hits + len(kept)
+            # A point that m members are folded to is drawn m times as often as another one.
+            shares = 1 / self.space.multiplicity(kept) if self.folded else np.ones(len(kept))
+            total, squares = total + shares.sum(), squares + (shares**2).sum()
+            if hits >= HITS and not self.folded:
+                break
+        share = total / drawn
+        error = math.sqrt(max(squares / drawn - share**2, 1 / drawn) / drawn)
+        return Count(round(self.size * share), math.ceil(self.size * error))
+
+    def nearest(self, index: int, movable: Collection[str]) -> int | None:
+        """Return an allowed point near `index`, or None where none is found.
+
+        Nearest in the sum over parameters of the steps between values as a share of their range, where
+        parameters that are not `movable` weigh far more; among some drawn points only where a clause is open.
+        """
+        space = self.space
+        ranges = np.maximum(np.array(space.shape) - 1, 1)
+        weights = np.array([1.0 if name in movable else FIXED for name in space.names]) / ranges
+        [codes] = space.codes([index])
+
+        def closest(indices: Indices) -> int:
+            # Parameters outside a factor have code 0 in all of its offsets: a constant that changes no order.
+            return int(np.argmin((np.abs(space.codes(indices) - codes) * weights).sum(axis=1)))
+
+        if not self.size:
+            return None
+        found = self.join(np.array([[closest(factor) for factor in self.factors]]))
+        if not self.keeps(found).all():
+            found = max(self._drawn(), key=len)
+        return int(found[closest(found)]) if len(found) else None
+
+    def _drawn(self) -> Iterator[Indices]:
+        """Draw CHUNK points of the product at a time, DRAWS in all, and yield those that are allowed."""
+        rng = np.random.default_rng(0)
+        for _ in range(0, DRAWS, CHUNK):
+            indices = self.at(rng.integers(0, self.size, size=CHUNK))
+            yield indices[self.keeps(indices)]
+
+
+def evaluate(space: Space, clauses: Sequence[Clause], indices: Indices) -> NDArray[np.bool_]:
+    """Return which `indices` keep all `clauses`, a chunk at a time."""
+    mask = np.ones(len(indices), dtype=bool)
+    names = {name for clause in clauses for name in clause.names}
+    axes = [(name, axis) for axis, name in enumerate(space.names) if name in names]
+    for start in range(0, len(indices) if clauses else 0, CHUNK):
+        chunk = indices[start : start + CHUNK]
+        codes: Codes = {name: chunk // space.strides[axis] % space.shape[axis] for name, axis in axes}
+        for clause in clauses:
+            mask[start : start + CHUNK] &= clause.holds(codes)
+    return mask
+
+
+def _smallest(space: Space, clauses: Sequence[Clause]) -> tuple[list[Indices], list[Clause]]:
+    """Return factors and open clauses, of the two orders of joining those with fewer open clauses."""
+    factors, still_open = _tabulated(space, clauses, largest_first=False)
+    if still_open:
+        # A large join that drops nearly everything may be what makes the others small.
+        others, left = _tabulated(space, clauses, largest_first=True)
+        if len(left) < len(still_open):
+            return others, left
+    return factors, still_open
+
+
+def _tabulated(
+    space: Space, clauses: Sequence[Clause], largest_first: bool
+) -> tuple[list[Indices], list[Clause]]:
+    """Return the factors, joined as far as LARGEST_JOIN allows, and the clauses that remain open."""
+    factors = [
+        np.arange(size, dtype=np.int64) * stride
+        for size, stride in zip(space.shape, space.strides, strict=True)
+    ]
+    members = [{name} for name in space.names]
+    left = list(clauses)
+    while True:
+        joins = []
+        for clause in left:
+            linked = [i for i, names in enumerate(members) if names & set(clause.names)]
+            size = math.prod(len(factors[i]) for i in linked)
+            if size <= LARGEST_JOIN:
+                # What lies within one factor makes it smaller at no cost.
+                joins.append((len(linked) > 1, -size if largest_first else size, clause, linked))
+        if not joins:
+            return factors, left
+        _, _, clause, linked = min(joins, key=lambda join: join[:2])
+        left.remove(clause)
+        joined = np.sort(_sums([factors[i] for i in linked]))
+        factors[linked[0]] = joined[evaluate(space, [clause], joined)]
+        for i in reversed(linked[1:]):
+            members[linked[0]] |= members.pop(i)
+            del factors[i]
+
+
+def _sums(factors: Sequence[Indices]) -> Indices:
+    sums = np.zeros(1, dtype=np.int64)
+    for factor in factors:
+        sums = (sums[:, None] + factor).ravel()
+    return sums

@@ -1,0 +1,398 @@
+"""What costs engineers a night: programs that fail, searches that stop, states that are lost."""
+
+import json
+import os
+import signal
+import sys
+import urllib.error
+import urllib.request
+from http.client import HTTPConnection
+
+import pytest
+
+from pareto.cli.commands import main
+from pareto.cli.live_page import LivePage, served
+from pareto.errors import DamagedStateError, ScenarioError, StateError
+from pareto.measuring.folder import Folder
+from pareto.search.explorer import Explorer
+from pareto.spaces.space import Space
+from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
+from tests.pareto.measuring.test_folder import order, start
+
+
+def script(toy, text):
+    """A command that runs a shell script with the parameters as arguments."""
+    (toy / "program.sh").write_text(text)
+    return ["--command", f"sh {toy}/program.sh {{x}} {{mode}}"]
+
+
+WORKS = """echo '{"error": '$1', "seconds": 2}'"""
+
+
+def test_the_same_failure_at_the_start_ends_the_search_with_the_reason(toy, capsys):
+    source = script(toy, "echo no GPU at 0x7f$1$1, retry $1 >&2; exit 3")
+    assert explore(toy, "--budget", "30", source=source) == 1
+    assert len(rows(toy / "out" / "evaluations.csv")) == 10
+    errors = capsys.readouterr().err
+    assert "stopped: the first 10 measurements failed in the same way: exit code 3: no GPU" in errors
+    assert "--give-up N" in errors
+    assert explore(toy, "--budget", "8", "--give-up", "4", source=source, out="4") == 1
+    assert len(rows(toy / "4" / "evaluations.csv")) == 4
+
+
+def test_failures_that_differ_or_come_later_do_not_end_the_search(toy, capsys):
+    assert explore(toy, "--budget", "15", "--give-up", "0", source=script(toy, "exit 3")) == 1
+    assert "all 15 configurations failed" in capsys.readouterr().err
+    later = f"if [ -e {toy}/once ]; then exit 3; fi; touch {toy}/once; {WORKS}"
+    assert explore(toy, "--budget", "15", source=script(toy, later), out="later") == 0
+    assert len(rows(toy / "later" / "evaluations.csv")) == 15
+    differing = """for i in $(seq $1); do printf a; done >&2; echo $2 >&2; exit 3"""
+    assert explore(toy, "--budget", "15", source=script(toy, differing), out="differing") == 1
+    assert len(rows(toy / "differing" / "evaluations.csv")) == 15
+
+
+def test_a_program_that_says_a_configuration_does_not_count_has_not_failed(toy):
+    scenario = {
+        "optimization_objectives": ["error", "seconds"],
+        "feasible_output": {"name": "ok", "true_value": "yes"},
+        "input_parameters": {
+            "x": {"parameter_type": "integer", "values": [1, 20]},
+            "mode": {"parameter_type": "categorical", "values": ["a", "c"]},
+        },
+    }
+    (toy / "space.json").write_text(json.dumps(scenario))
+    source = script(toy, """echo '{"ok": "no"}'""")
+    assert explore(toy, "--budget", "15", source=source) == 1
+    assert len(rows(toy / "out" / "evaluations.csv")) == 15
+
+
+def test_a_search_goes_on_after_equal_failures_in_an_earlier_call(toy):
+    source = script(toy, f"if [ -e {toy}/mended ]; then {WORKS}; else exit 3; fi")
+    assert explore(toy, "--budget", "15", source=source) == 1
+    (toy / "mended").touch()
+    assert explore(toy, "--budget", "15", source=source) == 0
+    assert len(rows(toy / "out" / "evaluations.csv")) == 15
+
+
+@pytest.mark.parametrize("objectives", ["error,seconds", "seconds"])
+def test_an_objective_that_never_changes_is_told_and_the_search_goes_on(toy, capsys, objectives):
+    assert explore(toy, "--budget", "14", "--objectives", objectives, source=script(toy, WORKS)) == 0
+    errors = capsys.readouterr().err
+    warning = "warning: seconds was 2 in all 10 configurations measured so far"
+    assert errors.count(warning) == 1
+    assert "error was" not in errors
+    assert len(rows(toy / "out" / "evaluations.csv")) == 14
+    assert explore(toy, "--budget", "14", out="table") == 0
+    assert "warning" not in capsys.readouterr().err
+
+
+def test_a_command_without_placeholders_is_warned_of(toy, capsys):
+    explore(toy, "--budget", "2", source=["--command", f"sh -c '{WORKS.replace(chr(39), '')}'"])
+    assert "--command has no placeholder such as {config}" in capsys.readouterr().err
+    explore(toy, "--budget", "2", source=script(toy, WORKS), out="with")
+    assert "placeholder" not in capsys.readouterr().err
+
+
+def test_defaults_that_nobody_gave_are_told(toy, capsys):
+    explore(toy, "--budget", "2")
+    assert "pareto: no default given, so chosen: x = 1, mode = 'a,b'\n" in capsys.readouterr().err
+    given = json.loads(json.dumps(SPACE))
+    given["parameters"][0]["default"] = 5
+    (toy / "space.json").write_text(json.dumps(given))
+    explore(toy, "--budget", "2", out="given")
+    assert "so chosen: mode = 'a,b'\n" in capsys.readouterr().err
+    main(["space", str(toy / "space.json")])
+    assert [line.split("  (")[1] for line in capsys.readouterr().out.splitlines()[1:3]] == [
+        "default 5)",
+        "default a,b, chosen)",
+    ]
+
+
+def test_jobs_run_at_the_same_time_and_each_has_a_resource_of_its_own(toy):
+    # Each program waits for its partner: one alone would wait until its time is over.
+    meeting = f"""
+        mkdir {toy}/$SLOT || exit 4
+        for i in $(seq 500); do
+            if [ -d {toy}/p ] && [ -d {toy}/q ]; then touch {toy}/$SLOT.met; fi
+            if [ -e {toy}/p.met ] && [ -e {toy}/q.met ]; then break; fi
+            sleep 0.02
+        done
+        echo '{{"error": '$1', "seconds": 2, "slot": "'$3'"}}'
+        [ "$3" = "$SLOT" ] && [ $i -lt 500 ]
+    """
+    (toy / "program.sh").write_text(meeting)
+    source = ["--command", f"sh {toy}/program.sh {{x}} {{mode}} {{SLOT}}"]
+    assert explore(toy, "--budget", "2", "--resource", "SLOT=p,q", source=source) == 0
+    assert [row["failure"] for row in rows(toy / "out" / "evaluations.csv")] == ["", ""]
+
+
+def test_no_two_programs_hold_one_resource(toy):
+    lock = f"mkdir {toy}/lock$3 || exit 9; sleep 0.02; rmdir {toy}/lock$3; {WORKS}"
+    (toy / "program.sh").write_text(lock)
+    source = ["--command", f"sh {toy}/program.sh {{x}} {{mode}} {{CORE}}"]
+    options = ["--budget", "30", "--batch", "7", "--jobs", "3", "--resource", "CORE=0,1,2"]
+    assert explore(toy, *options, "--resource", "GPU=a,a,b", source=source) == 0
+    measured = rows(toy / "out" / "evaluations.csv")
+    assert [row["number"] for row in measured] == [str(number) for number in range(1, 31)]
+    assert {row["failure"] for row in measured} == {""}
+    assert len({(row["x"], row["mode"]) for row in measured}) == 30
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--jobs", "3", "--resource", "GPU=0,1"], "--jobs 3 needs 3 items of --resource GPU, which has 2"),
+        (["--resource", "x=0,1"], "--resource x has the name of a parameter"),
+        (["--resource", "config=0,1"], "--resource config has the name"),
+        (["--resource", "GPU"], "write NAME=A,B"),
+        (["--resource", "G P=1"], "write NAME=A,B"),
+        (["--resource", "G=1", "--resource", "G=2"], "given twice"),
+        (["--jobs", "0"], "'0' is not a whole number of 1 or more"),
+        (["--give-up", "-1"], "whole number of 0 or more"),
+        (["--serve", "70000"], "'70000' is not a port"),
+        (["--serve"], "--no-picture"),
+    ],
+)
+def test_options_that_cannot_be_kept_are_refused(toy, capsys, options, message):
+    assert explore(toy, "--budget", "3", *options, source=script(toy, WORKS)) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "option", [["--jobs", "2"], ["--repeats", "2"], ["--give-up", "3"], ["--resource", "A=1"]]
+)
+def test_options_of_programs_are_refused_for_a_table(toy, capsys, option):
+    assert explore(toy, "--budget", "3", *option) == 2
+    assert f"{option[0]} is for --command" in capsys.readouterr().err
+
+
+def test_repeats_are_kept_as_rows_and_averaged(toy):
+    noisy = f"""echo $1 >> {toy}/log; echo '{{"error": '$(wc -l < {toy}/log)', "seconds": '$1'}}'"""
+    options = ["--budget", "15", "--batch", "4", "--repeats", "3"]
+    assert explore(toy, *options, source=script(toy, noisy)) == 0
+    measured = rows(toy / "out" / "evaluations.csv")
+    points = [(row["x"], row["mode"]) for row in measured]
+    # Round after round, so that what drifts in time touches all of a batch alike.
+    assert points[:4] == points[4:8] == points[8:12]
+    assert len(set(points)) == 5
+    explorer = Folder(toy / "out").read(Space.from_dict(SPACE))
+    index = explorer.space.encode({"x": int(points[0][0]), "mode": points[0][1]})
+    told = [float(row["error"]) for row in measured if (row["x"], row["mode"]) == points[0]]
+    assert told == [1.0, 5.0, 9.0]
+    indices, values = explorer.history.measured()
+    assert values[list(indices).index(index)][0] == 5.0
+
+
+def test_a_failure_is_not_repeated(toy):
+    odd = f"if [ $(($1 % 2)) = 1 ]; then exit 3; fi; {WORKS}"
+    assert explore(toy, "--budget", "24", "--batch", "6", "--repeats", "2", source=script(toy, odd)) == 0
+    counts = {}
+    for row in rows(toy / "out" / "evaluations.csv"):
+        counts.setdefault(int(row["x"]) % 2, []).append((row["x"], row["mode"]))
+    assert len(counts[1]) == len(set(counts[1])) > 0
+    assert len(counts[0]) > len(set(counts[0]))
+
+
+def test_repeats_that_were_cut_off_are_completed_in_the_same_order(toy, monkeypatch):
+    options = ["--budget", "24", "--batch", "4", "--repeats", "3"]
+    source = script(toy, WORKS)
+    assert explore(toy, *options, source=source, out="whole") == 0
+    for cut in (2, 6, 11, 12):
+        out = f"cut-{cut}"
+        interrupt_after(monkeypatch, cut)
+        assert explore(toy, *options, source=source, out=out) == 130
+        monkeypatch.undo()
+        assert explore(toy, *options, source=source, out=out) == 0
+        assert order(toy / out) == order(toy / "whole")
+
+
+def test_kill_9_with_several_jobs_costs_no_row_and_measures_nothing_twice(toy):
+    source = script(toy, WORKS)
+    evaluations = toy / "out" / "evaluations.csv"
+    before = b""
+    for at_least in (3, 9, 17):
+        with start(toy, "--budget", "40", "--batch", "6", "--jobs", "3", source=source) as running:
+            while running.poll() is None and not (
+                evaluations.exists() and evaluations.read_bytes().count(b"\n") > at_least
+            ):
+                os.sched_yield()
+            running.kill()
+        kept = evaluations.read_bytes()
+        assert kept.startswith(before)
+        before = kept[: kept.rfind(b"\n") + 1]
+    assert explore(toy, "--budget", "40", "--batch", "6", "--jobs", "3", source=source) == 0
+    measured = rows(evaluations)
+    assert evaluations.read_bytes().startswith(before)
+    assert len({(row["x"], row["mode"]) for row in measured}) == len(measured) == 40
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
+    # The first three measurements answer; all later ones hang and hold a pipe open for as long as they live.
+    hangs = f"""
+        exec 3>{toy}/pipe
+        if ! mkdir {toy}/1 2>&- && ! mkdir {toy}/2 2>&- && ! mkdir {toy}/3 2>&-; then
+            echo hangs >&3; while :; do sleep 100; done
+        fi
+        {WORKS}
+    """
+    os.mkfifo(toy / "pipe")
+    reader = os.open(toy / "pipe", os.O_RDWR)
+    running = start(toy, "--budget", "40", "--jobs", "2", source=script(toy, hangs))
+    with running:
+        heard = b""
+        while heard.count(b"hangs") < 2:
+            heard += os.read(reader, 12)
+        only_reading = os.open(toy / "pipe", os.O_RDONLY)
+        os.close(reader)
+        running.send_signal(number)
+        _, errors = running.communicate()
+    assert running.returncode == 130
+    assert "interrupted after 3 of 40 measurements, all of them saved in" in errors
+    assert os.read(only_reading, 1) == b""  # both programs are gone
+    os.close(only_reading)
+    resumed = Folder(toy / "out").resume(Space.from_dict(SPACE))
+    assert len(resumed.history.told) == 3
+    assert len(resumed.pending()) == 17
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", '{"version": 1}', None, "[" * 100_000, "observations"])
+def test_a_lost_state_is_rebuilt_from_the_measurements(toy, capsys, damage):
+    explore(toy, "--budget", "12", "--batch", "4")
+    state, out = toy / "out" / "state.json", toy / "out"
+    before = order(out)
+    if damage is None:
+        state.unlink()
+    elif damage == "observations":
+        state.write_text(
+            json.dumps(json.loads(state.read_text()) | {"observations": [[99999, "random", []]]})
+        )
+    else:
+        state.write_text(damage)
+    capsys.readouterr()
+    with pytest.raises(DamagedStateError, match="the explore command that measured here rebuilds it"):
+        Folder(out).read(Space.from_dict(SPACE))
+    assert explore(toy, "--budget", "20", "--batch", "4") == 0
+    assert "it was rebuilt from the 12 rows of evaluations.csv" in capsys.readouterr().err
+    assert order(out)[:12] == before
+    measured = rows(out / "evaluations.csv")
+    assert len({(row["x"], row["mode"]) for row in measured}) == len(measured) == 20
+    assert (out / "state.damaged.json").exists() == (damage is not None)
+    assert explore(toy, "--budget", "21") == 0
+    assert "rebuilt" not in capsys.readouterr().err
+
+
+def test_a_state_is_rebuilt_with_its_failures_and_a_half_written_row_is_cut(toy):
+    explore(toy, "--budget", "20", "--seed", "1")
+    state, evaluations = toy / "out" / "state.json", toy / "out" / "evaluations.csv"
+    before = Folder(toy / "out").read(Space.from_dict(SPACE))
+    state.unlink()
+    with evaluations.open("a") as file:
+        file.write("21,random,1")
+    fresh = Explorer(Space.from_dict(SPACE), ["error", "seconds"], method="random", seed=1)
+    folder = Folder(toy / "out")
+    rebuilt = folder.rebuild(fresh, "lost")
+    assert rebuilt.history.told == before.history.told
+    assert rebuilt.history.phases == before.history.phases
+    assert rebuilt.front() == before.front()
+    assert evaluations.read_bytes().endswith(b"\n")
+    assert folder.read(Space.from_dict(SPACE)).history.told == before.history.told
+
+
+def test_a_state_is_not_rebuilt_from_other_columns(toy, capsys):
+    explore(toy, "--budget", "5")
+    (toy / "out" / "state.json").write_text("{")
+    assert explore(toy, "--budget", "9", "--objectives", "seconds,error") == 2
+    assert "give the space and objectives that were measured here" in capsys.readouterr().err
+    assert (toy / "out" / "state.json").read_text() == "{"
+    with pytest.raises(StateError, match="columns"):
+        Folder(toy / "out").rebuild(Explorer(Space.from_dict(SPACE), ["error"]), "lost")
+
+
+def test_the_page_is_drawn_again_when_it_is_due_and_never_in_parts(toy, monkeypatch):
+    now = 0.0
+    explorer = Explorer(Space.from_dict(SPACE), ["error", "seconds"], method="random")
+    drawn = []
+
+    def save(explorer, path, units):
+        nonlocal now
+        assert path.name == "front.html.new"
+        path.write_text(str(len(drawn)))
+        drawn.append(now)
+        now += 4.0
+
+    monkeypatch.setattr("pareto.plot.save", save)
+    page = LivePage(explorer, toy, {}, clock=lambda: now)
+    page.refresh()
+    assert not drawn
+    for later in (29.0, 31.0, 60.0, 110.0, 116.0):
+        now = later
+        page.refresh()
+    assert drawn == [31.0, 116.0]  # drawing took 4 s: it takes at most a twentieth of the time
+    assert (toy / "front.html").read_text() == "1"
+
+
+def test_the_page_is_drawn_before_each_batch(toy, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(LivePage, "refresh", lambda _self: drawn.append("refresh"))
+    monkeypatch.setattr(LivePage, "draw", lambda _self: drawn.append("draw"))
+    command = ["explore", "--space", str(toy / "space.json"), "--table", str(toy / "table.csv")]
+    command += ["--objectives", "error,seconds", "--method", "random", "--batch", "4", "--budget", "12"]
+    assert main([*command, "--out", str(toy / "out")]) == 0
+    assert drawn == ["refresh"] * 3 + ["draw"]
+
+
+def test_only_the_page_and_its_tables_are_served_and_only_to_this_machine(toy):
+    (toy / "front.html").write_text("<p>page</p>")
+    (toy / "front.csv").write_text("a\n1\n")
+    with served(toy, 0) as address:
+        assert address.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(address) as answer:
+            assert answer.read() == b"<p>page</p>"
+            assert answer.headers["Refresh"]
+            assert answer.headers["Cache-Control"] == "no-store"
+        with urllib.request.urlopen(f"{address}front.csv") as answer:
+            assert answer.read() == b"a\n1\n"
+        for path in ("space.json", "evaluations.csv", "../table.csv", "%2e%2e/table.csv", "/etc/passwd"):
+            with pytest.raises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(address + path)
+            assert refused.value.code == 404
+        connection = HTTPConnection("127.0.0.1", int(address.rsplit(":", 1)[1].strip("/")))
+        for method, host, status in (
+            ("GET", "localhost:80", 200),
+            ("HEAD", "127.0.0.1", 200),
+            ("GET", "attacker.example", 404),
+            ("POST", "localhost", 501),
+        ):
+            connection.request(method, "/", headers={"Host": host})
+            answer = connection.getresponse()
+            assert (answer.status, len(answer.read()) > 0) == (status, method != "HEAD")
+            connection.close()
+        with (
+            pytest.raises(ScenarioError, match="cannot be used"),
+            served(toy, int(address.split(":")[2][:-1])),
+        ):
+            pass
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(address)
+
+
+def test_a_search_tells_where_its_page_is(toy, capsys, monkeypatch):
+    monkeypatch.setattr(LivePage, "draw", lambda _self: None)
+    command = ["explore", "--space", str(toy / "space.json"), "--table", str(toy / "table.csv")]
+    command += ["--objectives", "error,seconds", "--method", "random", "--budget", "3", "--serve", "0"]
+    assert main([*command, "--out", str(toy / "out")]) == 0
+    assert "the progress is shown at http://127.0.0.1:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("error", [RuntimeError, MemoryError])
+def test_an_error_of_our_own_in_a_measurement_is_not_taken_for_a_failure(toy, monkeypatch, error):
+    def broken(self, configuration, resources):
+        raise error("a bug")
+
+    monkeypatch.setattr("pareto.measuring.program.Program.__call__", broken)
+    with pytest.raises(error, match="a bug"):
+        explore(toy, "--budget", "3", source=["--command", f"{sys.executable} {{config}}"])
+    assert not (toy / "out" / "evaluations.csv").exists()

@@ -1,0 +1,154 @@
+"""Another device's front on this one: its order, what it promises, and what a few measurements change."""
+
+import csv
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pareto import Objective, Space
+from pareto.devices.correlation import correlate
+from pareto.devices.zero_shot import promises
+from pareto.errors import ConfigurationError, ObjectiveError
+
+SPACE = Space.from_dict(
+    {"parameters": [{"name": "x", "type": "integer", "minimum": 0, "maximum": 99}], "name": "line"}
+)
+
+
+def pairs(rows):
+    return [
+        ({"x": x}, None if error is None else {"error": error, "seconds": seconds})
+        for x, error, seconds in rows
+    ]
+
+
+SOURCE = pairs([(x, 0.01 * x + 0.01, 1.0 / (x + 1)) for x in range(10)] + [(50, 0.5, 5.0), (60, None, None)])
+
+
+def order(found):
+    return [promise.configuration["x"] for promise in found]
+
+
+def test_without_measurements_here_the_sources_values_decide():
+    found = promises(SPACE, ("error", "seconds"), SOURCE, prefer="seconds")
+    assert order(found) == list(range(9, -1, -1))  # 50 is dominated, 60 failed
+    assert found[0].expected == found[0].source == {"error": pytest.approx(0.10), "seconds": 0.1}
+    assert not any(promise.measured for promise in found)
+    assert order(promises(SPACE, ("error", "seconds"), SOURCE)) == list(range(10))
+
+
+def test_what_breaks_a_limit_comes_last():
+    limits = {"error": 0.05}
+    found = promises(SPACE, ("error", "seconds"), SOURCE, prefer="seconds", limits=limits)
+    assert order(found) == [4, 3, 2, 1, 0, 9, 8, 7, 6, 5]
+    assert [promise.within for promise in found] == [True] * 5 + [False] * 5
+
+
+def test_one_measurement_moves_everything_by_its_factor():
+    here = pairs([(4, 0.05, 2.0)])  # ten times slower, equally accurate
+    found = promises(SPACE, ("error", "seconds"), SOURCE, here, limits={"seconds": 2.1}, prefer="seconds")
+    expected = {promise.configuration["x"]: promise.expected for promise in found}
+    assert expected[4] == {"error": 0.05, "seconds": 2.0}
+    assert expected[9]["seconds"] == pytest.approx(1.0)
+    assert expected[0]["error"] == pytest.approx(0.01)
+    assert [promise.configuration["x"] for promise in found if not promise.within] == [3, 2, 1, 0]
+    assert [promise.configuration["x"] for promise in found if promise.measured] == [4]
+
+
+def test_measurements_that_agree_on_another_slope_are_followed():
+    here = pairs([(x, 0.01 * x + 0.01, 3.0 * (1 / (x + 1)) ** 0.5) for x in (0, 2, 4, 6, 8)])
+    expected = {
+        promise.configuration["x"]: promise.expected
+        for promise in promises(SPACE, ("error", "seconds"), SOURCE, here)
+    }
+    assert expected[9]["seconds"] == pytest.approx(3.0 * 0.1**0.5, rel=1e-3)
+    assert expected[9]["error"] == pytest.approx(0.1, rel=1e-6)
+
+
+def test_measurements_that_agree_on_nothing_are_mostly_ignored():
+    noise = np.exp(np.random.default_rng(0).normal(size=40))
+    source = pairs([(x, 0.01 * x + 0.01, 1.0 / (x + 1)) for x in range(80)])
+    here = pairs([(2 * x, 0.02 * x + 0.01, noise[x] / (2 * x + 1)) for x in range(40)])
+    found = promises(SPACE, ("error", "seconds"), source, here)
+    factors = {
+        promise.expected["seconds"] / promise.source["seconds"] for promise in found if not promise.measured
+    }
+    assert np.std(np.log(list(factors))) < 0.6 * np.std(np.log(noise))
+
+
+def test_more_than_the_front_is_taken_front_after_front():
+    found = promises(SPACE, ("error", "seconds"), SOURCE, count=11)
+    assert sorted(order(found)) == [*range(10), 50]
+    assert len(promises(SPACE, ("error", "seconds"), SOURCE, count=3)) == 3
+
+
+def test_what_failed_here_is_left_out_and_what_was_measured_stands():
+    here = [({"x": 9}, None), *pairs([(3, 0.9, 0.9)])]
+    found = promises(SPACE, ("error", "seconds"), SOURCE, here)
+    assert 9 not in order(found)
+    [third] = [promise for promise in found if promise.configuration["x"] == 3]
+    assert third.expected == {"error": 0.9, "seconds": 0.9}
+    assert third.source["seconds"] == 0.25
+
+
+def test_maximised_objectives_and_values_without_logarithm():
+    objectives = (Objective("gain", maximise=True),)
+    source = [({"x": x}, {"gain": float(x - 5)}) for x in range(10)]
+    [best] = promises(SPACE, objectives, source, [({"x": 4}, {"gain": 9.0})])
+    assert best.configuration == {"x": 9}
+    assert best.expected == {"gain": 14.0}  # the difference at x = 4 is 10
+
+
+def test_nothing_measured_there_promises_nothing():
+    assert promises(SPACE, ("error",), []) == []
+    assert promises(SPACE, ("error",), [({"x": 1}, None)]) == []
+
+
+def test_bad_input_is_named():
+    with pytest.raises(ObjectiveError, match="'watts' is not an objective"):
+        promises(SPACE, ("error", "seconds"), SOURCE, prefer="watts")
+    with pytest.raises(ObjectiveError, match="'watts'"):
+        promises(SPACE, ("error", "seconds"), SOURCE, limits={"watts": 3})
+    with pytest.raises(ConfigurationError, match="100"):
+        promises(SPACE, ("error",), [({"x": 100}, {"error": 1.0})])
+
+
+def convolution_times(name):
+    """Seconds by configuration of a real kernel on a real GPU; what did not run is left out."""
+    if "FRONTRUNNER_DATA" not in os.environ:
+        pytest.skip("FRONTRUNNER_DATA is not set: it names the folder with dse/convolution")
+    path = Path(os.environ["FRONTRUNNER_DATA"]) / "dse" / "convolution" / f"convolution_{name}.csv"
+    with path.open(newline="") as file:
+        found = list(csv.DictReader(file))
+    columns = ["block_size_x", "block_size_y", "tile_size_x", "tile_size_y", *list(found[0])[4:7]]
+    return columns, {
+        tuple(int(row[column]) for column in columns): float(row["time"])
+        for row in found
+        if not row["time"].endswith("Config")  # the name of an error
+    }
+
+
+def test_a_few_measurements_put_the_fastest_of_one_gpu_in_the_order_of_another():
+    """Among the 200 fastest of an A100, its order says little of an A4000; 20 measurements there say much."""
+    columns, source = convolution_times("A100")
+    _, target = convolution_times("A4000")
+    parameters = [
+        {"name": name, "type": "ordinal", "values": sorted({key[place] for key in source})}
+        for place, name in enumerate(columns)
+    ]
+    space = Space.from_dict({"parameters": parameters, "name": "convolution"})
+    there = [(dict(zip(columns, key, strict=True)), {"time": time}) for key, time in source.items()]
+
+    def agreement(here):
+        found = promises(space, ("time",), there, here, count=200)
+        new = [item for item in found if not item.measured]
+        actual = [target[tuple(item.configuration.values())] for item in new]
+        return correlate(range(len(new)), actual).spearman.value
+
+    best = [item.configuration for item in promises(space, ("time",), there, count=200)]
+    some = np.random.default_rng(0).permutation(200)[:20]
+    measured = [(best[i], {"time": target[tuple(best[i].values())]}) for i in some]
+    assert agreement([]) < 0.3
+    assert agreement(measured) > 0.6

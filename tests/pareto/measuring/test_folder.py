@@ -1,0 +1,217 @@
+"""An exploration that is killed, interrupted or cut off at any moment goes on as if nothing had happened."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pareto.cli.commands import main
+from pareto.errors import StateError
+from pareto.measuring.folder import Folder
+from pareto.spaces.space import Space
+from tests.pareto.conftest import SPACE, explore, interrupt_after, rows
+
+ROOT = Path(__file__).parents[3]
+
+
+def order(out):
+    """What was measured, in which order, and what came back."""
+    return [
+        [row[name] for name in ("number", "phase", "x", "mode", "error", "seconds")]
+        for row in rows(out / "evaluations.csv")
+    ]
+
+
+def start(toy, *more, source=None):
+    source = source or ["--table", str(toy / "table.csv")]
+    command = [sys.executable, "-m", "pareto", "explore", "--space", str(toy / "space.json"), *source]
+    command += [
+        "--objectives",
+        "error,seconds",
+        "--method",
+        "random",
+        "--no-picture",
+        "--out",
+        str(toy / "out"),
+        *more,
+    ]
+    return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+
+
+def lines(path):
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+class PowerCutError(BaseException):
+    """Nothing in the program expects this, and nothing can be written after it."""
+
+
+def test_a_cut_at_any_write_loses_nothing_and_measures_nothing_twice(toy, monkeypatch):
+    explore(toy, "--budget", "12", "--batch", "4", out="whole")
+    real = {"fsync": os.fsync, "replace": Path.replace}
+    left = 0
+
+    def counted(name):
+        def write(*arguments):
+            nonlocal left
+            left -= 1
+            if left < 0:
+                raise PowerCutError
+            return real[name](*arguments)
+
+        return write
+
+    monkeypatch.setattr("os.fsync", counted("fsync"))
+    monkeypatch.setattr(Path, "replace", counted("replace"))
+    cuts = 0
+    finished = False
+    while not finished:
+        left, out = cuts, f"cut-{cuts}"
+        try:
+            explore(toy, "--budget", "12", "--batch", "4", out=out)
+            finished = True
+        except PowerCutError:
+            cuts += 1
+        left = 1000
+        explore(toy, "--budget", "12", "--batch", "4", out=out)
+        assert order(toy / out) == order(toy / "whole")
+    assert cuts > 20  # three batches of two writes each for the state, and a write a measurement
+
+
+@pytest.mark.parametrize("torn", [1, 5, 9, None])
+def test_a_row_half_written_is_measured_again(toy, torn):
+    explore(toy, "--budget", "30", "--batch", "10", out="whole")
+    explore(toy, "--budget", "20", "--batch", "10")
+    out = toy / "out"
+    state = json.loads((out / "state.json").read_text())
+    written = (out / "evaluations.csv").read_text().splitlines(keepends=True)
+    # As if it had died while it wrote the 15th row: the state is the one saved before that batch began.
+    second_batch = state["observations"][10:]
+    state["observations"] = state["observations"][:10]
+    state["pending"] = [[index, phase] for index, phase, _ in second_batch]
+    (out / "state.json").write_text(json.dumps(state))
+    (out / "evaluations.csv").write_text("".join(written[:15]) + written[15][: torn or -1])
+    explore(toy, "--budget", "30", "--batch", "10")
+    assert order(out) == order(toy / "whole")
+
+
+def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
+    values = ["a\nb", "ü\r\nz", "c\nd", "e\rf"]
+    space = {"parameters": [{"name": "x", "type": "categorical", "values": values}]}
+    (tmp_path / "space.json").write_text(json.dumps(space))
+    (tmp_path / "table.csv").write_bytes('x,cost\n"a\nb",1\n"ü\r\nz",2\n"c\nd",3\n"e\rf",4\n'.encode())
+    command = ["explore", "--space", str(tmp_path / "space.json"), "--objectives", "cost"]
+    command += ["--table", str(tmp_path / "table.csv"), "--method", "random", "--no-picture", "--batch", "1"]
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    assert main([*command, "--budget", "4", "--out", str(whole)]) == 0
+    out.mkdir()
+    data = (whole / "evaluations.csv").read_bytes()
+    measured = Folder(whole).read(Space.load(tmp_path / "space.json"))
+    assert len(measured.front()) == 1
+    for cut in range(data.index(b"\n") + 1, len(data)):
+        (out / "evaluations.csv").write_bytes(data[:cut])
+        state = json.loads((whole / "state.json").read_text())
+        pending = [[index, phase] for index, phase, _ in state["observations"]]
+        (out / "state.json").write_text(json.dumps(state | {"observations": [], "pending": pending}))
+        explorer = Folder(out).resume(Space.load(tmp_path / "space.json"))
+        kept = len(explorer.history.told)
+        assert data.startswith((out / "evaluations.csv").read_bytes())
+        assert len(Folder(out).rows()) == kept
+        assert list(explorer.history.told) == [index for index, _ in pending[:kept]]
+
+
+def test_the_default_method_goes_on_as_if_nothing_had_happened(toy, monkeypatch):
+    options = ["--method", "two-stage", "--random", "10", "--budget", "22", "--batch", "6"]
+    assert explore(toy, *options, out="whole") == 0
+    interrupt_after(monkeypatch, 14)
+    assert explore(toy, *options) == 130
+    monkeypatch.undo()
+    assert explore(toy, *options) == 0
+    assert order(toy / "out") == order(toy / "whole")
+    assert "active" in {row[1] for row in order(toy / "out")}
+
+
+def test_kill_9_at_any_moment_costs_no_measurement(toy):
+    explore(toy, "--budget", "36", "--batch", "6", out="whole")
+    evaluations = toy / "out" / "evaluations.csv"
+    # The table answers at once, so by the time the kill arrives the run is at some later, random moment.
+    for at_least in (0, 3, 12, 20):
+        with start(toy, "--budget", "36", "--batch", "6") as running:
+            while running.poll() is None and not ((toy / "out").exists() and lines(evaluations) >= at_least):
+                os.sched_yield()
+            running.kill()
+    assert explore(toy, "--budget", "36", "--batch", "6") == 0
+    assert order(toy / "out") == order(toy / "whole")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_keeps_what_it_measured_and_ends_what_it_started(toy, number):
+    # Every measurement from the fourth on hangs, and holds a pipe open for as long as it lives.
+    script = f"""
+        n=$(wc -l < {toy}/out/evaluations.csv || echo 0)
+        exec 3>{toy}/pipe
+        if [ "$n" -ge 4 ]; then echo hangs >&3; while :; do :; done; fi
+        echo '{{"error": 1, "seconds": 2}}'
+    """
+    (toy / "program.sh").write_text(script)
+    os.mkfifo(toy / "pipe")
+    reader = os.open(toy / "pipe", os.O_RDWR)
+    running = start(toy, "--budget", "40", source=["--command", f"sh {toy}/program.sh"])
+    with running:
+        assert os.read(reader, 6) == b"hangs\n"
+        only_reading = os.open(toy / "pipe", os.O_RDONLY)
+        os.close(reader)
+        running.send_signal(number)
+        _, errors = running.communicate()
+    assert running.returncode == 130
+    assert "interrupted after 3 of 40 measurements, all of them saved in" in errors
+    assert os.read(only_reading, 1) == b""  # the program is gone
+    os.close(only_reading)
+    resumed = Folder(toy / "out").resume(Space.from_dict(SPACE))
+    assert len(resumed.history.told) == 3
+    assert len(resumed.pending()) == 17
+    assert len(rows(toy / "out" / "front.csv")) == 3
+
+
+def test_two_processes_do_not_explore_into_one_folder(toy, capsys):
+    with Folder(toy / "out").locked():
+        assert explore(toy, "--budget", "2") == 2
+    assert "another process is exploring in" in capsys.readouterr().err
+    assert explore(toy, "--budget", "2") == 0
+
+
+def test_reading_a_folder_changes_nothing_in_it(toy):
+    explore(toy, "--budget", "5")
+    with (toy / "out" / "evaluations.csv").open("a") as file:
+        file.write("6,random,1")  # another process is just writing
+    before = {path.name: path.read_bytes() for path in (toy / "out").iterdir()}
+    assert len(Folder(toy / "out").read(Space.from_dict(SPACE)).history.told) == 5
+    assert {path.name: path.read_bytes() for path in (toy / "out").iterdir()} == before
+
+
+def test_a_folder_with_another_or_a_damaged_exploration_is_named(toy):
+    explore(toy, "--budget", "4")
+    out, space = toy / "out", Space.from_dict(SPACE)
+    with pytest.raises(StateError, match="another space"):
+        Folder(out).resume(Space.from_dict({"parameters": SPACE["parameters"][:1]}))
+    data = (out / "evaluations.csv").read_bytes()
+    state = json.loads((out / "state.json").read_text())
+    state["observations"] = state["observations"][:1]
+    (out / "state.json").write_text(json.dumps(state))
+    for damaged, message in [
+        (data.replace(b"\n2,", b"\n2,oops\n2,"), "number 2"),
+        (data.replace(b"\n2,", b"\n\xff2,"), "damaged after line 2"),
+        (data.replace(b"\n2,random,", b"\n2,random,9"), "number 2"),
+        (data.splitlines(keepends=True)[0], "rows are lost"),
+    ]:
+        (out / "evaluations.csv").write_bytes(damaged)
+        with pytest.raises(StateError, match=message):
+            Folder(out).resume(space)
+    (out / "evaluations.csv").write_bytes(data)
+    (out / "state.json").write_text("{")
+    with pytest.raises(StateError, match="damaged"):
+        Folder(out).resume(space)

@@ -1,0 +1,106 @@
+"""Measuring with a program that works, fails, hangs or prints nonsense."""
+
+import os
+import select
+import sys
+from pathlib import Path
+
+import pytest
+
+from pareto.errors import EvaluationError, ScenarioError
+from pareto.fronts.objective import read_objectives
+from pareto.measuring.program import Program
+
+OBJECTIVES = read_objectives(["error", "seconds"])
+NAMES = ("x", "mode")
+
+
+def python(code):
+    return f'{sys.executable} -c "{code}" {{config}} {{x}}'
+
+
+def test_a_command_is_given_the_configuration_and_its_last_line_is_read():
+    code = "import json, sys; c = json.loads(sys.argv[1]); print(1); "
+    code += "print(json.dumps(dict(error=c['x'], seconds=int(sys.argv[2]))))"
+    evaluate = Program(python(code), NAMES, OBJECTIVES)
+    assert evaluate({"x": 3, "mode": "{x} 'quoted'"}) == {"error": 3.0, "seconds": 3.0}
+
+
+def test_config_is_the_whole_configuration_even_where_a_parameter_has_that_name():
+    code = (
+        "import json, sys; c = json.loads(sys.argv[1]); print(json.dumps(dict(error=c['config'], seconds=2)))"
+    )
+    evaluate = Program(python(code), ["x", "config"], OBJECTIVES)
+    assert evaluate({"x": 3, "config": 7}) == {"error": 7.0, "seconds": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("raise SystemExit('out of memory')", "exit code 1: out of memory"),
+        ("raise SystemExit(3)", "exit code 3: nothing on its error output"),
+        ("import os; os.abort()", "ended by SIGABRT"),
+        ("print('done')", "not a JSON object: 'done'"),
+        ("pass", "not a JSON object: ''"),
+        ("print('[' * 100000)", "not a JSON object"),
+        ("import os; os.write(1, bytes([255, 254, 10]))", "not a JSON object"),
+        ("print([1, 2])", "values must map"),
+        ("print('{}')", "'error' is missing"),
+        ("print('{%cerror%c: NaN, %cseconds%c: 1}' % ((34,) * 4))", "error = nan is not a finite number"),
+        ("print('{%cerror%c: 1%s}' % (34, 34, '0' * 400))", "too large"),
+        ("while True: pass", "no answer after 0.3 s"),
+    ],
+)
+def test_a_command_that_fails_is_a_failed_evaluation_with_its_reason(code, reason):
+    with pytest.raises(EvaluationError, match=reason):
+        Program(python(code), NAMES, OBJECTIVES, timeout=0.3 if "while" in code else None)({"x": 1})
+
+
+def test_all_that_a_timed_out_command_has_started_ends_with_it(tmp_path):
+    script = tmp_path / "parent.sh"
+    # The child holds the pipe open: it reads as ended only once nobody lives who could write to it.
+    script.write_text(
+        f"exec 3>{tmp_path / 'pipe'}\n(echo here >&3; while :; do :; done) &\nwhile :; do :; done\n"
+    )
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    with pytest.raises(EvaluationError, match=r"no answer after 1 s"):
+        Program(f"sh {script}", NAMES, OBJECTIVES, timeout=1)({"x": 1})
+    assert os.read(reader, 5) == b"here\n"
+    ended, _, _ = select.select([reader], [], [], 30)
+    assert ended
+    assert os.read(reader, 1) == b""
+    os.close(reader)
+
+
+def test_a_command_that_leaves_something_running_is_not_waited_for(tmp_path):
+    script = tmp_path / "parent.sh"
+    script.write_text(f"""(read line < {tmp_path / "pipe"}) &\necho '{{"error": 1, "seconds": 2}}'\n""")
+    os.mkfifo(tmp_path / "pipe")
+    assert Program(f"sh {script}", NAMES, OBJECTIVES)({"x": 1}) == {"error": 1.0, "seconds": 2.0}
+    (tmp_path / "pipe").write_text("end\n")  # blocks unless the child is still there to read it
+
+
+def test_a_program_may_say_that_a_configuration_does_not_count():
+    code = "import sys; print('{%cerror%c: 1, %cseconds%c: 2, %cok%c: ' % ((34,) * 6) + sys.argv[2] + '}')"
+    evaluate = Program(python(code), NAMES, OBJECTIVES, feasible=("ok", "True"))
+    assert evaluate({"x": "true"}) == {"error": 1.0, "seconds": 2.0}
+    for answer in ("false", "null"):
+        with pytest.raises(EvaluationError, match="ok is"):
+            evaluate({"x": answer})
+
+
+def test_a_program_that_does_not_exist_is_named_before_anything_is_measured():
+    with pytest.raises(ScenarioError, match="no program 'no-such-program'"):
+        Program("no-such-program {config}", NAMES, OBJECTIVES)
+    for command in ("", "echo 'unclosed"):
+        with pytest.raises(ScenarioError, match="--command"):
+            Program(command, NAMES, OBJECTIVES)
+    with pytest.raises(EvaluationError, match="cannot run no-such-1"):
+        Program("no-such-{x}", NAMES, OBJECTIVES)({"x": 1})
+
+
+def test_a_command_runs_where_the_user_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("answer.sh").write_text("""echo '{"error": 5, "seconds": 6}'\n""")
+    assert Program("sh answer.sh", NAMES, OBJECTIVES)({"x": 1}) == {"error": 5.0, "seconds": 6.0}

@@ -1,0 +1,306 @@
+"""What the default method is for, in batches of any size and in spaces of any."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pareto import Explorer, Space
+from pareto.errors import MethodError
+from pareto.fronts.front import nondominated
+from pareto.fronts.hypervolume import hypervolume
+from pareto.search.exploration import explored
+from pareto.search.jury import TREES
+from pareto.search.methods import two_stage
+from pareto.search.models import BESIDE, BOLD, CAUTIOUS, ENDS, WIDE
+from pareto.surrogates.forest import Forest
+from tests.pareto.searches import OPTIONS, SPACE, explorer_of, measure, spend
+
+
+def test_the_default_method_measures_the_default_configuration_first():
+    assert Explorer(SPACE, ("error",)).ask(1) == [SPACE.default]
+
+
+def test_the_default_method_finds_the_front_where_random_search_does_not():
+    everything = [measure(SPACE.decode(index)) for index in range(len(SPACE))]
+    points = np.array([[values["error"], values["seconds"]] for values in everything if values])
+    true_front = {tuple(point) for point in points[nondominated(points)]}
+
+    def found(method):
+        explorer = explorer_of(method)
+        spend(explorer, 80)
+        return len(true_front & {(values["error"], values["seconds"]) for _, values in explorer.front()})
+
+    assert found("two-stage") >= 0.8 * len(true_front) > found("random")
+
+
+def test_the_default_method_searches_a_space_too_large_to_enumerate():
+    parameters = [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(5)]
+    space = Space.from_dict({"parameters": parameters})
+    explorer = explorer_of("two-stage", space=space, objectives=("far", "near"))
+
+    def distances(configuration):
+        x = np.array(list(configuration.values()))
+        return {"far": float(np.sum((x - 20) ** 2)) + 1, "near": float(np.sum((x - 60) ** 2)) + 1}
+
+    asked = spend(explorer, 60, batch=10, measure=distances)
+    first, last = (
+        np.mean([np.ptp(list(item.values())) for item in part]) for part in (asked[:8], asked[-20:])
+    )
+    assert last < first  # the front is the diagonal: all coordinates alike
+
+
+def test_a_space_of_a_million_million_points_with_a_constraint_is_never_enumerated():
+    parameters = [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(6)]
+    space = Space.from_dict({"parameters": parameters, "constraints": ["x0 + x1 <= 120"]})
+    assert len(space) == 10**12
+    explorer = explorer_of("two-stage", space=space, objectives=("far", "near"))
+    asked = spend(
+        explorer, 30, batch=10, measure=lambda item: {"far": 1 + item["x0"], "near": 200 - item["x1"]}
+    )
+    assert len({space.encode(item) for item in asked}) == 30
+    assert all(item["x0"] + item["x1"] <= 120 for item in asked)
+    with pytest.raises(MethodError, match="1,000,000,000,000 points"):
+        explorer_of("algorithm1", space=space).ask(1)
+
+
+def test_batches_of_one_share_a_screening_and_find_the_front_as_well():
+    explorer = explorer_of("two-stage")
+    asked = spend(explorer, 60, batch=1)
+    assert len({SPACE.encode(item) for item in asked}) == 60
+    memory = explorer.state()["memory"]
+    assert 0 < memory["since"] <= 20
+    assert memory["shortlist"]
+    everything = [measure(SPACE.decode(index)) for index in range(len(SPACE))]
+    points = np.array([[values["error"], values["seconds"]] for values in everything if values])
+    true_front = {tuple(point) for point in points[nondominated(points)]}
+    found = {(values["error"], values["seconds"]) for _, values in explorer.front()}
+    assert len(true_front & found) >= 0.6 * len(true_front)
+
+
+@pytest.mark.parametrize("batch", [1, 2])
+def test_every_opinion_has_its_turn_in_small_batches_that_remember_nothing(batch, monkeypatch):
+    turns = []
+    greedy = two_stage._greedy
+
+    def noted(surrogates, found, waiting, count, turn, rng):
+        turns.extend(two_stage.whose_turn(turn + number, 0.0) for number in range(count))
+        return greedy(surrogates, found, waiting, count, turn, rng)
+
+    monkeypatch.setattr(two_stage, "_greedy", noted)
+    explorer = explorer_of("two-stage")
+    spend(explorer, 8)
+    for _ in range(14 // batch):
+        explorer = Explorer.restore(SPACE, explorer.state() | {"memory": {}})
+        spend(explorer, batch, batch)
+    assert len(turns) >= 9
+    assert min(map(turns.count, (BOLD, BESIDE, CAUTIOUS))) >= len(turns) // 4
+    assert turns.count(ENDS) >= 1
+
+
+@pytest.mark.parametrize("far", [0.4, 0.7])
+def test_the_wide_opinion_has_its_share_of_any_twenty_turns_and_the_others_share_the_rest(far):
+    turns = [two_stage.whose_turn(turn, far) for turn in range(1000)]
+    for begin in range(0, 1000, 20):
+        assert abs(turns[begin : begin + 20].count(WIDE) - 20 * far) <= 2
+    rest = [opinion for opinion in turns if opinion != WIDE]
+    assert min(map(rest.count, (BOLD, BESIDE, CAUTIOUS))) >= len(rest) // 4
+    assert rest.count(ENDS) >= len(rest) // 26
+    assert WIDE not in {two_stage.whose_turn(turn, 0.0) for turn in range(1000)}
+
+
+def test_who_sees_nothing_to_gain_takes_no_place_on_the_shortlist():
+    gain = np.zeros((3, 8))
+    gain[1, [2, 5, 7]] = 3.0, 1.0, 2.0
+    gain[2, [5, 6]] = 5.0, 4.0
+    assert two_stage._tops(gain, 4).tolist() == [2, 5, 7, 6]
+    assert sorted(two_stage._tops(gain, 9).tolist()) == list(range(8))
+
+
+def test_small_batches_share_the_trees_and_restore_with_them(monkeypatch):
+    grown = []
+    grow = Forest.grow.__func__
+
+    def noted(kind, codes, targets, shape, *, seed, trees, **more):
+        grown.append(trees)
+        return grow(kind, codes, targets, shape, seed=seed, trees=trees, **more)
+
+    monkeypatch.setattr(Forest, "grow", classmethod(noted))
+    explorer = Explorer(SPACE, ("error", "seconds"), seed=1, explore=10**6, **OPTIONS["two-stage"])
+    spend(explorer, 20, measure=lambda item: measure(item) if item["fast"] else None)
+    grown.clear()
+    spend(explorer, 20, batch=1)
+    assert 0 < grown.count(TREES) <= 4  # of two juries
+    restored = Explorer.restore(SPACE, json.loads(json.dumps(explorer.state())))
+    assert spend(restored, 4, batch=1) == spend(explorer, 4, batch=1)
+    assert restored.state() == explorer.state()
+
+
+def test_with_much_measured_single_proposals_are_chosen_a_few_at_a_time(monkeypatch):
+    monkeypatch.setattr(two_stage, "AHEAD", 5)
+    sizes = []
+    greedy = two_stage._greedy
+
+    def noted(surrogates, found, waiting, count, turn, rng):
+        sizes.append(count)
+        return greedy(surrogates, found, waiting, count, turn, rng)
+
+    monkeypatch.setattr(two_stage, "_greedy", noted)
+    explorer = explorer_of("two-stage")
+    spend(explorer, 40)
+    sizes.clear()
+    spend(explorer, 4, batch=1)
+    assert sizes == [8]
+    assert explorer.state()["memory"]["ahead"]
+    restored = Explorer.restore(SPACE, json.loads(json.dumps(explorer.state())))
+    assert spend(restored, 12, batch=1) == spend(explorer, 12, batch=1)
+    assert restored.state() == explorer.state()
+
+
+def test_what_was_chosen_ahead_is_forgotten_once_as_much_was_told_by_others(monkeypatch):
+    monkeypatch.setattr(two_stage, "AHEAD", 2)
+    explorer = explorer_of("two-stage")
+    spend(explorer, 20)
+    spend(explorer, 1, batch=1)
+    memory = explorer.state()["memory"]
+    assert memory["ahead"]
+    free = [index for index in range(len(SPACE)) if index not in {*explorer.history.told, *memory["ahead"]}]
+    others = [SPACE.decode(index) for index in free[: memory["until"] - len(explorer.history.told)]]
+    explorer.tell(others, [measure(item) for item in others])
+    taken = len(explorer.history.told)
+    spend(explorer, 1, batch=1)
+    assert explorer.state()["memory"]["until"] == taken + taken // 2
+
+
+def test_where_nearly_everything_fails_exploration_looks_where_it_does_not():
+    def works(item):
+        return item["rate"] == 3 and item["kernel"] != "ball"
+
+    history = explorer_of("two-stage").history
+    for index in range(0, len(SPACE), 2):
+        item = SPACE.decode(index)
+        history.record(index, (1.0, 1.0) if works(item) else None)
+    rng = np.random.default_rng(0)
+    drawn = [explored(history, 1, history.taken(), rng).tolist() for _ in range(100)]
+    good = sum(works(SPACE.decode(index)) for [index] in drawn)
+    assert 60 <= good < 100  # of all, 7 in 100 work
+    left = len(SPACE) - len(history.taken())
+    assert len(set(explored(history, left, history.taken(), rng).tolist())) == left
+
+
+def test_a_batch_spreads_along_the_front_instead_of_crowding_at_its_best_point():
+    explorer = explorer_of("two-stage")
+    spend(explorer, 30)
+    batch = [item for item in explorer.propose(12) if item.phase == "active"]
+    errors = [measured["error"] for item in batch if (measured := measure(item.configuration))]
+    known = [values["error"] for _, values in explorer.front()]
+    assert len(errors) >= 6
+    assert np.ptp(errors) > 0.3 * np.ptp(known)
+
+
+def test_where_one_region_always_fails_it_is_left_alone():
+    explorer = explorer_of("two-stage")
+    spend(explorer, 60, measure=lambda item: measure(item) if item["fast"] else None)
+    active = [index for index, phase in explorer.history.phases.items() if phase == "active"]
+    failed = set(explorer.history.failed().tolist())
+    assert len(active) > 30
+    assert np.mean([index in failed for index in active]) < 0.3  # more than half of the space fails
+
+
+@pytest.mark.parametrize("objectives", [1, 4])
+def test_one_objective_and_four_get_better_than_by_chance(objectives):
+    space = Space.from_dict(
+        {"parameters": [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 7} for i in range(4)]}
+    )
+    names = [f"y{k}" for k in range(objectives)]
+
+    def distances(configuration):
+        x = np.array(list(configuration.values()))
+        return {name: 1.0 + float(np.sum((x - 2 - k) ** 2)) for k, name in enumerate(names)}
+
+    def covered(method):
+        explorer = explorer_of(method, space=space, objectives=names)
+        spend(explorer, 50, batch=10, measure=distances)
+        front = [[values[name] for name in names] for _, values in explorer.front()]
+        return hypervolume(front, [60.0] * objectives, log=True)
+
+    assert covered("two-stage") > covered("random")
+
+
+@pytest.mark.parametrize("batch", [1, 3, 8])
+def test_the_first_configurations_are_one_design_in_whatever_portions_it_is_asked_for(batch):
+    at_once = Explorer(SPACE, ("error", "seconds"), seed=4, initial=24).ask(24)
+    explorer = Explorer(SPACE, ("error", "seconds"), seed=4, initial=24)
+    assert spend(explorer, 24, batch=batch) == at_once
+    assert [item["kernel"] for item in at_once].count("box") in range(6, 11)
+
+
+@pytest.mark.parametrize(
+    ("options", "succeeds", "first"),
+    [({}, 1.0, 20), ({}, 0.6, 35), ({}, 0.0, 40), ({"initial": 26}, 1.0, 26), ({"initial": 50}, 0.0, 50)],
+)
+def test_the_design_goes_on_until_there_is_enough_to_learn_from_unless_its_size_is_given(
+    options, succeeds, first
+):
+    explorer = Explorer(SPACE, ("error", "seconds"), seed=4, **options)
+    design = [*Explorer(SPACE, ("error", "seconds"), seed=4, initial=options.get("initial", 40)).ask(50)]
+    count = 0
+
+    def measured(configuration):
+        nonlocal count
+        count += 1
+        fails = int(count * (1.0 - succeeds)) > int((count - 1) * (1.0 - succeeds))
+        return None if fails else {"error": 1.0 + count % 7, "seconds": 1.0 + count % 5}
+
+    asked = spend(explorer, first + 10, measure=measured)
+    assert asked[:first] == design[:first]
+    assert asked[first : first + 5] != design[first : first + 5]
+
+
+def test_limits_that_nothing_keeps_yet_are_headed_for():
+    space = Space.from_dict(
+        {"parameters": [{"name": f"x{i}", "type": "integer", "minimum": 0, "maximum": 29} for i in range(3)]}
+    )
+
+    def measured(configuration):
+        x = np.array(list(configuration.values()))
+        return {"error": 1.0 + float(np.sum((x - [25, 4, 20]) ** 2)), "seconds": 1.0 + configuration["x0"]}
+
+    limits = {"error": 13.0}  # kept by one point in a hundred and fifty
+    explorer = Explorer(space, ("error", "seconds"), limits, seed=2, trees=8, candidates=300, initial=40)
+    first = spend(explorer, 40, measure=measured)
+    assert all(measured(item)["error"] > 13 for item in first)
+    spend(explorer, 60, batch=10, measure=measured)
+    errors = {values["error"] for _, values in explorer.front()}
+    assert len(errors & {1.0, 2.0, 5.0, 10.0}) >= 3  # the true front
+
+
+@pytest.mark.parametrize("scale", [-1e-12, -1e300])
+def test_the_unit_of_an_objective_does_not_matter(scale):
+    def scaled(configuration):
+        values = measure(configuration)
+        return values and {"error": values["error"], "rate": values["seconds"] * scale}
+
+    explorer = explorer_of("two-stage", objectives=("error", "rate"))
+    spend(explorer, 40, measure=scaled)
+    phases = list(explorer.history.phases.values())
+    assert phases[8:].count("active") > 20
+
+
+def test_a_batch_may_be_as_large_as_the_space():
+    explorer = explorer_of("two-stage")
+    spend(explorer, 20)
+    assert len(explorer.ask(10**6)) == len(SPACE) - 20
+
+
+def test_a_search_ends_only_after_a_long_look_for_rare_points(monkeypatch):
+    monkeypatch.setattr("pareto.spaces.region.LARGEST_JOIN", 1)
+    monkeypatch.setattr("pareto.search.methods.two_stage.DRAWS", 1)
+    parameters = [{"name": f"p{i}", "type": "integer", "minimum": 0, "maximum": 99} for i in range(3)]
+    rare = {"parameters": parameters, "constraints": ["p0 * p1 * p2 >= 940000"]}
+    explorer = Explorer(Space.from_dict(rare), ("time",), initial=1)
+    for _ in range(6):
+        batch = explorer.ask(1)
+        explorer.tell(batch, [None] * len(batch))
+    assert len(explorer.history.told) == 6
+    assert not explorer.finished

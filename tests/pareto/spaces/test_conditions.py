@@ -1,0 +1,352 @@
+"""Conditional parameters: what is inactive makes no difference anywhere."""
+
+import csv
+import itertools
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError
+from pareto.fronts.objective import read_objectives
+from pareto.measuring.folder import Folder
+from pareto.measuring.measurements import read_measurements
+from pareto.measuring.table import from_table
+from pareto.plot.page import page
+from pareto.search.explorer import Explorer
+from pareto.search.methods import METHODS
+from pareto.spaces import region
+from pareto.spaces.sampling import sample, spread_sample
+from pareto.spaces.space import Space
+from tests.pareto.conftest import explore, rows
+
+TILES = {
+    "name": "tiles",
+    "parameters": [
+        {"name": "algorithm", "type": "categorical", "values": ["plain", "blocked", "recursive"]},
+        {
+            "name": "block",
+            "type": "ordinal",
+            "values": [8, 16, 32],
+            "default": 16,
+            "condition": "algorithm == 'blocked'",
+        },
+        {"name": "pad", "type": "boolean", "condition": "block >= 16"},
+        {"name": "unroll", "type": "integer", "minimum": 1, "maximum": 4},
+    ],
+    "constraints": ["block * unroll <= 64"],
+}
+
+
+@pytest.fixture
+def tiles():
+    return Space.from_dict(TILES)
+
+
+def by_hand(space):
+    """The distinct allowed configurations, from the text of TILES."""
+    found = set()
+    for algorithm, block, pad, unroll in itertools.product(*(item.values for item in space.parameters)):
+        block = block if algorithm == "blocked" else None
+        pad = pad if block is not None and block >= 16 else None
+        if block is None or block * unroll <= 64:
+            found.add((algorithm, block, pad, unroll))
+    return found
+
+
+def test_configurations_that_differ_in_inactive_parameters_only_are_one_point(tiles):
+    plain = {"algorithm": "plain", "unroll": 2}
+    same = [
+        plain,
+        plain | {"block": None, "pad": None},
+        plain | {"block": 32, "pad": True},
+        plain | {"block": 8},
+    ]
+    assert len({tiles.encode(configuration) for configuration in same}) == 1
+    # A parameter is inactive as well while one that its condition mentions is inactive.
+    assert tiles.decode(tiles.encode(plain)) == plain | {"block": None, "pad": None}
+    blocked = {"algorithm": "blocked", "block": 8, "unroll": 2}
+    assert tiles.decode(tiles.encode(blocked | {"pad": True}))["pad"] is None
+    assert tiles.encode(blocked | {"block": 16, "pad": True}) != tiles.encode(
+        blocked | {"block": 16, "pad": False}
+    )
+
+
+def test_of_alternatives_one_whose_parameters_are_active_is_enough():
+    description = json.loads(json.dumps(TILES))
+    description["parameters"].append(
+        {
+            "name": "prefetch",
+            "type": "boolean",
+            "condition": "block == 8 or unroll > 2 or algorithm == 'plain'",
+        }
+    )
+    space = Space.from_dict(description)
+    for point, active in (
+        ({"algorithm": "plain", "unroll": 1}, True),
+        ({"algorithm": "recursive", "unroll": 3}, True),
+        ({"algorithm": "recursive", "unroll": 1}, False),
+        ({"algorithm": "blocked", "block": 8, "unroll": 1}, True),
+        ({"algorithm": "blocked", "block": 16, "pad": True, "unroll": 1}, False),
+    ):
+        index = space.encode(point | {"prefetch": True})
+        assert space.decode(index)["prefetch"] == (True if active else None)
+
+
+def test_a_value_is_missing_only_where_its_parameter_is_active(tiles):
+    for left_out in ({}, {"block": None}):
+        with pytest.raises(ConfigurationError, match="'block' is missing"):
+            tiles.encode({"algorithm": "blocked", "unroll": 1, "pad": False, **left_out})
+    with pytest.raises(ConfigurationError, match="'pad' is missing"):
+        tiles.encode({"algorithm": "blocked", "unroll": 1, "block": 32})
+    with pytest.raises(ConfigurationError, match="block"):
+        tiles.encode({"algorithm": "plain", "unroll": 1, "block": 9})
+    with pytest.raises(ConfigurationError, match="unroll"):
+        tiles.encode({"algorithm": "plain", "unroll": None})
+
+
+def test_a_constraint_does_not_apply_to_inactive_parameters(tiles):
+    assert tiles.encode({"algorithm": "plain", "block": 32, "unroll": 4}) >= 0
+    with pytest.raises(ForbiddenError, match="block = 32, unroll = 4 breaks"):
+        tiles.encode({"algorithm": "blocked", "block": 32, "pad": False, "unroll": 4})
+
+
+def test_counting_drawing_and_the_grid_agree_with_a_list_by_hand(tiles):
+    expected = by_hand(tiles)
+    grid = np.flatnonzero(tiles.allowed_grid)
+    assert {tuple(tiles.decode(int(index)).values()) for index in grid} == expected
+    assert len(grid) == len(expected) == tiles.count_allowed().points
+    assert tiles.count_allowed().exact
+    assert tiles.allowed(range(len(tiles))).tolist() == tiles.allowed_grid.tolist()
+    assert (tiles.fold(np.arange(len(tiles)))[grid] == grid).all()
+    drawn = sample(tiles, 1000, np.random.default_rng(0))
+    assert sorted(drawn.tolist()) == grid.tolist()
+    for index in grid.tolist():
+        assert tiles.encode(tiles.decode(index)) == index
+
+
+def test_an_initial_design_tries_each_choice_as_often(tiles):
+    space = Space.from_dict(
+        {
+            "parameters": [
+                TILES["parameters"][0],
+                {
+                    "name": "size",
+                    "type": "integer",
+                    "minimum": 1,
+                    "maximum": 1000,
+                    "condition": "algorithm == 'blocked'",
+                },
+                {
+                    "name": "depth",
+                    "type": "integer",
+                    "minimum": 1,
+                    "maximum": 20,
+                    "condition": "algorithm == 'recursive'",
+                },
+            ]
+        }
+    )
+    design = [space.decode(int(i)) for i in spread_sample(space, 30, np.random.default_rng(1))]
+    assert sum(point["algorithm"] == "recursive" for point in design) >= 8  # uniformly, it would be 0 or 1
+    assert sum(point["algorithm"] == "plain" for point in design) == 1
+    assert len({tuple(point.values()) for point in design}) == 30
+
+
+def test_neighbours_change_one_parameter_and_what_that_activates_has_its_default(tiles):
+    plain = tiles.encode({"algorithm": "plain", "unroll": 2})
+    found = [tiles.decode(int(index)) for index in tiles.neighbours(plain, reach=1)]
+    assert {tuple(point.values()) for point in found} == {
+        ("plain", None, None, 1),
+        ("plain", None, None, 3),
+        ("recursive", None, None, 2),
+        ("blocked", 16, False, 2),
+    }
+    blocked = tiles.encode({"algorithm": "blocked", "block": 32, "pad": True, "unroll": 1})
+    found = [tiles.decode(int(index)) for index in tiles.neighbours(blocked)]
+    assert len(found) == len({tuple(point.values()) for point in found})
+    assert {"algorithm": "plain", "block": None, "pad": None, "unroll": 1} in found
+
+
+def test_models_do_not_see_inactive_parameters(tiles):
+    strides = dict(zip(tiles.names, tiles.strides, strict=True))
+    plain = tiles.encode({"algorithm": "plain", "unroll": 2})
+    others = [plain + strides["block"], plain - strides["block"], plain + strides["pad"]]
+    features = tiles.features([plain, *others])
+    assert (features == features[0]).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_search_never_asks_for_one_point_twice(tiles, method):
+    explorer = (
+        Explorer(tiles, ["seconds"], method=method, seed=2, initial=6)
+        if method != "random"
+        else (Explorer(tiles, ["seconds"], method=method, seed=2))
+    )
+    asked = []
+    while len(asked) < 30 and (batch := explorer.ask(5)):
+        asked += batch
+        values = [{"seconds": 1.0 + point["unroll"] + (point["block"] or 100)} for point in batch]
+        explorer.tell(batch, values)
+    assert len({tuple(point.values()) for point in asked}) == len(asked)
+    assert all((point["block"] is None) == (point["algorithm"] != "blocked") for point in asked)
+    state = json.loads(json.dumps(explorer.state()))
+    assert Explorer.restore(tiles, state).ask(4) == explorer.ask(4)
+
+
+def test_files_have_an_empty_cell_and_json_null_for_what_is_inactive(toy):
+    (toy / "space.json").write_text(json.dumps(TILES))
+    columns = ["algorithm", "block", "pad", "unroll", "error", "seconds"]
+    with (toy / "table.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        for point in sorted(by_hand(Space.from_dict(TILES)), key=str):
+            writer.writerow(["" if value is None else value for value in point] + [point[3], 1])
+    assert explore(toy, "--budget", "40") == 0
+    space = Space.load(toy / "out" / "space.json")
+    written = rows(toy / "out" / "evaluations.csv")
+    assert len(written) == len(by_hand(space))
+    assert {row["failure"] for row in written} == {""}
+    assert {row["block"] for row in written if row["algorithm"] == "plain"} == {""}
+    explorer = Folder(toy / "out").read(space)
+    assert len(explorer.history.told) == len(written)
+    objectives = read_objectives(["error", "seconds"])
+    read = read_measurements(toy / "out" / "evaluations.csv", space, objectives)
+    assert {tuple(point.values()) for point, _ in read} == by_hand(space)
+    table = from_table(toy / "table.csv", space, objectives)
+    assert table({"algorithm": "plain", "unroll": 3, "block": 8}) == {"error": 3.0, "seconds": 1.0}
+
+
+def test_pictures_show_what_is_inactive_as_an_empty_cell(tiles):
+    explorer = Explorer(tiles, ["seconds", "error"], method="random")
+    batch = explorer.ask(30)
+    explorer.tell(batch, [{"seconds": 5.0 - point["unroll"], "error": point["unroll"]} for point in batch])
+    drawn = page(explorer, {})
+    table = drawn[drawn.index("<tbody>") : drawn.index("</tbody>")]
+    assert "<td></td><td></td>" in table
+    assert "None" not in table
+    assert "<dt>hypervolume of logarithms</dt>" in drawn
+    assert "<dt>up to</dt><dd>seconds 4, error 4</dd>" in drawn
+
+
+def test_the_default_shows_what_is_active_and_survives_json(tiles):
+    assert tiles.default == {"algorithm": "plain", "block": None, "pad": None, "unroll": 1}
+    again = Space.from_dict(json.loads(json.dumps(tiles.to_dict())))
+    assert again == tiles
+    assert again.digest == tiles.digest
+    without = Space.from_dict(
+        TILES
+        | {"parameters": [{k: v for k, v in p.items() if k != "condition"} for p in TILES["parameters"]]}
+    )
+    assert without.digest != tiles.digest
+
+
+def test_a_default_that_moves_takes_what_is_inactive_with_it():
+    description = {
+        "parameters": [
+            {"name": "mode", "type": "categorical", "values": ["a", "b"]},
+            {"name": "size", "type": "ordinal", "values": [1, 2, 3], "condition": "mode == 'b'"},
+        ],
+        "constraints": ["mode == 'b'", "size > 1"],
+    }
+    space = Space.from_dict(description)
+    assert space.default == {"mode": "b", "size": 2}
+    assert space.count_allowed().points == 2
+    assert Space.from_dict(space.to_dict()).encode(space.default) == space.encode(space.default)
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        ("algoritm == 'blocked'", "condition of 'block'.*did you mean 'algorithm'"),
+        ("algorithm == 'block'", "'algorithm' is never 'block'"),
+        ("block > 8", "depends on 'block' itself"),
+        ("pad", r"block -> pad -> block"),
+        ("unroll", "'unroll' is a number, not a condition"),
+        ("", "condition of 'block'"),
+        ("__import__('os')", "not understood"),
+    ],
+)
+def test_a_condition_that_cannot_be_read_is_named(condition, message):
+    description = json.loads(json.dumps(TILES))
+    description["parameters"][1]["condition"] = condition
+    with pytest.raises(ConstraintError, match=message):
+        Space.from_dict(description)
+
+
+@pytest.mark.parametrize("condition", [3, None, ["a"]])
+def test_a_condition_is_a_text(condition):
+    description = json.loads(json.dumps(TILES))
+    description["parameters"][1]["condition"] = condition
+    with pytest.raises(SpaceError, match="condition"):
+        Space.from_dict(description)
+
+
+def nested(levels, values):
+    """Switches of which each opens the next, with as many values of a parameter below each."""
+    parameters = [{"name": "s0", "type": "boolean"}]
+    for level in range(levels):
+        parameters.append({"name": f"s{level + 1}", "type": "boolean", "condition": f"s{level}"})
+        parameters.append(
+            {
+                "name": f"v{level}",
+                "type": "integer",
+                "minimum": 1,
+                "maximum": values,
+                "condition": f"s{level}",
+            }
+        )
+    return Space.from_dict({"parameters": parameters})
+
+
+def test_what_conditions_link_too_much_to_be_tabulated_is_estimated_and_drawn_all_the_same(monkeypatch):
+    monkeypatch.setattr(region, "LARGEST_JOIN", 64)
+    space = nested(3, 10)
+    assert space.region.folded
+    # s0 false: 1; each further level has 10 times as many.
+    exact = 1 + 10 * (1 + 10 * (1 + 10 * 2))
+    count = space.count_allowed()
+    assert not count.exact
+    assert abs(count.points - exact) <= 4 * count.error
+    drawn = sample(space, 300, np.random.default_rng(0))
+    assert len(set(drawn.tolist())) == 300
+    assert space.allowed(drawn).all()
+    every = sample(space, 10_000, np.random.default_rng(0))
+    assert len(every) == exact
+    monkeypatch.undo()
+    assert nested(3, 10).count_allowed() == region.Count(exact)
+
+
+@st.composite
+def conditional_spaces(draw):
+    count = draw(st.integers(2, 4))
+    parameters = []
+    for number in range(count):
+        values = list(range(draw(st.integers(1, 3))))
+        item = {"name": f"p{number}", "type": "ordinal", "values": values}
+        item["default"] = draw(st.sampled_from(values))
+        if number and draw(st.booleans()):
+            item["condition"] = f"p{draw(st.integers(0, number - 1))} >= {draw(st.integers(0, 2))}"
+        parameters.append(item)
+    order = draw(st.permutations(parameters))
+    return Space.from_dict({"parameters": order})
+
+
+@settings(deadline=None, max_examples=60)
+@given(conditional_spaces())
+def test_any_space_folds_each_index_to_the_one_that_is_allowed(space):
+    every = np.arange(len(space))
+    folded = space.fold(every)
+    assert (space.fold(folded) == folded).all()
+    assert sorted(set(folded.tolist())) == np.flatnonzero(space.allowed_grid).tolist()
+    assert space.count_allowed().points == len(set(folded.tolist()))
+    configurations = [space.decode(index) for index in every.tolist()]
+    for index, configuration in enumerate(configurations):
+        assert space.encode(configuration) == folded[index]
+    distinct = {tuple(configuration.values()) for configuration in configurations}
+    assert len(distinct) == len(set(folded.tolist()))
+    assert space.allowed(space.encode(space.default) + np.zeros(1, dtype=int)).all()
+    counts = np.bincount(folded, minlength=len(space))[folded]
+    assert space.multiplicity(every).tolist() == counts.tolist()

@@ -1,0 +1,299 @@
+"""Spaces: what they accept, how points are numbered, their neighbours, and drawing from them."""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pareto.errors import ConfigurationError, SpaceError
+from pareto.spaces.sampling import sample, spread_sample
+from pareto.spaces.space import Space
+
+SPACES = Path(__file__).parents[3] / "pareto" / "spaces"
+
+MIXED = Space.from_dict(
+    {
+        "name": "mixed",
+        "parameters": [
+            {"name": "size", "type": "ordinal", "values": [64, 128, 256], "default": 128},
+            {"name": "kernel", "type": "categorical", "values": ["box", "cone", "ball", "none"]},
+            {"name": "fast", "type": "boolean", "default": True},
+            {"name": "threads", "type": "integer", "minimum": 1, "maximum": 9, "step": 2, "default": 5},
+            {"name": "mu", "type": "real", "minimum": 1e-3, "maximum": 1.0, "count": 4, "scale": "log"},
+        ],
+    }
+)
+
+
+@st.composite
+def spaces(draw):
+    parameters = []
+    for number in range(draw(st.integers(1, 4))):
+        kind = draw(st.sampled_from(["ordinal", "categorical", "boolean", "integer", "real"]))
+        item = {"name": f"p{number}", "type": kind}
+        if kind == "ordinal":
+            item["values"] = sorted(
+                draw(st.sets(st.integers(-99, 99) | st.floats(-9, 9), min_size=1, max_size=6))
+            )
+        elif kind == "categorical":
+            scalar = st.text(max_size=3) | st.integers(-9, 9) | st.booleans()
+            # Two texts that a CSV file would hold alike are refused.
+            written = st.lists(scalar, min_size=1, max_size=6, unique_by=lambda v: str(v).strip().lower())
+            item["values"] = draw(written)
+        elif kind == "integer":
+            item |= {"minimum": draw(st.integers(-9, 9)), "maximum": draw(st.integers(9, 20))}
+        elif kind == "real":
+            item |= {"minimum": draw(st.floats(-9, 0)), "maximum": draw(st.floats(1, 9)), "count": 5}
+        parameters.append(item)
+    return Space.from_dict({"name": "drawn", "parameters": parameters})
+
+
+@pytest.mark.parametrize(("name", "points"), [("kfusion", 1_800_000), ("elasticfusion", 442_368)])
+def test_the_published_spaces_have_the_papers_size_and_contain_their_default(name, points):
+    space = Space.load(SPACES / f"{name}.json")
+    assert len(space) == points
+    assert space.decode(space.encode(space.default)) == space.default
+
+
+def test_the_published_defaults_are_the_references():
+    kfusion = Space.load(SPACES / "kfusion.json").default
+    assert (kfusion["compute_size_ratio"], kfusion["icp_threshold"], kfusion["mu"]) == (1, 1e-5, 0.1)
+    elasticfusion = Space.load(SPACES / "elasticfusion.json").default
+    assert (elasticfusion["icp_weight"], elasticfusion["relocalisation"]) == (10, True)
+
+
+@pytest.mark.parametrize(
+    ("name", "digest"),
+    [
+        ("kfusion", "1551e711780698f80c98fff7ab27a405bd2c6af3773389231b986b002a2cad32"),
+        ("elasticfusion", "e1ac92401ed84df72eead90a74a1693d7feda3bffc8156dc74372bb82086af3f"),
+    ],
+)
+def test_the_published_spaces_keep_their_digest_which_saved_states_name(name, digest):
+    assert Space.load(SPACES / f"{name}.json").digest == digest
+
+
+@settings(deadline=None)
+@given(spaces(), st.data())
+def test_every_index_decodes_to_a_configuration_that_encodes_back(space, data):
+    index = data.draw(st.integers(0, len(space) - 1))
+    assert space.encode(space.decode(index)) == index
+    assert np.ravel_multi_index(tuple(space.codes([index])[0]), space.shape) == index
+
+
+@settings(deadline=None)
+@given(spaces())
+def test_a_space_survives_json(space):
+    again = Space.from_dict(json.loads(json.dumps(space.to_dict())))
+    assert again == space
+    assert again.digest == space.digest
+
+
+def test_all_indices_are_all_configurations_in_grid_order():
+    configurations = [MIXED.decode(index) for index in range(len(MIXED))]
+    assert len({json.dumps(item) for item in configurations}) == len(MIXED) == 3 * 4 * 2 * 5 * 4
+    assert configurations[1]["mu"] == pytest.approx(1e-2)
+    grid = np.arange(len(MIXED)).reshape(MIXED.shape)
+    assert MIXED.decode(grid[2, 1, 0, 3, 2])["threads"] == 7
+
+
+def test_values_are_found_by_value_not_by_type_or_last_digit():
+    configuration = {"size": 64.0, "kernel": "cone", "fast": 1, "threads": np.int64(3), "mu": 0.1 + 1e-13}
+    index = MIXED.encode(configuration)
+    assert MIXED.decode(index) == {
+        "size": 64,
+        "kernel": "cone",
+        "fast": True,
+        "threads": 3,
+        "mu": pytest.approx(0.1),
+    }
+
+
+def test_csv_text_reads_back_as_the_value_it_was_written_from():
+    for index in range(len(MIXED)):
+        for parameter, value in zip(MIXED.parameters, MIXED.decode(index).values(), strict=True):
+            assert parameter.parse(str(value)) == value
+    assert MIXED.parameters[0].parse(" 64.0 ") == 64
+    assert MIXED.parameters[2].parse("true") is True
+
+
+def test_a_text_that_looks_like_another_value_reads_back_as_itself():
+    values = [1, "1.0", "01", " 2", "1e0", True, "x"]
+    space = Space.from_dict({"parameters": [{"name": "a", "type": "categorical", "values": values}]})
+    [parameter] = space.parameters
+    assert [parameter.parse(str(value)) for value in values] == values
+    assert [type(parameter.parse(str(value))) for value in values] == [*map(type, values)]
+    assert [parameter.position(text) for text in ("1.00", "2", "TRUE", " x ")] == [0, 3, 5, 6]
+    for text in ("2.0", "false", ""):
+        with pytest.raises(ConfigurationError, match="is not one of"):
+            parameter.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"size": 100}, r"'size': 100 is not one of \[64, 128, 256\]"),
+        ({"colour": 1}, "unknown parameter 'colour'"),
+        ({"fast": "yes"}, "'fast': 'yes'"),
+        ({"size": True}, "'size': True"),
+        ({"mu": float("nan")}, "'mu': nan"),
+    ],
+)
+def test_a_configuration_outside_the_space_is_named(change, message):
+    with pytest.raises(ConfigurationError, match=message):
+        MIXED.encode({**MIXED.default, **change})
+
+
+def test_a_missing_parameter_and_a_wrong_index_are_named():
+    with pytest.raises(ConfigurationError, match="'size' is missing"):
+        MIXED.encode({"kernel": "box"})
+    for index in (-1, len(MIXED)):
+        with pytest.raises(ConfigurationError, match=str(index)):
+            MIXED.decode(index)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "message"),
+    [
+        ({"name": "a", "type": "ordinal", "values": []}, "no values"),
+        ({"name": "a", "type": "ordinal", "values": [2, 1]}, "ascending"),
+        ({"name": "a", "type": "ordinal", "values": [1, 1]}, "duplicate"),
+        ({"name": "a", "type": "categorical", "values": [1, "1"]}, "1 and '1' are written alike"),
+        ({"name": "a", "type": "categorical", "values": ["-O3", "-O3 "]}, "'-O3' and '-O3 ' are written"),
+        ({"name": "a", "type": "categorical", "values": [True, "true"]}, "True and 'true' are written"),
+        ({"name": "a", "type": "ordinal", "values": [1, 2], "default": 3}, "default of"),
+        ({"name": "a", "type": "ordinal", "values": [1, None]}, "None"),
+        ({"name": "a", "type": "ordinal", "values": "12"}, "must be a list"),
+        ({"name": "a", "type": "enum", "values": [1]}, "'enum'"),
+        ({"name": "a", "type": "real", "minimum": 0, "maximum": 1, "count": 5, "scale": "log"}, "log"),
+        ({"name": "a", "type": "real", "minimum": 0, "maximum": 1}, "count"),
+        ({"name": "a", "type": "integer", "minimum": 3, "maximum": 1}, "no whole numbers"),
+        ({"name": "a", "type": "ordinal", "values": [1], "deafult": 1}, "'deafult'"),
+        ({"name": "", "type": "ordinal", "values": [1]}, "name"),
+        ({"name": "a", "type": "ordinal", "values": [1, float("inf")]}, "finite"),
+        ({"name": "a", "type": "categorical", "values": ["x", float("nan")]}, "finite"),
+        ({"name": "a", "type": "ordinal", "values": [10**400]}, "finite"),
+        ({"name": "a", "type": "ordinal", "values": [1], "minimum": 1}, "minimum is for integers and reals"),
+        ({"name": "a", "type": "integer", "values": [1], "step": 1}, "give values or step, not both"),
+        ({"name": "a", "type": "integer", "values": [1, 1.5]}, "1.5 is not a whole number"),
+        ({"name": "a", "type": "boolean", "values": [0, 1]}, "a boolean is true or false"),
+        ({"name": "a", "type": "integer", "minimum": 0, "maximum": 10**12}, "1,000,000,000,001 values"),
+        ({"name": "a", "type": "integer", "minimum": 0, "maximum": 9, "step": 2, "count": 3}, "not both"),
+        ({"name": "a", "type": "integer", "minimum": 0, "maximum": 9, "scale": "log"}, "needs a count"),
+        ({"name": "a", "type": "real", "minimum": 0, "maximum": 1, "count": 10**12}, "use a larger step"),
+        ({"name": "a", "type": "real", "minimum": 0, "maximum": 1, "step": -0.1}, "step of -0.1"),
+        ({"name": "a", "type": "categorical", "values": ["x", "\ud800"]}, "half of a character"),
+    ],
+)
+def test_a_malformed_parameter_is_refused_with_the_reason(parameter, message):
+    with pytest.raises(SpaceError, match=message):
+        Space.from_dict({"parameters": [parameter]})
+
+
+@pytest.mark.parametrize(
+    ("parameter", "values"),
+    [
+        ({"type": "integer", "minimum": 1, "maximum": 8, "step": 3}, (1, 4, 7)),
+        (
+            {"type": "integer", "minimum": 1, "maximum": 64, "count": 7, "scale": "log"},
+            (1, 2, 4, 8, 16, 32, 64),
+        ),
+        ({"type": "integer", "minimum": 1, "maximum": 4, "count": 9}, (1, 2, 3, 4)),
+        ({"type": "integer", "minimum": 3, "maximum": 3}, (3,)),
+        ({"type": "real", "minimum": 0, "maximum": 1, "step": 0.25}, (0, 0.25, 0.5, 0.75, 1.0)),
+        ({"type": "real", "minimum": 0.5, "maximum": 1.2, "step": 0.5}, (0.5, 1.0)),
+        ({"type": "real", "minimum": 0.01, "maximum": 1, "count": 3, "scale": "log"}, (0.01, 0.1, 1.0)),
+    ],
+)
+def test_a_range_is_cut_into_values_by_step_or_count(parameter, values):
+    [read] = Space.from_dict({"parameters": [{"name": "a", **parameter}]}).parameters
+    assert read.values == pytest.approx(values)
+    assert all(isinstance(value, int) for value in read.values) == (parameter["type"] == "integer")
+
+
+def test_steps_are_decimal_so_that_values_are_as_written_and_the_maximum_is_reached():
+    described = {"name": "a", "type": "real", "minimum": -0.3, "maximum": 0.3, "step": 0.1}
+    [read] = Space.from_dict({"parameters": [described]}).parameters
+    assert read.values == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
+
+
+def test_a_misspelt_field_of_a_space_is_refused():
+    with pytest.raises(SpaceError, match="unknown field 'constraint' of a space"):
+        Space.from_dict({"parameters": [{"name": "a", "type": "boolean"}], "constraint": ["a"]})
+
+
+def test_a_file_that_is_no_space_is_refused(tmp_path):
+    (tmp_path / "bad.json").write_text("{")
+    (tmp_path / "list.json").write_text("[]")
+    for name in ("bad.json", "list.json", "missing.json"):
+        with pytest.raises(SpaceError):
+            Space.load(tmp_path / name)
+
+
+def test_a_space_saves_and_loads(tmp_path):
+    MIXED.save(tmp_path / "mixed.json")
+    assert Space.load(tmp_path / "mixed.json") == MIXED
+
+
+def test_neighbours_differ_in_one_parameter_and_reach_bounds_ordered_steps():
+    index = MIXED.encode(MIXED.default)
+    here = MIXED.decode(index)
+    all_others = [MIXED.decode(other) for other in MIXED.neighbours(index)]
+    assert all(sum(other[name] != here[name] for name in here) == 1 for other in all_others)
+    assert len(all_others) == 2 + 3 + 1 + 4 + 3
+    near = [MIXED.decode(other) for other in MIXED.neighbours(index, reach=1)]
+    assert len(near) == 2 + 3 + 1 + 2 + 1
+    assert {other["threads"] for other in near} == {3, 5, 7}
+
+
+def test_features_put_neighbouring_values_near_and_categories_apart():
+    indices = np.arange(len(MIXED))
+    features = MIXED.features(indices)
+    assert features.min() >= 0
+    assert features.max() <= 1
+    assert MIXED.feature_owner.tolist() == [0, 1, 1, 1, 1, 2, 3, 4]
+    box, cone = (MIXED.encode({**MIXED.default, "kernel": kernel}) for kernel in ("box", "cone"))
+    assert np.linalg.norm(features[box] - features[cone]) == pytest.approx(1.0)
+
+
+def test_a_sample_is_distinct_uniform_and_avoids_what_is_excluded():
+    rng = np.random.default_rng(0)
+    counts: Counter[int] = Counter()
+    for _ in range(400):
+        drawn = sample(MIXED, 100, rng, exclude=range(0, 300))
+        assert len(set(drawn.tolist())) == 100
+        assert drawn.min() >= 300
+        counts.update(drawn.tolist())
+    assert len(counts) == 180
+    assert max(counts.values()) < 2 * min(counts.values())
+
+
+def test_a_sample_never_exceeds_what_is_left():
+    rng = np.random.default_rng(0)
+    assert sorted(sample(MIXED, 10_000, rng).tolist()) == list(range(480))
+    assert sorted(sample(MIXED, 10, rng, exclude=range(475)).tolist()) == [475, 476, 477, 478, 479]
+    assert sample(MIXED, 0, rng).tolist() == []
+
+
+def test_a_space_of_a_million_million_points_is_sampled_without_enumerating_it():
+    description = {
+        "parameters": [{"name": f"p{i}", "type": "integer", "minimum": 1, "maximum": 100} for i in range(6)]
+    }
+    space = Space.from_dict(description)
+    assert len(space) == 10**12
+    drawn = sample(space, 1000, np.random.default_rng(0))
+    assert len(set(drawn.tolist())) == 1000
+    assert space.encode(space.decode(int(drawn[0]))) == drawn[0]
+    with pytest.raises(SpaceError, match="too many"):
+        Space.from_dict({"parameters": [{**item, "maximum": 10**4} for item in description["parameters"]]})
+
+
+def test_a_spread_sample_uses_every_value_evenly():
+    space = Space.load(SPACES / "kfusion.json")
+    codes = space.codes(spread_sample(space, 60, np.random.default_rng(1)))
+    for axis, size in enumerate(space.shape):
+        assert np.ptp(np.bincount(codes[:, axis], minlength=size)) <= 1
