@@ -26,13 +26,7 @@ from crowd.results.opendata import exports
 from crowd.results.privacy import disclosure, erasure
 from tests.crowd.documents import run_document, session_document, submission_document
 
-pytestmark = pytest.mark.django_db(transaction=True)
-
-
-@pytest.fixture(autouse=True)
-def several_writers(no_worker: None) -> None:
-    if connection.vendor == "sqlite":
-        pytest.skip("SQLite in memory refuses a second writer at once; PostgreSQL runs this")
+pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("no_worker")]
 
 
 def enrolled() -> Installation:

@@ -153,6 +153,7 @@ def test_an_erased_simulation_leaves_no_tombstone(client: Client, front: FrontVe
     assert not Tombstone.objects.exists()
 
 
+@pytest.mark.django_db(transaction=True)  # its requests close their connections
 def test_a_crowd_measures_by_the_protocol_of_the_front(
     client: Client, db: None, pack: dict[str, Any]
 ) -> None:
@@ -164,6 +165,7 @@ def test_a_crowd_measures_by_the_protocol_of_the_front(
     assert set(SessionSummary.objects.values_list("pairs", "reason")) == {(4, "")}
 
 
+@pytest.mark.django_db(transaction=True)  # its requests close their connections
 def test_a_crowd_is_simulated_and_removed(
     client: Client, participant: Participant, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -223,8 +223,6 @@ def test_what_comes_while_its_installation_is_erased_is_refused(
 def test_a_request_that_comes_many_times_at_once_is_stored_once(
     front: FrontVersion, installation: Installation
 ) -> None:
-    if connection.vendor == "sqlite":
-        pytest.skip("SQLite in memory refuses a second writer at once; PostgreSQL runs this")
     body = json.dumps(submission_document()).encode()
 
     def send(key: str) -> storing.Acceptance:
