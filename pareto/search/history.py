@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.errors import StateError
 from pareto.fronts.front import nondominated
 from pareto.fronts.objective import Objective
 from pareto.spaces.space import Indices, Space
-
-if TYPE_CHECKING:
-    from pareto.search.transfer import Prior
 
 Values = tuple[float, ...]
 
@@ -24,8 +18,7 @@ class History:
     """Measured values by index, in the order they first arrived, and the indices still pending.
 
     A configuration may be measured more than once: its value is the mean of its successful measurements,
-    and it counts as failed only while all of them failed. `prior` is what another device measured, which is
-    known and yet not told.
+    and it counts as failed only while all of them failed.
     """
 
     def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
@@ -35,7 +28,6 @@ class History:
         self.told: dict[int, list[Values | None]] = {}
         self.phases: dict[int, str] = {}
         self.pending: dict[int, str] = {}
-        self.prior: Prior | None = None
 
     def expect(self, index: int, phase: str) -> None:
         """Note that `index` is being measured."""
@@ -61,6 +53,11 @@ class History:
         indices = np.array([index for index, _ in rows], dtype=np.int64)
         return indices, table.reshape(len(rows), len(self.objectives))
 
+    def counts(self) -> NDArray[np.int64]:
+        """Return how many (n) successful measurements stand behind each row of `measured`."""
+        counts = [sum(value is not None for value in values) for values in self.told.values()]
+        return np.array([count for count in counts if count], dtype=np.int64)
+
     def failed(self) -> Indices:
         """Return the indices of which every measurement failed, in order of arrival."""
         return np.array([i for i, values in self.told.items() if not any(values)], dtype=np.int64)
@@ -84,11 +81,3 @@ class History:
         signs = [objective.sign for objective in self.objectives]
         order = np.lexsort((values * signs).T[::-1])
         return indices[order], values[order]
-
-
-def read_index(space: Space, number: Any) -> int:
-    """Return the index that a saved state names. Raises TypeError for no whole number, StateError outside."""
-    index = operator.index(number)
-    if not 0 <= index < len(space):
-        raise StateError(f"the state is damaged: index {index} is outside 0 .. {len(space) - 1}")
-    return index

@@ -1,0 +1,75 @@
+"""The front to recommend: by posterior means, so that no lucky measurement stays on it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from pareto.search.history import History
+from pareto.search.models import Models
+from pareto.search.prior import Prior
+from pareto.search.targets import Targets, front_rows
+from pareto.search.trend import Trend
+from pareto.spaces.space import Configuration, Indices
+
+Array = NDArray[np.float64]
+
+POINTS = 1000  # measurements that the models learn from
+SURE = 1.96  # standard deviations of a 95 % interval
+
+
+class Recommended(NamedTuple):
+    """A configuration, the `values` to expect of it, and the 95 % `intervals` (low, high) of these.
+
+    The interval is about the expected value, not about one measurement. Where repeats agree, or nothing was
+    repeated, values are the measured ones and intervals have no width.
+    """
+
+    configuration: Configuration
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+
+
+def is_noisy(history: History) -> bool:
+    """Return whether two measurements of any configuration differed."""
+    return any(len({value for value in values if value is not None}) > 1 for values in history.told.values())
+
+
+def estimated(history: History, prior: Prior | None = None) -> tuple[Indices, Array, Array, Array]:
+    """Return (n,) indices of what succeeded, and (n, objectives) expected, lowest and highest values."""
+    indices, values = history.measured()
+    if not is_noisy(history):
+        return indices, values, values, values
+    targets = Targets.of(history)
+    with threadpool_limits(limits=1, user_api="blas"):
+        models = Models(history, targets, Trend.of(prior, targets), POINTS, np.random.default_rng(0))
+        mean, deviation = models.estimates
+    natural = targets.scale.natural
+    ends = np.stack([natural(mean - SURE * deviation), natural(mean + SURE * deviation)])
+    certain = deviation == 0  # exact values stay as they were measured
+    expected = np.where(certain, values, natural(mean))
+    low, high = (np.where(certain, values, end) for end in (ends.min(axis=0), ends.max(axis=0)))
+    return indices, expected, low, high
+
+
+def recommend(history: History, prior: Prior | None = None) -> list[Recommended]:
+    """Return the non-dominated configurations by expected values within limits, by the first objective."""
+    indices, expected, low, high = estimated(history, prior)
+    signs = np.array([objective.sign for objective in history.objectives])
+    names = [objective.name for objective in history.objectives]
+    bounds = np.array(
+        [sign * history.limits.get(name, np.inf * sign) for name, sign in zip(names, signs, strict=True)]
+    )
+    rows = front_rows(expected * signs, bounds)
+    rows = rows[np.lexsort((expected[rows] * signs).T[::-1])]
+    return [
+        Recommended(
+            history.space.decode(int(indices[row])),
+            dict(zip(names, expected[row].tolist(), strict=True)),
+            dict(zip(names, zip(low[row].tolist(), high[row].tolist(), strict=True), strict=True)),
+        )
+        for row in rows
+    ]
