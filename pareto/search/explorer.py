@@ -22,7 +22,7 @@ from pareto.search.answer import obstacle
 from pareto.search.history import History
 from pareto.search.methods import DEFAULT, METHODS, create, present
 from pareto.search.prior import Prior
-from pareto.search.recommendation import Recommended, recommend
+from pareto.search.recommendation import Estimates, Recommended, estimate, recommend
 from pareto.spaces.space import Configuration, Space, read_index
 
 if TYPE_CHECKING:
@@ -84,6 +84,7 @@ class Explorer:
         self._method.seed = self.seed % 2**64
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
         self._asks = 0
+        self._estimates: tuple[int, Estimates] | None = None  # of so many measurements
 
     def ask(self, count: int = 1, repeats: bool = False) -> list[Configuration]:
         """Return up to `count` configurations to measure; see `propose`."""
@@ -172,7 +173,14 @@ class Explorer:
         Where measurements are noisy, a lucky one does not stay on it. It equals `front` where repeats agree
         or nothing was repeated. A call learns models of all measurements: it may take a second.
         """
-        return recommend(self.history, self._method.prior)
+        return recommend(self.history, self.estimates())
+
+    def estimates(self) -> Estimates:
+        """Return what to expect of every configuration that succeeded; see `recommended`."""
+        measurements = sum(map(len, self.history.told.values()))
+        if self._estimates is None or self._estimates[0] != measurements:
+            self._estimates = measurements, estimate(self.history, self._method.prior)
+        return self._estimates[1]
 
     def front(self) -> list[tuple[Configuration, dict[str, float]]]:
         """Return the non-dominated configurations within limits, as measured, by the first objective."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -33,16 +34,31 @@ class Recommended(NamedTuple):
     intervals: dict[str, tuple[float, float]]
 
 
+@dataclass(frozen=True)
+class Estimates:
+    """Of what succeeded: (n,) `indices`, (n, objectives) `expected` values, and the `low` and `high` ends.
+
+    The ends are those of 95 % intervals, in natural values. `noisy` tells whether repeats differed; otherwise
+    all three are the measured values.
+    """
+
+    indices: Indices
+    expected: Array
+    low: Array
+    high: Array
+    noisy: bool
+
+
 def is_noisy(history: History) -> bool:
     """Return whether two measurements of any configuration differed."""
     return any(len({value for value in values if value is not None}) > 1 for values in history.told.values())
 
 
-def estimated(history: History, prior: Prior | None = None) -> tuple[Indices, Array, Array, Array]:
-    """Return (n,) indices of what succeeded, and (n, objectives) expected, lowest and highest values."""
+def estimate(history: History, prior: Prior | None = None) -> Estimates:
+    """Return what to expect of all that succeeded: posterior means where repeats differ."""
     indices, values = history.measured()
     if not is_noisy(history):
-        return indices, values, values, values
+        return Estimates(indices, values, values, values, False)
     targets = Targets.of(history)
     with threadpool_limits(limits=1, user_api="blas"):
         models = Models(history, targets, Trend.of(prior, targets), POINTS, np.random.default_rng(0))
@@ -52,12 +68,12 @@ def estimated(history: History, prior: Prior | None = None) -> tuple[Indices, Ar
     certain = deviation == 0  # exact values stay as they were measured
     expected = np.where(certain, values, natural(mean))
     low, high = (np.where(certain, values, end) for end in (ends.min(axis=0), ends.max(axis=0)))
-    return indices, expected, low, high
+    return Estimates(indices, expected, low, high, True)
 
 
-def recommend(history: History, prior: Prior | None = None) -> list[Recommended]:
+def recommend(history: History, estimates: Estimates) -> list[Recommended]:
     """Return the non-dominated configurations by expected values within limits, by the first objective."""
-    indices, expected, low, high = estimated(history, prior)
+    expected, low, high = estimates.expected, estimates.low, estimates.high
     signs = np.array([objective.sign for objective in history.objectives])
     names = [objective.name for objective in history.objectives]
     bounds = np.array(
@@ -67,7 +83,7 @@ def recommend(history: History, prior: Prior | None = None) -> list[Recommended]
     rows = rows[np.lexsort((expected[rows] * signs).T[::-1])]
     return [
         Recommended(
-            history.space.decode(int(indices[row])),
+            history.space.decode(int(estimates.indices[row])),
             dict(zip(names, expected[row].tolist(), strict=True)),
             dict(zip(names, zip(low[row].tolist(), high[row].tolist(), strict=True), strict=True)),
         )
