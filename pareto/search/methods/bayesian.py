@@ -59,7 +59,7 @@ class Bayesian(Method):
     uses_prior: ClassVar[bool] = True
 
     initial: int | None = None
-    candidates: int = 2000
+    candidates: int = 4000
     points: int = 1000
     _shortlist: list[int] = field(default_factory=list, init=False)
     _learned: Learned = field(default_factory=Learned, init=False)
