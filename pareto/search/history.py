@@ -63,6 +63,11 @@ class History:
         counts = [sum(value is not None for value in values) for values in self.told.values()]
         return np.array([count for count in counts if count], dtype=np.int64)
 
+    def attempts(self) -> NDArray[np.int64]:
+        """Return `counts` with the failed measurements of the same configurations."""
+        attempts = [len(values) for values in self.told.values() if any(values)]
+        return np.array(attempts, dtype=np.int64)
+
     def failed(self) -> Indices:
         """Return the indices of which every measurement failed, in order of arrival."""
         return np.array([i for i, values in self.told.items() if not any(values)], dtype=np.int64)

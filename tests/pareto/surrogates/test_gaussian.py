@@ -123,3 +123,65 @@ def test_a_process_predicts_each_target_from_all_others():
     np.testing.assert_allclose(deviation[rows], deviations, rtol=1e-6)
     assert process.log_density(rows) == pytest.approx(np.mean(densities), rel=1e-6)
     assert process.excess()[rows] == pytest.approx(excesses, rel=1e-6)
+
+
+def dense_truth(features, targets, theta_parts, counts, variance):
+    """Posterior of the values without noise, by dense matrices: (mean, deviation)."""
+    lengths, stretch, share, nugget = theta_parts
+    signal = matern_and_exponential(features, features, lengths, stretch, share)
+    centred = targets - targets.mean()
+    eye = np.eye(len(targets))
+    scale = centred @ np.linalg.solve(signal + nugget * eye, centred) / len(targets)
+    noise = min(variance / scale, 1.0)
+    latent = scale * (signal + max(nugget - noise, 0.0) * eye)  # the roughness is part of the truth
+    measured = latent + scale * noise * np.diag(1.0 / counts)
+    weights = np.linalg.solve(measured, latent).T
+    covariance = latent - weights @ latent
+    return targets.mean() + weights @ centred, np.sqrt(np.diag(covariance))
+
+
+@pytest.mark.parametrize("variance", [0.0005, 0.003, 0.2])
+def test_the_truth_behind_repeated_measurements_is_their_posterior_without_noise(variance):
+    """Noise of a part of the nugget, of more than it, and of more than the signal."""
+    features, targets = some_data()
+    parts = [0.5, 0.8], 1.7, 0.3, 0.01
+    counts = np.random.default_rng(2).integers(1, 5, len(targets))
+    process = GaussianProcess(features, targets, OWNER, hyperparameters(*parts), counts, variance)
+    expected, deviation = dense_truth(features, targets, parts, counts, variance)
+    mean, left = process.truth(counts, variance)
+    np.testing.assert_allclose(mean, expected, rtol=1e-8)
+    np.testing.assert_allclose(left, deviation, rtol=1e-6)
+    assert (left <= np.sqrt(variance / counts) * (1 + 1e-12)).all()
+
+
+def test_without_noise_repeats_change_nothing_and_the_truth_is_what_was_measured():
+    features, targets = some_data()
+    theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.01)
+    counts = np.random.default_rng(2).integers(1, 5, len(targets))
+    plain = GaussianProcess(features, targets, OWNER, theta)
+    same = GaussianProcess(features, targets, OWNER, theta, counts, 0.0)
+    elsewhere = np.random.default_rng(1).random((7, 3))
+    np.testing.assert_array_equal(plain.at(elsewhere).mean, same.at(elsewhere).mean)
+    np.testing.assert_array_equal(plain.at(elsewhere).spread, same.at(elsewhere).spread)
+    mean, deviation = same.truth(counts, 0.0)
+    np.testing.assert_array_equal(mean, targets)
+    assert not deviation.any()
+
+
+def test_a_point_measured_often_weighs_more_and_noise_hides_part_of_what_a_measurement_tells():
+    features, targets = some_data()
+    theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.05)
+    variance = 0.05 * GaussianProcess(features, targets, OWNER, theta)._scale
+    once, often = np.ones(40, dtype=np.int64), np.ones(40, dtype=np.int64)
+    often[7] = 50
+    one, many = (
+        GaussianProcess(features, targets, OWNER, theta, counts, variance) for counts in (once, often)
+    )
+    at_it = features[7:8]
+    assert abs(many.at(at_it).mean[0] - targets[7]) < 0.3 * abs(one.at(at_it).mean[0] - targets[7])
+    elsewhere = np.random.default_rng(1).random((7, 3))
+    rough = GaussianProcess(features, targets, OWNER, theta).at(elsewhere).spread
+    assert (one.at(elsewhere).spread < rough).all()
+    unknown = one.at(elsewhere)._variance + one.roughness
+    expected = np.sqrt(one._scale * unknown**2 / (unknown + one.noise))
+    np.testing.assert_allclose(one.at(elsewhere).spread, expected)
