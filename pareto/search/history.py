@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,15 +48,25 @@ class History:
         rows = [(index, [v for v in values if v is not None]) for index, values in self.told.items()]
         rows = [(index, values) for index, values in rows if values]
         # Nearly everything is measured once: the mean of one takes ten times as long as the rest together.
-        means = [values[0] if len(values) == 1 else np.mean(values, axis=0) for _, values in rows]
+        means = [values[0] if len(values) == 1 else mean(values) for _, values in rows]
         table = np.array(means, dtype=np.float64)
         indices = np.array([index for index, _ in rows], dtype=np.int64)
         return indices, table.reshape(len(rows), len(self.objectives))
+
+    def successes(self) -> NDArray[np.float64]:
+        """Return (m, objectives) values of every single measurement that succeeded."""
+        rows = [value for values in self.told.values() for value in values if value is not None]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), len(self.objectives))
 
     def counts(self) -> NDArray[np.int64]:
         """Return how many (n) successful measurements stand behind each row of `measured`."""
         counts = [sum(value is not None for value in values) for values in self.told.values()]
         return np.array([count for count in counts if count], dtype=np.int64)
+
+    def attempts(self) -> NDArray[np.int64]:
+        """Return `counts` with the failed measurements of the same configurations."""
+        attempts = [len(values) for values in self.told.values() if any(values)]
+        return np.array(attempts, dtype=np.int64)
 
     def failed(self) -> Indices:
         """Return the indices of which every measurement failed, in order of arrival."""
@@ -81,3 +91,9 @@ class History:
         signs = [objective.sign for objective in self.objectives]
         order = np.lexsort((values * signs).T[::-1])
         return indices[order], values[order]
+
+
+def mean(measurements: Sequence[Values]) -> NDArray[np.float64]:
+    """Return the (objectives) means. Equal values have exactly that value as mean."""
+    table = np.array(measurements)
+    return table[0] + (table / len(table) - table[0] / len(table)).sum(axis=0)

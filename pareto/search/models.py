@@ -90,7 +90,7 @@ class Models:
         self.space = history.space
         self.targets = targets
         self.noise = Noise.of(history, targets)
-        self.counts = history.counts()
+        self.counts, self.attempts = history.counts(), history.attempts()
         self.learned = Learned()
         self._trend = trend
         self._rng = rng

@@ -33,6 +33,7 @@ class Noise:
             if len(values) < 2:
                 continue
             table = targets.scale.targets(np.array(values))
+            table -= table[0].copy()  # so that equal measurements differ by nothing, not even by rounding
             squares += ((table - table.mean(axis=0)) ** 2).sum(axis=0)
             freedom += len(values) - 1
         return cls(squares / max(freedom, 1), freedom)

@@ -26,13 +26,14 @@ def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Genera
     """Return the (n,) expected gain in hypervolume by one more measurement of each told configuration.
 
     As long as nothing was repeated, it is what there is to gain if all that the models cannot follow is
-    noise. It is zero where repeats agree, for what is `pending`, and while the first repeat is.
+    noise. It is zero where repeats agree, for what is `pending`, and while the first repeat is. It is zero for
+    a configuration that failed, too, and after REPEATS repeats of which none told anything.
     """
     targets, noise = models.targets, models.noise
     gains = np.zeros(len(targets.indices))
     waiting = np.isin(targets.indices, list(pending))
     if not noise:
-        if noise.known or waiting.any():
+        if noise.known or waiting.any() or (models.attempts - 1).sum() >= REPEATS:
             return gains
         noise = Noise.suspected(targets)
     mean, deviation = models.estimated(noise)
@@ -41,7 +42,8 @@ def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Genera
     spread = deviation**2 / np.sqrt(np.maximum(deviation**2 + variance, TINY**2))
     spread = np.maximum(spread, TINY)
     front = front_rows(mean, targets.reference)
-    free = ~waiting & (models.counts < REPEATS) & (deviation > 0).any(axis=1)
+    free = ~waiting & (models.counts < REPEATS) & (models.counts == models.attempts)
+    free &= (deviation > 0).any(axis=1)
     behind = free.copy()
     behind[front] = False
     if behind.any():

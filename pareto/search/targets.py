@@ -33,7 +33,7 @@ class Scale:
 
     @classmethod
     def of(cls, natural: Array, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> Scale:
-        """Take logarithms where all (n, objectives) values and the limit are positive."""
+        """Take logarithms where all (n, objectives) measurements and the limit are positive."""
         bounds = np.array([limits.get(objective.name, 1.0) for objective in objectives])
         log = (natural.min(axis=0) > 0) & (bounds > 0)
         largest = np.abs(natural).max(axis=0)
@@ -79,7 +79,7 @@ class Targets:
         indices, natural = history.measured()
         if len(indices) == 0:
             raise ValueError("nothing was measured yet")
-        scale = Scale.of(natural, history.objectives, history.limits)
+        scale = Scale.of(history.successes(), history.objectives, history.limits)
         values = scale.targets(natural)
         given = np.array([[history.limits.get(item.name, np.nan) for item in history.objectives]])
         limits = _relaxed(np.nan_to_num(scale.targets(given)[0], nan=np.inf), values)

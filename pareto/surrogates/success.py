@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pareto.errors import StateError
 from pareto.spaces.space import Indices, Space, read_index
 from pareto.surrogates.forest import Forest
 
@@ -47,7 +48,10 @@ class Success:
             np.array([read_index(space, index) for index in saved[name]], dtype=np.int64)
             for name in ("good", "bad")
         )
-        return cls(space, good, bad, int(saved["seed"]))
+        seed = int(saved["seed"])
+        if seed < 0 or not len(good) + len(bad):
+            raise StateError(f"the state is damaged: a model of success has seed {seed} and {saved!r:.80}")
+        return cls(space, good, bad, seed)
 
     @cached_property
     def _forest(self) -> Forest:

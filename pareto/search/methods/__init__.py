@@ -26,6 +26,8 @@ __all__ = ["DEFAULT", "METHODS", "Method", "create", "present"]
 
 def present(name: str, options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return the method and options that stand for those of an earlier program; others as they are."""
+    if not isinstance(name, str):  # which `create` refuses
+        return name, dict(options)
     dropped = RETIRED.get(name, ())
     return FORMER.get(name, name), {key: value for key, value in options.items() if key not in dropped}
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from pareto.errors import StateError
 from pareto.search.candidates import DRAWS, beside, beside_front, likely, pool
 from pareto.search.history import History
 from pareto.search.methods.method import ACTIVE, AGAIN, RANDOM, Method
@@ -98,12 +99,12 @@ class Bayesian(Method):
 
     def recall(self, memory: Mapping[str, Any], space: Space) -> None:
         """Take back what `memory` returned; without it, as in states of earlier programs, all is renewed."""
-        if "hyperparameters" not in memory:
+        if memory.get("hyperparameters") is None:
             return
         self._shortlist = [read_index(space, index) for index in memory["shortlist"]]
         self._learned = read_learned(memory, space)
         self._since = int(memory["since"])
-        self._ahead = [(read_index(space, index), str(phase)) for index, phase in memory["ahead"]]
+        self._ahead = [(read_index(space, index), _read_phase(phase)) for index, phase in memory["ahead"]]
         self._until = int(memory["until"])
 
     def _design(self, history: History, most: int, rng: np.random.Generator) -> Chosen:
@@ -175,6 +176,12 @@ def _measurable(history: History, rng: np.random.Generator) -> Success | None:
     if len(failed) == 0 or len(succeeded) == 0:
         return None
     return Success(history.space, succeeded, failed, seed=int(rng.integers(2**31)))
+
+
+def _read_phase(phase: object) -> str:
+    if phase not in (RANDOM, ACTIVE, AGAIN):
+        raise StateError(f"the state is damaged: {phase!r} is not a phase of a search")
+    return str(phase)
 
 
 def looks_elsewhere(turn: int, far: float) -> bool:
