@@ -26,8 +26,8 @@ def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Genera
     """Return the (n,) expected gain in hypervolume by one more measurement of each told configuration.
 
     As long as nothing was repeated, it is what there is to gain if all that the models cannot follow is
-    noise. It is zero where repeats agree, for what is `pending`, and while the first repeat is. It is zero for
-    a configuration that failed, too, and after REPEATS repeats of which none told anything.
+    noise. It is zero where repeats agree, for what is `pending`, and while the first repeat is. Nor is a
+    configuration repeated that ever failed; and after REPEATS repeats that all failed, none is.
     """
     targets, noise = models.targets, models.noise
     gains = np.zeros(len(targets.indices))

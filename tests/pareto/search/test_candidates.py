@@ -82,7 +82,7 @@ def test_where_nearly_everything_fails_likely_points_are_mostly_those_that_do_no
     taken = set(known.tolist())
     drawn = [likely(SPACE, success, 1, taken, rng).tolist() for _ in range(100)]
     good = sum(works[index] for [index] in drawn)
-    assert 55 <= good < 100
+    assert 40 <= good < 100  # by chance, 7
     left = len(SPACE) - len(taken)
     assert len(set(likely(SPACE, success, left, taken, rng).tolist())) == left
     assert len(likely(SPACE, success, 0, taken, rng)) == 0
