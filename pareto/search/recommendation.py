@@ -11,8 +11,9 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pareto.search.history import History
 from pareto.search.models import Models
+from pareto.search.noise import Noise
 from pareto.search.prior import Prior
-from pareto.search.targets import Targets, front_rows
+from pareto.search.targets import FEW, Targets, front_rows
 from pareto.search.trend import Trend
 from pareto.spaces.space import Configuration, Indices
 
@@ -55,18 +56,26 @@ def is_noisy(history: History) -> bool:
 
 
 def estimate(history: History, prior: Prior | None = None) -> Estimates:
-    """Return what to expect of all that succeeded: posterior means where repeats differ."""
+    """Return what to expect of all that succeeded: posterior means where repeats differ.
+
+    Of a handful of configurations no model can be learned: they stand for themselves.
+    """
     indices, values = history.measured()
     if not is_noisy(history):
         return Estimates(indices, values, values, values, False)
     targets = Targets.of(history)
-    with threadpool_limits(limits=1, user_api="blas"):
-        models = Models(history, targets, Trend.of(prior, targets), POINTS, np.random.default_rng(0))
-        mean, deviation = models.estimates
+    if 4 * len(indices) < FEW:
+        mean = targets.values
+        deviation = np.sqrt(Noise.of(history, targets).variance / history.counts()[:, None])
+    else:
+        with threadpool_limits(limits=1, user_api="blas"):
+            models = Models(history, targets, Trend.of(prior, targets), POINTS, np.random.default_rng(0))
+            mean, deviation = models.estimates
     natural = targets.scale.natural
     ends = np.stack([natural(mean - SURE * deviation), natural(mean + SURE * deviation)])
-    certain = deviation == 0  # exact values stay as they were measured
-    expected = np.where(certain, values, natural(mean))
+    as_measured = mean == targets.values  # to the last digit
+    certain = deviation == 0
+    expected = np.where(as_measured, values, natural(mean))
     low, high = (np.where(certain, values, end) for end in (ends.min(axis=0), ends.max(axis=0)))
     return Estimates(indices, expected, low, high, True)
 
