@@ -21,7 +21,7 @@ TRUTH = np.stack([2.0 + CODES[:, 0] + 0.5 * CODES[:, 1], 30.0 - CODES[:, 0] + CO
 
 
 def measured(rng, noise, objectives=("a", "b"), limits=None, truth=TRUTH, repeats=(3, 1), additive=False):
-    """An explorer that knows 80 of the space: 20 of them `repeats[0]` times, the others `repeats[1]` times."""
+    """An explorer that knows 80 points: 20 of them `repeats[0]` times, the others `repeats[1]` times."""
     explorer = Explorer(SPACE, objectives, limits, method="random")
     names = [item.name for item in explorer.objectives]
     chosen = rng.permutation(len(SPACE))[:80].tolist()
