@@ -36,7 +36,8 @@ from pareto.measuring.progress import summarise_front
 from pareto.measuring.table import from_table
 from pareto.search.answer import constant_objectives, obstacle
 from pareto.search.explorer import Explorer
-from pareto.search.methods import DEFAULT, METHODS
+from pareto.search.methods import DEFAULT, METHODS, present
+from pareto.search.recommendation import is_noisy
 from pareto.spaces.parameter import Value
 from pareto.spaces.scenario import Scenario
 from pareto.spaces.space import Space
@@ -102,7 +103,7 @@ def add_explore(commands: Any) -> None:
         metavar="PORT",
         help=f"show front.html to a browser on this machine while the search runs ({PORT})",
     )
-    explore.add_argument("--method", default=DEFAULT, choices=list(METHODS))
+    explore.add_argument("--method", default=DEFAULT, type=former_method, choices=list(METHODS))
     explore.add_argument("--seed", type=int, default=0)
     explore.add_argument(
         "--out", type=Path, required=True, help="folder; a second run goes on where it ended"
@@ -153,6 +154,11 @@ def explore_folder(options: argparse.Namespace) -> int:
         if page:
             page.draw()
         return _report(explorer, options.out, loop)
+
+
+def former_method(text: str) -> str:
+    """A method's name, also that of an earlier program, for argparse."""
+    return present(text, {})[0]
 
 
 def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:
@@ -264,10 +270,10 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
     if not isinstance(missing, ConstantObjectiveError):
         for name, value in constant_objectives(explorer.history).items():
             sys.stderr.write(f"pareto: warning: {name} was {value:g} in every configuration\n")
-    front = summarise_front(explorer)
+    front = summarise_front(explorer, explorer.estimates().expected)
+    kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(
-        f"{front.size} point{'' if front.size == 1 else 's'} on the front: {out / FRONT}\n"
-        f"{front.describe()}\n"
+        f"{front.size} point{'' if front.size == 1 else 's'} {kind}: {out / FRONT}\n{front.describe()}\n"
     )
     return FAILED if loop.stopped or isinstance(missing, AllFailedError) else 0
 

@@ -28,7 +28,10 @@ Point = tuple[dict[str, Any], dict[str, float]]
 
 @dataclass(frozen=True)
 class Source:
-    """What was measured in one place: points (columns, values by objective) without those that failed."""
+    """What was measured in one place: points (columns, values by objective) without those that failed.
+
+    Where repeats of an exploration differ, the values are the expected ones.
+    """
 
     objectives: list[Objective]
     limits: dict[str, float]
@@ -113,10 +116,10 @@ def _read(path: Path, options: argparse.Namespace) -> Source:
 
 def _source(explorer: Explorer, objectives: list[Objective], limits: dict[str, float]) -> Source:
     names = [objective.name for objective in explorer.objectives]
-    indices, values = explorer.history.measured()
+    estimates = explorer.estimates()
     points: list[Point] = [
         (dict(explorer.space.decode(int(index))), dict(zip(names, row, strict=True)))
-        for index, row in zip(indices, values.tolist(), strict=True)
+        for index, row in zip(estimates.indices, estimates.expected.tolist(), strict=True)
     ]
     return Source(objectives, limits, points, len(explorer.history.failed()))
 

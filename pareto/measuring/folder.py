@@ -14,6 +14,7 @@ from typing import Any
 from pareto.errors import DamagedStateError, ObjectiveError, StateError
 from pareto.search.explorer import Explorer
 from pareto.search.frames import columns
+from pareto.search.recommendation import is_noisy
 from pareto.spaces.space import Configuration, Space
 
 EVALUATIONS, FRONT, PAGE, STATE, SPACE, SOURCE, LOCK = (
@@ -195,10 +196,18 @@ class Folder:
         return _whole_rows(path)[0][1:] if path.exists() else []
 
     def write_front(self, explorer: Explorer) -> None:
-        """Write the present front to `front.csv`, by the first objective."""
+        """Write the recommended front to `front.csv`, by the first objective.
+
+        Where repeats differed, two more columns for each objective hold the ends of its interval.
+        """
         names = [objective.name for objective in explorer.objectives]
-        rows = [[*point.values(), *(values[name] for name in names)] for point, values in explorer.front()]
-        self._replace(FRONT, table([*explorer.space.names, *names], rows))
+        noisy = is_noisy(explorer.history)
+        rows = []
+        for point, values, intervals in explorer.recommended():
+            ends = [end for name in names for end in intervals[name]] if noisy else []
+            rows.append([*point.values(), *(values[name] for name in names), *ends])
+        more = [f"{name}_{end}" for name in names for end in ("low", "high")] if noisy else []
+        self._replace(FRONT, table([*explorer.space.names, *names, *more], rows))
 
     @staticmethod
     def _read(space: Space, explorer: Explorer, row: list[str]) -> tuple[Configuration, Any]:

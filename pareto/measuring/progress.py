@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pareto.fronts.front import nondominated
 from pareto.fronts.hypervolume import hypervolume, reference_point
@@ -70,7 +71,7 @@ def describe(explorer: Explorer, budget: int, left: float) -> str:
     parts = [f"{made_here(explorer)}/{budget} measured"]
     if failed := len(explorer.history.failed()):
         parts.append(f"{failed} failed")
-    front = summarise_front(explorer)
+    front = summarise_front(explorer, explorer.history.measured()[1])
     parts += [f"{front.size} on the front", f"{duration(left)} left", front.describe()]
     return ", ".join(parts)
 
@@ -94,13 +95,13 @@ class FrontSummary:
         return f"hypervolume {self.volume:.4g}{kind} up to {point}" if point else "hypervolume 0"
 
 
-def summarise_front(explorer: Explorer) -> FrontSummary:
-    """Return the front's size and hypervolume; it ends at the limits, or the worst value where there is none.
+def summarise_front(explorer: Explorer, values: NDArray[np.float64]) -> FrontSummary:
+    """Return size and hypervolume of the front of (n, objectives) values.
 
-    The volume is of logarithms where all values are positive, and the last value of `hypervolume_growth` over
-    the same measurements.
+    The volume ends at the limits, or at the worst value where there is none.
+    It is of logarithms where all values are positive. Of measured values it is the last one of
+    `hypervolume_growth`.
     """
-    _, values = explorer.history.measured()
     if len(values) == 0:
         return FrontSummary(0, 0.0, {})
     maximise = [objective.maximise for objective in explorer.objectives]

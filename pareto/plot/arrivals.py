@@ -10,17 +10,22 @@ from numpy.typing import NDArray
 from pareto.fronts.front import nondominated
 from pareto.plot.style import text
 from pareto.search.explorer import Explorer
+from pareto.search.recommendation import Estimates
 from pareto.spaces.space import Indices
 
 
 @dataclass(frozen=True)
 class Arrivals:
-    """(n,) `indices`, (n, objectives) mean `values` with NaN for failures, and (n,) `phases`."""
+    """(n,) `indices`, (n, objectives) mean `values` with NaN for failures, and (n,) `phases`.
+
+    `estimates` has what to expect of those that succeeded.
+    """
 
     explorer: Explorer
     indices: Indices
     values: NDArray[np.float64]
     phases: NDArray[np.str_]
+    estimates: Estimates
 
     @classmethod
     def of(cls, explorer: Explorer) -> Arrivals:
@@ -32,7 +37,7 @@ class Arrivals:
         place = {index: row for row, index in enumerate(indices.tolist())}
         values[[place[index] for index in measured.tolist()]] = means
         phases = np.array([history.phases[index] for index in indices.tolist()], dtype=np.str_)
-        return cls(explorer, indices, values, phases)
+        return cls(explorer, indices, values, phases, explorer.estimates())
 
     @property
     def succeeded(self) -> NDArray[np.bool_]:
@@ -55,18 +60,24 @@ class Arrivals:
         return [self.explorer.limits.get(name) for name in self.names]
 
     def front(self, first: int, second: int, count: int | None = None) -> NDArray[np.int64]:
-        """Return the rows on the front of two objectives after `count` measurements (all), by the first.
+        """Return the rows on the measured front of two objectives after `count` measurements (all).
 
-        Of the points within all limits, also those on objectives that are not shown.
+        By the first; of the points within all limits, also those on objectives that are not shown.
         """
-        values = self.values[:count]
-        rows = np.flatnonzero(~np.isnan(values).any(axis=1))
-        rows = rows[self.explorer.history.within_limits(values[rows])]
+        rows = np.flatnonzero(self.succeeded[:count])
+        return rows[self._front(self.values[rows], first, second)]
+
+    def recommended(self, first: int, second: int) -> NDArray[np.int64]:
+        """Return the rows of `estimates` on the front of the expected values, as `front` does."""
+        return self._front(self.estimates.expected, first, second)
+
+    def _front(self, values: NDArray[np.float64], first: int, second: int) -> NDArray[np.int64]:
+        rows = np.flatnonzero(self.explorer.history.within_limits(values))
         plane = values[rows][:, [first, second]]
         rows = rows[nondominated(plane, [self.maximise[first], self.maximise[second]])]
         return rows[np.lexsort(values[rows][:, [second, first]].T)]
 
-    def describe(self, row: int) -> str:
-        """Return the configuration of a row as lines of HTML."""
-        configuration = self.explorer.space.decode(int(self.indices[row]))
+    def describe(self, index: int) -> str:
+        """Return the configuration of a point of the space as lines of HTML."""
+        configuration = self.explorer.space.decode(index)
         return "<br>".join(f"{text(name)} {text(value)}" for name, value in configuration.items())

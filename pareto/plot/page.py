@@ -19,6 +19,7 @@ from pareto.plot.models import grown, importances, parameter_importance, predict
 from pareto.plot.scatter import scatter
 from pareto.plot.style import FONT, INK, LINE, MUTED, label, number
 from pareto.search.explorer import Explorer
+from pareto.search.recommendation import Recommended, is_noisy
 from pareto.surrogates.prediction import out_of_bag
 
 if TYPE_CHECKING:
@@ -46,7 +47,8 @@ th:first-child, td:first-child {{ text-align: left; font-weight: 600; }}
 """
 NOTES = {
     "scatter": "Every configuration that was measured, but for those that failed. The line is the front "
-    "within the limits, the diamond the default configuration.",
+    "within the limits, the diamond the default configuration. Where repeats of one configuration differ, it "
+    "is the recommended front: of expected values, with 95 % intervals.",
     "fronts": "The front after a sixteenth, an eighth, a quarter, half and all of the evaluations.",
     "hypervolume": "What the measured points dominate, up to the limits, or to the worst value measured "
     "where there is none; of logarithms where all values are positive. Only its growth means something.",
@@ -77,7 +79,7 @@ def page(explorer: Explorer, units: Mapping[str, str]) -> str:
 
 def _summary(explorer: Explorer) -> str:
     failed = len(explorer.history.failed())
-    front = summarise_front(explorer)
+    front = summarise_front(explorer, explorer.estimates().expected)
     facts = {
         "space": f"{len(explorer.space):,} points",
         "method": f"{explorer.method}, seed {explorer.seed}",
@@ -141,11 +143,12 @@ def _section(title: str, note: str, figure: Figure, wide: bool = False) -> str:
 
 def _front_table(explorer: Explorer, units: Mapping[str, str]) -> str:
     """The points of the front with their parameters; the best of each objective and the knee by name."""
-    front = explorer.front()
+    front = explorer.recommended()
     if not front:
         return ""
+    noisy = is_noisy(explorer.history)
     names = [objective.name for objective in explorer.objectives]
-    table = np.array([[values[name] for name in names] for _, values in front])
+    table = np.array([[item.values[name] for name in names] for item in front])
     roles: dict[int, list[str]] = {}
     for column, objective in enumerate(explorer.objectives):
         best = int(np.argmin(table[:, column] * objective.sign))
@@ -156,17 +159,29 @@ def _front_table(explorer: Explorer, units: Mapping[str, str]) -> str:
     rows = [
         [
             ", ".join(roles.get(row, [])),
-            *(number(values[name]) for name in names),
-            *("" if value is None else str(value) for value in point.values()),
+            *(_value(item, name, noisy) for name in names),
+            *("" if value is None else str(value) for value in item.configuration.values()),
         ]
-        for row, (point, values) in enumerate(front)
+        for row, item in enumerate(front)
     ]
     head = "".join(f"<th>{html.escape(cell)}</th>" for cell in heads)
     body = "\n".join(
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>" for cells in rows
     )
+    title = "The recommended front" if noisy else "The front"
+    note = f"{len(front)} configurations that no other beats"
+    note += ", by their expected values with 95 % intervals." if noisy else "."
     return (
-        f'<section class="wide"><h2>The front</h2><p>{len(front)} configurations that no other beats.</p>\n'
+        f'<section class="wide"><h2>{title}</h2><p>{note}</p>\n'
         f'<div class="scroll" tabindex="0"><table><thead><tr>{head}</tr></thead>\n'
         f"<tbody>{body}</tbody></table></div></section>"
     )
+
+
+def _value(item: Recommended, name: str, noisy: bool) -> str:
+    """Return a value, with its interval where there is one."""
+    value = number(item.values[name])
+    if not noisy:
+        return value
+    low, high = map(number, item.intervals[name])
+    return f"{value} ({low} to {high})"

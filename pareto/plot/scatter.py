@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from pareto.plot.arrivals import Arrivals
 from pareto.plot.style import DEFAULT, FRONT, LIMIT, MUTED, PHASES, axis, blank, label, number, stairs, text
+from pareto.search.recommendation import Estimates
+from pareto.spaces.space import Indices
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -23,8 +25,9 @@ def scatter(
 ) -> Figure:
     """Return every measured configuration in the plane of two objectives, with the limits and the front.
 
-    The front drawn is that of the two objectives shown, among the points within all limits. Hovering tells
-    the configuration. Of very many points a regular selection is drawn, the front always.
+    The front drawn is that of the two objectives shown, among the points within all limits: of the expected
+    values, with their intervals, where repeats differ. Hovering shows the configuration. Of very many points
+    a regular selection is drawn, the front always.
     """
     units = units or {}
     x_name, y_name = arrivals.names[first], arrivals.names[second]
@@ -33,36 +36,61 @@ def scatter(
     figure = blank(560)
     hover = f"%{{text}}<br><b>{text(x_name)} %{{x:.4g}}<br>{text(y_name)} %{{y:.4g}}</b><extra></extra>"
 
-    def add(rows: NDArray[np.int64], name: str, **looks: object) -> None:
+    def add(indices: Indices, values: NDArray[np.float64], name: str, **looks: object) -> None:
         figure.add_scatter(
-            x=arrivals.values[rows, first],
-            y=arrivals.values[rows, second],
-            name=f"{name} ({len(rows)})",
-            text=[arrivals.describe(int(row)) for row in rows],
+            x=values[:, first],
+            y=values[:, second],
+            name=f"{name} ({len(indices)})",
+            text=[arrivals.describe(int(index)) for index in indices],
             hovertemplate=hover,
             **looks,
         )
+
+    def add_measured(rows: NDArray[np.int64], name: str, **looks: object) -> None:
+        add(arrivals.indices[rows], arrivals.values[rows], name, **looks)
 
     for phase in dict.fromkeys([*PHASES, *arrivals.phases.tolist()]):
         rows = shown[arrivals.phases[shown] == phase]
         if len(rows):
             name, colour = PHASES.get(phase, (phase, "#8c8c8c"))
-            add(rows, name, mode="markers", marker={"color": colour, "size": 5, "opacity": 0.55})
-    front = arrivals.front(first, second)
+            add_measured(rows, name, mode="markers", marker={"color": colour, "size": 5, "opacity": 0.55})
+    estimates, front = arrivals.estimates, arrivals.recommended(first, second)
     if len(front):
-        line = {"color": FRONT, "width": 2, "shape": stairs(arrivals.maximise[first])}
-        add(front, "front", mode="lines+markers", line=line, marker={"color": FRONT, "size": 7})
+        looks: dict[str, object] = {
+            "line": {"color": FRONT, "width": 2, "shape": stairs(arrivals.maximise[first])},
+            "marker": {"color": FRONT, "size": 7},
+        }
+        if estimates.noisy:
+            looks |= {
+                f"error_{letter}": _bars(estimates, front, column)
+                for letter, column in (("x", first), ("y", second))
+            }
+        name = "recommended" if estimates.noisy else "front"
+        add(estimates.indices[front], estimates.expected[front], name, mode="lines+markers", **looks)
     space = arrivals.explorer.space
     default = succeeded[arrivals.indices[succeeded] == space.index_of(space.default)]
     if len(default):
-        looks = {"color": DEFAULT, "size": 13, "symbol": "diamond", "line": {"color": "white", "width": 1}}
-        add(default, "default", mode="markers", marker=looks)
+        marker = {"color": DEFAULT, "size": 13, "symbol": "diamond", "line": {"color": "white", "width": 1}}
+        add_measured(default, "default", mode="markers", marker=marker)
     figure.update_layout(
         xaxis=axis(label(x_name, units), arrivals.values[succeeded, first]),
         yaxis=axis(label(y_name, units), arrivals.values[succeeded, second]),
     )
     _add_limits(figure, arrivals, first, second)
     return figure
+
+
+def _bars(estimates: Estimates, rows: NDArray[np.int64], column: int) -> dict[str, object]:
+    """Return the intervals of an objective as Plotly's error bars."""
+    expected = estimates.expected[rows, column]
+    return {
+        "type": "data",
+        "array": estimates.high[rows, column] - expected,
+        "arrayminus": expected - estimates.low[rows, column],
+        "color": FRONT,
+        "thickness": 1,
+        "width": 0,
+    }
 
 
 def _add_limits(figure: Figure, arrivals: Arrivals, first: int, second: int) -> None:

@@ -19,10 +19,11 @@ from pareto.errors import (
 )
 from pareto.fronts.objective import Objective, read_limits, read_number, read_objectives, read_values
 from pareto.search.answer import obstacle
-from pareto.search.history import History, read_index
-from pareto.search.methods import DEFAULT, METHODS, create
-from pareto.search.transfer import Prior
-from pareto.spaces.space import Configuration, Space
+from pareto.search.history import History
+from pareto.search.methods import DEFAULT, METHODS, create, present
+from pareto.search.prior import Prior
+from pareto.search.recommendation import Estimates, Recommended, estimate, recommend
+from pareto.spaces.space import Configuration, Space, read_index
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -32,7 +33,10 @@ VERSION = 1  # of the saved state
 
 @dataclass(frozen=True)
 class Proposal:
-    """A configuration to measure, and the phase of the search that wants it: random, active or repeat."""
+    """A configuration to measure, and the phase of the search that wants it: random, active, again or repeat.
+
+    `again` is a configuration that the search wants to measure once more, `repeat` one that the user does.
+    """
 
     index: int
     configuration: Configuration
@@ -47,11 +51,11 @@ class Explorer:
     another one may round otherwise. Further `options` are the method's; `pareto.search.methods` lists both.
 
     `prior` is what another device measured, as (configuration, values or None for a failure) pairs: it guides
-    the search as far as the measurements told here bear it out, and never counts as told. What was measured
+    the search as far as the measurements told here confirm it, and never counts as told. What was measured
     on this very device is told instead.
 
-    Raises SpaceError, ObjectiveError, or MethodError for what is no method, option or seed, or a method that
-    heeds no prior.
+    Raises SpaceError, ObjectiveError, or MethodError for an unknown method, option or seed, or for a method
+    that cannot use a prior.
     """
 
     def __init__(
@@ -71,28 +75,32 @@ class Explorer:
         self.objectives = read_objectives(objectives)
         self.limits = read_limits(self.objectives, limits)
         self.seed = _whole("seed", seed)
-        self.method = method
         self.finished = False
         self.history = History(space, self.objectives, self.limits)
         # NumPy's whole numbers are as good as Python's, but JSON does not know them.
-        self._options = {k: int(v) if isinstance(v, np.integer) else v for k, v in options.items()}
-        self._method = create(method, self._options)
+        options = {k: int(v) if isinstance(v, np.integer) else v for k, v in options.items()}
+        self.method, self._options = present(method, options)
+        self._method = create(self.method, self._options)
         self._method.seed = self.seed % 2**64
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
         self._asks = 0
+        self._estimates: tuple[int, Estimates] | None = None  # of so many measurements
 
     def ask(self, count: int = 1, repeats: bool = False) -> list[Configuration]:
         """Return up to `count` configurations to measure; see `propose`."""
         return [proposal.configuration for proposal in self.propose(count, repeats)]
 
     def propose(self, count: int = 1, repeats: bool = False) -> list[Proposal]:
-        """Return up to `count` distinct proposals, none of them told or pending, and mark them pending.
+        """Return up to `count` distinct proposals, none of them pending, and mark them pending.
 
-        With `repeats`, configurations of the present front are proposed again instead, those measured least
-        first: against noise. Fewer than `count` come back when the method waits for pending results, or has
-        nothing more to ask for (then `finished` is set until something new is told).
+        None is told already but those of phase `again`: where repeats differ, or what models cannot follow
+        may be noise, a search measures a configuration once more if that is worth more than a new one. Where
+        measurements agree to the last digit, it stops after the first. With `repeats`, configurations of the
+        present front are proposed again instead, those measured least first. Fewer than `count` come back
+        when the method waits for pending results, or has nothing more to ask for (then `finished` is set
+        until something new is told).
 
-        Raises MethodError when `count` is no whole number.
+        Raises MethodError when `count` is not a whole number.
         """
         count = _whole("count", count)
         rng = np.random.default_rng([self.seed % 2**64, self._asks])
@@ -159,8 +167,23 @@ class Explorer:
         for index in [self.space.encode(configuration) for configuration in configurations]:
             self.history.pending.pop(index, None)
 
+    def recommended(self) -> list[Recommended]:
+        """Return the front by posterior means, each with its configuration, values and 95 % intervals.
+
+        Where measurements are noisy, a lucky one does not stay on it. It equals `front` where repeats agree
+        or nothing was repeated. A call learns models of all measurements: it may take a second.
+        """
+        return recommend(self.history, self.estimates())
+
+    def estimates(self) -> Estimates:
+        """Return what to expect of every configuration that succeeded; see `recommended`."""
+        measurements = sum(map(len, self.history.told.values()))
+        if self._estimates is None or self._estimates[0] != measurements:
+            self._estimates = measurements, estimate(self.history, self._method.prior)
+        return self._estimates[1]
+
     def front(self) -> list[tuple[Configuration, dict[str, float]]]:
-        """Return the non-dominated configurations within limits with their values, by the first objective."""
+        """Return the non-dominated configurations within limits, as measured, by the first objective."""
         names = [objective.name for objective in self.objectives]
         indices, values = self.history.front()
         return [
@@ -227,8 +250,8 @@ class Explorer:
             "pending": [[index, phase] for index, phase in self.history.pending.items()],
             "memory": self._method.memory(),
         }
-        if self.history.prior is not None:
-            state["prior"] = _observations(self.history.prior.source)
+        if self._method.prior is not None:
+            state["prior"] = _observations(self._method.prior.source)
         return state
 
     @classmethod
@@ -277,9 +300,9 @@ class Explorer:
         if not prior.source.told:
             return
         if not self._method.uses_prior:
-            heeding = ", ".join(name for name, kind in METHODS.items() if kind.uses_prior)
-            raise MethodError(f"method {self.method!r} heeds no prior: {heeding} does")
-        self.history.prior = prior
+            able = ", ".join(name for name, kind in METHODS.items() if kind.uses_prior)
+            raise MethodError(f"method {self.method!r} cannot use a prior: {able} can")
+        self._method.prior = prior
 
     def _repeats(self, count: int) -> list[tuple[int, str]]:
         indices, _ = self.history.front()

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.errors import StateError
 from pareto.fronts.front import nondominated
 from pareto.fronts.objective import Objective
 from pareto.spaces.space import Indices, Space
-
-if TYPE_CHECKING:
-    from pareto.search.transfer import Prior
 
 Values = tuple[float, ...]
 
@@ -24,8 +18,7 @@ class History:
     """Measured values by index, in the order they first arrived, and the indices still pending.
 
     A configuration may be measured more than once: its value is the mean of its successful measurements,
-    and it counts as failed only while all of them failed. `prior` is what another device measured, which is
-    known and yet not told.
+    and it counts as failed only while all of them failed.
     """
 
     def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
@@ -35,7 +28,6 @@ class History:
         self.told: dict[int, list[Values | None]] = {}
         self.phases: dict[int, str] = {}
         self.pending: dict[int, str] = {}
-        self.prior: Prior | None = None
 
     def expect(self, index: int, phase: str) -> None:
         """Note that `index` is being measured."""
@@ -56,10 +48,25 @@ class History:
         rows = [(index, [v for v in values if v is not None]) for index, values in self.told.items()]
         rows = [(index, values) for index, values in rows if values]
         # Nearly everything is measured once: the mean of one takes ten times as long as the rest together.
-        means = [values[0] if len(values) == 1 else np.mean(values, axis=0) for _, values in rows]
+        means = [values[0] if len(values) == 1 else mean(values) for _, values in rows]
         table = np.array(means, dtype=np.float64)
         indices = np.array([index for index, _ in rows], dtype=np.int64)
         return indices, table.reshape(len(rows), len(self.objectives))
+
+    def successes(self) -> NDArray[np.float64]:
+        """Return (m, objectives) values of every single measurement that succeeded."""
+        rows = [value for values in self.told.values() for value in values if value is not None]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), len(self.objectives))
+
+    def counts(self) -> NDArray[np.int64]:
+        """Return how many (n) successful measurements stand behind each row of `measured`."""
+        counts = [sum(value is not None for value in values) for values in self.told.values()]
+        return np.array([count for count in counts if count], dtype=np.int64)
+
+    def attempts(self) -> NDArray[np.int64]:
+        """Return `counts` with the failed measurements of the same configurations."""
+        attempts = [len(values) for values in self.told.values() if any(values)]
+        return np.array(attempts, dtype=np.int64)
 
     def failed(self) -> Indices:
         """Return the indices of which every measurement failed, in order of arrival."""
@@ -86,9 +93,7 @@ class History:
         return indices[order], values[order]
 
 
-def read_index(space: Space, number: Any) -> int:
-    """Return the index that a saved state names. Raises TypeError for no whole number, StateError outside."""
-    index = operator.index(number)
-    if not 0 <= index < len(space):
-        raise StateError(f"the state is damaged: index {index} is outside 0 .. {len(space) - 1}")
-    return index
+def mean(measurements: Sequence[Values]) -> NDArray[np.float64]:
+    """Return the (objectives) means. Equal values have exactly that value as mean."""
+    table = np.array(measurements)
+    return table[0] + (table / len(table) - table[0] / len(table)).sum(axis=0)

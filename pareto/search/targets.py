@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,20 +10,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pareto.fronts.front import nondominated
+from pareto.fronts.objective import Objective
 from pareto.search.history import History
 from pareto.spaces.space import Indices
 
 Array = NDArray[np.float64]
 
-SLACK = 0.1  # of the front's extent, beyond its ends, where the user set no limit
-WIDE_SLACK = 0.5  # while few points are known
-FEW = 40  # points; the slack of more is the narrower, the more they are
+FEW = 40  # successes, up to which little is known: the first design, and the least that counts as near
+MARGIN = 0.1  # of a front's extent: what lies so little behind it, or beyond its ends, still matters
+WIDE_MARGIN = 0.5  # of the ends, while few points are known: a front found from its middle must grow outwards
 TRADE = 0.05  # least gain in one objective for what is given up in another, in shares of the front's extent
-NEAR = 0.1  # of the extent of front and reference: how far behind the front is still beside it
-LEAST_NEAR = 60  # points count as near at least, if so many are in reach
-REACH = 0.1  # of the room up to the reference, beyond it: how bad a value may be and still tell something
-FLOOR = 0.05  # of a column's standard deviation: the least room that counts
 TINY = 1e-9  # beside values of the order of one
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How natural values become targets: logarithms or shares of a unit, times a sign, for each objective."""
+
+    log: NDArray[np.bool_]
+    unit: Array
+    sign: Array
+
+    @classmethod
+    def of(cls, natural: Array, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> Scale:
+        """Take logarithms where all (n, objectives) measurements and the limit are positive."""
+        bounds = np.array([limits.get(objective.name, 1.0) for objective in objectives])
+        log = (natural.min(axis=0) > 0) & (bounds > 0)
+        largest = np.abs(natural).max(axis=0)
+        unit = np.where(log | (largest == 0), 1.0, largest)
+        return cls(log, unit, np.array([float(objective.sign) for objective in objectives]))
+
+    def targets(self, natural: Array) -> Array:
+        """Return (n, objectives) targets of natural values."""
+        values = natural / self.unit
+        values[:, self.log] = np.log(values[:, self.log])
+        return values * self.sign
+
+    def natural(self, targets: Array) -> Array:
+        """Return (n, objectives) natural values of targets."""
+        values = targets * self.sign
+        values[:, self.log] = np.exp(values[:, self.log])
+        return values * self.unit
 
 
 @dataclass(frozen=True)
@@ -33,6 +61,7 @@ class Targets:
     within the reference.
     """
 
+    scale: Scale
     indices: Indices
     values: Array
     limits: Array
@@ -50,34 +79,17 @@ class Targets:
         indices, natural = history.measured()
         if len(indices) == 0:
             raise ValueError("nothing was measured yet")
-        values = np.empty_like(natural)
-        limits = np.full(natural.shape[1], np.inf)
-        for column, objective in enumerate(history.objectives):
-            limit = history.limits.get(objective.name)
-            numbers = natural[:, column]
-            if numbers.min() > 0 and (limit is None or limit > 0):
-                values[:, column] = np.log(numbers) * objective.sign
-                limit = limit and float(np.log(limit))
-            else:
-                unit = float(np.abs(numbers).max()) or 1.0
-                values[:, column] = numbers / unit * objective.sign
-                limit = None if limit is None else limit / unit
-            if limit is not None:
-                limits[column] = limit * objective.sign
-        limits = _relaxed(limits, values)
+        scale = Scale.of(history.successes(), history.objectives, history.limits)
+        values = scale.targets(natural)
+        given = np.array([[history.limits.get(item.name, np.nan) for item in history.objectives]])
+        limits = _relaxed(np.nan_to_num(scale.targets(given)[0], nan=np.inf), values)
         reference = _complete(limits, values)
-        inside = np.flatnonzero((values <= reference).all(axis=1))
-        return cls(indices, values, limits, reference, inside[nondominated(values[inside])])
+        return cls(scale, indices, values, limits, reference, front_rows(values, reference))
 
     @property
     def floor(self) -> Array:
         """The least distance (objectives) below the reference that is worth telling apart."""
-        return np.maximum(FLOOR * self.values.std(axis=0), TINY)
-
-    @property
-    def range(self) -> Array:
-        """How far apart the (objectives) values are, or the `floor`."""
-        return np.maximum(np.ptp(self.values, axis=0), self.floor)
+        return np.maximum(TRADE * self.values.std(axis=0), TINY)
 
     @property
     def worst(self) -> Array:
@@ -88,6 +100,12 @@ class Targets:
     def whole_front(self) -> Array:
         """All (front, objectives) values that no other dominates, within the limits or not."""
         return self.values[nondominated(self.values)]
+
+    def near(self) -> NDArray[np.bool_]:
+        """Return which of the n points lie on the front or beside it: a quarter of them at least."""
+        reached = int(self._within_reach().all(axis=1).sum())
+        count = max(len(self.values) // 4, min(FEW, reached), 1)
+        return self.depth <= max(MARGIN, float(np.partition(self.depth, count - 1)[count - 1]))
 
     @cached_property
     def depth(self) -> Array:
@@ -102,12 +120,6 @@ class Targets:
         beyond = ((self.values - self.reference) / scale).max(axis=1)
         return np.maximum.reduce([behind, beyond, np.zeros(len(behind))])
 
-    def near(self) -> NDArray[np.bool_]:
-        """Return which of the n points lie on the front or beside it: a quarter of them at least."""
-        reached = int(self.within_reach().all(axis=1).sum())
-        count = max(len(self.values) // 4, min(LEAST_NEAR, reached), 1)
-        return self.depth <= max(NEAR, float(np.partition(self.depth, count - 1)[count - 1]))
-
     def winsorised(self) -> Array:
         """Return the values, those out of reach of the reference pulled in to where that ends.
 
@@ -115,14 +127,19 @@ class Targets:
         """
         return np.minimum(self.values, self._reach())
 
-    def within_reach(self) -> NDArray[np.bool_]:
-        """Return which of the (n, objectives) values `winsorised` leaves as they are."""
+    def _within_reach(self) -> NDArray[np.bool_]:
         return self.values <= self._reach()
 
     def _reach(self) -> Array:
-        """REACH of the room behind the reference, but always so that a quarter of the values lies within."""
+        """MARGIN of the room behind the reference, but always so that a quarter of the values lies within."""
         room = np.maximum(self.reference - self.values.min(axis=0), self.floor)
-        return np.maximum(self.reference + REACH * room, np.quantile(self.values, 0.25, axis=0))
+        return np.maximum(self.reference + MARGIN * room, np.quantile(self.values, 0.25, axis=0))
+
+
+def front_rows(values: Array, reference: Array) -> NDArray[np.int64]:
+    """Return the rows of (n, objectives) values that no other within the reference dominates."""
+    inside = np.flatnonzero((values <= reference).all(axis=1))
+    return inside[nondominated(values[inside])]
 
 
 def _relaxed(limits: Array, values: Array) -> Array:
@@ -139,20 +156,20 @@ def _complete(limits: Array, values: Array) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
 
     A front ends where hardly anything is gained any more for what is given up, both in shares of its extent:
-    where trade-offs are out of bounds (proper efficiency, Geoffrion 1968). One that goes on to where tracking
-    is lost, for a percent of the time, would else be looked for mostly there.
+    where trade-offs are out of bounds (proper efficiency, Geoffrion 1968). Otherwise a front that goes on to
+    where tracking is lost, for a percent of the time, would be searched mostly there.
 
-    Whatever lies beyond the reference is worth nothing and will not be looked for, so that the slack is wide
-    at first: a front that is found from its middle must be able to grow outwards. But the wider it is, the
-    more a gain at either end counts, and the less one between; in the end it is the tenth of Ishibuchi et
-    al. 2011. Where the front is a single point (one objective, or objectives that agree), it has no extent:
-    the median of what was measured within the limits is then the least that the reference lets in.
+    Whatever lies beyond the reference is worth nothing and is not looked for, so the margin is wide at first.
+    But the wider it is, the more a gain at either end counts, and the less one between; in the end it is the
+    tenth of Ishibuchi et al. 2011. Where the front is a single point (one objective, or objectives that
+    agree), it has no extent: the median of what was measured within the limits is then the least that the
+    reference lets in.
     """
     inside = values[(values <= limits).all(axis=1)]
     front = inside[nondominated(inside)]
     shares = front / np.maximum(np.ptp(front, axis=0), TINY)
     front = front[nondominated(shares + TRADE * shares.sum(axis=1, keepdims=True))]
     low, high = front.min(axis=0), front.max(axis=0)
-    slack = max(SLACK, WIDE_SLACK * min(1.0, FEW / len(inside)))
-    ends = np.maximum(high + slack * np.maximum(high - low, TINY), np.median(inside, axis=0))
+    margin = max(MARGIN, WIDE_MARGIN * min(1.0, FEW / len(inside)))
+    ends = np.maximum(high + margin * np.maximum(high - low, TINY), np.median(inside, axis=0))
     return np.where(np.isfinite(limits), limits, ends)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import operator
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError
+from pareto.errors import ConfigurationError, ConstraintError, ForbiddenError, SpaceError, StateError
 from pareto.spaces.conditions import Conditions
 from pareto.spaces.constraint import Clause
 from pareto.spaces.parameter import Parameter, Value
@@ -372,6 +373,14 @@ class Space:
         if self.conditions:  # an inactive parameter stays at its default, which has moved
             self.__dict__.pop("region", None)
             self._constrain([constraint.text for constraint in self.constraints])
+
+
+def read_index(space: Space, number: Any) -> int:
+    """Return the index that a saved state names. Raises TypeError for no whole number, StateError outside."""
+    index = operator.index(number)
+    if not 0 <= index < len(space):
+        raise StateError(f"the state is damaged: index {index} is outside 0 .. {len(space) - 1}")
+    return index
 
 
 def _missing(name: str, configuration: Mapping[str, object]) -> ConfigurationError:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+LARGEST_GRID = 5_000_000  # points that are predicted all
 CORNERS_AT_ONCE = 1 << 18  # a few MB of working memory, which the cache half holds
 
 

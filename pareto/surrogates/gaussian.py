@@ -3,8 +3,8 @@
 The covariance is (1 - share) Matern-5/2 + share exponential of the city-block distance, with one length
 scale a parameter. The first is what smooth responses look like. The second (the product of Ornstein-
 Uhlenbeck kernels, the limit of Mondrian forests: Balog et al. 2016) follows steps and ridges along the
-axes, as tree ensembles do; how much of it there is, is learnt like everything else, so nobody has to know
-beforehand which kind of response a space has.
+axes, as tree ensembles do. Its share is learned like everything else, so that nobody has to know beforehand
+which kind of response a space has.
 
 Formulas: Rasmussen & Williams 2006, eq. 2.25, 2.26 (prediction), 5.9 (gradient of the likelihood). The
 signal variance is maximised in closed form.
@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.linalg.lapack import dpotri
 
 Array = NDArray[np.float64]
@@ -62,20 +62,47 @@ class Kernel:
 
 
 class GaussianProcess:
-    """A fitted process on (n, columns) features; `owner[c]` is the length scale that column c uses."""
+    """A fitted process on (n, columns) features; `owner[c]` is the length scale that column c uses.
 
-    def __init__(self, features: Array, targets: Array, owner: NDArray[np.int64], theta: Array) -> None:
+    What the process cannot follow, its nugget, is roughness (different at each point, the same at each
+    visit) or noise of measurement (different at each visit). Each target is the mean of `counts` (n)
+    measurements, and `variance` is the noise of one; all else is roughness.
+    """
+
+    def __init__(
+        self,
+        features: Array,
+        targets: Array,
+        owner: NDArray[np.int64],
+        theta: Array,
+        counts: NDArray[np.int64] | None = None,
+        variance: float = 0.0,
+    ) -> None:
         self.theta = theta
         self.kernel = Kernel(theta, owner)
         self._mean = float(targets.mean())
-        self._features, self._targets = features, targets
+        self._features, self.targets = features, targets
         correlation = self.kernel(features, features)
-        correlation[np.diag_indices_from(correlation)] += self.kernel.noise
-        self._lower = cholesky(correlation, lower=True, overwrite_a=True, check_finite=False)
-        self._alpha = solve_triangular(
-            self._lower, targets - self._mean, lower=True, check_finite=False
-        )  # L^-1 y: half of the solve, which prediction needs
+        nugget = self.kernel.noise
+        self._condition(correlation, np.full(len(targets), nugget))
         self._scale = max(float(self._alpha @ self._alpha) / len(targets), 1e-12)
+        self.noise = min(variance / self._scale, 1.0)  # of one measurement, relative to the signal
+        self.roughness = max(nugget - self.noise, 0.0)
+        if counts is not None and self.noise > 0:
+            self._condition(correlation, self.roughness + self.noise / counts)
+
+    def _condition(self, correlation: Array, diagonal: Array) -> None:
+        noisy = correlation.copy()
+        noisy[np.diag_indices_from(noisy)] += diagonal
+        self._lower = cholesky(noisy, lower=True, overwrite_a=True, check_finite=False)
+        self._alpha = solve_triangular(
+            self._lower, self.targets - self._mean, lower=True, check_finite=False
+        )  # L^-1 y: half of the solve, which prediction needs
+
+    @property
+    def nugget(self) -> float:
+        """The variance of what the process cannot follow: the noise of a measurement is at most that."""
+        return self._scale * self.kernel.noise
 
     @classmethod
     def fit(
@@ -110,30 +137,40 @@ class GaussianProcess:
         return cls(features, targets, owner, found.x)
 
     @cached_property
+    def _solved(self) -> tuple[Array, Array]:
+        """(n,) C^-1 (y - mean), and the (n,) diagonal of C^-1, of the covariance of the measurements."""
+        inverse, _ = dpotri(self._lower, lower=1)
+        weights = solve_triangular(self._lower, self._alpha, lower=True, trans=1, check_finite=False)
+        return weights, np.diag(inverse)
+
     def left_out(self) -> tuple[Array, Array]:
-        """(n,) mean and (n,) standard deviation of each target, foretold from all others.
+        """Return (n,) mean and (n,) standard deviation of each target, predicted from all others.
 
         Rasmussen & Williams 2006, eq. 5.10 to 5.12; the hyperparameters stay those of all rows.
         """
-        inverse, _ = dpotri(self._lower, lower=1)
-        precision = np.diag(inverse)
-        weights = solve_triangular(self._lower, self._alpha, lower=True, trans=1, check_finite=False)
-        return self._targets - weights / precision, np.sqrt(self._scale / precision)
+        weights, precision = self._solved
+        return self.targets - weights / precision, np.sqrt(self._scale / precision)
 
-    def surprise(self) -> Array:
-        """Return by how many (n,) standard deviations each target is above what all others foretell."""
-        mean, deviation = self.left_out
-        return (self._targets - mean) / deviation
+    def excess(self) -> Array:
+        """Return by how many (n,) standard deviations each target is above its prediction from all others."""
+        mean, deviation = self.left_out()
+        return (self.targets - mean) / deviation
 
-    def foretells(self, rows: NDArray[np.bool_]) -> float:
-        """Return the mean log density of the targets of `rows`, each foretold from all other rows."""
-        _, deviation = self.left_out
-        squared = self.surprise()[rows] ** 2
+    def log_density(self, rows: NDArray[np.bool_]) -> float:
+        """Return the mean log density of the targets of `rows`, each predicted from all other rows."""
+        _, deviation = self.left_out()
+        squared = self.excess()[rows] ** 2
         return float(-0.5 * np.mean(np.log(2.0 * math.pi * deviation[rows] ** 2) + squared))
 
-    def doubt(self) -> float:
-        """Return the median standard deviation with which a target is foretold from all others."""
-        return float(np.median(self.left_out[1]))
+    def truth(self, counts: NDArray[np.int64], variance: float) -> tuple[Array, Array]:
+        """Return (n,) posterior mean and (n,) standard deviation of each target without noise.
+
+        The roughness is part of what is predicted; the noise of a mean of `counts` measurements is not.
+        """
+        noise = np.minimum(variance / self._scale, 1.0) / counts
+        weights, precision = self._solved
+        left = np.maximum(noise - noise**2 * precision, 0.0)
+        return self.targets - noise * weights, np.sqrt(self._scale * left)
 
     def at(self, features: Array) -> Posterior:
         """Return the posterior at (n, columns) features."""
@@ -144,12 +181,11 @@ class Posterior:
     """What a process says about a fixed list of candidates, and what it would say after further points."""
 
     def __init__(self, process: GaussianProcess, features: Array) -> None:
-        self._kernel = process.kernel
-        self._scale = process._scale
+        self._process = process
         self._features = features
         self._solved = solve_triangular(
             process._lower,
-            self._kernel(process._features, features),
+            process.kernel(process._features, features),
             lower=True,
             overwrite_b=True,
             check_finite=False,
@@ -159,43 +195,48 @@ class Posterior:
 
     @property
     def spread(self) -> Array:
-        """The standard deviation of a measurement at each candidate: the function's and the noise's.
+        """How far the expected value at each candidate moves once it is measured, a standard deviation.
 
-        The noise counts, because much of it is not noise: what a process cannot follow is different
-        at each point yet the same at each visit, and a lucky point is a find.
+        The roughness counts: a lucky point is a find. The noise does not, and hides part of what a
+        measurement tells.
         """
-        return np.sqrt(self._scale * (self._variance + self._kernel.noise))
+        unknown = self._variance + self._process.roughness
+        return np.sqrt(self._process._scale * unknown**2 / (unknown + self._process.noise))
 
     def suppose(self, candidate: int) -> None:
         """Condition on candidate number `candidate` turning out exactly as expected.
 
         Means stay as they are; the spread shrinks around it (kriging believer).
         """
-        prior = self._kernel(self._features[candidate : candidate + 1], self._features)[0]
+        process = self._process
+        prior = process.kernel(self._features[candidate : candidate + 1], self._features)[0]
         covariance = prior - self._solved[:, candidate] @ self._solved
-        row = covariance / math.sqrt(self._variance[candidate] + self._kernel.noise)
+        row = covariance / math.sqrt(self._variance[candidate] + process.roughness + process.noise)
         self._solved = np.concatenate([self._solved, row[None]])
         self._variance = np.maximum(self._variance - row**2, 1e-12)
 
 
 class Likelihood:
-    """The negative logarithm of the hyperparameters' posterior density, and its gradient."""
+    """The negative logarithm of the hyperparameters' posterior density, and its gradient.
+
+    All matrices are symmetric: of each, one triangle is computed, as a vector of pairs.
+    """
 
     def __init__(
         self, features: Array, targets: Array, owner: NDArray[np.int64], mean: Array, deviation: Array
     ) -> None:
         centred = targets - targets.mean()
-        self._targets = centred / max(float(centred.std()), 1e-12)
+        self.targets = centred / max(float(centred.std()), 1e-12)
         self._mean, self._deviation = mean, deviation
-        count = len(targets)
-        squared = np.zeros((int(owner.max()) + 1, count, count))
+        self._below = np.tril_indices(len(targets), -1)
+        first, second = self._below
+        self._squared = np.zeros((int(owner.max()) + 1, len(first)))  # (parameters, pairs)
         for column, parameter in enumerate(owner):
-            squared[parameter] += (features[:, column, None] - features[:, column]) ** 2
-        self._squared = squared.reshape(len(squared), -1)  # (parameters, count^2) distances
+            self._squared[parameter] += (features[first, column] - features[second, column]) ** 2
         self._distance = np.sqrt(self._squared)
 
     def __call__(self, theta: Array) -> tuple[float, Array]:
-        count, targets = len(self._targets), self._targets
+        count, targets = len(self.targets), self.targets
         inverse_lengths = np.exp(-theta[:-3])
         stretch, share = math.exp(theta[-3]), 1.0 / (1.0 + math.exp(-theta[-2]))
         noise = math.exp(theta[-1])
@@ -204,27 +245,27 @@ class Likelihood:
         smooth = decay * (1.0 + r + r * r / 3.0)
         blocks = (inverse_lengths / stretch) @ self._distance
         rough = np.exp(-blocks)
-        correlation = ((1.0 - share) * smooth + share * rough).reshape(count, count)
-        correlation[np.diag_indices_from(correlation)] += noise
+        correlation = np.diag(np.full(count, 1.0 + noise))
+        correlation[self._below] = (1.0 - share) * smooth + share * rough
         lower = cholesky(correlation, lower=True, overwrite_a=True, check_finite=False)
         half_log_det = np.log(np.diag(lower)).sum()
         inverse, _ = dpotri(lower, lower=1)
-        inverse = np.tril(inverse) + np.tril(inverse, -1).T
-        weights = inverse @ targets
+        weights = cho_solve((lower, True), targets, check_finite=False)
         scale = max(float(targets @ weights) / count, 1e-12)
         prior = (theta - self._mean) / self._deviation
         value = 0.5 * count * math.log(scale) + half_log_det + 0.5 * float(prior @ prior)
 
-        outer = (inverse - np.outer(weights, weights) / scale).ravel()  # dL/dK, twice
+        first, second = self._below
+        outer = inverse[self._below] - weights[first] * weights[second] / scale  # dL/dK of each pair
         gradient = prior / self._deviation
         # d smooth / d log length = 5/3 (1 + r) exp(-r) (difference / length)^2, with r already times sqrt(5)
         slope = outer * ((1.0 - share) * (5.0 / 3.0)) * (1.0 + r) * decay
-        gradient[:-3] += 0.5 * inverse_lengths**2 * (self._squared @ slope)
+        gradient[:-3] += inverse_lengths**2 * (self._squared @ slope)
         slope = outer * share * rough
-        gradient[:-3] += 0.5 * inverse_lengths / stretch * (self._distance @ slope)
-        gradient[-3] += 0.5 * float(slope @ blocks)
-        gradient[-2] += 0.5 * share * (1.0 - share) * float(outer @ (rough - smooth))
-        gradient[-1] += 0.5 * noise * float(outer[:: count + 1].sum())
+        gradient[:-3] += inverse_lengths / stretch * (self._distance @ slope)
+        gradient[-3] += float(slope @ blocks)
+        gradient[-2] += share * (1.0 - share) * float(outer @ (rough - smooth))
+        gradient[-1] += 0.5 * noise * float((np.diag(inverse) - weights**2 / scale).sum())
         return value, gradient
 
 

@@ -134,10 +134,12 @@ def run(problem: Problem, peer: Peer, seed: int) -> dict[str, Any]:
     RUNS.mkdir(parents=True, exist_ok=True)
     values = saved(problem.values)
     allowed = saved(problem.space.allowed_grid) if problem.space.constraints else None
+    factors = problem.factors(seed)
     request = {
         "space": problem.space.to_dict(),
         "values": str(values),
         "allowed": allowed and str(allowed),
+        "factors": None if factors is None else str(saved(factors)),
         "limits": problem.limits,
         "budget": budget_of(problem, peer.name),
         "seed": seed,

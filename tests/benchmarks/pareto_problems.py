@@ -6,7 +6,7 @@ import csv
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,8 @@ class Problem:
 
     `limits` are what a search is told. `references` are the points from which hypervolume is counted, by
     what they mean: the limits, or the worst values of the whole table. Never does one come from the front.
+    With `noise`, a standard deviation of logarithms, each measurement is a value times a random factor; a
+    search is judged by the values themselves.
     """
 
     name: str
@@ -44,19 +46,49 @@ class Problem:
     limits: tuple[float, ...] | None
     references: dict[str, tuple[float, ...]]
     marks: tuple[int, ...]
+    noise: float = 0.0
 
     @cached_property
     def digest(self) -> str:
         """SHA-256 of everything that a search can notice."""
         content = hashlib.sha256(np.ascontiguousarray(self.values).tobytes())
-        content.update(json.dumps([self.space.to_dict(), self.limits], sort_keys=True).encode())
+        described = [self.space.to_dict(), self.limits, *([self.noise] if self.noise else [])]
+        content.update(json.dumps(described, sort_keys=True).encode())
         return content.hexdigest()
+
+    def factors(self, seed: int) -> NDArray[np.float64] | None:
+        """The (evaluations, 2) factors of the measurements of one search, or None without noise."""
+        if not self.noise:
+            return None
+        return np.exp(self.noise * np.random.default_rng(seed).normal(size=(self.marks[-1], 2)))
+
+    def noisy(self, noise: float) -> Problem:
+        """The same problem with noise in each measurement."""
+        return replace(self, name=f"{self.name}, {100 * noise:g} % noise", noise=noise, marks=(200, 500))
 
     @cached_property
     def front(self) -> NDArray[np.float64]:
         """The values of the exhaustive front, over all points that do not fail."""
         good = self.values[~np.isnan(self.values).any(axis=1)]
         return good[nondominated(good)]
+
+    def measured_front(self, indices: list[int], seed: int) -> list[int]:
+        """Return which of `indices` are non-dominated as the search of that seed measured them.
+
+        Of what was measured more than once, the mean counts, as every search that keeps a table would take.
+        """
+        factors = self.factors(seed)
+        measured = self.values[indices]
+        if factors is not None:
+            measured = measured * factors[: len(indices)]
+        places, inverse, counts = np.unique(indices, return_inverse=True, return_counts=True)
+        means = np.zeros((len(places), measured.shape[1]))
+        np.add.at(means, inverse, measured)
+        means /= counts[:, None]
+        good = ~np.isnan(means).any(axis=1)
+        if self.limits is not None:
+            good &= (means <= self.limits).all(axis=1)
+        return places[good][nondominated(means[good])].tolist()
 
     def regret(self, indices: list[int], reference: str) -> float:
         """Return 1 - HV / HV* in log objectives: what `indices` leave uncovered of the front's volume."""
@@ -135,9 +167,11 @@ def problems(data: Path | None) -> Iterator[Problem]:
     yield kfusion(with_limits=True)
     yield kfusion(with_limits=False)
     yield kfusion(with_limits=True, rough=False)
+    yield kfusion(with_limits=True, rough=False).noisy(0.02)
     yield kfusion(with_limits=False, rough=False)
     if data is not None:
         yield black_scholes(data / "dse" / "hypermapper")
+        yield black_scholes(data / "dse" / "hypermapper").noisy(0.05)
         yield convolution(data / "dse" / "convolution", told=False)
         yield convolution(data / "dse" / "convolution", told=True)
     yield kernel()

@@ -13,8 +13,10 @@ TARGETS: dict[str, tuple[float, dict[int, float]]] = {
     "kfusion, limits": (0.5, {}),
     "kfusion, no limits": (0.5, {}),
     "kfusion, limits, smooth": (0.5, {}),
+    "kfusion, limits, smooth, 2 % noise": (0.5, {}),
     "kfusion, no limits, smooth": (0.5, {}),
     "BlackScholes": (1.0, {200: 0.02}),
+    "BlackScholes, 5 % noise": (0.5, {}),
     "convolution, no constraints": (1.0, {}),
     "convolution, constraints": (1.0, {}),
     "kernel": (1.0, {}),
@@ -39,6 +41,11 @@ def print_table(result: dict[str, Any]) -> None:
             twice = f"{100 * row['duplicates']:.0f} %"
             counted = f"{len(row['seeds']):>7}{row['cpu_ms']:>9.1f}{twice:>8}{row['refused']:>9.0f}"
             print(f"{row['name']:<16}{cells}{counted}")
+            if "discovered" in row:
+                found = "".join(
+                    f"{cell(row['discovered'][reference].get(mark)):>18}" for mark in result["marks"]
+                )
+                print(f"{'  discovered':<16}{found}")
 
 
 def cell(regrets: list[float] | None) -> str:

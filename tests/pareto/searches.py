@@ -14,7 +14,7 @@ SPACE = Space.from_dict(
     }
 )
 OPTIONS = {
-    "two-stage": {"initial": 8, "trees": 8, "candidates": 100, "points": 40},
+    "bayesian": {"initial": 8, "candidates": 100, "points": 40},
     "algorithm1": {"initial": 12, "trees": 8},
     "random": {},
 }
@@ -39,3 +39,8 @@ def spend(explorer, budget, batch=5, measure=measure):
         explorer.tell(configurations, [measure(item) for item in configurations])
         asked += configurations
     return asked
+
+
+def repeats_in(asked, space=SPACE):
+    """How many of `asked` were asked before: one, where a search learns that there is no noise."""
+    return len(asked) - len({space.encode(item) for item in asked})

@@ -36,6 +36,7 @@ def table(folder: Path, **changes: object) -> Table:
         "values": str(folder / "values.npy"),
         "limits": None,
         "allowed": None,
+        "factors": None,
         "budget": 3,
         "seed": 0,
         "method": "",
@@ -53,6 +54,31 @@ def test_regret_is_nothing_for_the_whole_front_and_everything_for_failures() -> 
 def test_a_problem_is_another_one_with_other_values_or_limits() -> None:
     assert problem().digest == problem().digest
     assert problem().digest != problem(limits=(8.0, 8.0)).digest
+
+
+def test_noise_is_part_of_a_problem_and_the_same_for_every_search_of_a_seed() -> None:
+    noisy = problem().noisy(0.05)
+    assert noisy.digest != problem().digest
+    assert problem().factors(1) is None
+    np.testing.assert_array_equal(noisy.factors(1), noisy.factors(1))
+    assert not np.array_equal(noisy.factors(1), noisy.factors(2))
+    assert 0.045 < np.log(noisy.factors(1)).std() < 0.055
+
+
+def test_the_measured_front_takes_means_and_forgets_what_failed() -> None:
+    noisy = problem().noisy(0.5)
+    measured = VALUES[[0, 1, 1, 4]] * noisy.factors(3)[:4]
+    means = np.array([measured[0], measured[1:3].mean(axis=0)])
+    beaten = (means[::-1] < means).all(axis=1)
+    assert noisy.measured_front([0, 1, 1, 4], 3) == [place for place in (0, 1) if not beaten[place]]
+
+
+def test_a_table_multiplies_each_look_up_by_its_factor(tmp_path: Path) -> None:
+    np.save(tmp_path / "factors.npy", np.array([[2.0, 1.0], [0.5, 1.0], [1.0, 1.0]]))
+    looked_up = table(tmp_path, factors=str(tmp_path / "factors.npy"))
+    first, second = (looked_up.evaluate({"a": 0, "b": 0}).objectives for _ in range(2))
+    assert first == pytest.approx(np.log([2.0, 8.0]))
+    assert second == pytest.approx(np.log([0.5, 8.0]))
 
 
 def test_the_table_numbers_points_like_the_space_and_counts_duplicates(tmp_path: Path) -> None:

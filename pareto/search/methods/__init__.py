@@ -7,19 +7,29 @@ from typing import Any
 
 from pareto.errors import MethodError
 from pareto.search.methods.algorithm1 import Algorithm1
+from pareto.search.methods.bayesian import Bayesian
 from pareto.search.methods.method import Method
 from pareto.search.methods.random import Random
-from pareto.search.methods.two_stage import TwoStage
 
 METHODS: dict[str, type[Method]] = {
-    "two-stage": TwoStage,
+    "bayesian": Bayesian,
     "algorithm1": Algorithm1,
     "random": Random,
 }
-DEFAULT = "two-stage"
+DEFAULT = "bayesian"
+FORMER = {"two-stage": "bayesian"}  # methods of earlier programs, by what replaced them
+RETIRED = {"two-stage": ("trees", "explore")}  # their options that mean nothing any more
 LARGEST_OPTION = 1_000_000  # more than anyone measures, and no more than fits into memory
 
-__all__ = ["DEFAULT", "METHODS", "Method", "create"]
+__all__ = ["DEFAULT", "METHODS", "Method", "create", "present"]
+
+
+def present(name: str, options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Return the method and options that stand for those of an earlier program; others as they are."""
+    if not isinstance(name, str):  # which `create` refuses
+        return name, dict(options)
+    dropped = RETIRED.get(name, ())
+    return FORMER.get(name, name), {key: value for key, value in options.items() if key not in dropped}
 
 
 def create(name: str, options: Mapping[str, Any]) -> Method:

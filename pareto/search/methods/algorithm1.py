@@ -10,12 +10,11 @@ import numpy as np
 
 from pareto.errors import MethodError
 from pareto.fronts.front import nondominated
-from pareto.search.history import History, read_index
+from pareto.search.history import History
 from pareto.search.methods.method import ACTIVE, RANDOM, Method
-from pareto.search.screening import LARGEST_GRID
 from pareto.spaces.sampling import sample
-from pareto.spaces.space import Space
-from pareto.surrogates.forest import Forest
+from pareto.spaces.space import Space, read_index
+from pareto.surrogates.forest import LARGEST_GRID, Forest
 
 
 @dataclass

@@ -9,24 +9,29 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pareto.search.history import History
+from pareto.search.prior import Prior
 from pareto.spaces.space import Space
 
-RANDOM, ACTIVE = "random", "active"
+RANDOM, ACTIVE, AGAIN = "random", "active", "again"  # phases: AGAIN measures a known point once more
 
 
 class Method:
     """Proposes what to measure next from what is known.
 
     A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps
-    nothing between proposals but its `memory`. `uses_prior` tells whether it heeds what another device
-    measured.
+    nothing between proposals but its `memory`. `uses_prior` tells whether it respects what another device
+    measured; the explorer then sets its `prior`.
     """
 
     uses_prior: ClassVar[bool] = False
-    seed = 0  # the explorer's, for what must not depend on how often it was asked; no option
+    seed: int = 0  # the explorer's, for what must not depend on how often it was asked
+    prior: Prior | None = None
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
-        """Return up to `count` (index, phase) pairs, distinct and not taken; fewer to wait or to end."""
+        """Return up to `count` (index, phase) pairs, distinct; fewer to wait or to end.
+
+        None is pending, and only those of phase AGAIN are told already.
+        """
         raise NotImplementedError
 
     def memory(self) -> dict[str, Any]:

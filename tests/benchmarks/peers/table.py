@@ -2,7 +2,8 @@
 
 A request is a JSON file: `space` (as pareto's spaces are written), `values` (path of an .npy of (points,
 objectives), NaN where a point fails, the last parameter varying fastest), `limits` (one a objective, or
-null), `allowed` (path of an .npy mask of the points, or null), `budget`, `seed` and `method`. The answer, one
+null), `allowed` (path of an .npy mask of the points, or null), `factors` (path of an .npy of (evaluations,
+objectives) by which the measurements are multiplied, or null), `budget`, `seed` and `method`. The answer, one
 JSON object on the last line of standard output, lists the `indices` in the order they were evaluated,
 duplicates included, how many points were `refused`, and the CPU `seconds` of the search.
 """
@@ -58,6 +59,7 @@ class Table:
         self.limits = None if request["limits"] is None else np.log(request["limits"])
         self.can_fail = bool(np.isnan(self.logarithms).any())
         self.allowed = None if request["allowed"] is None else np.load(request["allowed"])
+        self.noise = None if request["factors"] is None else np.log(np.load(request["factors"]))
         self.budget, self.seed, self.method = request["budget"], request["seed"], request["method"]
         # For searches that must be told when to end: what is refused must not shorten them.
         self.trials = self.budget * (1 if self.allowed is None else PATIENCE)
@@ -98,6 +100,8 @@ class Table:
             return self._failed()
         self.indices.append(index)
         row = self.logarithms[index]
+        if self.noise is not None:
+            row = row + self.noise[len(self.indices) - 1]
         if np.isnan(row).any():
             return self._failed()
         self._worst = np.maximum(self._worst, row)

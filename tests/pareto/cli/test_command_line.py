@@ -248,12 +248,12 @@ def test_the_volume_told_is_where_its_curve_ends():
     explorer = Explorer(
         Space.from_dict(SPACE), ["error", "seconds"], {"seconds": 9.0}, method="random", seed=3
     )
-    assert summarise_front(explorer) == FrontSummary(0, 0.0, {})
+    assert summarise_front(explorer, explorer.estimates().expected) == FrontSummary(0, 0.0, {})
     batch = explorer.ask(20)
     told = [{"error": 1 / point["x"], "seconds": float(point["x"])} for point in batch]
     explorer.tell(batch, told)
     growth = hypervolume_growth([[item["error"], item["seconds"]] for item in told], [None, 9.0])
-    front = summarise_front(explorer)
+    front = summarise_front(explorer, explorer.estimates().expected)
     assert front.size == len(explorer.front())
     assert front.reference == {"error": 1.0, "seconds": 9.0}
     assert front.volume == pytest.approx(growth[-1])

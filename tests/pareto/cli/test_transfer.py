@@ -117,7 +117,7 @@ def test_a_prior_guides_an_exploration_and_is_no_row_of_it(devices, capsys):
     assert explore(devices, "--budget", "9", "--prior", str(devices / "table.csv")) == 2
     assert "began with another --prior" in capsys.readouterr().err
     assert explore(devices, "--budget", "9", *prior, "--method", "random", out="two") == 2
-    assert "'random' heeds no prior" in capsys.readouterr().err
+    assert "'random' cannot use a prior" in capsys.readouterr().err
 
 
 def transfer(devices, *more):

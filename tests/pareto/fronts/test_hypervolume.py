@@ -61,3 +61,20 @@ def test_each_step_of_the_growth_is_the_hypervolume_so_far(seed, objectives, neg
 def test_nothing_measured_has_no_volume():
     assert hypervolume_growth(np.empty((0, 2))).shape == (0,)
     assert hypervolume_growth(np.full((3, 2), np.nan)).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_hypervolume_of_known_areas():
+    points = [[1.0, 3.0], [2.0, 1.0], [9.0, 9.0], [np.nan, 0.0]]
+    assert hypervolume(points, [4.0, 4.0]) == pytest.approx(7.0)
+    assert hypervolume([[2.0], [1.0]], [4.0]) == 3.0
+    assert hypervolume([[1.0, 1.0]], [np.e, np.e], log=True) == pytest.approx(1.0)
+    assert hypervolume([[3.0, 1.0]], [1.0, 4.0], maximise=[True, False]) == pytest.approx(2.0 * 3.0)
+    assert hypervolume([], [1.0, 1.0]) == 0.0
+    assert hypervolume([[5.0, 5.0]], [1.0, 1.0]) == 0.0
+
+
+def test_hypervolume_refuses_what_does_not_fit():
+    with pytest.raises(ObjectiveError, match="do not fit"):
+        hypervolume([[1.0, 2.0]], [1.0])
+    with pytest.raises(ObjectiveError, match="logarithm"):
+        hypervolume([[-1.0, 2.0]], [1.0, 3.0], log=True)

@@ -125,7 +125,7 @@ def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
 
 
 def test_the_default_method_goes_on_as_if_nothing_had_happened(toy, monkeypatch):
-    options = ["--method", "two-stage", "--random", "10", "--budget", "22", "--batch", "6"]
+    options = ["--method", "bayesian", "--random", "10", "--budget", "22", "--batch", "6"]
     assert explore(toy, *options, out="whole") == 0
     interrupt_after(monkeypatch, 14)
     assert explore(toy, *options) == 130

@@ -12,11 +12,11 @@ from pareto.errors import (
 )
 from pareto.spaces.space import Space
 
-SPACE = Space.from_dict({"parameters": [{"name": "x", "type": "integer", "minimum": 1, "maximum": 40}]})
+SPACE = Space.from_dict({"parameters": [{"name": "x", "type": "integer", "minimum": 1, "maximum": 60}]})
 
 
 def explored(values, objectives=("error", "seconds"), limits=None, count=30):
-    explorer = Explorer(SPACE, objectives, limits, initial=10, trees=8, candidates=20)
+    explorer = Explorer(SPACE, objectives, limits, initial=10, candidates=20)
     while len(explorer.history.told) < count:
         asked = explorer.ask(10)
         explorer.tell(asked, [values(item["x"]) for item in asked])

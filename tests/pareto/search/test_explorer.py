@@ -11,17 +11,16 @@ from pareto import Explorer, Objective, Space
 from pareto.errors import ConfigurationError, MethodError, ObjectiveError, StateError
 from pareto.fronts.front import nondominated
 from pareto.search.methods import METHODS
-from tests.pareto.searches import OPTIONS, SPACE, explorer_of, measure, spend
+from tests.pareto.searches import OPTIONS, SPACE, explorer_of, measure, repeats_in, spend
 
 every_method = pytest.mark.parametrize("method", sorted(METHODS))
 
 
 @every_method
-def test_nothing_is_ever_asked_twice_and_everything_asked_lies_in_the_space(method):
+def test_a_deterministic_program_is_asked_for_at_most_one_configuration_again(method):
     explorer = explorer_of(method)
     asked = spend(explorer, 100, batch=10)
-    indices = [SPACE.encode(configuration) for configuration in asked]
-    assert len(set(indices)) == len(indices)
+    assert repeats_in(asked) <= (method == "bayesian")
     if method != "algorithm1":
         assert len(asked) == 100
 
@@ -53,17 +52,20 @@ def test_a_restored_explorer_asks_for_the_same_next_batches(method):
 @every_method
 def test_results_may_come_late_in_any_order_and_in_parts(method):
     explorer = explorer_of(method)
-    waiting = []
+    waiting, again = [], 0
     for _ in range(12):
-        waiting += explorer.ask(4)
+        proposals = explorer.propose(4)
+        again += sum(item.phase == "again" for item in proposals)
+        waiting += [item.configuration for item in proposals]
         waiting.reverse()
         now, waiting = waiting[:3], waiting[3:]
         explorer.tell(now, [measure(item) for item in now])
         assert len({SPACE.encode(item) for item in waiting}) == len(waiting)
         assert sorted(map(SPACE.encode, explorer.pending())) == sorted(map(SPACE.encode, waiting))
-    told = len(explorer.history.told)
     explorer.tell(waiting, [measure(item) for item in waiting])
-    assert len(explorer.history.told) == told + len(waiting)
+    if method != "algorithm1":
+        assert len(explorer.history.told) == 48 - again
+    assert again <= 1
     assert explorer.pending() == []
 
 
@@ -95,9 +97,9 @@ def test_the_whole_space_can_be_exhausted(method, objectives, fails):
         return None if x <= fails else {"error": float(x), "seconds": 1.0 / x, "watts": 3.0 + x % 3}
 
     asked = spend(explorer, 99, measure=all_on_the_front)
-    assert len(asked) == len({item["x"] for item in asked})
+    assert repeats_in(asked, space) <= (method == "bayesian")
     if method != "algorithm1" or not fails:
-        assert len(asked) == 15
+        assert {item["x"] for item in asked} == set(range(1, 16))
     assert explorer.finished
     assert explorer.ask(5) == []
 
@@ -154,7 +156,8 @@ def test_proposals_name_their_phase(method):
         explorer.tell(
             [item.configuration for item in proposals], [measure(item.configuration) for item in proposals]
         )
-    assert set(phases) <= {"random", "active"}
+    assert set(phases) <= {"random", "active", "again"}
+    assert phases.count("again") <= (method == "bayesian")
     assert phases[0] == "random"
     assert ("active" in phases) == (method != "random")
 
@@ -219,7 +222,7 @@ def test_wrong_objectives_limits_methods_and_options_are_named():
         ({"objectives": ("a",), "limits": {"b": 1}}, ObjectiveError, "'b'"),
         ({"objectives": ("a",), "limits": {"a": "low"}}, ObjectiveError, "'low'"),
         ({"objectives": ("a",), "limits": {"a": float("inf")}}, ObjectiveError, "leave the limit out"),
-        ({"objectives": ("a",), "method": "annealing"}, MethodError, "two-stage, algorithm1, random"),
+        ({"objectives": ("a",), "method": "annealing"}, MethodError, "bayesian, algorithm1, random"),
         ({"objectives": ("a",), "method": "algorithm1", "forests": 3}, MethodError, "initial, trees"),
         ({"objectives": ("a",), "initial": 0}, MethodError, "from 1 to 1,000,000"),
         ({"objectives": ("a",), "initial": 10**11}, MethodError, "from 1 to 1,000,000, not 100000000000"),

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from pareto import Explorer, Space
-from pareto.errors import ConfigurationError, MethodError, ObjectiveError, SpaceError, StateError
+from pareto.errors import (
+    ConfigurationError,
+    DamagedStateError,
+    MethodError,
+    ObjectiveError,
+    SpaceError,
+    StateError,
+)
 
 SPACE = Space.from_dict(
     {"name": "line", "parameters": [{"name": "x", "type": "integer", "minimum": 0, "maximum": 99}]}
@@ -47,17 +54,6 @@ def test_a_state_that_is_no_object_is_refused(damaged):
         ("pending", [[99999, "random"]], r"index 99999 is outside 0 \.\. 99"),
         ("asks", -1, "asked -1 times"),
         ("memory", [], "AttributeError"),
-        ("memory", {"shortlist": [100]}, r"index 100 is outside 0 \.\. 99"),
-        ("memory", {"shortlist": ["q"]}, "'str'"),
-        ("memory", {"recipes": {"0": [0.0]}}, "4 numbers below 100"),
-        ("memory", {"recipes": {"0": [0.0, 0.0, 0.0, 1e9]}}, "1000000000"),
-        ("memory", {"recipes": {"0": [0.0, 0.0, 0.0, math.nan]}}, "nan"),
-        (
-            "memory",
-            {"juries": {"success": {"good": [100], "bad": [], "seed": 1}}},
-            r"index 100 is outside 0 \.\. 99",
-        ),
-        ("memory", {"juries": {"success": {"good": [1], "bad": [2]}}}, "seed"),
         ("limits", [1], "map objectives to numbers"),
         ("method", ["random"], r"no method \['random'\]"),
         ("limits", {"watts": 1.0}, "'watts'"),
@@ -74,12 +70,72 @@ def test_a_damaged_state_is_refused_whatever_is_wrong_with_it(state, field, valu
         Explorer.restore(SPACE, {**state, field: value})
 
 
-def test_recipes_of_an_earlier_program_are_made_anew(state):
-    recipes = {"0": {"near": True, "theta": [0.0] * 4}, "1": {"theta": [0.0] * 4}}
-    memory = {"shortlist": [7], "recipes": recipes, "since": 1}
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("shortlist", [100], r"index 100 is outside 0 \.\. 99"),
+        ("shortlist", ["q"], "'str'"),
+        ("shortlist", None, "not iterable"),
+        ("hyperparameters", {"0": [0.0]}, "4 numbers below 100"),
+        ("hyperparameters", {"0": [0.0, 0.0, 0.0, 1e9]}, "1000000000"),
+        ("hyperparameters", {"0": [0.0, 0.0, 0.0, math.nan]}, "nan"),
+        ("hyperparameters", [], "AttributeError"),
+        ("success", {"near": {"good": [100], "bad": [], "seed": 1}}, r"index 100 is outside 0 \.\. 99"),
+        ("success", {"near": {"good": [1], "bad": [2]}}, "seed"),
+        ("success", {"near": {"good": [1], "bad": [2], "seed": "x"}}, "'x'"),
+        ("success", {"near": {"good": [1], "bad": [2], "seed": -1}}, "seed -1"),
+        ("success", {"near": {"good": [], "bad": [], "seed": 1}}, "model of success"),
+        ("success", None, "AttributeError"),
+        ("since", "often", "'often'"),
+        ("since", math.inf, "infinity"),
+        ("ahead", [7], "non-iterable"),
+        ("ahead", [[100, "active"]], r"index 100 is outside 0 \.\. 99"),
+        ("ahead", [[7, "sideways"]], "'sideways'"),
+        ("ahead", [[7, ["active"]]], "active"),
+        ("until", None, "NoneType"),
+        ("until", math.nan, "nan|NaN"),
+    ],
+)
+def test_a_damaged_memory_is_refused_whatever_is_wrong_with_it(state, field, value, message):
+    memory = {
+        "shortlist": [7],
+        "hyperparameters": {"0": [0.0] * 4, "1": [0.0] * 4},
+        "success": {"measurable": {"good": [5], "bad": [6], "seed": 1}},
+        "since": 1,
+        "ahead": [[7, "active"], [5, "again"]],
+        "until": 3,
+    }
     restored = Explorer.restore(SPACE, {**state, "memory": memory})
-    assert restored.state()["memory"]["recipes"] == {}
+    assert restored.state()["memory"] == memory
+    with pytest.raises(DamagedStateError, match=message):
+        Explorer.restore(SPACE, {**state, "memory": {**memory, field: value}})
+    del memory[field]
+    if field != "hyperparameters":  # without which it is taken for that of an earlier program
+        with pytest.raises(DamagedStateError, match=field):
+            Explorer.restore(SPACE, {**state, "memory": memory})
+
+
+@pytest.mark.parametrize("method", ["two-stage", "bayesian"])
+def test_the_state_of_an_earlier_program_goes_on(state, method):
+    recipes = {"0": {"near": True, "theta": [0.0] * 4}, "1": {"theta": [0.0] * 4}}
+    juries = {"success": {"good": [5], "bad": [6], "seed": 1}}
+    memory = {"shortlist": [7], "recipes": recipes, "juries": juries, "since": 1, "ahead": [8], "until": 9}
+    options = {"initial": 30, "trees": 8, "explore": 14, "candidates": 100}
+    if method == "bayesian":
+        del options["trees"], options["explore"]
+    restored = Explorer.restore(SPACE, {**state, "method": method, "options": options, "memory": memory})
+    saved = restored.state()
+    assert saved["method"] == "bayesian"
+    assert saved["options"] == {"initial": 30, "candidates": 100}
+    assert saved["memory"]["hyperparameters"] == {}
+    assert saved["observations"] == state["observations"]
     assert len(restored.ask(50)) == 50
+
+
+def test_options_of_an_earlier_program_are_refused_with_the_name_of_today():
+    with pytest.raises(MethodError, match="'bayesian' has no option 'trees'"):
+        Explorer(SPACE, ("error",), method="bayesian", trees=8)
+    assert Explorer(SPACE, ("error",), method="two-stage", trees=8).method == "bayesian"
 
 
 def test_every_configuration_told_has_one_result():

@@ -1,4 +1,4 @@
-"""The processes choose what to learn from, and what they know can be saved."""
+"""The processes choose what to learn from, and what they learned can be saved."""
 
 import json
 
@@ -8,9 +8,9 @@ import pytest
 from pareto import Space
 from pareto.fronts.objective import read_objectives
 from pareto.search.history import History
-from pareto.search.models import BESIDE, BOLD, CAUTIOUS, ENDS, WIDE, Surrogates
+from pareto.search.models import Models, read_learned
 from pareto.search.targets import Targets
-from pareto.search.transfer import Trend
+from pareto.search.trend import Trend
 
 SPACE = Space.from_dict(
     {
@@ -33,23 +33,24 @@ def known(leap, count=120):
     return history
 
 
-def learnt(history, recipes=None):
+def learned(history, earlier=None):
     targets = Targets.of(history)
-    rng = np.random.default_rng(0)
-    return Surrogates(history, targets, Trend.of(history, targets), 600, rng, recipes)
+    return Models(history, targets, Trend.of(None, targets), 600, np.random.default_rng(0), earlier)
 
 
-def test_an_objective_that_leaps_is_learnt_beside_the_front_and_a_smooth_one_from_everything():
-    surrogates = learnt(known(leap=3.0))
-    assert set(surrogates.recipes) == {"0", "1", "1 near", "success"}
+def test_an_objective_that_leaps_is_learned_beside_the_front_and_a_smooth_one_from_everything():
+    models = learned(known(leap=3.0))
+    assert [objective.is_local for objective in models.objectives] == [False, True]
+    assert set(models.learned.hyperparameters) == {"0", "1", "1 near", "near"}
+    assert set(models.learned.success) == {"near"}
     free = np.arange(0, len(SPACE), 7)
-    promise = surrogates.at(free)
+    near = models.at(free).near
     x, y = SPACE.codes(free).T / 39
     lost, inside = x > 26 / 39, (x < 24 / 39) & (0.8 * y - x + 1 < np.log(3.0) - 0.1)
-    assert promise.chance[BOLD, lost].mean() < 0.2 < 0.7 < promise.chance[BOLD, inside].mean()
+    assert near[lost].mean() < 0.2 < 0.7 < near[inside].mean()
 
 
-def test_what_leaps_beside_the_front_is_no_part_of_its_process_and_counts_as_failed():
+def test_what_leaps_beside_the_front_is_not_part_of_its_process_and_counts_as_failed():
     calm = known(leap=3.0, count=300)
     targets = Targets.of(calm)
     near = np.flatnonzero((targets.depth > 0) & (targets.depth < 0.05))
@@ -57,72 +58,50 @@ def test_what_leaps_beside_the_front_is_no_part_of_its_process_and_counts_as_fai
     history = History(SPACE, calm.objectives, calm.limits)
     for row, (index, values) in enumerate(zip(*calm.measured(), strict=True)):
         history.record(int(index), (values[0], values[1] * (1.05 if row in leaping else 1.0)))
-    surrogates = learnt(history)
-    process = surrogates._objectives[1]
-    assert "1 near" in surrogates.recipes
-    assert process.leapt.tolist() == leaping.tolist()
-    assert process.process.doubt() < 0.001  # of a logarithm, where they leap by 0.05
-    indices = targets.indices
-    chance = surrogates.at(indices).chance[BOLD]
+    models = learned(history)
+    objective = models.objectives[1]
+    assert objective.is_local
+    assert objective.leapt.tolist() == leaping.tolist()
+    _, deviation = objective.local.left_out()
+    assert np.median(deviation) < 0.001  # of a logarithm, where they leap by 0.05
+    chance = models.at(targets.indices).near
     assert chance[leaping].max() < chance[np.setdiff1d(near, leaping)].mean()
 
 
-def test_a_near_process_is_asked_where_it_knows_and_by_one_opinion_only_beside_the_front():
-    surrogates = learnt(known(leap=3.0))
-    free = np.arange(len(SPACE))
-    promise = surrogates.at(free)
-    doubtful = promise.objectives[1].spread > surrogates._objectives[1].trusted
-    assert 0 < doubtful.sum() < len(free)
-    assert (promise.chance[CAUTIOUS, doubtful] == 0).all()
-    assert (promise.chance[CAUTIOUS, ~doubtful] == promise.chance[BOLD, ~doubtful]).all()
-    front = surrogates.targets.indices[surrogates.targets.front]
-    steps = SPACE.codes(free)[:, None] != SPACE.codes(front)
-    beside = (steps.sum(axis=2) == 1).any(axis=1)
-    assert (promise.chance[BESIDE] == np.where(beside, promise.chance[CAUTIOUS], 0.0)).all()
-
-
-def test_a_near_process_is_never_less_sure_than_its_values_are_spread():
-    surrogates = learnt(known(leap=3.0))
-    promise = surrogates.at(np.arange(40))
+def test_a_local_process_is_never_less_sure_than_its_values_are_spread():
+    models = learned(known(leap=3.0))
+    prediction = models.at(np.arange(40))
     rng = np.random.default_rng(0)
-    near = surrogates.targets.near()
-    assert promise.widest.tolist() == [np.inf, np.std(surrogates.targets.values[near, 1])]
-    before = promise.gain(BOLD, np.empty((0, 2)), rng)
-    promise.objectives[1]._scale *= 1e6
-    promise.widest = np.full(2, np.inf)
-    without = promise.gain(BOLD, np.empty((0, 2)), rng)
-    promise.widest = surrogates.at(np.arange(40)).widest
-    assert promise.gain(BOLD, np.empty((0, 2)), rng).max() < 3 * before.max() < without.max()
+    near = models.targets.near()
+    widest = [np.inf, np.std(models.targets.values[near, 1])]
+    assert prediction.widest.tolist() == widest
+    before = prediction.local_gain(np.empty((0, 2)), rng)
+    models.objectives[1].local._scale *= 1e6
+    prediction.widest = np.full(2, np.inf)
+    without = prediction.local_gain(np.empty((0, 2)), rng)
+    prediction.widest = np.array(widest)
+    assert prediction.local_gain(np.empty((0, 2)), rng).max() < 3 * before.max() < without.max()
 
 
-def test_a_gain_is_the_same_asked_for_alone_or_with_all_others():
-    surrogates = learnt(known(leap=3.0))
-    front = surrogates.targets.values[surrogates.targets.front]
-    promise = surrogates.at(np.arange(len(SPACE)))
-    gains = promise.gains(front, np.random.default_rng(0))
-    for opinion in (CAUTIOUS, BOLD, BESIDE, ENDS, WIDE):
-        np.testing.assert_array_equal(gains[opinion], promise.gain(opinion, front, np.random.default_rng(0)))
-
-
-def test_the_wide_opinion_speaks_where_much_of_what_was_measured_lies_far_from_the_front():
+def test_the_overall_gain_counts_where_much_of_what_was_measured_lies_far_from_the_front():
     history = History(SPACE, read_objectives(("a", "b")), {})
     rng = np.random.default_rng(0)
     for index in range(0, 40, 2):  # a front and nothing else
         history.record(index, (1.0 + index, 1.0 / (1.0 + index)))
-    surrogates = learnt(history)
-    assert surrogates.far == 0.0
-    assert surrogates.at(np.arange(40)).chance[WIDE].max() == 0.0
+    models = learned(history)
+    assert models.far == 0.0
+    assert not models.at(np.arange(40)).overall_gain(models.front, rng).any()
     for index in rng.choice(np.arange(40, len(SPACE)), 180, replace=False).tolist():
         history.record(index, (1000.0 + index, 10.0 + index))
-    surrogates = learnt(history)
-    assert surrogates.far == pytest.approx(np.mean(~surrogates.targets.near()))
-    assert surrogates.far > 0.5
-    promise = surrogates.at(np.arange(len(SPACE)))
+    models = learned(history)
+    assert models.far == pytest.approx(np.mean(~models.targets.near()))
+    assert models.far > 0.5
+    prediction = models.at(np.arange(len(SPACE)))
     # Nothing failed: each point has the chance to be measured that it may count anywhere within the worst.
-    assert promise.chance[WIDE].min() == 1.0
-    assert (surrogates.targets.worst == surrogates.targets.values.max(axis=0)).all()
-    gains = promise.gains(surrogates.targets.values[surrogates.targets.front], rng)
-    assert gains[WIDE].max() > gains[BOLD].max()
+    assert prediction.measurable.min() == 1.0
+    assert (models.targets.worst == models.targets.values.max(axis=0)).all()
+    overall = prediction.overall_gain(models.front, rng)
+    assert overall.max() > prediction.local_gain(models.front, rng).max()
 
 
 def test_depth_is_what_a_point_must_improve_by_before_it_counts():
@@ -167,28 +146,33 @@ def test_without_limits_a_front_counts_as_far_as_it_is_worth_its_price(unit):
 
 
 def test_without_a_leap_nothing_counts_as_a_failure():
-    surrogates = learnt(known(leap=0.0))
-    assert set(surrogates.recipes) == {"0", "1"}
-    assert surrogates.at(np.arange(50)).chance[BOLD].min() == 1.0
+    models = learned(known(leap=0.0))
+    assert set(models.learned.hyperparameters) == {"0", "1"}
+    assert models.learned.success == {}
+    assert models.at(np.arange(50)).near.min() == 1.0
 
 
-def test_recipes_make_the_same_models_again():
+def test_what_was_learned_makes_the_same_models_again():
     history = known(leap=3.0)
-    first = learnt(history)
-    again = learnt(history, json.loads(json.dumps(first.recipes)))
-    assert again.recipes == first.recipes
-    for one, other in zip(
-        first.at(np.arange(50)).objectives, again.at(np.arange(50)).objectives, strict=True
-    ):
-        np.testing.assert_allclose(one.mean, other.mean)
-        np.testing.assert_allclose(one.spread, other.spread)
+    history.record(77, None)
+    first = learned(history)
+    success = {name: item.to_dict() for name, item in first.learned.success.items()}
+    assert set(success) == {"near", "measurable"}
+    saved = {"hyperparameters": first.learned.hyperparameters, "success": success}
+    again = learned(history, read_learned(json.loads(json.dumps(saved)), SPACE))
+    assert again.learned.hyperparameters == first.learned.hyperparameters
+    one, other = (models.at(np.arange(50)) for models in (first, again))
+    for mine, theirs in zip(one.local, other.local, strict=True):
+        np.testing.assert_allclose(mine.mean, theirs.mean)
+        np.testing.assert_allclose(mine.spread, theirs.spread)
+    chances = (models.measurable.chance(np.arange(50)) for models in (first, again))
+    np.testing.assert_array_equal(*chances)
 
 
 def test_a_point_that_is_supposed_is_known_from_then_on():
-    promise = learnt(known(leap=3.0)).at(np.arange(50))
-    before = [posterior.spread[7] for posterior in promise.objectives]
-    expected = [posterior.mean[7] for posterior in promise.objectives]
-    np.testing.assert_allclose(promise.suppose(7), expected)
-    assert all(
-        posterior.spread[7] < spread for posterior, spread in zip(promise.objectives, before, strict=True)
-    )
+    prediction = learned(known(leap=3.0)).at(np.arange(50))
+    processes = [*prediction.local, *prediction.overall]
+    before = [posterior.spread[7] for posterior in processes]
+    expected = [posterior.mean[7] for posterior in prediction.local]
+    np.testing.assert_allclose(prediction.suppose(7), expected)
+    assert all(posterior.spread[7] < spread for posterior, spread in zip(processes, before, strict=True))

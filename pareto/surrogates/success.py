@@ -1,4 +1,4 @@
-"""Trees that tell what succeeds from what fails; small batches share them, as to grow them takes longest."""
+"""Trees that tell what succeeds from what fails."""
 
 from __future__ import annotations
 
@@ -9,21 +9,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto.search.history import read_index
-from pareto.spaces.space import Indices, Space
+from pareto.errors import StateError
+from pareto.spaces.space import Indices, Space, read_index
 from pareto.surrogates.forest import Forest
 
 TREES = 64
 
 
-class Jury:
-    """Extra trees that learn from `good` and `bad` points; they are grown when first asked."""
+class Success:
+    """Extremely randomised trees that learn from `good` and `bad` points (Geurts et al. 2006).
+
+    They are grown when they are first asked.
+    """
 
     def __init__(self, space: Space, good: Indices, bad: Indices, seed: int) -> None:
         self.space = space
         self.good = good
         self.bad = bad
         self.seed = seed
+
+    def __len__(self) -> int:
+        """How many points the trees learn from."""
+        return len(self.good) + len(self.bad)
 
     def chance(self, indices: Indices) -> NDArray[np.float64]:
         """Return the (n,) chances that `indices` succeed, above 0 and below 1."""
@@ -35,13 +42,16 @@ class Jury:
         return {"good": self.good.tolist(), "bad": self.bad.tolist(), "seed": self.seed}
 
     @classmethod
-    def read(cls, saved: Mapping[str, Any], space: Space) -> Jury:
-        """Return the jury that was saved. Raises StateError, KeyError or TypeError where it is damaged."""
+    def read(cls, saved: Mapping[str, Any], space: Space) -> Success:
+        """Return what was saved. Raises StateError, KeyError or TypeError where it is damaged."""
         good, bad = (
             np.array([read_index(space, index) for index in saved[name]], dtype=np.int64)
             for name in ("good", "bad")
         )
-        return cls(space, good, bad, int(saved["seed"]))
+        seed = int(saved["seed"])
+        if seed < 0 or not len(good) + len(bad):
+            raise StateError(f"the state is damaged: a model of success has seed {seed} and {saved!r:.80}")
+        return cls(space, good, bad, seed)
 
     @cached_property
     def _forest(self) -> Forest:

@@ -28,6 +28,8 @@ def expected_improvement(
     `mean` and `spread` are (candidates, objectives), spread above 0; `front` is (points, objectives), any
     points: those dominated or beyond the reference count for nothing. `rng` is used from three objectives on.
     """
+    if not len(mean):
+        return np.empty(0)
     front = front[(front < reference).all(axis=1)]
     front = front[nondominated(front)] if len(front) else np.empty((0, len(reference)))
     if len(reference) == 1:

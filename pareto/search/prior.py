@@ -1,14 +1,7 @@
-"""What another device measured, as knowledge to start from: which of its points to try, and what to expect.
-
-Devices rarely agree in their values and often in their order, so only a straight line is assumed between the
-(log) values of the two, objective by objective. Its slope is learnt from what is measured here, and counts
-only where chance is no likely reason for it: a source that says nothing gets a slope of zero and is ignored,
-one that is reversed a negative slope. The models of the search then learn what the line leaves over.
-"""
+"""What another device measured: which of its points to try first, and what they let expect."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
 from typing import Any
@@ -20,18 +13,14 @@ from pareto.errors import ObjectiveError
 from pareto.fronts.front import nondominated
 from pareto.fronts.objective import Objective, read_values
 from pareto.search.history import History
-from pareto.search.screening import LARGEST_GRID
 from pareto.search.targets import Targets
 from pareto.spaces.space import Indices, Space
-from pareto.surrogates.forest import Forest
-from pareto.surrogates.line import Line, fitted_line
+from pareto.surrogates.forest import LARGEST_GRID, Forest
 
 Array = NDArray[np.float64]
 
 TREES = 100
 REACH = 4  # how far down its list the most unlike one is looked for
-ENOUGH = 8  # measurements on this device, before which a source is trusted unseen
-LIKELY = math.sqrt(2)  # standard errors: a trial costs one measurement, while a line bends every model
 
 
 class Prior:
@@ -134,61 +123,6 @@ class Prior:
         space = self.source.space
         codes = space.codes(targets.indices)
         return [Forest.grow(codes, column, space.shape, seed=0, trees=TREES) for column in targets.values.T]
-
-
-class Trend:
-    """What a prior lets expect here, as far as the measurements here bear it out; zero without a prior.
-
-    `slope` holds, for each objective, that of this device's values over the source's.
-    """
-
-    def __init__(self, prior: Prior | None, slope: Array, offset: Array) -> None:
-        self._prior = prior
-        self.slope = slope
-        self._offset = offset
-
-    @classmethod
-    def of(cls, history: History, targets: Targets) -> Trend:
-        """Fit a line for each objective to what was measured here."""
-        if not history.prior:
-            nothing = np.zeros(targets.values.shape[1])
-            return cls(None, nothing, nothing)
-        lines = _lines(history.prior, targets)
-        slope = np.array([line.slope for line in lines])
-        offset = np.array([line.offset for line in lines])
-        return cls(history.prior if slope.any() else None, slope, offset)
-
-    def __call__(self, indices: Indices) -> Array:
-        """Return (n, objectives) targets; zero where nothing is borne out."""
-        if self._prior is None:
-            return np.zeros((len(indices), len(self.slope)))
-        line = self._offset + self.slope * self._prior.expected(indices)
-        return np.where(self.slope == 0, 0.0, line)
-
-    def rest(self, targets: Targets) -> Array:
-        """Return (n, objectives) what is left to learn of the winsorised targets.
-
-        The line is pulled in as they are, so that a point which is bad on both devices leaves nothing over.
-        """
-        ours = targets.winsorised()
-        line = np.minimum(self(targets.indices), ours.max(axis=0))
-        return ours - np.where(self.slope == 0, 0.0, line)
-
-
-def trusted(history: History) -> bool:
-    """Return whether the source's points are worth trying: at first, and while all slopes seem to rise."""
-    if not history.prior:
-        return False
-    indices, _ = history.measured()
-    if len(indices) < ENOUGH:
-        return True
-    return all(line.t > LIKELY for line in _lines(history.prior, Targets.of(history)))
-
-
-def _lines(prior: Prior, targets: Targets) -> list[Line]:
-    """Return for each objective the line from what the source lets expect to what was measured here."""
-    expected = prior.expected(targets.indices)
-    return [fitted_line(theirs, ours) for theirs, ours in zip(expected.T, targets.values.T, strict=True)]
 
 
 def _farthest_first(points: Array, count: int) -> NDArray[np.int64]:

@@ -1,13 +1,10 @@
-"""The Gaussian process and the expected improvement, against slower ways to the same numbers."""
+"""The Gaussian process against slower ways to the same numbers."""
 
 import numpy as np
 import pytest
 from scipy.optimize import check_grad
 from scipy.stats import norm
 
-from pareto.errors import ObjectiveError
-from pareto.fronts.hypervolume import hypervolume
-from pareto.search.improvement import expected_improvement
 from pareto.surrogates.gaussian import GaussianProcess, Kernel, Likelihood
 
 OWNER = np.array([0, 1, 1])
@@ -84,7 +81,7 @@ def test_the_likelihoods_gradient_is_its_slope():
         assert error < 1e-3
 
 
-def test_the_share_of_the_rough_part_is_learnt():
+def test_the_share_of_the_rough_part_is_learned():
     rng = np.random.default_rng(3)
     features = rng.random((200, 2))
     smooth = np.sin(4 * features[:, 0]) + features[:, 1]
@@ -103,52 +100,7 @@ def test_a_fitted_process_sees_which_parameter_matters():
     np.testing.assert_allclose(posterior.mean, np.sin(1.8), atol=0.02)
 
 
-@pytest.mark.parametrize("objectives", [1, 2, 3])
-def test_expected_improvement_is_the_mean_gain_in_hypervolume(objectives):
-    rng = np.random.default_rng(objectives)
-    front = rng.random((6, objectives)) * 0.8
-    reference = np.full(objectives, 1.0)
-    mean, spread = rng.random((4, objectives)) * 0.7, 0.05 + 0.2 * rng.random((4, objectives))
-    expected = expected_improvement(mean, spread, front, reference, rng)
-    before = hypervolume(front, reference)
-    for candidate in range(4):
-        draws = mean[candidate] + spread[candidate] * rng.normal(size=(4000, objectives))
-        gains = [hypervolume(np.vstack([front, draw]), reference) - before for draw in draws]
-        tolerance = 4 * np.std(gains) / np.sqrt(4000) + (
-            0.05 * np.mean(gains) + 2e-3 if objectives == 3 else 0
-        )
-        assert expected[candidate] == pytest.approx(np.mean(gains), abs=tolerance)
-
-
-def test_points_behind_or_beyond_change_nothing():
-    rng = np.random.default_rng(0)
-    mean, spread, reference = rng.random((5, 2)), np.full((5, 2), 0.1), np.array([1.0, 1.0])
-    front = np.array([[0.2, 0.6], [0.6, 0.2]])
-    more = np.vstack([front, [[0.7, 0.7], [0.2, 0.6], [0.05, 1.5]]])
-    np.testing.assert_allclose(
-        expected_improvement(mean, spread, more, reference, rng),
-        expected_improvement(mean, spread, front, reference, rng),
-    )
-
-
-def test_hypervolume_of_known_areas():
-    points = [[1.0, 3.0], [2.0, 1.0], [9.0, 9.0], [np.nan, 0.0]]
-    assert hypervolume(points, [4.0, 4.0]) == pytest.approx(7.0)
-    assert hypervolume([[2.0], [1.0]], [4.0]) == 3.0
-    assert hypervolume([[1.0, 1.0]], [np.e, np.e], log=True) == pytest.approx(1.0)
-    assert hypervolume([[3.0, 1.0]], [1.0, 4.0], maximise=[True, False]) == pytest.approx(2.0 * 3.0)
-    assert hypervolume([], [1.0, 1.0]) == 0.0
-    assert hypervolume([[5.0, 5.0]], [1.0, 1.0]) == 0.0
-
-
-def test_hypervolume_refuses_what_does_not_fit():
-    with pytest.raises(ObjectiveError, match="do not fit"):
-        hypervolume([[1.0, 2.0]], [1.0])
-    with pytest.raises(ObjectiveError, match="logarithm"):
-        hypervolume([[-1.0, 2.0]], [1.0, 3.0], log=True)
-
-
-def test_a_process_foretells_each_target_from_all_others():
+def test_a_process_predicts_each_target_from_all_others():
     features, targets = some_data()
     theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.01)
     process = GaussianProcess(features, targets, OWNER, theta)
@@ -157,14 +109,79 @@ def test_a_process_foretells_each_target_from_all_others():
     known = matern_and_exponential(features, features, [0.5, 0.8], 1.7, 0.3) + 0.01 * np.eye(40)
     centred = targets - targets.mean()
     scale = centred @ np.linalg.solve(known, centred) / 40
-    densities, surprises = [], []
+    densities, excesses, means, deviations = [], [], [], []
     for row in np.flatnonzero(rows):
         others = np.arange(40) != row
         solved = np.linalg.solve(known[np.ix_(others, others)], known[others, row])
         variance = scale * (known[row, row] - known[row, others] @ solved)
         densities.append(norm.logpdf(centred[row], solved @ centred[others], np.sqrt(variance)))
-        surprises.append((centred[row] - solved @ centred[others]) / np.sqrt(variance))
-    assert process.foretells(rows) == pytest.approx(np.mean(densities), rel=1e-6)
-    assert process.surprise()[rows] == pytest.approx(surprises, rel=1e-6)
-    left_out = np.sqrt(scale / np.diag(np.linalg.inv(known)))
-    assert process.doubt() == pytest.approx(np.median(left_out), rel=1e-6)
+        excesses.append((centred[row] - solved @ centred[others]) / np.sqrt(variance))
+        means.append(targets.mean() + solved @ centred[others])
+        deviations.append(np.sqrt(variance))
+    mean, deviation = process.left_out()
+    np.testing.assert_allclose(mean[rows], means, rtol=1e-6)
+    np.testing.assert_allclose(deviation[rows], deviations, rtol=1e-6)
+    assert process.log_density(rows) == pytest.approx(np.mean(densities), rel=1e-6)
+    assert process.excess()[rows] == pytest.approx(excesses, rel=1e-6)
+
+
+def dense_truth(features, targets, theta_parts, counts, variance):
+    """Posterior of the values without noise, by dense matrices: (mean, deviation)."""
+    lengths, stretch, share, nugget = theta_parts
+    signal = matern_and_exponential(features, features, lengths, stretch, share)
+    centred = targets - targets.mean()
+    eye = np.eye(len(targets))
+    scale = centred @ np.linalg.solve(signal + nugget * eye, centred) / len(targets)
+    noise = min(variance / scale, 1.0)
+    latent = scale * (signal + max(nugget - noise, 0.0) * eye)  # the roughness is part of the truth
+    measured = latent + scale * noise * np.diag(1.0 / counts)
+    weights = np.linalg.solve(measured, latent).T
+    covariance = latent - weights @ latent
+    return targets.mean() + weights @ centred, np.sqrt(np.diag(covariance))
+
+
+@pytest.mark.parametrize("variance", [0.0005, 0.003, 0.2])
+def test_the_truth_behind_repeated_measurements_is_their_posterior_without_noise(variance):
+    """Noise of a part of the nugget, of more than it, and of more than the signal."""
+    features, targets = some_data()
+    parts = [0.5, 0.8], 1.7, 0.3, 0.01
+    counts = np.random.default_rng(2).integers(1, 5, len(targets))
+    process = GaussianProcess(features, targets, OWNER, hyperparameters(*parts), counts, variance)
+    expected, deviation = dense_truth(features, targets, parts, counts, variance)
+    mean, left = process.truth(counts, variance)
+    np.testing.assert_allclose(mean, expected, rtol=1e-8)
+    np.testing.assert_allclose(left, deviation, rtol=1e-6)
+    assert (left <= np.sqrt(variance / counts) * (1 + 1e-12)).all()
+
+
+def test_without_noise_repeats_change_nothing_and_the_truth_is_what_was_measured():
+    features, targets = some_data()
+    theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.01)
+    counts = np.random.default_rng(2).integers(1, 5, len(targets))
+    plain = GaussianProcess(features, targets, OWNER, theta)
+    same = GaussianProcess(features, targets, OWNER, theta, counts, 0.0)
+    elsewhere = np.random.default_rng(1).random((7, 3))
+    np.testing.assert_array_equal(plain.at(elsewhere).mean, same.at(elsewhere).mean)
+    np.testing.assert_array_equal(plain.at(elsewhere).spread, same.at(elsewhere).spread)
+    mean, deviation = same.truth(counts, 0.0)
+    np.testing.assert_array_equal(mean, targets)
+    assert not deviation.any()
+
+
+def test_a_point_measured_often_weighs_more_and_noise_hides_part_of_what_a_measurement_tells():
+    features, targets = some_data()
+    theta = hyperparameters([0.5, 0.8], 1.7, 0.3, 0.05)
+    variance = 0.05 * GaussianProcess(features, targets, OWNER, theta)._scale
+    once, often = np.ones(40, dtype=np.int64), np.ones(40, dtype=np.int64)
+    often[7] = 50
+    one, many = (
+        GaussianProcess(features, targets, OWNER, theta, counts, variance) for counts in (once, often)
+    )
+    at_it = features[7:8]
+    assert abs(many.at(at_it).mean[0] - targets[7]) < 0.3 * abs(one.at(at_it).mean[0] - targets[7])
+    elsewhere = np.random.default_rng(1).random((7, 3))
+    rough = GaussianProcess(features, targets, OWNER, theta).at(elsewhere).spread
+    assert (one.at(elsewhere).spread < rough).all()
+    unknown = one.at(elsewhere)._variance + one.roughness
+    expected = np.sqrt(one._scale * unknown**2 / (unknown + one.noise))
+    np.testing.assert_allclose(one.at(elsewhere).spread, expected)

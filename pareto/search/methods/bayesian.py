@@ -1,0 +1,267 @@
+"""The default method: Gaussian processes, and two expected gains in hypervolume.
+
+The local gain is what the processes near the front expect beyond it; the overall gain, what the processes of
+all values expect anywhere. Each proposal is the best by one of them, and both look at one pool: drawn points,
+the neighbours of the front, and the neighbours of the best of these for as long as they get better.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from pareto.errors import StateError
+from pareto.search.candidates import DRAWS, beside, beside_front, likely, pool
+from pareto.search.history import History
+from pareto.search.methods.method import ACTIVE, AGAIN, RANDOM, Method
+from pareto.search.models import RENEWAL, Learned, Models, read_learned
+from pareto.search.repeats import repeat_gains
+from pareto.search.targets import FEW, Targets
+from pareto.search.trend import Trend, trusted
+from pareto.spaces.sampling import sample, spread_sample
+from pareto.spaces.space import Indices, Space, read_index
+from pareto.surrogates.success import Success
+
+Array = NDArray[np.float64]
+Chosen = list[tuple[int, str]]  # indices, each with the phase that wants it
+
+EXPLORE = 14  # one proposal in so many is random at first; the share falls with the root of what was measured
+CLIMB = 8  # best candidates whose neighbours are looked at, and how often
+AHEAD = 50  # one in so many of the measurements: proposals that are chosen at once, though asked for singly
+SHORTLIST = 500  # candidates that are kept until the next renewal: a limit of cost, as the next one is
+GREEDY = 100  # of a batch that are chosen one after the other
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # the fractions of its multiples are spread evenly
+
+
+@dataclass
+class Bayesian(Method):
+    """Expected hypervolume improvement over a pool of candidates.
+
+    `initial` evenly spread configurations come first, the default before all others. Where it is not given,
+    those are FEW, and no more once half as many succeeded. Then each batch: Gaussian processes learn from at
+    most `points` measurements near the front, and look at about `candidates` points; the best are taken one
+    after the other, each as if those before it had turned out as expected (kriging believer). Where repeats
+    differ, or are suspected to, a configuration is measured again when that is expected to gain more than a
+    new one. One in EXPLORE proposals is drawn at random instead; that share falls with the root of what was
+    measured, so that exploration gets rare and never ends. Small batches share a pool and, once there are
+    hundreds of measurements, models: a few proposals are chosen ahead.
+
+    With a prior, every other of the first half of the initial ones is one that did well on the other device,
+    as long as the measurements here agree, and of the second half those are left out that it measured; the
+    models learn what the trend between the two devices leaves over.
+    """
+
+    uses_prior: ClassVar[bool] = True
+
+    initial: int | None = None
+    candidates: int = 4000
+    points: int = 1000
+    _shortlist: list[int] = field(default_factory=list, init=False)
+    _learned: Learned = field(default_factory=Learned, init=False)
+    _since: int = field(default=0, init=False)  # proposals since both were renewed
+    _ahead: Chosen = field(default_factory=list, init=False)  # not yet asked for
+    _until: int = field(default=0, init=False)  # so many are taken: those are out of date
+
+    def propose(self, history: History, count: int, rng: np.random.Generator) -> Chosen:
+        """Return `count` proposals, or what is left of the space."""
+        taken = history.taken()
+        chosen = self._design(history, count, rng)
+        count -= len(chosen)
+        share = min(1.0, math.sqrt((self.initial or FEW) / max(len(taken), 1))) / EXPLORE
+        exploring = int(rng.binomial(count, share)) if count > 0 else 0
+        if count > exploring and len(history.measured()[0]):
+            best = self._next(history, count - exploring, [index for index, _ in chosen], rng)
+            chosen += best
+            count -= len(best)
+        # Where no candidate promises anything, the rest of the batch explores.
+        exclude = taken | {index for index, _ in chosen}
+        rest = likely(history.space, _measurable(history, rng), max(count, 0), exclude, rng).tolist()
+        if not chosen and not rest:
+            rest = sample(history.space, count, rng, exclude).tolist()  # to propose nothing ends a search
+        return chosen + [(index, RANDOM) for index in rest]
+
+    def memory(self) -> dict[str, Any]:
+        """Return what small batches share: the shortlist, what models learned, and what is chosen ahead."""
+        return {
+            "shortlist": self._shortlist,
+            "hyperparameters": self._learned.hyperparameters,
+            "success": {name: success.to_dict() for name, success in self._learned.success.items()},
+            "since": self._since,
+            "ahead": [[index, phase] for index, phase in self._ahead],
+            "until": self._until,
+        }
+
+    def recall(self, memory: Mapping[str, Any], space: Space) -> None:
+        """Take back what `memory` returned; without it, as in states of earlier programs, all is renewed."""
+        if memory.get("hyperparameters") is None:
+            return
+        self._shortlist = [read_index(space, index) for index in memory["shortlist"]]
+        self._learned = read_learned(memory, space)
+        self._since = int(memory["since"])
+        self._ahead = [(read_index(space, index), _read_phase(phase)) for index, phase in memory["ahead"]]
+        self._until = int(memory["until"])
+
+    def _design(self, history: History, most: int, rng: np.random.Generator) -> Chosen:
+        """Return up to `most` of what comes first, the same however small the portions it is asked for in."""
+        taken, space = history.taken(), history.space
+        first = self.initial or FEW
+        if len(taken) >= first or (self.initial is None and 2 * len(history.measured()[0]) >= FEW):
+            return []
+        prior = self.prior if trusted(history, self.prior) else None
+        half = (first + 1) // 2
+        default = space.encode(space.default)
+        drawn = spread_sample(space, first - 1, np.random.default_rng(self.seed), {default})
+        design = [default, *drawn.tolist()]
+        if prior:
+            design = design[:half] + [index for index in design[half:] if index not in prior.source.told]
+        count = min(len(design) - len(taken), most)
+        if count <= 0:
+            return []
+        proven: list[int] = []
+        if prior:
+            phases = [*(history.phases | history.pending).values()]
+            wanted = min(len(taken) + count, half) // 2 - phases.count(ACTIVE)
+            room = count - (default not in taken)  # which comes before all others
+            proven = prior.promising(min(wanted, room), taken | {default}).tolist()
+        exclude = taken | {*proven}
+        design = [index for index in design if index not in exclude][: count - len(proven)]
+        missing = count - len(proven) - len(design)
+        rest = sample(space, missing, rng, exclude | {*design}, draws=DRAWS).tolist()
+        return [(index, RANDOM) for index in [*design, *rest]] + [(index, ACTIVE) for index in proven]
+
+    def _next(self, history: History, count: int, also_taken: list[int], rng: np.random.Generator) -> Chosen:
+        """Return the next `count` of those chosen ahead, or choose again if they are too few or old."""
+        taken = history.taken() | set(also_taken)
+        gone = {RANDOM: taken, ACTIVE: taken, AGAIN: history.pending.keys() | set(also_taken)}
+        ahead = [(index, phase) for index, phase in self._ahead if index not in gone[phase]]
+        if len(ahead) < count or len(taken) >= self._until:
+            size = max(count, len(taken) // AHEAD)
+            self._until = len(taken) + size
+            # On matrices of a few hundred rows, threads of BLAS cost six times what they save.
+            with threadpool_limits(limits=1, user_api="blas"):
+                ahead = self._best(history, size, also_taken, rng)
+        self._ahead = ahead[count:]
+        return ahead[:count]
+
+    def _best(self, history: History, count: int, also_taken: list[int], rng: np.random.Generator) -> Chosen:
+        taken = history.taken() | set(also_taken)
+        self._since += count
+        renewed = self._since > max(RENEWAL, len(taken) // 10) or not self._learned.hyperparameters
+        if renewed:
+            self._since = count
+        targets = Targets.of(history)
+        trend = Trend.of(self.prior, targets)
+        models = Models(history, targets, trend, self.points, rng, None if renewed else self._learned)
+        self._learned = models.learned
+        if renewed:
+            found = pool(targets, history.space, models.measurable, self.candidates, taken, rng)
+        else:
+            around = rng.permutation(beside_front(targets, history.space))[: self.candidates // 2]
+            found = np.union1d(self._shortlist, around).astype(np.int64)
+            found = found[~np.isin(found, np.fromiter(taken, dtype=np.int64))]
+        found = _climb(models, found, taken, max(SHORTLIST, 5 * count), rng)
+        self._shortlist = found.tolist()
+        waiting = np.array([*history.pending, *also_taken], dtype=np.int64)
+        return _greedy(models, found, waiting, count, len(taken), rng)
+
+
+def _measurable(history: History, rng: np.random.Generator) -> Success | None:
+    failed, (succeeded, _) = history.failed(), history.measured()
+    if len(failed) == 0 or len(succeeded) == 0:
+        return None
+    return Success(history.space, succeeded, failed, seed=int(rng.integers(2**31)))
+
+
+def _read_phase(phase: object) -> str:
+    if phase not in (RANDOM, ACTIVE, AGAIN):
+        raise StateError(f"the state is damaged: {phase!r} is not a phase of a search")
+    return str(phase)
+
+
+def looks_elsewhere(turn: int, far: float) -> bool:
+    """Return whether the overall gain decides: in a share `far` of all turns, evenly spread."""
+    return turn * GOLDEN % 1.0 < far
+
+
+def _climb(models: Models, found: Indices, taken: set[int], count: int, rng: np.random.Generator) -> Indices:
+    """Return the `count` of `found`, and of the neighbours of the best, that promise most, best first."""
+    if not len(found):
+        return found
+    front = models.front
+
+    def gains(indices: Indices) -> Array:
+        prediction = models.at(indices)
+        return np.stack([prediction.local_gain(front, rng), prediction.overall_gain(front, rng)])
+
+    gain = gains(found)
+    seen = taken | set(found.tolist())
+    fresh, fresh_gain = found, gain
+    for _ in range(CLIMB):
+        around = beside(fresh[_best_of_each(fresh_gain, CLIMB)], models.space)
+        around = rng.permutation(around[~np.isin(around, np.fromiter(seen, dtype=np.int64))])[:SHORTLIST]
+        if not len(around):
+            break
+        seen |= set(around.tolist())
+        fresh, fresh_gain = around, gains(around)
+        better = fresh_gain.max(axis=1) > gain.max(axis=1)
+        found, gain = np.concatenate([found, fresh]), np.concatenate([gain, fresh_gain], axis=1)
+        if not better.any():
+            break
+    return found[_best_of_each(gain, count)]
+
+
+def _best_of_each(gain: Array, count: int) -> NDArray[np.int64]:
+    """Return the positions of the `count` best, in turn by each of the (2, n) gains that sees any there."""
+    order = np.argsort(-gain, axis=1, kind="stable")
+    promising = np.take_along_axis(gain, order, axis=1) > 0
+    ranked = np.concatenate([order.T[promising.T], np.arange(gain.shape[1])])
+    _, first = np.unique(ranked, return_index=True)
+    return ranked[np.sort(first)[:count]]
+
+
+def _greedy(
+    models: Models, found: Indices, waiting: Indices, count: int, turn: int, rng: np.random.Generator
+) -> Chosen:
+    """Return `count` of `found` or of what was measured, each the best if those before turn out as expected.
+
+    Those `waiting` are under way already and are supposed first. The gains take turns, the first of them
+    that of number `turn`; where one sees nothing left to gain, the other decides. A repeat competes with the
+    local gain, whose unit it has.
+    """
+    front = models.front
+    prediction = models.at(np.concatenate([found, waiting]))
+    free = np.arange(len(prediction.indices)) < len(found)
+    for number in range(len(found), len(found) + len(waiting)):
+        front = np.vstack([front, prediction.suppose(number)])
+    again = repeat_gains(models, waiting.tolist(), rng)
+    chosen: Chosen = []
+    gain = np.zeros(len(free))
+    for number in range(min(count, GREEDY)):
+        elsewhere = looks_elsewhere(turn + number, models.far)
+        for gains in [prediction.overall_gain, prediction.local_gain][:: 1 if elsewhere else -1]:
+            gain = np.where(free, gains(front, rng), 0.0)
+            if gain.max(initial=0.0) > 0:
+                break
+        best = gain.max(initial=0.0)
+        if again.max(initial=0.0) > best and not elsewhere:
+            row = int(np.argmax(again))
+            chosen.append((int(models.targets.indices[row]), AGAIN))
+            # One repeat is enough to learn whether there is any noise.
+            again[row if models.noise.known else slice(None)] = 0.0
+            continue
+        if best <= 0:
+            return chosen
+        place = int(np.argmax(gain))
+        chosen.append((int(prediction.indices[place]), ACTIVE))
+        front = np.vstack([front, prediction.suppose(place)])
+        free[place] = False
+    # Of a huge batch the rest is taken as the last look ranks it.
+    gain = np.where(free, gain, 0.0)
+    ranked = np.argsort(-gain, kind="stable")[: count - len(chosen)]
+    return chosen + [(int(prediction.indices[place]), ACTIVE) for place in ranked if gain[place] > 0]

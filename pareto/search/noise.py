@@ -1,0 +1,69 @@
+"""How far two measurements of one configuration differ: the noise of each objective."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.search.history import History
+from pareto.search.targets import Targets
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The (objectives) `variance` of one measurement in targets, from `freedom` degrees of freedom.
+
+    Without repeats nothing is known. Repeats that all agree say that there is no noise.
+    """
+
+    variance: Array
+    freedom: int
+
+    @classmethod
+    def of(cls, history: History, targets: Targets) -> Noise:
+        """Pool the variance within each repeated configuration."""
+        squares = np.zeros(targets.values.shape[1])
+        freedom = 0
+        for measured in history.told.values():
+            values = [value for value in measured if value is not None]
+            if len(values) < 2:
+                continue
+            table = targets.scale.targets(np.array(values))
+            table -= table[0].copy()  # so that equal measurements differ by nothing, not even by rounding
+            squares += ((table - table.mean(axis=0)) ** 2).sum(axis=0)
+            freedom += len(values) - 1
+        return cls(squares / max(freedom, 1), freedom)
+
+    @classmethod
+    def none(cls, targets: Targets) -> Noise:
+        """What repeats that all agree would tell."""
+        return cls(np.zeros(targets.values.shape[1]), 1)
+
+    @classmethod
+    def suspected(cls, targets: Targets) -> Noise:
+        """What is to be feared as long as nothing was repeated: all that a model cannot follow."""
+        return cls(np.zeros(targets.values.shape[1]), 0)
+
+    @property
+    def known(self) -> bool:
+        """Whether anything was repeated."""
+        return self.freedom > 0
+
+    def __bool__(self) -> bool:
+        """Whether repeats differed."""
+        return bool(self.variance.any())
+
+    def expected(self, objective: int, nugget: float) -> float:
+        """Return the variance to reckon with: the `nugget` of a process counts as much as one repeat.
+
+        Few repeats tell little of a variance, and what a smooth model leaves over bounds it. An objective
+        whose repeats all agree has no noise.
+        """
+        variance = float(self.variance[objective])
+        if self.known and variance == 0:
+            return 0.0
+        return (self.freedom * variance + nugget) / (self.freedom + 1)

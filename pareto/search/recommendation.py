@@ -1,0 +1,100 @@
+"""The front to recommend: by posterior means, so that no lucky measurement stays on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from pareto.search.history import History
+from pareto.search.models import Models
+from pareto.search.noise import Noise
+from pareto.search.prior import Prior
+from pareto.search.targets import FEW, Targets, front_rows
+from pareto.search.trend import Trend
+from pareto.spaces.space import Configuration, Indices
+
+Array = NDArray[np.float64]
+
+POINTS = 1000  # measurements that the models learn from
+SURE = 1.96  # standard deviations of a 95 % interval
+
+
+class Recommended(NamedTuple):
+    """A configuration, the `values` to expect of it, and the 95 % `intervals` (low, high) of these.
+
+    The interval is about the expected value, not about one measurement. Where repeats agree, or nothing was
+    repeated, values are the measured ones and intervals have no width.
+    """
+
+    configuration: Configuration
+    values: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Of what succeeded: (n,) `indices`, (n, objectives) `expected` values, and the `low` and `high` ends.
+
+    The ends are those of 95 % intervals, in natural values. `noisy` tells whether repeats differed; otherwise
+    all three are the measured values.
+    """
+
+    indices: Indices
+    expected: Array
+    low: Array
+    high: Array
+    noisy: bool
+
+
+def is_noisy(history: History) -> bool:
+    """Return whether two measurements of any configuration differed."""
+    return any(len({value for value in values if value is not None}) > 1 for values in history.told.values())
+
+
+def estimate(history: History, prior: Prior | None = None) -> Estimates:
+    """Return what to expect of all that succeeded: posterior means where repeats differ.
+
+    Of a handful of configurations no model can be learned: they stand for themselves.
+    """
+    indices, values = history.measured()
+    if not is_noisy(history):
+        return Estimates(indices, values, values, values, False)
+    targets = Targets.of(history)
+    if 4 * len(indices) < FEW:
+        mean = targets.values
+        deviation = np.sqrt(Noise.of(history, targets).variance / history.counts()[:, None])
+    else:
+        with threadpool_limits(limits=1, user_api="blas"):
+            models = Models(history, targets, Trend.of(prior, targets), POINTS, np.random.default_rng(0))
+            mean, deviation = models.estimates
+    natural = targets.scale.natural
+    ends = np.stack([natural(mean - SURE * deviation), natural(mean + SURE * deviation)])
+    as_measured = mean == targets.values  # to the last digit
+    certain = deviation == 0
+    expected = np.where(as_measured, values, natural(mean))
+    low, high = (np.where(certain, values, end) for end in (ends.min(axis=0), ends.max(axis=0)))
+    return Estimates(indices, expected, low, high, True)
+
+
+def recommend(history: History, estimates: Estimates) -> list[Recommended]:
+    """Return the non-dominated configurations by expected values within limits, by the first objective."""
+    expected, low, high = estimates.expected, estimates.low, estimates.high
+    signs = np.array([objective.sign for objective in history.objectives])
+    names = [objective.name for objective in history.objectives]
+    bounds = np.array(
+        [sign * history.limits.get(name, np.inf * sign) for name, sign in zip(names, signs, strict=True)]
+    )
+    rows = front_rows(expected * signs, bounds)
+    rows = rows[np.lexsort((expected[rows] * signs).T[::-1])]
+    return [
+        Recommended(
+            history.space.decode(int(estimates.indices[row])),
+            dict(zip(names, expected[row].tolist(), strict=True)),
+            dict(zip(names, zip(low[row].tolist(), high[row].tolist(), strict=True), strict=True)),
+        )
+        for row in rows
+    ]

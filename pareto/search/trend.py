@@ -1,0 +1,80 @@
+"""What a prior lets expect on this device, as far as the measurements here confirm it.
+
+Devices rarely agree in their values and often in their order, so only a straight line is assumed between the
+(log) values of the two, objective by objective. Its slope is learned from what is measured here, and counts
+only where chance is an unlikely reason for it: a source that says nothing gets a slope of zero and is
+ignored, one that is reversed a negative slope. The models of the search then learn what the line leaves over.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pareto.search.history import History
+from pareto.search.prior import Prior
+from pareto.search.targets import Targets
+from pareto.spaces.space import Indices
+from pareto.surrogates.line import Line, fitted_line
+
+Array = NDArray[np.float64]
+
+ENOUGH = 8  # measurements on this device, before which a source is trusted unseen
+LIKELY = math.sqrt(2)  # standard errors: a trial costs one measurement, while a line bends every model
+
+
+class Trend:
+    """What a prior lets expect here, as far as the measurements here confirm it; zero without a prior.
+
+    `slope` holds, for each objective, that of this device's values over the source's.
+    """
+
+    def __init__(self, prior: Prior | None, slope: Array, offset: Array) -> None:
+        self._prior = prior
+        self.slope = slope
+        self._offset = offset
+
+    @classmethod
+    def of(cls, prior: Prior | None, targets: Targets) -> Trend:
+        """Fit a line for each objective to what was measured here."""
+        if not prior:
+            nothing = np.zeros(targets.values.shape[1])
+            return cls(None, nothing, nothing)
+        lines = _lines(prior, targets)
+        slope = np.array([line.slope for line in lines])
+        offset = np.array([line.offset for line in lines])
+        return cls(prior if slope.any() else None, slope, offset)
+
+    def __call__(self, indices: Indices) -> Array:
+        """Return (n, objectives) targets; zero where nothing is confirmed."""
+        if self._prior is None:
+            return np.zeros((len(indices), len(self.slope)))
+        line = self._offset + self.slope * self._prior.expected(indices)
+        return np.where(self.slope == 0, 0.0, line)
+
+    def rest(self, targets: Targets) -> Array:
+        """Return (n, objectives) what is left to learn of the winsorised targets.
+
+        The line is pulled in as they are, so that a point which is bad on both devices leaves nothing over.
+        """
+        ours = targets.winsorised()
+        line = np.minimum(self(targets.indices), ours.max(axis=0))
+        return ours - np.where(self.slope == 0, 0.0, line)
+
+
+def trusted(history: History, prior: Prior | None) -> bool:
+    """Return whether the source's points are worth trying: at first, and while all slopes seem to rise."""
+    if not prior:
+        return False
+    indices, _ = history.measured()
+    if len(indices) < ENOUGH:
+        return True
+    return all(line.t > LIKELY for line in _lines(prior, Targets.of(history)))
+
+
+def _lines(prior: Prior, targets: Targets) -> list[Line]:
+    """Return for each objective the line from what the source lets expect to what was measured here."""
+    expected = prior.expected(targets.indices)
+    return [fitted_line(theirs, ours) for theirs, ours in zip(expected.T, targets.values.T, strict=True)]

@@ -1,0 +1,170 @@
+"""When a search measures a configuration once more, and when it does not."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pareto import Explorer, Space
+from pareto.fronts.objective import Objective
+from pareto.search.history import History
+from pareto.search.models import Models
+from pareto.search.repeats import REPEATS, repeat_gains
+from pareto.search.targets import Targets
+from pareto.search.trend import Trend
+
+SPACE = Space.from_dict(
+    {
+        "parameters": [
+            {"name": "x", "type": "integer", "minimum": 0, "maximum": 19},
+            {"name": "y", "type": "integer", "minimum": 0, "maximum": 9},
+        ]
+    }
+)
+
+
+def truth(index):
+    x, y = SPACE.codes([index])[0]
+    return np.array([1.0 + x + 0.3 * y, 25.0 - x + 0.5 * y])
+
+
+def history_of(noise=0.0, count=60, repeated=0):
+    """A history of `count` random configurations, the first `repeated` of them measured three times."""
+    rng = np.random.default_rng(2)
+    history = History(SPACE, (Objective("a"), Objective("b")), {})
+    chosen = rng.choice(len(SPACE), count, replace=False).tolist()
+    for index in [*chosen, *chosen[:repeated] * 2]:
+        history.record(index, tuple(truth(index) * np.exp(noise * rng.standard_normal(2))))
+    return history
+
+
+def gains(history, pending=()):
+    targets = Targets.of(history)
+    models = Models(history, targets, Trend.of(None, targets), 600, np.random.default_rng(0))
+    return repeat_gains(models, pending, np.random.default_rng(0))
+
+
+def test_where_repeats_agree_another_gains_nothing():
+    assert not gains(history_of(repeated=1)).any()
+
+
+def test_as_long_as_nothing_was_repeated_one_repeat_may_gain_until_it_is_pending():
+    history = history_of(noise=0.1)
+    assert gains(history).max() > 0
+    some = [*history.told][5]
+    assert not gains(history, [some]).any()
+    assert gains(history, [199]).max() > 0  # a new configuration that is pending tells nothing of repeats
+
+
+def test_a_noisy_point_on_the_front_gains_more_than_one_far_behind_it():
+    history = history_of(noise=0.1, repeated=10)
+    gain = gains(history)
+    targets = Targets.of(history)
+    assert gain[targets.front].max() > 0
+    far = np.argsort(targets.depth)[-20:]
+    assert gain[far].max() < 0.1 * gain[targets.front].max()
+
+
+def test_what_is_pending_is_not_repeated_beside_that():
+    history = history_of(noise=0.1, repeated=10)
+    gain = gains(history)
+    best = int(np.argmax(gain))
+    again = gains(history, [[*history.told][best]])
+    assert again[best] == 0 < again.max()
+
+
+def test_more_measurements_of_a_point_gain_less_and_none_after_the_last():
+    history = history_of(noise=0.1, repeated=10)
+    row = int(np.argmax(gains(history)))
+    index = [*history.told][row]
+    rng = np.random.default_rng(3)
+    while len(history.told[index]) < REPEATS:
+        assert gains(history)[row] > 0 or row not in Targets.of(history).front
+        history.record(index, tuple(truth(index) * np.exp(0.1 * rng.standard_normal(2))))
+    assert gains(history)[row] == 0.0
+
+
+def test_a_failed_repeat_is_not_tried_again_nor_many_others_where_all_repeats_fail():
+    history = history_of(noise=0.1)
+    for tries in range(REPEATS):
+        gain = gains(history)
+        row = int(np.argmax(gain))
+        index = [*history.told][row]
+        assert gain[row] > 0
+        assert len(history.told[index]) == 1, tries
+        history.record(index, None)
+    assert not gains(history).any()
+
+
+@pytest.mark.parametrize("objectives", [1, 3, 4])
+def test_any_number_of_objectives_has_repeats_to_gain_from(objectives):
+    rng = np.random.default_rng(2)
+    history = History(SPACE, tuple(Objective(f"y{k}") for k in range(objectives)), {})
+    for index in [*rng.choice(len(SPACE), 40, replace=False).tolist(), 7, 7]:
+        a, b = truth(index)
+        values = np.array([a, b, a + 0.2 * b, 30 - a])[:objectives] * np.exp(
+            0.2 * rng.standard_normal(objectives)
+        )
+        history.record(index, tuple(values))
+    gain = gains(history)
+    assert np.isfinite(gain).all()
+    assert gain.max() > 0 == gain.min()
+
+
+def explored(noise, budget=100, batch=5, measure=truth, **options):
+    """Search; return the explorer and the phases of what was proposed, in order."""
+    rng = np.random.default_rng(1)
+    explorer = Explorer(SPACE, ("a", "b"), seed=3, initial=20, candidates=200, **options)
+    phases = []
+    while len(phases) < budget and (proposals := explorer.propose(batch)):
+        values = [measure(item.index) for item in proposals]
+        noisy = [None if v is None else v * np.exp(noise * rng.standard_normal(2)) for v in values]
+        explorer.tell(
+            [item.configuration for item in proposals],
+            [None if v is None else dict(zip("ab", map(float, v), strict=True)) for v in noisy],
+        )
+        phases += [item.phase for item in proposals]
+    return explorer, phases
+
+
+@pytest.mark.parametrize("batch", [1, 7, 50])
+def test_a_deterministic_program_is_repeated_at_most_once(batch):
+    """A measurement is all that it costs: from the repeat on, nothing is measured twice."""
+    explorer, phases = explored(0.0, batch=batch)
+    assert phases.count("again") <= 1
+    counts = [len(values) for values in explorer.history.told.values()]
+    assert sum(counts) - len(counts) == phases.count("again")
+
+
+@pytest.mark.parametrize("batch", [1, 7, 50])
+def test_a_noisy_program_is_repeated_and_not_too_often(batch):
+    explorer, phases = explored(0.1, budget=max(100, 4 * batch), batch=batch)
+    assert phases.count("again") >= 5
+    assert phases.count("active") > 20
+    assert max(len(values) for values in explorer.history.told.values()) <= REPEATS
+    state = json.loads(json.dumps(explorer.state()))
+    restored = Explorer.restore(SPACE, state)
+    assert restored.propose(4) == explorer.propose(4)
+    assert restored.state() == explorer.state()
+
+
+def test_a_program_of_which_every_second_measurement_fails_is_not_repeated_for_ever():
+    seen = set()
+
+    def once(index):
+        if index in seen:
+            return None
+        seen.add(index)
+        return truth(index) * np.exp(0.1 * np.sin(99.0 * index))  # rough: as good as noise
+
+    explorer, phases = explored(0.0, batch=1, measure=once)
+    assert phases.count("again") <= REPEATS
+    assert max(len(values) for values in explorer.history.told.values()) <= 2
+
+
+def test_a_noisy_program_is_repeated_once_the_space_is_exhausted_until_it_is_finished():
+    explorer, _ = explored(0.1, budget=2000, batch=20)
+    assert explorer.finished
+    assert len(explorer.history.told) == len(SPACE)
+    counts = [len(values) for values in explorer.history.told.values()]
+    assert REPEATS == max(counts) > min(counts) == 1

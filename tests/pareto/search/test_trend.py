@@ -1,0 +1,153 @@
+"""What another device lets expect: trusted as far as it is confirmed, and ignored when wrong."""
+
+import csv
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pareto import Explorer, Objective, Space
+from pareto.fronts.front import nondominated
+from pareto.search.history import History
+from pareto.search.prior import Prior
+from pareto.search.targets import Targets
+from pareto.search.trend import Trend, trusted
+from tests.pareto.search.made_up_devices import CODES, SOURCE, SPACE, TARGET, pairs, some_of_the_source
+
+
+def evaluations_needed(seed, prior=(), target=TARGET, budget=120, within=1.15):
+    """How many measurements until one is `within` of the target's best; one more than the budget if none."""
+    explorer = Explorer(SPACE, ("seconds",), seed=seed, prior=prior, initial=12)
+    good = target.min() * within
+    for done in range(0, budget, 6):
+        proposals = explorer.propose(6)
+        measured = [target[proposal.index] for proposal in proposals]
+        explorer.tell(
+            [proposal.configuration for proposal in proposals], [{"seconds": float(t)} for t in measured]
+        )
+        if min(measured) <= good:
+            return done + 1 + int(np.argmax(np.array(measured) <= good))
+    return budget + 1
+
+
+def history_of(values, indices):
+    history = History(SPACE, (Objective("seconds"),), {})
+    for index in indices:
+        history.record(int(index), (float(values[index]),))
+    return history
+
+
+@pytest.mark.parametrize(
+    ("source", "sign"), [(SOURCE, 1), (1 / SOURCE, -1), (np.random.default_rng(6).permutation(SOURCE), 0)]
+)
+def test_the_trend_follows_the_source_as_far_as_it_is_confirmed(source, sign):
+    prior = Prior.read(SPACE, (Objective("seconds"),), {}, pairs(source, range(len(SPACE))))
+    history = history_of(TARGET, np.random.default_rng(7).choice(len(SPACE), 40, replace=False))
+    targets = Targets.of(history)
+    trend = Trend.of(prior, targets)
+    assert np.sign(trend.slope[0]) == sign
+    assert trusted(history, prior) == (sign > 0)
+    everywhere = trend(np.arange(len(SPACE)))[:, 0]
+    if sign:
+        assert np.corrcoef(everywhere, np.log(TARGET))[0, 1] > 0.5
+    else:
+        assert not everywhere.any()
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """Measurements needed without a prior, by seed."""
+    return [evaluations_needed(seed) for seed in range(5)]
+
+
+def test_a_related_device_saves_measurements(alone):
+    helped = [evaluations_needed(seed, some_of_the_source()) for seed in range(5)]
+    # Both begin with 12; what is saved is of those that come after.
+    assert np.mean(helped) - 12 < 0.5 * (np.mean(alone) - 12), (helped, alone)
+
+
+@pytest.mark.parametrize("wrong", [1 / SOURCE, np.random.default_rng(6).permutation(SOURCE)])
+def test_a_device_that_is_the_opposite_or_says_nothing_costs_little(alone, wrong):
+    misled = [evaluations_needed(seed, some_of_the_source(wrong)) for seed in range(5)]
+    # What it may cost is its share of the first configurations, half of 12, and a batch until it is refuted.
+    assert np.mean(misled) <= np.mean(alone) + 12, (misled, alone)
+
+
+def test_objectives_are_trusted_one_by_one():
+    """An error that no device changes, and a time that says nothing: the front is found all the same."""
+    error = 1.0 / (1 + CODES[:, 0]) + 0.02 * CODES[:, 2]
+    noise = np.random.default_rng(9).permutation(SOURCE)
+    told = [
+        (SPACE.decode(int(i)), {"error": float(error[i]), "seconds": float(noise[i])})
+        for i in np.random.default_rng(3).choice(len(SPACE), 200, replace=False)
+    ]
+    explorer = Explorer(SPACE, ("error", "seconds"), prior=told, initial=24)
+    for _ in range(8):
+        proposals = explorer.propose(10)
+        explorer.tell(
+            [item.configuration for item in proposals],
+            [{"error": float(error[item.index]), "seconds": float(TARGET[item.index])} for item in proposals],
+        )
+    slope = Trend.of(explorer._method.prior, Targets.of(explorer.history)).slope
+    assert slope[0] > 0.5
+    assert abs(slope[1]) < 0.3
+    truth = np.stack([error, TARGET], axis=1)
+    values = np.array([list(values.values()) for _, values in explorer.front()])
+    true_front = truth[nondominated(truth)]
+    near = [(np.log(values / point).max(axis=1)).min() for point in true_front]
+    assert np.median(near) < 0.1
+
+
+def convolution():
+    """The convolution kernel's space and its times on two real GPUs, (points,) with NaN where one failed."""
+    if "FRONTRUNNER_DATA" not in os.environ:
+        pytest.skip("FRONTRUNNER_DATA is not set: it names the folder with dse/convolution")
+    folder = Path(os.environ["FRONTRUNNER_DATA"]) / "dse" / "convolution"
+    tables = []
+    for device in ("A100", "A4000"):
+        with (folder / f"convolution_{device}.csv").open(newline="") as file:
+            tables.append(list(csv.DictReader(file)))
+    names = ["block_size_x", "block_size_y", "tile_size_x", "tile_size_y", "read_only"]
+    names += ["use_padding", "use_shmem"]
+    parameters = [
+        {"name": name, "type": "ordinal", "values": sorted({int(row[name]) for row in tables[0]})}
+        for name in names
+    ]
+    constraints = [
+        "block_size_x * block_size_y <= 1024",
+        "use_padding == 0 or (block_size_x % 32 != 0 and use_shmem == 1)",
+        "use_shmem == 0 or (block_size_x * tile_size_x + 14) * (block_size_y * tile_size_y + 14) <= 12288",
+    ]
+    space = Space.from_dict({"name": "convolution", "parameters": parameters, "constraints": constraints})
+    times = np.full((2, len(space)), np.nan)
+    for device, rows in enumerate(tables):
+        for row in rows:
+            if not row["time"].endswith("Config"):  # the name of an error
+                index = space.encode({name: int(row[name]) for name in names})
+                times[device, index] = float(row["time"])
+    return space, times
+
+
+def best_so_far(space, times, seed, prior=()):
+    """The logarithm of the best time over the best there is, after each of 60 measurements."""
+    explorer = Explorer(space, ("seconds",), seed=seed, prior=prior, candidates=500)
+    found = np.empty(0)
+    for _ in range(4):
+        proposals = explorer.propose(15)
+        measured = times[[proposal.index for proposal in proposals]]
+        explorer.tell(
+            [proposal.configuration for proposal in proposals],
+            [None if np.isnan(time) else {"seconds": float(time)} for time in measured],
+        )
+        found = np.append(found, np.where(np.isnan(measured), np.nanmax(times), measured))
+    return np.log(np.minimum.accumulate(found) / np.nanmin(times))
+
+
+def test_one_real_gpu_saves_measurements_on_another():
+    space, (a100, a4000) = convolution()
+    ran = np.flatnonzero(space.allowed_grid)
+    prior = [(space.decode(int(i)), None if np.isnan(a100[i]) else {"seconds": float(a100[i])}) for i in ran]
+    alone = np.mean([best_so_far(space, a4000, seed) for seed in range(4)], axis=0)
+    helped = np.mean([best_so_far(space, a4000, seed, prior) for seed in range(4)], axis=0)
+    assert helped.mean() < 0.8 * alone.mean()
