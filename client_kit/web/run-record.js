@@ -66,13 +66,13 @@ export function finishedRun(planned, plan, frames, expected, timed) {
   const tracked = frames.map(({ state }, number) => (tracks(plan, number) ? Boolean(state.tracked) : null));
   const attempted = tracked.filter((found) => found !== null).length;
   const lost = tracked.filter((found) => found === false).length;
-  const failed = lost > MOST_LOST * attempted;
+  const failed = attempted === 0 || lost > MOST_LOST * attempted;
   const frame_us = frames.map((frame) => Math.round(frame.seconds * MICROSECONDS));
   return {
     id: crypto.randomUUID(),
     ...planned,
     status: failed ? "failed" : "ok",
-    failure: failed ? `tracking lost in ${lost} of ${attempted} frames` : null,
+    failure: failed ? failureOf(lost, attempted) : null,
     frame_us,
     ...(timed ? { stages_us: stageMicroseconds(frames, frame_us) } : {}),
     tracked,
@@ -81,6 +81,16 @@ export function finishedRun(planned, plan, frames, expected, timed) {
     ate_rmse: ate ? ate.rmse : null,
     ...(failed ? {} : { deviation: far }),
   };
+}
+
+/**
+ * Why a run has failed (slam/validity.py).
+ * @param {number} lost
+ * @param {number} attempted
+ * @returns {string}
+ */
+function failureOf(lost, attempted) {
+  return attempted === 0 ? "no frame was tracked" : `tracking lost in ${lost} of ${attempted} frames`;
 }
 
 /**

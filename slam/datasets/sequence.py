@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
-from slam.trajectory import Trajectory, associate
+from slam.trajectory import Trajectory, associate, check_poses
 
 FRAME_RATE = 30.0  # frames a second, where a format has no stamps: the rate of the Kinect and of ICL-NUIM
 SMALLEST_JUDGED = 32  # pixels
@@ -110,8 +110,10 @@ def match_truth(
     """The true pose of every frame, (n, 4, 4), NaN where `trajectory` has none.
 
     Stamps decide. Where the frames are only numbered (`numbers`) and the trajectory's stamps are whole,
-    as in ICL-NUIM's files, those are frame numbers. Raises SequenceError when nothing matches.
+    as in ICL-NUIM's files, those are frame numbers. Raises SequenceError when nothing matches,
+    TrajectoryError for a pose that is not a rigid motion.
     """
+    check_poses(trajectory.poses, source)
     stamps = trajectory.timestamps
     if numbers is not None and len(stamps) > 1 and np.all(stamps == np.rint(stamps)):
         frames, rows = associate(numbers.astype(np.float64), stamps, 0.5)
