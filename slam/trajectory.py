@@ -15,6 +15,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from slam.text_files import read_text
+
 Array = npt.NDArray[np.float64]
 Alignment = Literal["first", "se3", "sim3"]
 
@@ -52,12 +54,7 @@ class Trajectory:
         Quaternions are normalised. Raises TrajectoryError naming the line that is not a pose.
         """
         stamps, positions, quaternions = [], [], []
-        try:
-            lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-        except OSError as error:
-            raise TrajectoryError(f"{path} cannot be read as a trajectory: {error}") from None
-        except UnicodeDecodeError as error:
-            raise TrajectoryError(f"{path} is not text in UTF-8 ({error}): save it as UTF-8") from None
+        lines = read_text(Path(path), TrajectoryError).splitlines()
         for number, line in enumerate(lines, start=1):
             text = line.split("#", 1)[0].replace(",", " ").split()
             if not text:

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
+from slam.datasets.sequence import LARGEST_VOLUME
 from slam.dense.images import cameras_of
 from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
 from slam.kfusion import configuration as constants
@@ -167,8 +168,10 @@ def _camera(configuration: Configuration, scene: Scene) -> Camera:
             f"compute_size_ratio={ratio}: leaves {camera.width}x{camera.height} pixels, "
             f"too few for {LEVELS} levels"
         )
-    if scene.volume_size <= 0:
-        raise ConfigurationError(f"volume_size={scene.volume_size}: must be above 0 (metres)")
+    if not 0 < scene.volume_size <= LARGEST_VOLUME:
+        raise ConfigurationError(
+            f"volume_size={scene.volume_size}: must be above 0 and at most {LARGEST_VOLUME:g} (metres)"
+        )
     return camera
 
 
