@@ -1,7 +1,9 @@
 """What KinectFusion does with each frame, as data: nothing else knows the order of a frame.
 
-Frames 0 to 3 are integrated where the camera starts. The first raycast follows frame 3, so frame 4 is the
-first that can be tracked. A lost frame keeps the last pose and is not integrated.
+Frame 0 is the first in which anything was measured (`farthest` is above 0): until then a driver runs frame 0
+again for each image, which changes neither volume nor pose. Frames 0 to 3 are integrated where the camera
+starts. The first raycast follows frame 3, so frame 4 is the first that can be tracked. A lost frame keeps the
+last pose and is not integrated.
 """
 
 from __future__ import annotations
