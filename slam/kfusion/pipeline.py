@@ -28,7 +28,8 @@ class KFusion:
 
     The plan's frames are counted from the first image in which anything was measured: it is frame 0, at the
     initial pose. Images before it are not attempted. A lost frame keeps the last pose and is not integrated.
-    Raises ConfigurationError when the images cannot be divided by the compute size ratio, and DeviceMemoryError when the volume does not fit the device.
+    Raises ConfigurationError when the images cannot be divided by the compute size ratio, and
+    DeviceMemoryError when the volume does not fit the device.
     """
 
     def __init__(self, configuration: Configuration, scene: Scene, session: AnySession) -> None:
