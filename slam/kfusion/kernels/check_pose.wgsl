@@ -1,15 +1,37 @@
-// Keeps the new pose when the residual is small and enough of the level solved last took part; otherwise goes back to
-// where the frame started. Frames without any inlier are lost. One invocation.
+// Keeps the new pose when the residual is small, enough of the level solved last took part, and the camera can have moved
+// so; otherwise goes back to where the frame started. `max_translation` (m) and `max_rotation` (rad) are for one check, and
+// grow with the checks missed. Beyond `near_translation` the pose needs `far_inliers`. The camera may not leave the volume,
+// a cube whose corner is the origin. Frames without any inlier are lost. One invocation.
+
+fn in_volume(position: vec3f) -> bool {
+    return all(position >= vec3f(0.0)) && all(position <= vec3f(parameters.volume_size));
+}
 
 @compute @workgroup_size(1)
 fn check_pose() {
+    let after = vec3f(state.pose[3], state.pose[7], state.pose[11]);
+    let before = vec3f(state.previous[3], state.previous[7], state.previous[11]);
+    let translation = length(after - before);
+    var trace = 0.0;
+    for (var row = 0; row < 3; row++) {
+        for (var column = 0; column < 3; column++) {
+            trace += state.pose[4 * row + column] * state.previous[4 * row + column];
+        }
+    }
+    let checks = f32(state.misses + 1);
+    let rotation = min(parameters.max_rotation * checks, 3.1415926);
     let inliers = state.inliers;
     var good = false;
     if (inliers > 0.0) {
         good = sqrt(state.squared_error / inliers) <= parameters.max_residual
-            && inliers / f32(parameters.pixels) >= parameters.min_inliers;
+            && inliers / f32(parameters.pixels)
+                >= select(parameters.min_inliers, parameters.far_inliers, translation > parameters.near_translation)
+            && translation <= parameters.max_translation * checks
+            && 0.5 * (trace - 1.0) >= cos(rotation)
+            && (in_volume(after) || !in_volume(before));
     }
     state.tracked = select(0, 1, good);
+    state.misses = select(state.misses + 1, 0, good);
     if (!good) {
         state.pose = state.previous;
     }
