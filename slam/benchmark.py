@@ -44,7 +44,8 @@ class FrameTimes:
     wall time. `computation` lasts from the first upload until the pose is known; `total` adds acquisition and
     rendering.
 
-    `tracked` is True, False (lost) or None (tracking not attempted).
+    `tracked` is True, False (lost) or None (tracking not attempted). `degenerate` is whether a tracked pose
+    is free to move in some direction, None where that is not known.
     """
 
     acquisition: float
@@ -54,6 +55,7 @@ class FrameTimes:
     total: float
     tracked: bool | None
     integrated: bool
+    degenerate: bool | None = None
 
     def to_dict(self) -> dict[str, Any]:
         stages = {stage: self.stages.get(stage) for stage in STAGES}
@@ -65,6 +67,7 @@ class FrameTimes:
             "total": self.total,
             "tracked": self.tracked,
             "integrated": self.integrated,
+            "degenerate": self.degenerate,
         }
 
 
@@ -226,6 +229,7 @@ def run(
                 total=image.seconds + done - computing + rendering,
                 tracked=result.tracked,
                 integrated=result.integrated,
+                degenerate=result.degenerate,
             )
         )
         if progress:

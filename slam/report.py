@@ -106,10 +106,12 @@ def summary(report: Mapping[str, Any]) -> str:
 def _facts(report: Mapping[str, Any]) -> list[str]:
     frames = report["frames"]
     tracked = [frame["tracked"] for frame in frames]
+    degenerate = sum(frame.get("degenerate") is True for frame in frames)  # older reports do not say
     computed = sum(frame["computation"] for frame in frames)
     lines = [
         f"{'frames':14}tracked {tracked.count(True)}, lost {tracked.count(False)}, "
-        f"not attempted {tracked.count(None)}; integrated {sum(f['integrated'] for f in frames)}",
+        f"not attempted {tracked.count(None)}; integrated {sum(f['integrated'] for f in frames)}"
+        + (f"; degenerate {degenerate}" if degenerate else ""),
         f"{'CPU':14}{1e3 * report['cpu_seconds'] / len(frames):.3f} ms a frame, "
         f"{report['cpu_seconds'] / computed if computed else 0:.2f} cores busy",
     ]
@@ -169,6 +171,11 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
         *([f"not attempted: {ATTEMPTS[system]}"] if system in ATTEMPTS else []),
         "lost: the pose failed its check",
+        *(
+            ["degenerate: tracked, but what is seen lets the camera slide or turn, as a flat wall does"]
+            if any(frame.get("degenerate") for frame in report["frames"])
+            else []
+        ),
         "CPU: of all threads during the computation; energy: likewise, all frames",
         "memory: the largest resident size of the process during the run",
         "error: metres from the true position, first poses laid on each other; RMSE: root of the mean square",

@@ -15,7 +15,7 @@ ASSOCIATION_DISTANCE = 0.1
 ASSOCIATION_NORMAL = 0.8  # dot product of unit normals
 MAX_RESIDUAL = 0.02  # root mean square of the point-to-plane error
 MIN_INLIERS = 0.15  # of the pixels of the level solved last
-# A pose that has moved beyond ASSOCIATION_DISTANCE rests on partners that it has found on its way: it needs more.
+# A pose that has moved beyond ASSOCIATION_DISTANCE rests on partners found on its way: it needs more.
 FAR_INLIERS = 0.3
 MAX_TRANSLATION = 0.2  # a frame: 6 m/s at 30 Hz
 MAX_ROTATION = 0.25  # radians a frame: 430 degrees a second at 30 Hz

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slam.devices.device import DeviceMemoryError
 from slam.devices.opencl import SHARED
 from slam.kfusion.configuration import Configuration
+from slam.kfusion.degeneracy import is_degenerate
 from slam.kfusion.plan import SCALE, plan
 from slam.plans.execution import Execution
 from slam.plans.executors import prepare
@@ -86,13 +87,19 @@ class KFusion:
         pose[:3] = outcome.state["pose"].reshape(3, 4)
         tracked = bool(outcome.state["tracked"])
         integrated = any(d.takes_place(number) and (d.flag is None or tracked) for d in self._integrations)
+        attempted = self._tracking.takes_place(number)
         return Frame(
             pose,
-            tracked if self._tracking.takes_place(number) else None,
+            tracked if attempted else None,
             started and integrated,
             dict(outcome.stages),
             outcome.computation,
+            _degenerate(outcome.state) if attempted and tracked else None,
         )
+
+
+def _degenerate(state: np.ndarray[Any, np.dtype[np.void]]) -> bool:
+    return is_degenerate(state["normal_matrix"], float(state["inliers"]), state["pose"][3::4])
 
 
 class Volume:
