@@ -40,6 +40,7 @@ MEMBERS = (
     Member("tracked", "i32"),  # the last pose check passed
     Member("farthest", "f32"),  # largest depth of the frame, metres
     Member("misses", "i32"),  # pose checks that failed since the last one that passed
+    Member("last_inliers", "f32"),  # share of the pixels at the last pose check that passed
     Member("normal_matrix", "f32", 21),  # J^T J of the iteration solved last, upper triangle row by row
 )
 
@@ -100,8 +101,9 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             _buffer("state", "write", STATE),
         )),
         Kernel("check_pose", "tracking", (
-            *_whole("pixels"), *_real("max_residual", "min_inliers", "near_translation", "far_inliers",
-            "max_translation", "max_rotation", "volume_size"), _buffer("state", "write", STATE),
+            *_whole("pixels"), *_real("max_residual", "min_inliers", "near_motion", "far_inliers",
+            "kept_inliers", "max_translation", "max_rotation", "volume_size"),
+            _buffer("state", "write", STATE),
         )),
         Kernel("integrate", "volume", (
             _buffer("voxels", "write", "u32"), *weights, *_whole("resolution"), *_real("voxel_size"),
@@ -298,7 +300,8 @@ def _tracking(
     launch(
         "check_pose", *layout.one_group(1), pixels=last.width * last.height,
         max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS,
-        near_translation=constants.ASSOCIATION_DISTANCE, far_inliers=constants.FAR_INLIERS,
+        near_motion=constants.NEAR_MOTION, far_inliers=constants.FAR_INLIERS,
+        kept_inliers=constants.KEPT_INLIERS,
         max_translation=constants.MAX_TRANSLATION * configuration.tracking_rate,
         max_rotation=constants.MAX_ROTATION * configuration.tracking_rate, volume_size=scene.volume_size,
         state="state",

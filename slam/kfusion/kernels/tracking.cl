@@ -104,10 +104,12 @@ INLINE int in_volume(global const float *restrict pose, float size)
 
 // Keeps the new pose when the residual is small, enough of the level solved last took part, and the camera can have moved
 // so; otherwise goes back to where the frame started. `max_translation` (m) and `max_rotation` (rad) are for one check, and
-// grow with the checks missed. Beyond `near_translation` the pose needs `far_inliers`. The camera may not leave the volume.
+// grow with the checks missed. A motion beyond `near_motion` (m + rad) needs the share `far_inliers` and, unless checks were
+// missed, the part `kept_inliers` of the share at the last check that passed. The camera may not leave the volume.
 // Written so that NaN fails.
-kernel void check_pose(int pixels, float max_residual, float min_inliers, float near_translation, float far_inliers,
-                       float max_translation, float max_rotation, float volume_size, global State *state)
+kernel void check_pose(int pixels, float max_residual, float min_inliers, float near_motion, float far_inliers,
+                       float kept_inliers, float max_translation, float max_rotation, float volume_size,
+                       global State *state)
 {
     const float x = state->pose[3] - state->previous[3], y = state->pose[7] - state->previous[7];
     const float z = state->pose[11] - state->previous[11];
@@ -116,16 +118,18 @@ kernel void check_pose(int pixels, float max_residual, float min_inliers, float 
     for (int row = 0; row < 3; ++row)
         for (int column = 0; column < 3; ++column)
             trace += state->pose[4 * row + column] * state->previous[4 * row + column];
-    const float checks = state->misses + 1;
-    const float rotation = smaller(max_rotation * checks, 3.1415926f);
-    const float inliers = state->inliers / pixels;
-    const int good = sqrt(state->squared_error / state->inliers) <= max_residual &&
-                     inliers >= (translation > near_translation ? far_inliers : min_inliers) &&
-                     translation <= max_translation * checks && 0.5f * (trace - 1.0f) >= cos(rotation) &&
+    const float rotation = acos(larger(smaller(0.5f * (trace - 1.0f), 1.0f), -1.0f));
+    const float checks = state->misses + 1, inliers = state->inliers / pixels;
+    const float kept = state->misses > 0 ? 0.0f : kept_inliers * state->last_inliers;
+    const float needed = translation + rotation > near_motion ? larger(far_inliers, kept) : min_inliers;
+    const int good = sqrt(state->squared_error / state->inliers) <= max_residual && inliers >= needed &&
+                     translation <= max_translation * checks && rotation <= max_rotation * checks &&
                      (in_volume(state->pose, volume_size) || !in_volume(state->previous, volume_size));
     state->tracked = good;
     state->misses = good ? 0 : state->misses + 1;
-    if (!good)
+    if (good)
+        state->last_inliers = inliers;
+    else
         for (int i = 0; i < 12; ++i)
             state->pose[i] = state->previous[i];
 }

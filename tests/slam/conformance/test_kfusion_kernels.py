@@ -212,7 +212,7 @@ MOTION = {"max_translation": 0.2, "max_rotation": 0.25, "volume_size": SIZE}
 def check_pose(launch, session, state) -> None:
     launch(
         "check_pose", session.layout.one_group(1), pixels=1000, max_residual=0.02, min_inliers=0.15,
-        near_translation=0.1, far_inliers=0.3, **MOTION, state=state,
+        near_motion=0.1, far_inliers=0.3, kept_inliers=0.75, **MOTION, state=state,
     )  # fmt: skip
 
 
@@ -228,6 +228,7 @@ def test_check_pose_goes_back_when_lost(launch, session, squared_error, inliers,
     check_pose(launch, session, state)
     assert bool(state["tracked"]) == good
     assert state["misses"] == (0 if good else 3)
+    assert state["last_inliers"] == pytest.approx(0.2 if good else 0)
     if not np.isnan(squared_error):
         assert reference.check_pose(squared_error, inliers, 1000, 0.02, 0.15) == good
     np.testing.assert_allclose(state["pose"].reshape(3, 4), (after if good else before)[:3], atol=1e-7)
@@ -245,6 +246,7 @@ def test_check_pose_goes_back_when_lost(launch, session, squared_error, inliers,
         ((1, 1, 1), (1.05, 1, 1), (0, 3.1, 0), 20, 400, True),  # any rotation, after so long
         ((1, 1, 1), (1.15, 1, 1), (0, 0, 0), 0, 290, False),  # beyond the distance of association
         ((1, 1, 1), (1.15, 1, 1), (0, 0, 0), 0, 310, True),
+        ((1, 1, 1), (1.06, 1, 1), (0, 0.06, 0), 0, 290, False),
         ((0.05, 1, 1), (-0.01, 1, 1), (0, 0, 0), 0, 400, False),
         ((1, 1, SIZE - 0.05), (1, 1, SIZE + 0.01), (0, 0, 0), 0, 400, False),
         ((1, -0.05, 1), (1, -0.06, 1), (0, 0, 0), 0, 400, True),  # it began outside
@@ -261,6 +263,25 @@ def test_check_pose_refuses_a_motion_that_is_not_possible(
     if inliers > 310 and np.isfinite(after).all():
         assert reference.motion_is_possible(start, end, misses + 1, **MOTION) == good
     np.testing.assert_allclose(state["pose"].reshape(3, 4), (end if good else start)[:3], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("after", "misses", "inliers", "good"),
+    [
+        ((1.15, 1, 1), 0, 440, False),  # three quarters of 600 are needed
+        ((1.15, 1, 1), 0, 460, True),
+        ((1.15, 1, 1), 1, 440, True),  # found again: the view may be another one
+        ((1.09, 1, 1), 0, 160, True),  # near: the usual share is enough
+    ],
+)
+def test_check_pose_refuses_a_far_motion_that_loses_inliers(launch, session, after, misses, inliers, good):
+    state = state_of(
+        pose_at(after), previous=pose_at((1, 1, 1))[:3].ravel(), squared_error=0.01, inliers=inliers,
+        misses=misses, last_inliers=0.6,
+    )  # fmt: skip
+    check_pose(launch, session, state)
+    assert bool(state["tracked"]) == good
+    assert state["last_inliers"] == pytest.approx(inliers / 1000 if good else 0.6)
 
 
 def integrate(launch, session, volume, marks, depth, camera, state, max_weight=100.0, conditional=0) -> None:
