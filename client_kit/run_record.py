@@ -10,9 +10,7 @@ from client_kit.reference_trajectories import Positions, deviation
 from client_kit.session import MICROSECONDS, Run
 from client_kit.worker_client import Outcome
 from slam.system import STAGES
-
-# A run that has lost the camera in more of its frames than this is a failure, however fast it was.
-MOST_LOST = 0.5
+from slam.validity import tracking_failure
 
 
 def recorded(
@@ -35,15 +33,14 @@ def recorded(
     if not all(value is None or math.isfinite(value) for value in (*errors, far)):
         return Run(run_id, name, repeat, order, "failed", failure="the trajectory is not finite")
     tracked = tuple(frame["tracked"] for frame in frames)
-    lost, attempted = tracked.count(False), len(tracked) - tracked.count(None)
-    failed = lost > MOST_LOST * attempted
+    failure = tracking_failure(tracked)
     return Run(
         run_id,
         name,
         repeat,
         order,
-        "failed" if failed else "ok",
-        failure=f"tracking lost in {lost} of {attempted} frames" if failed else None,
+        "failed" if failure else "ok",
+        failure=failure,
         frame_us=tuple(round(frame["computation"] * MICROSECONDS) for frame in frames),
         stages_us=_stages_us(frames),
         tracked=tracked,
@@ -51,8 +48,8 @@ def recorded(
         ate_mean=errors[1],
         ate_rmse=errors[2],
         trajectory_sha256=outcome.trajectory_sha256,
-        deviation=None if failed else far,
-        band=None if failed else configuration.band,
+        deviation=None if failure else far,
+        band=None if failure else configuration.band,
     )
 
 

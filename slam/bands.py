@@ -26,6 +26,7 @@ from slam.devices.choice import choose_device, list_devices, open_session
 from slam.devices.device import Device, DeviceError
 from slam.devices.layout import KINDS, Layout
 from slam.systems import complete
+from slam.text_files import read_text
 
 # A band is so many times the largest deviation among the OpenCL devices here, and at least this wide (m):
 # drivers that are not here round differently, too.
@@ -94,7 +95,7 @@ def variants() -> Iterator[tuple[str, Device, Layout]]:
 def read_front(path: Path) -> dict[str, Any]:
     """The front in a JSON file. Raises ConfigurationError where it has no configurations of KinectFusion."""
     try:
-        front = json.loads(path.read_text(encoding="utf-8"))
+        front = json.loads(read_text(path, ConfigurationError))
         for configuration in front["configurations"]:
             complete("kfusion", configuration["parameters"])
             str(configuration["name"])

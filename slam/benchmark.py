@@ -19,7 +19,7 @@ from slam.devices.choice import AnySession, choose_device
 from slam.devices.tuning import wavy_wall
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
-from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME
 from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
@@ -31,6 +31,7 @@ from slam.system import (
 )
 from slam.systems import create, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
+from slam.validity import Verdict, judge
 
 Observer = Callable[
     [int, System], None
@@ -43,7 +44,8 @@ class FrameTimes:
     wall time. `computation` lasts from the first upload until the pose is known; `total` adds acquisition and
     rendering.
 
-    `tracked` is True, False (lost) or None (tracking not attempted).
+    `tracked` is True, False (lost) or None (tracking not attempted). `degenerate` is whether a tracked pose
+    is free to move in some direction, None where that is not known.
     """
 
     acquisition: float
@@ -53,6 +55,7 @@ class FrameTimes:
     total: float
     tracked: bool | None
     integrated: bool
+    degenerate: bool | None = None
 
     def to_dict(self) -> dict[str, Any]:
         stages = {stage: self.stages.get(stage) for stage in STAGES}
@@ -64,6 +67,7 @@ class FrameTimes:
             "total": self.total,
             "tracked": self.tracked,
             "integrated": self.integrated,
+            "degenerate": self.degenerate,
         }
 
 
@@ -101,9 +105,20 @@ class Report:
         return sum(frame.computation for frame in counted) / len(counted)
 
     @property
+    def matched_poses(self) -> int:
+        """How many frames have a true pose and were compared with it."""
+        return 0 if self.ate is None else int(np.isfinite(self.ate.per_frame).sum())
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the run is valid, and why it is not: see `slam.validity.judge`."""
+        largest = None if self.ate is None else self.ate.max
+        return judge([frame.tracked for frame in self.frames], self.matched_poses, largest)
+
+    @property
     def valid(self) -> bool | None:
-        """Whether the trajectory error stays below 5 cm in every frame; None where it is not known."""
-        return None if self.ate is None else self.ate.max < VALID_BELOW
+        """Whether it was tracked, compared, and below 5 cm in every frame; None where it was not compared."""
+        return self.verdict.valid
 
     def trajectory(self) -> Trajectory:
         return Trajectory(self.timestamps, self.poses)
@@ -126,7 +141,10 @@ class Report:
             "runtime": self.runtime,
             "ate": _figures(ate),
             **({} if self.ate_online is None else {"ate_online": _figures(self.ate_online)}),
+            "matched_poses": self.matched_poses,
+            "matched_share": self.matched_poses / len(self.frames),
             "valid": self.valid,
+            "not_valid_because": self.verdict.reason,
             "cpu_seconds": self.cpu_seconds,
             "peak_memory_bytes": self.peak_memory_bytes,
             "energy_joules": self.energy_joules,
@@ -211,6 +229,7 @@ def run(
                 total=image.seconds + done - computing + rendering,
                 tracked=result.tracked,
                 integrated=result.integrated,
+                degenerate=result.degenerate,
             )
         )
         if progress:

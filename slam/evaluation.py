@@ -7,6 +7,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.conventions import by_convention, statistics
 from slam.trajectory import (
     MAXIMAL_STAMP_DIFFERENCE,
     Alignment,
@@ -31,6 +32,8 @@ def evaluate(
     At the top the absolute error in metres with the chosen alignment; under "alignments" its RMSE with each,
     and the scale found; under "rpe" the relative error over `delta` matched frames, in metres and in degrees
     (after the alignment: sim3 stretches it), or None with too few pairs. "rmse_aligned" is that of se3.
+    "matched_share" is the part of the estimate that was compared. "conventions" has the figures of other
+    programs, each under its name (`slam.conventions`).
     Raises TrajectoryError when no stamps match or `delta` leaves no pair.
     """
     rows, partners = associate(estimate.timestamps, truth.timestamps, maximal_difference)
@@ -47,9 +50,11 @@ def evaluate(
         "pairs": len(rows),
         "estimate_poses": len(estimate),
         "truth_poses": len(truth),
+        "matched_share": len(rows) / len(estimate),
         **statistics(error.per_frame),
         "rmse_aligned": error.rmse_aligned,
         "alignments": {kind: _aligned(poses, true_poses, kind) for kind in get_args(Alignment)},
+        "conventions": by_convention(poses, true_poses),
         "rpe": None,
     }
     if len(rows) > 1:
@@ -75,15 +80,3 @@ def _aligned(
     except TrajectoryError:
         return None
     return {"rmse": error.rmse, "max": error.max, "scale": scale}
-
-
-def statistics(errors: NDArray[np.float64]) -> dict[str, float]:
-    """What `evo` tells of a list of errors, under the same names but for the sum of squares."""
-    return {
-        "mean": float(errors.mean()),
-        "median": float(np.median(errors)),
-        "min": float(errors.min()),
-        "max": float(errors.max()),
-        "std": float(errors.std()),
-        "rmse": float(np.sqrt(np.mean(errors**2))),
-    }

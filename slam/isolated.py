@@ -105,13 +105,16 @@ def measure(
 def read_report(report: Mapping[str, Any]) -> Measurement:
     """The measurement in a report of `python -m slam run --json`.
 
-    Raises MeasurementError where the trajectory error is unknown, no frame was run or a value is not finite:
-    nothing can be learnt from it.
+    Raises MeasurementError where the trajectory error is unknown or of too few frames, no frame was run or a
+    value is not finite: nothing can be learnt from it.
     """
     if report["ate"] is None:
         raise MeasurementError("the sequence has no true trajectory, so the error is unknown")
     if not report["frames"]:
         raise MeasurementError("the report holds no frame: nothing was measured")
+    reason = report.get("not_valid_because")  # reports of older versions do not have it
+    if reason and report["valid"] is None:
+        raise MeasurementError(f"the trajectory was not compared: {reason}")
     counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
     frames = len(report["frames"])
     objectives = {

@@ -2,6 +2,9 @@
 
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
 VALID_BELOW = 0.05  # metres of maximal trajectory error
+# A run that has lost the camera in more of its frames than this has failed, however fast it was.
+MOST_LOST = 0.5
+LEAST_MATCHED = 0.8  # of a run's frames need a true pose before its trajectory is judged
 MAX_DRIFT = 1.15  # later repeats of a configuration over its earlier ones: who slows down more is set aside
 DECODED_AHEAD = 100  # frames that are decoded before they are measured: 61 MB of depth at 640x480
 # Version 1 of the protocol repeats until the interval is narrow. Version 2 fixes the number of pairs and

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.protocol import FIRST_COUNTED_FRAME, LEAST_MATCHED, VALID_BELOW
 from slam.system import STAGES
 
 NEEDED = {"system", "frames", "ate", "valid", "configuration", "sequence", "device", "cpu_seconds"}
@@ -106,10 +106,12 @@ def summary(report: Mapping[str, Any]) -> str:
 def _facts(report: Mapping[str, Any]) -> list[str]:
     frames = report["frames"]
     tracked = [frame["tracked"] for frame in frames]
+    degenerate = sum(frame.get("degenerate") is True for frame in frames)  # older reports do not say
     computed = sum(frame["computation"] for frame in frames)
     lines = [
         f"{'frames':14}tracked {tracked.count(True)}, lost {tracked.count(False)}, "
-        f"not attempted {tracked.count(None)}; integrated {sum(f['integrated'] for f in frames)}",
+        f"not attempted {tracked.count(None)}; integrated {sum(f['integrated'] for f in frames)}"
+        + (f"; degenerate {degenerate}" if degenerate else ""),
         f"{'CPU':14}{1e3 * report['cpu_seconds'] / len(frames):.3f} ms a frame, "
         f"{report['cpu_seconds'] / computed if computed else 0:.2f} cores busy",
     ]
@@ -122,12 +124,15 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
         power = f", {energy / computed:.2f} W" if computed else ""
         lines.append(f"{'energy':14}{energy / len(frames):.4f} J a frame{power}: {source}")
     ate = report["ate"]
+    if (matched := report.get("matched_poses")) is not None:  # older reports do not say
+        share = 100 * matched / len(frames)
+        lines.append(f"{'true poses':14}{matched} of {len(frames)} frames ({share:.0f} %)")
     if ate is None:
-        lines.append(f"{'error':14}unknown: the sequence has no truth")
+        lines.append(f"{'error':14}unknown: no frame has a true pose")
     else:
         lines.append(
             f"{'error':14}mean {ate['mean']:.4f} m, max {ate['max']:.4f} m, RMSE {ate['rmse']:.4f} m, "
-            f"aligned {ate['rmse_aligned']:.4f} m: {'valid' if report['valid'] else 'not valid'}"
+            f"aligned {ate['rmse_aligned']:.4f} m: {_verdict(report)}"
         )
     if online := report.get("ate_online"):
         lines.append(
@@ -135,6 +140,12 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
             f"aligned {online['rmse_aligned']:.4f} m"
         )
     return lines
+
+
+def _verdict(report: Mapping[str, Any]) -> str:
+    word = {True: "valid", False: "not valid", None: "not judged"}[report["valid"]]
+    reason = report.get("not_valid_because")
+    return f"{word} ({reason})" if reason else word
 
 
 ONLINE = "online error: of the poses as they were right after each frame"
@@ -160,6 +171,11 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
         *([f"not attempted: {ATTEMPTS[system]}"] if system in ATTEMPTS else []),
         "lost: the pose failed its check",
+        *(
+            ["degenerate: tracked, but what is seen lets the camera slide or turn, as a flat wall does"]
+            if any(frame.get("degenerate") for frame in report["frames"])
+            else []
+        ),
         "CPU: of all threads during the computation; energy: likewise, all frames",
         "memory: the largest resident size of the process during the run",
         "error: metres from the true position, first poses laid on each other; RMSE: root of the mean square",
@@ -168,7 +184,8 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
             if "ate_online" in report
             else []
         ),
-        f"aligned: RMSE after the best rigid alignment, TUM's ATE; valid: max below {VALID_BELOW} m",
+        f"aligned: RMSE after the best rigid alignment, TUM's ATE; valid: tracked, at least "
+        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {VALID_BELOW} m",
     ]
 
 
@@ -198,6 +215,7 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
         errors = [report["ate"] for report in reports.values()]
         title = "aligned RMSE" if key == "rmse_aligned" else f"error {key}"
         row(title, [f"{ate[key]:.4f} m" if ate else "unknown" for ate in errors])
+    row("true poses", [str(report.get("matched_poses", "unknown")) for report in reports.values()])
     row("lost", [str(sum(f["tracked"] is False for f in r["frames"])) for r in reports.values()])
     words = {True: "yes", False: "no", None: "unknown"}
     row("valid", [words[report["valid"]] for report in reports.values()])
@@ -220,7 +238,8 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     lines += [
         "stages and computation: mean time a frame, as in `run`; speedup: of the computation, over A",
         "CPU: of all threads, a frame; lost: frames whose pose failed the check",
-        f"error: metres from the truth, first poses laid on each other; valid: max below {VALID_BELOW} m",
+        f"error: metres from the truth, first poses laid on each other; valid: tracked, at least "
+        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {VALID_BELOW} m",
     ]
     return "\n".join(lines) + "\n"
 

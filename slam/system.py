@@ -25,7 +25,9 @@ class Frame:
 
     pose: float64 (4, 4), camera to world, after the frame. tracked: True, False (lost), or None where
     tracking was not attempted. seconds: time of each of STAGES by the system's `stage_clock`, empty where
-    that is "none". computation: wall time from the first upload until the pose was read back.
+    that is "none". computation: wall time from the first upload until the pose was read back. degenerate:
+    whether a tracked pose is free to move in some direction, as in front of a flat wall; None where the frame
+    was not tracked, or the system does not tell.
     """
 
     pose: NDArray[np.float64]
@@ -33,6 +35,7 @@ class Frame:
     integrated: bool
     seconds: dict[str, float]
     computation: float
+    degenerate: bool | None = None
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,15 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from slam.text_files import read_text
+
 Array = npt.NDArray[np.float64]
 Alignment = Literal["first", "se3", "sim3"]
 
 MAXIMAL_STAMP_DIFFERENCE = 0.01  # seconds, as evo; TUM's own script takes 0.02
+ROTATION_TOLERANCE = 1e-3  # of each element of R^T R - 1: poses are written with four digits and more
+LARGEST_POSITION = 1e6  # metres, and the largest stamp in seconds is LARGEST_STAMP: beyond lies damage
+LARGEST_STAMP = 1e12
 
 
 class TrajectoryError(ValueError):
@@ -49,10 +54,7 @@ class Trajectory:
         Quaternions are normalised. Raises TrajectoryError naming the line that is not a pose.
         """
         stamps, positions, quaternions = [], [], []
-        try:
-            lines = Path(path).read_text(encoding="utf-8").splitlines()
-        except (OSError, UnicodeDecodeError) as error:
-            raise TrajectoryError(f"{path} cannot be read as a trajectory: {error}") from None
+        lines = read_text(Path(path), TrajectoryError).splitlines()
         for number, line in enumerate(lines, start=1):
             text = line.split("#", 1)[0].replace(",", " ").split()
             if not text:
@@ -63,10 +65,18 @@ class Trajectory:
                 values = []
             if len(values) != 8 or not all(map(math.isfinite, values)):
                 raise TrajectoryError(
-                    f"{path}, line {number}: {line[:60]!r} is no pose: write t tx ty tz qx qy qz qw"
+                    f"{path}, line {number}: {line[:60]!r} is not a pose: write t tx ty tz qx qy qz qw"
                 )
-            if math.hypot(*values[4:]) < 1e-6:
-                raise TrajectoryError(f"{path}, line {number}: the quaternion 0 0 0 0 is no rotation")
+            if abs(values[0]) > LARGEST_STAMP or max(map(abs, values[1:4])) > LARGEST_POSITION:
+                raise TrajectoryError(
+                    f"{path}, line {number}: {line[:60]!r} is out of range: write seconds up to "
+                    f"{LARGEST_STAMP:g} and metres up to {LARGEST_POSITION:g}"
+                )
+            if not 1e-6 <= math.hypot(*values[4:]) <= 1e6:
+                raise TrajectoryError(
+                    f"{path}, line {number}: the quaternion {' '.join(text[4:])} is not a rotation: "
+                    "write qx qy qz qw of length 1"
+                )
             stamps.append(values[0])
             positions.append(values[1:4])
             quaternions.append(values[4:])
@@ -85,6 +95,41 @@ class Trajectory:
         lines = [" ".join([f"{row[0]:.6f}", *(f"{value:.9f}" for value in row[1:])]) for row in rows]
         header = "# timestamp tx ty tz qx qy qz qw; camera to world, OpenCV axes, metres\n"
         Path(path).write_text(header + "".join(line + "\n" for line in lines), encoding="utf-8")
+
+
+def check_poses(poses: Array, source: object, what: str = "pose") -> None:
+    """Raise TrajectoryError for the first of POSES (n, 4, 4) that is not a rigid motion; NaN is a gap.
+
+    The upper left 3x3 must lie in SO(3) (R^T R = 1 within ROTATION_TOLERANCE, determinant above 0), the last
+    row must be 0 0 0 1, the position at most LARGEST_POSITION metres. A pose that is NaN throughout is not
+    known, which is allowed. The message names SOURCE, WHAT and the pose's number.
+    """
+    known = ~np.isnan(poses[:, :3]).all(axis=(1, 2))
+    with np.errstate(all="ignore"):
+        rotations = poses[:, :3, :3]
+        products = np.swapaxes(rotations, 1, 2) @ rotations
+        excess: Array = np.abs(products - np.eye(3)).max(axis=(1, 2))
+        turned = (excess <= ROTATION_TOLERANCE) & (_determinants(rotations) > 0)
+        near = np.abs(poses[:, :3, 3]).max(axis=1) <= LARGEST_POSITION
+        ends = np.abs(poses[:, 3] - [0, 0, 0, 1]).max(axis=1) <= ROTATION_TOLERANCE
+    bad = known & ~(turned & near & ends)  # a comparison with NaN is false, so NaN is bad
+    if not bad.any():
+        return
+    number = int(np.argmax(bad))
+    if not turned[number]:
+        reason = f"its 3x3 part is not a rotation (R^T R differs from 1 by {excess[number]:.3g})"
+    elif not near[number]:
+        x, y, z = poses[number, :3, 3]
+        reason = f"its position {x:g} {y:g} {z:g} is not within {LARGEST_POSITION:g} m"
+    else:
+        reason = "its last row is not 0 0 0 1"
+    raise TrajectoryError(f"{source}: {what} {number} is not a pose: {reason}: correct it or leave it out")
+
+
+def _determinants(matrices: Array) -> Array:
+    """Determinants (n,) of MATRICES (n, 3, 3) as triple products, which pass NaN and infinity on."""
+    normals = np.cross(matrices[:, :, 0], matrices[:, :, 1])
+    return np.asarray(np.sum(normals * matrices[:, :, 2], axis=1))
 
 
 def rotation_from_quaternion(quaternions: Array) -> Array:
@@ -198,7 +243,8 @@ def absolute_trajectory_error(
 
     "first" puts the first known pair of poses on top of each other (SLAMBench), "se3" and "sim3" minimise
     the squared distances over all frames without and with a scale (TUM). Raises TrajectoryError when the
-    lengths differ, an estimated pose is not finite, or no frame has a truth.
+    lengths differ, an estimated pose is not finite, a true one is not a rigid motion, or no frame has a
+    truth.
     """
     if estimate.shape != truth.shape or estimate.shape[1:] != (4, 4):
         raise TrajectoryError(f"estimate {estimate.shape} and truth {truth.shape} must both be (n, 4, 4)")
@@ -208,6 +254,7 @@ def absolute_trajectory_error(
     if not np.isfinite(estimate).all():
         frame = int(np.argmax(~np.isfinite(estimate).all(axis=(1, 2))))
         raise TrajectoryError(f"the estimated pose of frame {frame} is not finite: repeat the last good one")
+    check_poses(truth, "the truth", "the pose of frame")
     paired, target = estimate[known], truth[known, :3, 3]
     rigid = _residuals(paired, target, "se3")
     if alignment == "first":

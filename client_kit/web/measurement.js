@@ -8,6 +8,7 @@ import {
 } from "./gpu-device.js";
 import { readFrames, readHeader } from "./pack.js";
 import { shade, viewOf } from "./picture.js";
+import { nextNumber } from "./plan.js";
 import { failedRun, finishedRun, isPlausible, positionsOf } from "./run-record.js";
 import { plannedRuns } from "./schedule.js";
 import { deviation } from "./trajectory.js";
@@ -302,13 +303,16 @@ class SessionRunner {
     try {
       /** @type {Outcome[]} */
       const frames = [];
-      for (let number = 0; number < count; number++) {
+      let number = 0; // of the frame in the plan
+      for (const image of this.#images.slice(0, count)) {
         this.#throwIfStopped();
-        frames.push(await execution.run(number, this.#images[number]));
-        const done = number + 1;
+        const frame = await execution.run(number, image);
+        number = nextNumber(number, frame.state);
+        frames.push(frame);
+        const done = frames.length;
         if (done % FRAMES_A_PROGRESS === 0 || done === count) this.#progress(phase, name, done, count, order);
         if (done === count || (phase === "checking" && done % FRAMES_A_PICTURE === 0)) {
-          await this.#picture(execution, frames[number]);
+          await this.#picture(execution, frame);
         }
       }
       this.#warm.add(name);

@@ -123,6 +123,17 @@ export function tracks(plan, number) {
 }
 
 /**
+ * The number, in the plan, of the frame that follows the frame NUMBER: frame 0 is run again until an image measures
+ * anything (slam/kfusion/plan.py).
+ * @param {number} number
+ * @param {State} state after the frame
+ * @returns {number}
+ */
+export function nextNumber(number, state) {
+  return number === 0 && state.farthest === 0 ? 0 : number + 1;
+}
+
+/**
  * Bytes of the state: its members lie one after another without padding.
  * @param {Plan} plan
  * @returns {number}

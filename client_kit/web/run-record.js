@@ -1,6 +1,6 @@
 /** What is kept of a run, and when it has failed (client_kit/run_record.py). */
 
-import { tracks } from "./plan.js";
+import { nextNumber, tracks } from "./plan.js";
 import { absoluteTrajectoryError, deviation, positionOf } from "./trajectory.js";
 
 // A run that has lost the camera in more of its frames than this is a failure, however fast it was.
@@ -63,16 +63,16 @@ export function finishedRun(planned, plan, frames, expected, timed) {
   if (![far, ...Object.values(ate ?? {})].every(Number.isFinite)) {
     return failedRun(planned, "the trajectory is not finite", timed);
   }
-  const tracked = frames.map(({ state }, number) => (tracks(plan, number) ? Boolean(state.tracked) : null));
+  const tracked = trackedOf(plan, frames);
   const attempted = tracked.filter((found) => found !== null).length;
   const lost = tracked.filter((found) => found === false).length;
-  const failed = lost > MOST_LOST * attempted;
+  const failed = attempted === 0 || lost > MOST_LOST * attempted;
   const frame_us = frames.map((frame) => Math.round(frame.seconds * MICROSECONDS));
   return {
     id: crypto.randomUUID(),
     ...planned,
     status: failed ? "failed" : "ok",
-    failure: failed ? `tracking lost in ${lost} of ${attempted} frames` : null,
+    failure: failed ? failureOf(lost, attempted) : null,
     frame_us,
     ...(timed ? { stages_us: stageMicroseconds(frames, frame_us) } : {}),
     tracked,
@@ -81,6 +81,31 @@ export function finishedRun(planned, plan, frames, expected, timed) {
     ate_rmse: ate ? ate.rmse : null,
     ...(failed ? {} : { deviation: far }),
   };
+}
+
+/**
+ * Whether each frame was tracked: null where that was not attempted.
+ * @param {Plan} plan
+ * @param {Outcome[]} frames
+ * @returns {(boolean | null)[]}
+ */
+function trackedOf(plan, frames) {
+  let number = 0;
+  return frames.map(({ state }) => {
+    const tracked = tracks(plan, number) ? Boolean(state.tracked) : null;
+    number = nextNumber(number, state);
+    return tracked;
+  });
+}
+
+/**
+ * Why a run has failed (slam/validity.py).
+ * @param {number} lost
+ * @param {number} attempted
+ * @returns {string}
+ */
+function failureOf(lost, attempted) {
+  return attempted === 0 ? "no frame was tracked" : `tracking lost in ${lost} of ${attempted} frames`;
 }
 
 /**

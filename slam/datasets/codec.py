@@ -52,6 +52,8 @@ def decode(chunk: bytes, index: int, width: int, height: int) -> npt.NDArray[np.
         steps = (folded >> 1) ^ (-(folded & 1).view(np.int16)).view(np.uint16)
         ranks = np.cumsum(steps, dtype=np.uint16)
         return palette[ranks].reshape(height, width)
+    except SequenceError:
+        raise
     except (struct.error, zlib.error, ValueError, IndexError) as error:
         raise SequenceError(f"frame {index} of a chunk of {len(chunk)} bytes is damaged: {error}") from None
 
@@ -62,10 +64,16 @@ def join(parts: list[bytes]) -> bytes:
 
 
 def part(chunk: bytes, index: int, begin: int = 0) -> bytes:
-    """The bytes of frame `index`, whose sizes stand in the chunk from `begin` on."""
-    for _ in range(index):
-        begin += _COUNT.size + _COUNT.unpack_from(chunk, begin)[0]
-    (size,) = _COUNT.unpack_from(chunk, begin)
+    """The bytes of frame `index`, whose sizes stand in the chunk from `begin` on.
+
+    Raises SequenceError when the chunk ends before the frame does.
+    """
+    try:
+        for _ in range(index):
+            begin += _COUNT.size + _COUNT.unpack_from(chunk, begin)[0]
+        (size,) = _COUNT.unpack_from(chunk, begin)
+    except struct.error:
+        raise SequenceError(f"a chunk of {len(chunk)} bytes ends before its frame {index}") from None
     data = chunk[begin + _COUNT.size : begin + _COUNT.size + size]
     if len(data) != size:
         raise SequenceError(f"frame {index} of a chunk is cut short: {len(data)} of {size} bytes")

@@ -17,6 +17,7 @@ from slam.datasets.camera_paths import SEED
 from slam.datasets.conversion import FORMATS, check_target, form_of, write
 from slam.datasets.living_room import CAMERA, FRAMES, LivingRoom
 from slam.datasets.pack import Pack
+from slam.datasets.sequence import LARGEST_VOLUME
 
 SHIPPED = Path(__file__).resolve().parents[2] / "fixtures" / "sequences"
 
@@ -116,6 +117,8 @@ def _convert(options: argparse.Namespace) -> None:
     check_target(options.source, options.target, form)
     sequence = open_sequence(options.source, options.camera, options.truth)
     if options.volume_size is not None:
+        if not 0 < options.volume_size <= LARGEST_VOLUME:
+            raise SequenceError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
         sequence.volume_size = options.volume_size
     if options.initial_position is not None:
         sequence.initial_position = options.initial_position

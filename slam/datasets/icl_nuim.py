@@ -28,11 +28,13 @@ from slam.datasets.sequence import (
     Sequence,
     SequenceError,
     check_camera,
+    file_sha256,
     make_camera,
     mirror_y,
     read_truth,
 )
-from slam.trajectory import Trajectory
+from slam.text_files import read_text
+from slam.trajectory import Trajectory, check_poses
 
 CAMERA = Camera(481.2, 480.0, 319.5, 239.5, 640, 480)
 # Volume size (m) and start (fraction of it) that SLAMBench gives for the four trajectories.
@@ -68,6 +70,9 @@ class IclNuimSequence(tum.TumSequence):
             self.truth = None if self.truth is None else mirror_y(self.truth)
         self.volume_size, self.initial_position = _scene(poses.name)
 
+    def _check_focal_length(self, given: bool) -> None:
+        """An fy below 0 is ICL-NUIM's own, and mirrored when the sequence is opened."""
+
 
 class IclNuimOriginal(Sequence):
     """The original form; depth becomes millimetres along the optical axis when a frame is read."""
@@ -87,6 +92,7 @@ class IclNuimOriginal(Sequence):
             self.truth = read_truth(truth, self.camera, self.timestamps, numbers)
         elif any(path.with_suffix(".txt").exists() for path in self._depth):
             self.truth = np.array([_pose(path.with_suffix(".txt")) for path in self._depth])
+            check_poses(self.truth, folder, "the camera of frame")
 
     @cached_property
     def _lengths(self) -> npt.NDArray[np.float64]:
@@ -105,7 +111,8 @@ class IclNuimOriginal(Sequence):
                 f"{path} holds {distances.size} distances, an image of {self.camera.width}x"
                 f"{self.camera.height} has {self._lengths.size}: it is cut short, or give its camera and size"
             )
-        millimetres = np.rint(1000 * distances.reshape(self._lengths.shape) / self._lengths)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is too far or NaN was not measured
+            millimetres = np.rint(1000 * distances.reshape(self._lengths.shape) / self._lengths)
         measured = (millimetres >= 0) & (millimetres <= _FURTHEST)  # also false for NaN
         return np.where(measured, millimetres, 0).astype(np.uint16)
 
@@ -127,7 +134,7 @@ class IclNuimOriginal(Sequence):
         """Over the camera and the depth files in order, as they lie on disk."""
         digest = hashlib.sha256(f"{self.camera}\n".encode())
         for path in self._depth:
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
+            digest.update(bytes.fromhex(file_sha256(path)))
         return digest.hexdigest()
 
 
@@ -217,7 +224,7 @@ def _number(path: Path) -> int:
     digits = path.stem.rsplit("_", 1)[1]
     if not digits.isdecimal():
         raise SequenceError(f"{path}: name frames scene_00_0000.depth, scene_00_0001.depth, ...")
-    return int(digits)
+    return tum.frame_number(digits, path)
 
 
 def _pose(path: Path) -> npt.NDArray[np.float64]:
@@ -229,16 +236,21 @@ def _pose(path: Path) -> npt.NDArray[np.float64]:
     if not path.exists():
         return np.full((4, 4), np.nan)
     try:
-        text = path.read_text(encoding="ascii")
+        text = read_text(path, SequenceError)
         vectors = {
             name: np.array([float(item) for item in values.replace(",", " ").split()])
             for name, values in _VECTOR.findall(text)
         }
         ahead, up, position = (vectors[name].reshape(3) for name in ("cam_dir", "cam_up", "cam_pos"))
-    except (OSError, ValueError, KeyError) as error:
+        if not np.isfinite([ahead, up, position]).all():
+            raise ValueError("a number is not finite")
+    except SequenceError:
+        raise
+    except (ValueError, KeyError) as error:
         raise SequenceError(
-            f"{path} is no camera of ICL-NUIM ({error}): it needs cam_pos, cam_dir and cam_up as [x, y, z]'"
+            f"{path} is not a camera of ICL-NUIM ({error}): write cam_pos, cam_dir and cam_up as [x, y, z]'"
         ) from None
+    ahead, up = (vector / max(np.abs(vector).max(), 1e-300) for vector in (ahead, up))
     right = np.cross(up, ahead)
     if not np.linalg.norm(right) > 1e-9 * np.linalg.norm(up) * np.linalg.norm(ahead):
         raise SequenceError(f"{path}: cam_dir {ahead} and cam_up {up} do not span a camera")

@@ -58,10 +58,19 @@ def _decode(path: Path, flags: int) -> npt.NDArray[np.uint8]:
     except OSError as error:
         raise SequenceError(f"{path} cannot be read: {error.strerror}") from None
     _check_png(data, path)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    image = _decoded(cv2, data, flags)
     if image is None:
-        raise SequenceError(f"{path} is not a readable image")
-    return np.asarray(image)
+        raise SequenceError(f"{path} is not a readable image: copy or fetch it again")
+    return image
+
+
+def _decoded(cv2: ModuleType, data: bytes, flags: int) -> npt.NDArray[np.uint8] | None:
+    """What OpenCV makes of the bytes of an image, None where it refuses them."""
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:  # such as a header that claims more pixels than OpenCV decodes
+        return None
+    return None if image is None else np.asarray(image)
 
 
 def _check_png(data: bytes, path: Path) -> None:
@@ -113,9 +122,9 @@ def encode_jpeg(colour: npt.NDArray[np.uint8], quality: int) -> bytes:
 
 
 def decode_jpeg(data: bytes) -> npt.NDArray[np.uint8]:
-    """(height, width, 3), red green blue, of JPEG bytes. Raises SequenceError when they are none."""
+    """(height, width, 3), red green blue, of JPEG bytes. Raises SequenceError for other bytes."""
     cv2 = _opencv()
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    image = _decoded(cv2, data, cv2.IMREAD_COLOR)
     if image is None:
         raise SequenceError(f"{len(data)} bytes are not a readable JPEG image")
     return np.ascontiguousarray(image[:, :, ::-1])

@@ -24,9 +24,18 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from slam.camera import Camera
 from slam.datasets import codec, images
+from slam.datasets.pack_header import (
+    DESCRIBED,
+    camera_of,
+    check_chunks,
+    check_description,
+    parse_object,
+    timestamps_of,
+    truth_of,
+)
 from slam.datasets.sequence import DigestError, Progress, Sequence, SequenceError
+from slam.text_files import read_text
 
 T = TypeVar("T")
 
@@ -35,7 +44,6 @@ FRAMES_PER_CHUNK = 10
 JPEG_QUALITY = 80
 MANIFEST = "pack.json"
 MAXIMAL_HEADER = 64 * 2**20  # bytes of inflated header: some 200,000 frames
-DESCRIBED = ("name", "width", "height", "frames", "volume_size", "initial_position")
 
 
 class _Chunks:
@@ -73,19 +81,20 @@ class _Chunks:
     def _read_header(self) -> dict[str, Any]:
         inflater = zlib.decompressobj()
         try:
-            header = json.loads(inflater.decompress(self.read(0), MAXIMAL_HEADER))
+            header = parse_object(inflater.decompress(self.read(0), MAXIMAL_HEADER))
         except (zlib.error, ValueError) as error:
             if isinstance(error, SequenceError):
                 raise
             raise SequenceError(f"the header of {self.folder} cannot be read: {error}") from None
-        if not isinstance(header, dict) or header.get("format") != FORMAT:
-            raise SequenceError(f"{self.folder} is no pack of format {FORMAT}: update this program")
+        if header.get("format") != FORMAT:
+            raise SequenceError(f"{self.folder} is not a pack of format {FORMAT}: update this program")
         for key in DESCRIBED:
             if header.get(key) != self.manifest.get(key):
                 raise DigestError(
                     f"{self.folder}: {key} is {self.manifest.get(key)!r} in {MANIFEST} and "
                     f"{header.get(key)!r} in the header: fetch the pack again"
                 )
+        check_chunks(header, len(self.manifest["chunks"]), self.folder)
         return header
 
 
@@ -97,19 +106,18 @@ class Pack(Sequence):
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
-        self._chunks = _Chunks(Path(folder))
+        folder = Path(folder)
+        self._chunks = _Chunks(folder)
         header = self._chunks.header
         if header.get("kind") != "depth":
             raise SequenceError(f"{folder} is a {header.get('kind')} pack: open the depth pack beside it")
-        try:
-            self.name = header["name"]
-            self.camera = Camera(**header["camera"])
-            self.timestamps = np.array(header["timestamps"], dtype=np.float64).reshape(header["frames"])
-            self.truth = _truth_from_rows(header["truth"])
-            self.volume_size = header["volume_size"]
-            self.initial_position = tuple(header["initial_position"]) if header["initial_position"] else None
-        except (KeyError, TypeError, ValueError) as error:
-            raise SequenceError(f"the header of {folder} does not describe a sequence: {error!r}") from None
+        start = header["initial_position"]
+        self.name = header["name"]
+        self.camera = camera_of(header, folder)
+        self.timestamps = timestamps_of(header, folder)
+        self.truth = truth_of(header, folder)
+        self.volume_size = header["volume_size"]
+        self.initial_position = None if start is None else (start[0], start[1], start[2])
         self._colour = self._beside()
 
     def _beside(self) -> _Chunks | None:
@@ -143,7 +151,13 @@ class Pack(Sequence):
         if self._colour is None:
             return None
         chunk, place = self._colour.of_frame(index)
-        return images.decode_jpeg(codec.part(chunk, place))
+        image = images.decode_jpeg(codec.part(chunk, place))
+        if image.shape[:2] != (self.camera.height, self.camera.width):
+            raise SequenceError(
+                f"the colour of frame {index} of {self.name!r} is {image.shape[1]}x{image.shape[0]}, not "
+                f"{self.camera.width}x{self.camera.height}: fetch the colour pack again"
+            )
+        return image
 
     def verify(self) -> None:
         """Read every chunk once; raises SequenceError or DigestError at the first that is not right."""
@@ -241,14 +255,19 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """What `pack.json` holds. Raises SequenceError or DigestError when it describes no pack."""
     path = folder / MANIFEST
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        manifest = parse_object(read_text(path, SequenceError))
+    except SequenceError:
+        raise
+    except ValueError as error:
         raise SequenceError(f"{path} cannot be read: {error}") from None
-    chunks = manifest.get("chunks") if isinstance(manifest, dict) else None
+    chunks = manifest.get("chunks")
     if not isinstance(chunks, list) or not chunks or not all(_is_chunk(chunk) for chunk in chunks):
-        raise SequenceError(f'{path} is no pack: "chunks" must list sha256 (64 hexadecimal digits) and bytes')
+        raise SequenceError(
+            f'{path} is not a pack: "chunks" must list sha256 (64 hexadecimal digits) and bytes'
+        )
     if digest(chunks) != manifest.get("sha256"):
         raise DigestError(f"{path}: its sha256 is not the digest of its chunks: fetch the pack again")
+    check_description(manifest, path)
     return manifest
 
 
@@ -257,6 +276,7 @@ def _is_chunk(chunk: Any) -> bool:
     return (
         isinstance(chunk, dict)
         and isinstance(chunk.get("bytes"), int)
+        and not isinstance(chunk["bytes"], bool)
         and isinstance(chunk.get("sha256"), str)
         and re.fullmatch(r"[0-9a-f]{64}", chunk["sha256"]) is not None
     )
@@ -267,13 +287,3 @@ def _rows_from_truth(truth: npt.NDArray[np.float64] | None) -> list[list[float] 
     if truth is None:
         return None
     return [pose[:3].ravel().tolist() if np.isfinite(pose).all() else None for pose in truth]
-
-
-def _truth_from_rows(rows: list[list[float] | None] | None) -> npt.NDArray[np.float64] | None:
-    if rows is None:
-        return None
-    truth = np.full((len(rows), 4, 4), np.nan)
-    for pose, row in zip(truth, rows, strict=True):
-        if row is not None:
-            pose[:] = np.vstack([np.reshape(row, (3, 4)), [0, 0, 0, 1]])
-    return truth

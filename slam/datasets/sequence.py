@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
@@ -10,10 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
-from slam.trajectory import Trajectory, associate
+from slam.trajectory import Trajectory, associate, check_poses
 
 FRAME_RATE = 30.0  # frames a second, where a format has no stamps: the rate of the Kinect and of ICL-NUIM
 SMALLEST_JUDGED = 32  # pixels
+LARGEST_SIDE = 16384  # pixels
+LARGEST_VOLUME = 1e4  # metres
 # What a caller may say of a camera: fx, fy, cx, cy where the files tell their size, or everything.
 Given = Camera | tuple[float, float, float, float] | None
 MIRROR_Y = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -23,6 +26,15 @@ Progress = Callable[[int, int], None]  # called with the number of frames done a
 
 class SequenceError(ValueError):
     """A sequence that cannot be read; the message names the file and what would be right."""
+
+
+def file_sha256(path: Path) -> str:
+    """The SHA-256 of a file, hexadecimal. Raises SequenceError when it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise SequenceError(f"{path} cannot be read: {error.strerror}") from None
 
 
 class DigestError(SequenceError):
@@ -110,8 +122,10 @@ def match_truth(
     """The true pose of every frame, (n, 4, 4), NaN where `trajectory` has none.
 
     Stamps decide. Where the frames are only numbered (`numbers`) and the trajectory's stamps are whole,
-    as in ICL-NUIM's files, those are frame numbers. Raises SequenceError when nothing matches.
+    as in ICL-NUIM's files, those are frame numbers. Raises SequenceError when nothing matches,
+    TrajectoryError for a pose that is not a rigid motion.
     """
+    check_poses(trajectory.poses, source)
     stamps = trajectory.timestamps
     if numbers is not None and len(stamps) > 1 and np.all(stamps == np.rint(stamps)):
         frames, rows = associate(numbers.astype(np.float64), stamps, 0.5)
@@ -142,9 +156,14 @@ def check_camera(camera: Camera, source: Path) -> None:
 
     The principal point must lie inside the image and the focal lengths between a tenth and ten times its
     size: intrinsics of another resolution, in another order or divided by the size fail that. Images below
-    SMALLEST_JUDGED are patterns made by hand, of which no lens can be told.
+    SMALLEST_JUDGED are patterns made by hand, whose lens is not judged. No camera has an fx below 0; an fy
+    below 0 mirrors y, as in ICL-NUIM. A side has at most LARGEST_SIDE pixels.
     """
     width, height = camera.width, camera.height
+    if max(width, height) > LARGEST_SIDE:
+        raise SequenceError(f"{source}: images of {width}x{height}: at most {LARGEST_SIDE} pixels a side")
+    if camera.fx < 0:
+        raise SequenceError(f"{source}: the focal length fx={camera.fx:g} must be above 0: give pixels")
     if max(width, height) < SMALLEST_JUDGED:
         return
     inside = 0 <= camera.cx <= width and 0 <= camera.cy <= height

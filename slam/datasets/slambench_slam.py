@@ -133,7 +133,8 @@ class SlamSequence(Sequence):
                     "elsewhere on it: give the camera's own with --truth"
                 )
             data = b"".join(self._read(frame) for frame in known)
-            columns = np.frombuffer(data, "<f4").astype(np.float64).reshape(-1, 4, 4)
+            with np.errstate(invalid="ignore"):  # what is not a number is refused below
+                columns = np.frombuffer(data, "<f4").astype(np.float64).reshape(-1, 4, 4)
             stamps = np.array([frame.seconds for frame in known])
             trajectory = Trajectory(stamps, np.swapaxes(columns, 1, 2))
             self.truth = match_truth(trajectory, self.timestamps, None, self._path)

@@ -9,10 +9,11 @@ point are frame numbers too, as in ICL-NUIM's `associations.txt`; `groundtruth.t
 from __future__ import annotations
 
 import hashlib
-import math
 import re
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,16 +22,23 @@ from slam.camera import Camera
 from slam.datasets import images
 from slam.datasets.sequence import (
     FRAME_RATE,
+    LARGEST_SIDE,
     Given,
     Progress,
     Sequence,
     SequenceError,
     check_camera,
+    file_sha256,
     make_camera,
+    mirror_y,
     read_truth,
 )
-from slam.trajectory import Trajectory, associate
+from slam.text_files import read_text
+from slam.trajectory import LARGEST_STAMP, Trajectory, associate
 
+T = TypeVar("T", bound=np.generic)
+
+LEAST_UNITS, MOST_UNITS = 1.0, 1e6  # a metre; beyond, 16 bits hold no depth of a room
 STANDARD_UNITS = 5000.0  # a metre, in the TUM benchmark's own folders, which carry no intrinsics.txt
 NOT_MEASURED = 65535  # some recordings, such as 7-Scenes, write it where others write 0
 IMAGES = (".png", ".jpg", ".jpeg", ".pgm", ".tif", ".tiff")
@@ -51,6 +59,7 @@ class TumSequence(Sequence):
                 raise SequenceError(f"{self._depth[0]} is no PNG that tells its size: write intrinsics.txt")
             camera = make_camera(camera, size, folder)
         self.camera, self._units = _intrinsics(folder, camera)
+        self._check_focal_length(given=camera is not None)
         if size is not None:
             self._check_size((size[1], size[0]), self._depth[0])
         check_camera(self.camera, folder)
@@ -60,6 +69,14 @@ class TumSequence(Sequence):
         if truth is not None:
             self.truth = read_truth(truth, self.camera, stamps, numbers)
 
+    def _check_focal_length(self, given: bool) -> None:
+        """Refuse an fy below 0 that stands in intrinsics.txt: only ICL-NUIM mirrors y."""
+        if self.camera.fy < 0 and not given:
+            raise SequenceError(
+                f"{self._folder / 'intrinsics.txt'}: the focal length fy={self.camera.fy:g} must be above 0: "
+                "write pixels; where y is mirrored, as in ICL-NUIM, give --camera and --truth"
+            )
+
     def _matched_colour(self) -> dict[int, Path]:
         paths, stamps, _ = _listed(self._folder, "rgb")
         frames, rows = associate(self.timestamps, stamps, 0.02)
@@ -67,8 +84,7 @@ class TumSequence(Sequence):
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
         self.check_index(index)
-        image = images.read_depth(self._depth[index])
-        self._check_size(image.shape, self._depth[index])
+        image = self._checked(images.read_depth, self._depth[index])
         image = np.where(image == NOT_MEASURED, 0, image)
         if self._units == 1000:
             return image
@@ -79,8 +95,15 @@ class TumSequence(Sequence):
         self.check_index(index)
         if index not in self._colour:
             return None
-        image = images.read_colour(self._colour[index])
-        self._check_size(image.shape[:2], self._colour[index])
+        return self._checked(images.read_colour, self._colour[index])
+
+    def _checked(self, read: Callable[[Path], npt.NDArray[T]], path: Path) -> npt.NDArray[T]:
+        """The image at PATH; its size is compared before a file that claims a huge one is decoded."""
+        size = images.png_size(path)
+        if size is not None:
+            self._check_size((size[1], size[0]), path)
+        image = read(path)
+        self._check_size(image.shape[:2], path)
         return image
 
     def _check_size(self, shape: tuple[int, ...], path: Path) -> None:
@@ -95,13 +118,14 @@ class TumSequence(Sequence):
         """Over the camera, the depth unit and the depth files in order, as they lie on disk."""
         digest = hashlib.sha256(f"{self.camera} {self._units}\n".encode())
         for path in self._depth:
-            digest.update(hashlib.sha256(path.read_bytes()).digest())
+            digest.update(bytes.fromhex(file_sha256(path)))
         return digest.hexdigest()
 
 
 def write(sequence: Sequence, folder: Path, progress: Progress | None = None) -> None:
     """Write any sequence as a TUM-layout folder, depth in units of a millimetre.
 
+    Where y is mirrored (fy below 0), camera and truth are mirrored back, as such a folder has OpenCV's axes.
     Files of the same names are overwritten.
     """
     frames = len(sequence)
@@ -124,10 +148,11 @@ def write(sequence: Sequence, folder: Path, progress: Progress | None = None) ->
             (folder / kind).rmdir()
     c = sequence.camera
     (folder / "intrinsics.txt").write_text(
-        f"{c.fx!r} {c.fy!r} {c.cx!r} {c.cy!r} {c.width} {c.height} 1000\n", encoding="utf-8"
+        f"{c.fx!r} {abs(c.fy)!r} {c.cx!r} {c.cy!r} {c.width} {c.height} 1000\n", encoding="utf-8"
     )
     if sequence.truth is not None:
-        Trajectory(sequence.timestamps, sequence.truth).write(folder / "groundtruth.txt")
+        truth = mirror_y(sequence.truth) if c.fy < 0 else sequence.truth
+        Trajectory(sequence.timestamps, truth).write(folder / "groundtruth.txt")
 
 
 def _intrinsics(folder: Path, camera: Camera | None) -> tuple[Camera, float]:
@@ -138,17 +163,23 @@ def _intrinsics(folder: Path, camera: Camera | None) -> tuple[Camera, float]:
                 f"{path} is missing: write fx fy cx cy width height depth_units_per_metre, or give the camera"
             )
         return camera, STANDARD_UNITS
-    text = path.read_text(encoding="utf-8").split()
+    text = read_text(path, SequenceError).split()
     try:
         fx, fy, cx, cy, width, height, units = (float(item) for item in text)
+        for name, side in (("width", width), ("height", height)):
+            if not (side.is_integer() and 1 <= side <= LARGEST_SIDE):
+                raise ValueError(f"{name} {side:g} is not a whole number of pixels from 1 to {LARGEST_SIDE}")
         read = Camera(fx, fy, cx, cy, int(width), int(height))
     except ValueError as error:
         raise SequenceError(
             f"{path}: {' '.join(text)[:80]!r} ({error}): "
             "write seven numbers, fx fy cx cy width height depth_units_per_metre"
         ) from None
-    if not units > 0:
-        raise SequenceError(f"{path}: {units} depth units a metre: must be above 0, TUM writes 5000")
+    if not LEAST_UNITS <= units <= MOST_UNITS:
+        raise SequenceError(
+            f"{path}: {units:g} depth units a metre: must be above 0, from {LEAST_UNITS:g} to "
+            f"{MOST_UNITS:g}; TUM writes 5000, millimetres are 1000"
+        )
     return camera or read, units
 
 
@@ -164,15 +195,16 @@ def _listed(
                 return [folder / name for _, name in entries], *_timed([stamp for stamp, _ in entries])
     files = [path for path in (folder / kind).glob("*") if path.suffix.lower() in IMAGES]
     if all(re.fullmatch(r"\D*\d+\D*", path.stem) for path in files):
-        numbered = sorted((int(re.sub(r"\D", "", path.stem)), path) for path in files)
+        numbered = sorted((frame_number(re.sub(r"\D", "", path.stem), path), path) for path in files)
         numbers = np.array([number for number, _ in numbered], dtype=np.int64)
         return [path for _, path in numbered], numbers / FRAME_RATE, numbers
-    try:
-        stamped = sorted((float(path.stem), path) for path in files)
-    except ValueError as error:
-        raise SequenceError(
-            f"{folder / kind}: {error}: name images by number or stamp, or list them in {kind}.txt"
-        ) from None
+    for path in files:
+        if not _is_stamp(path.stem):
+            raise SequenceError(
+                f"{path}: {path.stem!r} is not a number or a stamp in seconds: name images by one of them, "
+                f"or list them in {kind}.txt"
+            )
+    stamped = sorted((float(path.stem), path) for path in files)
     return [path for _, path in stamped], np.array([stamp for stamp, _ in stamped]), None
 
 
@@ -189,21 +221,34 @@ def _timed(
 def _entries(listing: Path, kind: str) -> list[tuple[str, str]]:
     """Stamp and file name of every `kind` image in a TUM list; association lists hold two a line."""
     entries = []
-    for number, line in enumerate(listing.read_text(encoding="utf-8").splitlines(), start=1):
+    for number, line in enumerate(read_text(listing, SequenceError).splitlines(), start=1):
         items = line.split("#", 1)[0].split()
         for stamp, name in zip(items[0::2], items[1::2], strict=False):
             if len(items) > 2 and kind not in Path(name).parts:
                 continue
             if not _is_stamp(stamp):
                 raise SequenceError(
-                    f"{listing}, line {number}: {stamp!r} is no stamp: write `stamp file`, one line an image"
+                    f"{listing}, line {number}: {stamp!r} is not a stamp: write `stamp file`, a line an image"
                 )
+            if not name.isprintable():
+                raise SequenceError(f"{listing}, line {number}: {name!r} is not the name of a file")
             entries.append((stamp, name))
     return entries
 
 
+def frame_number(digits: str, path: Path) -> int:
+    """The number of a frame whose file PATH has DIGITS in its name.
+
+    Raises SequenceError where it is too large for the frame to have a stamp.
+    """
+    number = int(digits)
+    if number > LARGEST_STAMP:
+        raise SequenceError(f"{path}: the frame number {digits} is too large: name frames from 0 on")
+    return number
+
+
 def _is_stamp(text: str) -> bool:
     try:
-        return math.isfinite(float(text))
+        return abs(float(text)) <= LARGEST_STAMP
     except ValueError:
         return False

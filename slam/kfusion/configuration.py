@@ -15,6 +15,12 @@ ASSOCIATION_DISTANCE = 0.1
 ASSOCIATION_NORMAL = 0.8  # dot product of unit normals
 MAX_RESIDUAL = 0.02  # root mean square of the point-to-plane error
 MIN_INLIERS = 0.15  # of the pixels of the level solved last
+# Beyond this motion, metres plus radians, a pose rests on partners found on its way and needs more inliers.
+NEAR_MOTION = ASSOCIATION_DISTANCE
+FAR_INLIERS = 0.3
+KEPT_INLIERS = 0.75  # of the share at the last check that passed, where no check was missed since
+MAX_TRANSLATION = 0.2  # a frame: 6 m/s at 30 Hz
+MAX_ROTATION = 0.25  # radians a frame: 430 degrees a second at 30 Hz
 MAX_WEIGHT = 100.0
 NEAR_PLANE = 0.4
 FAR_PLANE = 4.0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slam.devices.device import DeviceMemoryError
 from slam.devices.opencl import SHARED
 from slam.kfusion.configuration import Configuration
+from slam.kfusion.degeneracy import is_degenerate
 from slam.kfusion.plan import SCALE, plan
 from slam.plans.execution import Execution
 from slam.plans.executors import prepare
@@ -26,8 +27,10 @@ FITTING = (512, 256, 128, 64, 32)  # resolutions that are proposed where one doe
 class KFusion:
     """A `slam.system.System`. The pose lives in the volume's frame, whose origin is a corner.
 
-    A lost frame keeps the last pose and is not integrated. Raises ConfigurationError when the images cannot
-    be divided by the compute size ratio, and DeviceMemoryError when the volume does not fit the device.
+    The plan's frames are counted from the first image in which anything was measured: it is frame 0, at the
+    initial pose. Images before it are not attempted. A lost frame keeps the last pose and is not integrated.
+    Raises ConfigurationError when the images cannot be divided by the compute size ratio, and
+    DeviceMemoryError when the volume does not fit the device.
     """
 
     def __init__(self, configuration: Configuration, scene: Scene, session: AnySession) -> None:
@@ -76,18 +79,27 @@ class KFusion:
             )
         number = self._frame
         outcome = self._execution.run(number, np.ascontiguousarray(depth))
-        self._frame += 1
+        # An image without any depth before the first one with some changes nothing: frame 0 is tried again.
+        started = number > 0 or bool(outcome.state["farthest"] > 0)
+        self._frame += started
         self._has_model |= self._raycasting.takes_place(number)
         pose = np.eye(4)
         pose[:3] = outcome.state["pose"].reshape(3, 4)
         tracked = bool(outcome.state["tracked"])
+        integrated = any(d.takes_place(number) and (d.flag is None or tracked) for d in self._integrations)
+        attempted = self._tracking.takes_place(number)
         return Frame(
             pose,
-            tracked if self._tracking.takes_place(number) else None,
-            any(d.takes_place(number) and (d.flag is None or tracked) for d in self._integrations),
+            tracked if attempted else None,
+            started and integrated,
             dict(outcome.stages),
             outcome.computation,
+            _degenerate(outcome.state) if attempted and tracked else None,
         )
+
+
+def _degenerate(state: np.ndarray[Any, np.dtype[np.void]]) -> bool:
+    return is_degenerate(state["normal_matrix"], float(state["inliers"]), state["pose"][3::4])
 
 
 class Volume:

@@ -1,16 +1,20 @@
 """What KinectFusion does with each frame, as data: nothing else knows the order of a frame.
 
-Frames 0 to 3 are integrated where the camera starts. The first raycast follows frame 3, so frame 4 is the
-first that can be tracked. A lost frame keeps the last pose and is not integrated.
+Frame 0 is the first in which anything was measured (`farthest` is above 0): until then a driver runs frame 0
+again for each image, which changes neither volume nor pose. Frames 0 to 3 are integrated where the camera
+starts. The first raycast follows frame 3, so frame 4 is the first that can be tracked. A lost frame keeps the
+last pose and is not integrated.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from itertools import pairwise
 
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
+from slam.datasets.sequence import LARGEST_VOLUME
 from slam.dense.images import cameras_of
 from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
 from slam.kfusion import configuration as constants
@@ -35,6 +39,9 @@ MEMBERS = (
     Member("iterating", "i32"),  # 0 once the current level needs no further iteration
     Member("tracked", "i32"),  # the last pose check passed
     Member("farthest", "f32"),  # largest depth of the frame, metres
+    Member("misses", "i32"),  # pose checks that failed since the last one that passed
+    Member("last_inliers", "f32"),  # share of the pixels at the last pose check that passed
+    Member("normal_matrix", "f32", 21),  # J^T J of the iteration solved last, upper triangle row by row
 )
 
 
@@ -94,7 +101,9 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
             _buffer("state", "write", STATE),
         )),
         Kernel("check_pose", "tracking", (
-            *_whole("pixels"), *_real("max_residual", "min_inliers"), _buffer("state", "write", STATE),
+            *_whole("pixels"), *_real("max_residual", "min_inliers", "near_motion", "far_inliers",
+            "kept_inliers", "max_translation", "max_rotation", "volume_size"),
+            _buffer("state", "write", STATE),
         )),
         Kernel("integrate", "volume", (
             _buffer("voxels", "write", "u32"), *weights, *_whole("resolution"), *_real("voxel_size"),
@@ -143,12 +152,12 @@ def plan(configuration: Configuration, scene: Scene, layout: Layout) -> Plan:
         scene=asdict(scene),
         constants=constants_of(layout),
         state=MEMBERS,
-        initial=_initial(scene),
+        initial=_initial(configuration, scene),
         buffers=_buffers(configuration, scene, layout, cameras_of(camera, LEVELS)),
         kernels=kernels_of(layout),
         dispatches=(
             *_preprocessing(scene, configuration, camera, layout),
-            *_tracking(configuration, cameras_of(camera, LEVELS), layout),
+            *_tracking(configuration, scene, cameras_of(camera, LEVELS), layout),
             *_integration(configuration, scene, camera, layout),
             *_raycasting(configuration, scene, camera, layout),
         ),
@@ -167,14 +176,18 @@ def _camera(configuration: Configuration, scene: Scene) -> Camera:
             f"compute_size_ratio={ratio}: leaves {camera.width}x{camera.height} pixels, "
             f"too few for {LEVELS} levels"
         )
-    if scene.volume_size <= 0:
-        raise ConfigurationError(f"volume_size={scene.volume_size}: must be above 0 (metres)")
+    if not 0 < scene.volume_size <= LARGEST_VOLUME:
+        raise ConfigurationError(
+            f"volume_size={scene.volume_size}: must be above 0 and at most {LARGEST_VOLUME:g} (metres)"
+        )
     return camera
 
 
-def _initial(scene: Scene) -> dict[str, tuple[int | float, ...]]:
+def _initial(configuration: Configuration, scene: Scene) -> dict[str, tuple[int | float, ...]]:
     x, y, z = (fraction * scene.volume_size for fraction in scene.initial_position)
-    return {"pose": (1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z)}
+    # Frames 0 to 3 are not checked: the first check that is made allows for the motion since frame 0.
+    misses = math.ceil(FRAMES_WITHOUT_TRACKING / configuration.tracking_rate) - 1
+    return {"pose": (1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z), "misses": (misses,)}
 
 
 def _buffers(
@@ -237,7 +250,9 @@ def _preprocessing(
     ]  # fmt: skip
 
 
-def _tracking(configuration: Configuration, cameras: list[Camera], layout: Layout) -> list[Dispatch]:
+def _tracking(
+    configuration: Configuration, scene: Scene, cameras: list[Camera], layout: Layout
+) -> list[Dispatch]:
     frames = (Frames(first=FRAMES_WITHOUT_TRACKING, every=configuration.tracking_rate),)
     finest = cameras[0]
     found: list[Dispatch] = []
@@ -284,7 +299,12 @@ def _tracking(configuration: Configuration, cameras: list[Camera], layout: Layou
             )  # fmt: skip
     launch(
         "check_pose", *layout.one_group(1), pixels=last.width * last.height,
-        max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS, state="state",
+        max_residual=constants.MAX_RESIDUAL, min_inliers=constants.MIN_INLIERS,
+        near_motion=constants.NEAR_MOTION, far_inliers=constants.FAR_INLIERS,
+        kept_inliers=constants.KEPT_INLIERS,
+        max_translation=constants.MAX_TRANSLATION * configuration.tracking_rate,
+        max_rotation=constants.MAX_ROTATION * configuration.tracking_rate, volume_size=scene.volume_size,
+        state="state",
     )  # fmt: skip
     return found
 

@@ -150,9 +150,10 @@ def test_poses_that_are_not_known_are_not_written(tmp_path):
     [
         ("", "holds no pose"),
         ("# only a comment\n", "holds no pose"),
-        ("0 1 2 3 0 0 0 1\n1 2 3\n", "line 2: '1 2 3' is no pose"),
+        ("0 1 2 3 0 0 0 1\n1 2 3\n", "line 2: '1 2 3' is not a pose"),
         ("0 1 2 nan 0 0 0 1\n", "line 1"),
-        ("0 1 2 3 0 0 0 0\n", "is no rotation"),
+        ("0 1 2 3 0 0 0 0\n", "is not a rotation"),
+        ("0 1 2 1e308 0 0 0 1\n", r"line 1: .* is out of range: write seconds up to 1e\+12 and metres"),
         ("0 1 2 3 a 0 0 1\n", "line 1"),
     ],
 )
@@ -188,3 +189,28 @@ def test_real_drift_has_the_relative_error_that_evo_finds():
     error = relative_pose_error(found.poses[i], true.poses[j])
     assert error.translation == pytest.approx(0.0057643708, abs=1e-9)
     assert error.rotation == pytest.approx(0.3536131610, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (np.zeros((4, 4)), "pose of frame 2 is not a pose: its 3x3 part is not a rotation"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "not a rotation"),  # a reflection
+        (np.diag([1.002, 1.0, 1.0, 1.0]), "not a rotation"),
+        (np.eye(4) + 1e308 * np.eye(4, k=3), "its position 1e.308 0 0 is not within"),
+        (np.eye(4) + np.eye(4, k=-3), "its last row is not 0 0 0 1"),
+    ],
+)
+def test_a_true_pose_that_is_not_a_rigid_motion_is_named(change, message):
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    truth = poses.copy()
+    truth[0] = np.nan  # not known, which is allowed
+    truth[2] = change
+    with pytest.raises(TrajectoryError, match=message):
+        absolute_trajectory_error(poses, truth)
+
+
+def test_rotations_written_with_four_digits_are_rotations():
+    rng = np.random.default_rng(3)
+    truth = np.round(random_poses(20, rng), 4)
+    assert absolute_trajectory_error(truth, truth).max == pytest.approx(0, abs=1e-3)

@@ -35,4 +35,7 @@ fn solve(@builtin(local_invocation_index) lane: u32) {
     state.iterating = select(1, 0, norm_of(twist) < parameters.threshold);
     state.squared_error = total[27];
     state.inliers = total[28];
+    for (var k = 0; k < 21; k++) {
+        state.normal_matrix[k] = total[k];
+    }
 }

@@ -73,6 +73,8 @@ kernel void solve(global const float *restrict records, int count, float thresho
     state->iterating = !(norm_of(x) < threshold);
     state->squared_error = total[27];
     state->inliers = total[28];
+    for (int k = 0; k < 21; ++k)
+        state->normal_matrix[k] = total[k];
 }
 
 // Remembers where the frame started, and which pixels the model belongs to, which was seen from there: intrinsics times
@@ -93,14 +95,41 @@ kernel void begin_tracking(float4 camera, global State *state)
     }
 }
 
-// Keeps the new pose when the residual is small and enough of the level solved last took part; otherwise
-// goes back to where the frame started. Written so that NaN fails.
-kernel void check_pose(int pixels, float max_residual, float min_inliers, global State *state)
+// Whether a pose's position lies in the volume, a cube of `size` metres whose corner is the origin.
+INLINE int in_volume(global const float *restrict pose, float size)
 {
-    const int good = sqrt(state->squared_error / state->inliers) <= max_residual &&
-                     state->inliers / pixels >= min_inliers;
+    return pose[3] >= 0.0f && pose[3] <= size && pose[7] >= 0.0f && pose[7] <= size && pose[11] >= 0.0f &&
+           pose[11] <= size;
+}
+
+// Keeps the new pose when the residual is small, enough of the level solved last took part, and the camera can have moved
+// so; otherwise goes back to where the frame started. `max_translation` (m) and `max_rotation` (rad) are for one check, and
+// grow with the checks missed. A motion beyond `near_motion` (m + rad) needs the share `far_inliers` and, unless checks were
+// missed, the part `kept_inliers` of the share at the last check that passed. The camera may not leave the volume.
+// Written so that NaN fails.
+kernel void check_pose(int pixels, float max_residual, float min_inliers, float near_motion, float far_inliers,
+                       float kept_inliers, float max_translation, float max_rotation, float volume_size,
+                       global State *state)
+{
+    const float x = state->pose[3] - state->previous[3], y = state->pose[7] - state->previous[7];
+    const float z = state->pose[11] - state->previous[11];
+    const float translation = sqrt(x * x + y * y + z * z);
+    float trace = 0.0f;
+    for (int row = 0; row < 3; ++row)
+        for (int column = 0; column < 3; ++column)
+            trace += state->pose[4 * row + column] * state->previous[4 * row + column];
+    const float rotation = acos(larger(smaller(0.5f * (trace - 1.0f), 1.0f), -1.0f));
+    const float checks = state->misses + 1, inliers = state->inliers / pixels;
+    const float kept = state->misses > 0 ? 0.0f : kept_inliers * state->last_inliers;
+    const float needed = translation + rotation > near_motion ? larger(far_inliers, kept) : min_inliers;
+    const int good = sqrt(state->squared_error / state->inliers) <= max_residual && inliers >= needed &&
+                     translation <= max_translation * checks && rotation <= max_rotation * checks &&
+                     (in_volume(state->pose, volume_size) || !in_volume(state->previous, volume_size));
     state->tracked = good;
-    if (!good)
+    state->misses = good ? 0 : state->misses + 1;
+    if (good)
+        state->last_inliers = inliers;
+    else
         for (int i = 0; i < 12; ++i)
             state->pose[i] = state->previous[i];
 }

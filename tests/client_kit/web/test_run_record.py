@@ -14,8 +14,8 @@ PLANNED = {"configuration": "best", "repeat": 1, "order": 2}
 RECORD = """async ({ frames, truth, trajectory, timed }) => {
     const { finishedRun, isPlausible } = await import("/measure/run-record.js");
     const plan = { dispatches: [{ kernel: "track", frames: [{ first: 4, last: null, every: 1 }] }] };
-    const outcomes = frames.map(({ pose, tracked, seconds, stages }) => (
-        { state: { pose: Float32Array.from(pose), tracked }, seconds, stages }
+    const outcomes = frames.map(({ pose, tracked, seconds, stages, farthest }) => (
+        { state: { pose: Float32Array.from(pose), tracked, farthest: farthest ?? 2 }, seconds, stages }
     ));
     const planned = { configuration: "best", repeat: 1, order: 2 };
     return [finishedRun(planned, plan, outcomes, { truth, trajectory }, timed), isPlausible(outcomes)];
@@ -99,6 +99,18 @@ def test_a_clock_that_cannot_be_right_is_not_believed(web_page: Any, stages: lis
     assert not plausible
     assert all(min(series) >= 0 for series in run["stages_us"].values())
     assert (np.sum(list(run["stages_us"].values()), axis=0) <= 10000).all()
+
+
+def test_frames_are_counted_from_the_first_that_measured_anything(web_page: Any) -> None:
+    frames = frames_of([[0.006, 0.003]] * 8)
+    dark = [frame | {"farthest": 0} for frame in frames]
+
+    late, _ = recorded(web_page, [*dark[:2], *frames[2:]])
+    never, _ = recorded(web_page, dark)
+
+    assert late["tracked"] == [None] * 6 + [True] * 2
+    assert never["tracked"] == [None] * 8
+    assert (never["status"], never["failure"]) == ("failed", "no frame was tracked")
 
 
 def test_a_run_that_lost_the_camera_in_most_frames_has_failed(web_page: Any) -> None:

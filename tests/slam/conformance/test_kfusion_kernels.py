@@ -175,6 +175,7 @@ def test_solve_moves_the_pose(launch, session, scale, parts):
     np.testing.assert_allclose(state["pose"].reshape(3, 4), expected[:3], atol=2e-5)
     assert (state["iterating"] == 0) == converged == (scale < 1e-3)
     np.testing.assert_allclose((state["squared_error"], state["inliers"]), (0.5, 64), rtol=1e-5)
+    np.testing.assert_allclose(state["normal_matrix"], matrix[np.triu_indices(6)], rtol=1e-4, atol=1e-3)
 
 
 def test_solve_leaves_unobserved_directions_alone(launch, session):
@@ -205,21 +206,82 @@ def test_begin_tracking(launch, session):
     np.testing.assert_allclose(state["view"].reshape(3, 4), expected, rtol=1e-5, atol=1e-5)
 
 
+MOTION = {"max_translation": 0.2, "max_rotation": 0.25, "volume_size": SIZE}
+
+
+def check_pose(launch, session, state) -> None:
+    launch(
+        "check_pose", session.layout.one_group(1), pixels=1000, max_residual=0.02, min_inliers=0.15,
+        near_motion=0.1, far_inliers=0.3, kept_inliers=0.75, **MOTION, state=state,
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("squared_error", "inliers", "good"),
     [(0.02, 200, True), (0.2, 200, False), (0.001, 100, False), (0.0, 0, False), (np.nan, 200, False)],
 )
 def test_check_pose_goes_back_when_lost(launch, session, squared_error, inliers, good):
-    before, after = pose_at((1, 1, 1)), pose_at((1.1, 1, 1))
-    state = state_of(after, previous=before[:3].ravel(), squared_error=squared_error, inliers=inliers)
-    launch(
-        "check_pose", session.layout.one_group(1), pixels=1000, max_residual=0.02, min_inliers=0.15,
-        state=state,
-    )  # fmt: skip
+    before, after = pose_at((1, 1, 1)), pose_at((1.05, 1, 1))
+    state = state_of(
+        after, previous=before[:3].ravel(), squared_error=squared_error, inliers=inliers, misses=2
+    )
+    check_pose(launch, session, state)
     assert bool(state["tracked"]) == good
+    assert state["misses"] == (0 if good else 3)
+    assert state["last_inliers"] == pytest.approx(0.2 if good else 0)
     if not np.isnan(squared_error):
         assert reference.check_pose(squared_error, inliers, 1000, 0.02, 0.15) == good
     np.testing.assert_allclose(state["pose"].reshape(3, 4), (after if good else before)[:3], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "twist", "misses", "inliers", "good"),
+    [
+        ((1, 1, 1), (1.19, 1, 1), (0, 0, 0), 0, 400, True),
+        ((1, 1, 1), (1.21, 1, 1), (0, 0, 0), 0, 400, False),
+        ((1, 1, 1), (1.21, 1, 1), (0, 0, 0), 1, 400, True),  # twice the time
+        ((1, 1, 1), (1.05, 1, 1), (0, 0.24, 0), 0, 400, True),
+        ((1, 1, 1), (1.05, 1, 1), (0, 0.26, 0), 0, 400, False),
+        ((1, 1, 1), (1.05, 1, 1), (0, 0.26, 0), 1, 400, True),
+        ((1, 1, 1), (1.05, 1, 1), (0, 3.1, 0), 20, 400, True),  # any rotation, after so long
+        ((1, 1, 1), (1.15, 1, 1), (0, 0, 0), 0, 290, False),  # beyond the distance of association
+        ((1, 1, 1), (1.15, 1, 1), (0, 0, 0), 0, 310, True),
+        ((1, 1, 1), (1.06, 1, 1), (0, 0.06, 0), 0, 290, False),
+        ((0.05, 1, 1), (-0.01, 1, 1), (0, 0, 0), 0, 400, False),
+        ((1, 1, SIZE - 0.05), (1, 1, SIZE + 0.01), (0, 0, 0), 0, 400, False),
+        ((1, -0.05, 1), (1, -0.06, 1), (0, 0, 0), 0, 400, True),  # it began outside
+        ((1, 1, 1), (np.nan, 1, 1), (0, 0, 0), 0, 400, False),
+    ],
+)
+def test_check_pose_refuses_a_motion_that_is_not_possible(
+    launch, session, before, after, twist, misses, inliers, good
+):
+    start, end = pose_at(before), pose_at(after, twist)
+    state = state_of(end, previous=start[:3].ravel(), squared_error=0.01, inliers=inliers, misses=misses)
+    check_pose(launch, session, state)
+    assert bool(state["tracked"]) == good
+    if inliers > 310 and np.isfinite(after).all():
+        assert reference.motion_is_possible(start, end, misses + 1, **MOTION) == good
+    np.testing.assert_allclose(state["pose"].reshape(3, 4), (end if good else start)[:3], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("after", "misses", "inliers", "good"),
+    [
+        ((1.15, 1, 1), 0, 440, False),  # three quarters of 600 are needed
+        ((1.15, 1, 1), 0, 460, True),
+        ((1.15, 1, 1), 1, 440, True),  # found again: the view may be another one
+        ((1.09, 1, 1), 0, 160, True),  # near: the usual share is enough
+    ],
+)
+def test_check_pose_refuses_a_far_motion_that_loses_inliers(launch, session, after, misses, inliers, good):
+    state = state_of(
+        pose_at(after), previous=pose_at((1, 1, 1))[:3].ravel(), squared_error=0.01, inliers=inliers,
+        misses=misses, last_inliers=0.6,
+    )  # fmt: skip
+    check_pose(launch, session, state)
+    assert bool(state["tracked"]) == good
+    assert state["last_inliers"] == pytest.approx(inliers / 1000 if good else 0.6)
 
 
 def integrate(launch, session, volume, marks, depth, camera, state, max_weight=100.0, conditional=0) -> None:

@@ -92,7 +92,7 @@ def test_a_missing_chunk_is_named(tmp_path):
     [
         ({"volume_size": 9.0}, "volume_size is 9.0 in pack.json and 5.0 in the header"),
         ({"sha256": "0" * 64}, "not the digest of its chunks"),
-        ({"chunks": []}, "no pack"),
+        ({"chunks": []}, "not a pack"),
         ({"chunks": [{"sha256": "../../secret", "bytes": 3}]}, "64 hexadecimal digits"),
     ],
 )

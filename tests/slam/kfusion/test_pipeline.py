@@ -118,9 +118,24 @@ def test_a_threshold_above_one_means_one_iteration_a_level(session):
     assert not np.array_equal(run(session, endless)[-1].pose, run(session, stopped)[-1].pose)
 
 
-def test_no_depth_at_all_is_lost_and_not_an_error(session):
-    blind = [np.zeros_like(DEPTH[0])] * 6
-    assert [frame.tracked for frame in run(session, SMALL, blind)] == [None] * 4 + [False] * 2
+BLIND = np.zeros_like(DEPTH[0])
+
+
+def test_no_depth_at_all_is_not_attempted_and_not_an_error(session):
+    frames = run(session, SMALL, [BLIND] * 6)
+    assert [frame.tracked for frame in frames] == [None] * 6
+    assert not any(frame.integrated for frame in frames)
+
+
+def test_it_starts_with_the_first_frame_that_has_depth(session):
+    dark = 6
+    frames = run(session, SMALL, [BLIND] * dark + DEPTH)
+    assert [frame.tracked for frame in frames] == [None] * (dark + 4) + [True] * (FRAMES - 4)
+    assert [frame.integrated for frame in frames] == [False] * dark + [True] * FRAMES
+    poses = [frame.pose for frame in frames]
+    np.testing.assert_array_equal(poses[: dark + 1], [poses[0]] * (dark + 1))
+    # As if the dark frames had never been.
+    np.testing.assert_array_equal(poses[dark:], [frame.pose for frame in run(session, SMALL)])
 
 
 def test_extreme_depth_does_no_harm(session):

@@ -84,6 +84,21 @@ def check_pose(
     return bool(np.sqrt(squared_error / inliers) <= max_residual and inliers / pixels >= min_inliers)
 
 
+def motion_is_possible(
+    before: Array, after: Array, checks: int, max_translation: float, max_rotation: float, volume_size: float
+) -> bool:
+    """Whether the camera can have moved so since the last of CHECKS checks, and stays in the volume."""
+    translation = np.linalg.norm(after[:3, 3] - before[:3, 3])
+    cosine = (np.trace(before[:3, :3].T @ after[:3, :3]) - 1) / 2
+    rotation = np.arccos(np.clip(cosine, -1, 1))
+    stays = _inside(after, volume_size) or not _inside(before, volume_size)
+    return bool(translation <= max_translation * checks and rotation <= max_rotation * checks and stays)
+
+
+def _inside(pose: Array, volume_size: float) -> bool:
+    return bool(((pose[:3, 3] >= 0) & (pose[:3, 3] <= volume_size)).all())
+
+
 def empty_volume(resolution: int) -> tuple[Array, Array]:
     """Distances and weights of a volume that has observed nothing: empty space everywhere."""
     return np.ones((resolution,) * 3), np.zeros((resolution,) * 3)
