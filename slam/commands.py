@@ -26,6 +26,7 @@ from slam.datasets import Sequence, open_sequence
 from slam.devices.choice import AnySession, choose_device, list_devices
 from slam.devices.device import BACKENDS
 from slam.devices.layout import KINDS, Layout
+from slam.devices.opencl import list_refusals
 from slam.evaluation import evaluate
 from slam.render import Renderer
 from slam.system import Exporting, System, scene_of
@@ -365,3 +366,5 @@ def _devices(_: argparse.Namespace) -> None:
         sys.stdout.write(
             f"{device.backend:6} {device.kind:4} {device.label}, {', '.join(filter(None, sizes))}\n"
         )
+    for refusal in list_refusals():
+        sys.stdout.write(f"cannot be used: {refusal}\n")

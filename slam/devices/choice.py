@@ -44,7 +44,9 @@ def choose_device(text: str | None = None, backend: str = "opencl") -> Device:
     """
     devices, name = list_devices(backend), NAMES[backend]
     if not devices:
-        raise NoDeviceError(f"no {name} device here: {INSTALL[backend]}")
+        refused = opencl.list_refusals() if backend == "opencl" else []
+        reason = f" (the driver cannot compile for this processor: {'; '.join(refused)})" if refused else ""
+        raise NoDeviceError(f"no {name} device here{reason}: {INSTALL[backend]}")
     if not text:
         return devices[0]
     for device in devices:

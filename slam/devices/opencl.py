@@ -33,10 +33,46 @@ INCLUDE = re.compile(r'^\s*#include "(.+)"$', re.MULTILINE)
 
 
 def list_devices() -> list[Device]:
-    """All OpenCL devices, best first: GPUs, accelerators, then CPUs by the version of their runtime.
+    """All OpenCL devices that can compile, best first: GPUs, accelerators, CPUs by version of the runtime.
 
-    Two installations of PoCL share one platform name; the newer one comes first.
+    Two installations of PoCL share one platform name; the newer one comes first. A runtime for the CPU that
+    is older than the processor may be unable to compile for it: `list_refusals` says so.
     """
+    devices = [device for device in _present() if _refusal(device) is None]
+    rank = {"gpu": 0, "accelerator": 1, "cpu": 2, "other": 3}
+    return sorted(devices, key=lambda d: (rank[d.kind], [-part for part in _numbers(d.driver)]))
+
+
+def list_refusals() -> list[str]:
+    """A line for each device that cannot compile anything, with the compiler's reason."""
+    return [f"{device.label}: {reason}" for device in _present() if (reason := _refusal(device))]
+
+
+def _refusal(device: Device) -> str | None:
+    """Why the compiler of a CPU cannot be used; None where it can."""
+    if device.kind != "cpu":
+        return None
+    key = (device.name, device.version, device.driver)
+    if key not in _refusals:
+        _refusals[key] = _compile_nothing(device)
+    return _refusals[key]
+
+
+_refusals: dict[tuple[str, str, str], str | None] = {}  # of this process
+
+
+def _compile_nothing(device: Device) -> str | None:
+    import pyopencl as cl
+
+    try:
+        cl.Program(cl.Context([device.handle]), "kernel void nothing() {}").build()
+    except (cl.LogicError, cl.RuntimeError) as error:
+        found = re.search(r"error: (.+)", str(error))
+        return found[1] if found else str(error).splitlines()[0]
+    return None
+
+
+def _present() -> list[Device]:
     import pyopencl as cl
 
     try:
@@ -49,8 +85,7 @@ def list_devices() -> list[Device]:
             devices += [_describe(platform, handle) for handle in platform.get_devices()]
         except (cl.LogicError, cl.RuntimeError):  # a platform without a usable device
             continue
-    rank = {"gpu": 0, "accelerator": 1, "cpu": 2, "other": 3}
-    return sorted(devices, key=lambda d: (rank[d.kind], [-part for part in _numbers(d.driver)]))
+    return devices
 
 
 def _numbers(version: str) -> list[int]:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from slam.camera import Camera
+from slam.devices import opencl
 from slam.devices.choice import choose_device, list_devices
 from slam.devices.device import DeviceError, DeviceMemoryError, NoDeviceError
 from slam.devices.opencl import Session, _fitting
@@ -134,3 +135,16 @@ def test_a_driver_that_allows_no_work_items_still_gets_an_answer():
     assert _fitting((16, 8), 0) == (1, 1)
     assert _fitting((16, 8), 64) == (8, 8)
     assert _fitting((1, 1), 1) == (1, 1)
+
+
+def test_a_driver_that_cannot_compile_is_not_chosen_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(opencl, "_refusals", {})
+    monkeypatch.setattr(opencl, "_compile_nothing", lambda _: "unknown target CPU 'generic'")
+    processors = [device for device in opencl._present() if device.kind == "cpu"]
+    assert not any(device.kind == "cpu" for device in list_devices())
+    refusals = opencl.list_refusals()
+    assert len(refusals) == len(processors) > 0
+    assert all(line.endswith("unknown target CPU 'generic'") for line in refusals)
+    if not list_devices():
+        with pytest.raises(NoDeviceError, match="cannot compile for this processor"):
+            choose_device()
