@@ -10,7 +10,7 @@ import pytest
 from slam.devices.choice import choose_device, list_devices
 from slam.devices.layout import Layout
 from slam.devices.opencl import Session
-from slam.devices.tuning import FIRST_JUDGED, FRAMES, SCENE, candidates, layout_for, wavy_wall
+from slam.devices.tuning import FIRST_JUDGED, FRAMES, SCENE, Trial, candidates, layout_for, wavy_wall
 from slam.kfusion.pipeline import KFusion
 from slam.systems import SYSTEMS, TRIED
 
@@ -26,6 +26,12 @@ def cache(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.fixture
+def instant(monkeypatch):
+    """A trial takes no time: the test is about what becomes of its answer."""
+    monkeypatch.setattr(Trial, "seconds", lambda *tried: 1.0 if tried[-1].kind == "rows" else 2.0)
+
+
 def test_every_device_gets_one_of_its_candidates_and_keeps_it(cache):
     for device in list_devices():
         layout = layout_for(device, TRIAL)
@@ -35,7 +41,7 @@ def test_every_device_gets_one_of_its_candidates_and_keeps_it(cache):
     assert len(json.loads(file.read_text())) == len(list_devices())
 
 
-def test_what_is_remembered_is_not_tried_again(cache, monkeypatch):
+def test_what_is_remembered_is_not_tried_again(cache, instant):
     device = choose_device()
     layout_for(device, TRIAL)
     (file,) = cache.rglob("layouts.json")
@@ -45,7 +51,7 @@ def test_what_is_remembered_is_not_tried_again(cache, monkeypatch):
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"x": 1}', "{"])
-def test_a_damaged_memory_is_made_anew(cache, content):
+def test_a_damaged_memory_is_made_again(cache, instant, content):
     layout_for(choose_device(), TRIAL)
     (file,) = cache.rglob("layouts.json")
     file.write_text(content)
@@ -53,7 +59,7 @@ def test_a_damaged_memory_is_made_anew(cache, content):
     assert json.loads(file.read_text())
 
 
-def test_a_trial_reports_each_layout(cache):
+def test_a_trial_reports_each_layout(cache, instant):
     done = []
     device = choose_device()
     layout_for(device, TRIAL, lambda *count: done.append(count))
