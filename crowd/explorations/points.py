@@ -134,7 +134,7 @@ def worth_publishing(exploration: Exploration, evaluations: Iterable[Evaluation]
 
 
 def spread(points: Sequence[Point], count: int) -> list[Point]:
-    """COUNT of the POINTS (fastest first), both ends and the most evenly spaced between, in the log of runtime."""
+    """COUNT of the POINTS (fastest first): both ends, and between them evenly in the log of runtime."""
     if len(points) <= count:
         return list(points)
     name = speed_objective(points)
