@@ -297,7 +297,7 @@ def _predicted(front: int) -> dict[int, float]:
     configuration's key.
     """
     rows = Configuration.objects.filter(front=front).values_list("pk", "name", "predicted")
-    default = next((predicted for _, name, predicted in rows if name == DEFAULT), {})
+    default: Mapping[str, Any] = next((predicted for _, name, predicted in rows if name == DEFAULT), {})
     speedups = {key: predicted_speedup(default, predicted) for key, _, predicted in rows}
     return {key: speedup for key, speedup in speedups.items() if speedup is not None}
 
