@@ -158,6 +158,7 @@ def application(name: str) -> str:
 # What the objectives of explorations are called, and how many of the unit shown one SI unit is.
 OBJECTIVES = {
     "runtime": ("runtime, ms a frame", 1e3),
+    "runtime_ratio": ("runtime over the default's", 1.0),
     "ate_max": ("maximum trajectory error, cm", 100.0),
     "ate_mean": ("mean trajectory error, cm", 100.0),
     "ate_rmse": ("RMSE of the trajectory, cm", 100.0),

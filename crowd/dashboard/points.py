@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.reading.rows import Attempts, DeviceDetail, Headline, Speedup
 from crowd.results.reading.selectors import Speedups, attempts, headline
 
@@ -11,7 +11,7 @@ from crowd.results.reading.selectors import Speedups, attempts, headline
 class MeasuredPoint:
     """A configuration: predicted on the reference device, measured by the crowd (None for the default).
 
-    predicted_speedup is the default's runtime over this one's, both predicted; None where either is unknown.
+    predicted_speedup is over the default, on the reference device; None where either is unknown.
     `attempts`: on how many devices it did not finish, or lost the camera.
     """
 
@@ -24,11 +24,10 @@ class MeasuredPoint:
 def measured_points(front: Front, crowd: Speedups) -> tuple[MeasuredPoint, ...]:
     """FRONT's points in published order; CROWD holds the speedups of all its configurations."""
     default = front.point(DEFAULT)
-    baseline = default.runtime if default else None
     return tuple(
         MeasuredPoint(
             point=point,
-            predicted_speedup=baseline / point.runtime if baseline and point.runtime else None,
+            predicted_speedup=predicted_speedup(default.predicted, point.predicted) if default else None,
             crowd=None if point.name == DEFAULT else headline(crowd.rows, point.name),
             attempts=attempts(crowd.attempts, point.name),
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.points import Point, comparable, default, settled
+from crowd.explorations.points import Point, comparable, default, settled, speed_objective, speedup
 from crowd.explorations.readings import Found
 from crowd.explorations.watching import Watch, found
 from pareto.fronts.hypervolume import hypervolume_growth
@@ -17,8 +17,8 @@ class Yield:
     """How many configurations were measured and are valid, and the fastest valid one (None: none is).
 
     `known` more were measured by an earlier exploration; valid and fastest may be among these. Once the
-    search is done, the fastest is one that was measured again. `speedup` is the default's runtime over
-    the fastest valid one's, both on the reference device.
+    search is done, the fastest is one that was measured again. `speedup` is how many
+    times faster it is than the default, on the reference device.
     """
 
     measured: int
@@ -40,17 +40,16 @@ def yield_of(exploration: Exploration, have: Found) -> Yield:
     valid = [
         point for point in alike if "runtime" in point.values and point.values.get("ate_max", limit) < limit
     ]
-    fastest = min(settled(exploration, valid), key=lambda point: point.values["runtime"], default=None)
-    baseline = default(alike)
+    best = settled(exploration, valid)
+    name = speed_objective(best)
+    fastest = min(best, key=lambda point: point.values[name], default=None)
     known = sum(point.phase == Evaluation.Phase.KNOWN for point in have.points)
     return Yield(
         measured=len(have.points) - known,
         known=known,
         valid=len(valid),
         fastest=fastest,
-        speedup=baseline.values["runtime"] / fastest.values["runtime"]
-        if fastest and baseline and fastest.values["runtime"]
-        else None,
+        speedup=speedup(default(alike), fastest),
     )
 
 

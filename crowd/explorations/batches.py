@@ -7,7 +7,8 @@ from typing import Any
 
 from django.db.models import Max
 
-from crowd.explorations import search
+from crowd.explorations import known, ratios, search
+from crowd.explorations.known import DEFAULT
 from crowd.explorations.models import Evaluation, Exploration
 
 Wanted = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
@@ -39,18 +40,41 @@ def add(exploration: Exploration, wanted: Sequence[Wanted], iteration: int | Non
     )
 
 
-def rounds(missing: Iterable[tuple[Mapping[str, Any], str, int]]) -> list[Wanted]:
+def rounds(
+    missing: Iterable[tuple[Mapping[str, Any], str, int]], default: Mapping[str, Any] | None = None
+) -> list[Wanted]:
     """Each (configuration, label, times) as often as it says, in turn with the others.
 
-    Round after round, so that a slow drift of the machine meets every one alike.
+    Round after round, so that a slow drift of the machine affects all alike. DEFAULT, where it is given,
+    begins each round, even where it is not missing.
     """
     missing = list(missing)
-    return [
-        (configuration, Evaluation.Phase.REPEAT, label)
-        for number in range(max((times for _, _, times in missing), default=0))
-        for configuration, label, times in missing
-        if number < times
-    ]
+    found: list[Wanted] = []
+    for number in range(max((times for _, _, times in missing), default=0)):
+        others = [(configuration, label) for configuration, label, times in missing if number < times]
+        if default is not None:
+            others = [(default, DEFAULT), *(row for row in others if row[0] != default)]
+        found += [(configuration, Evaluation.Phase.REPEAT, label) for configuration, label in others]
+    return found
+
+
+def with_default(exploration: Exploration, wanted: Sequence[Wanted]) -> list[Wanted]:
+    """WANTED as a round that begins with the default, where EXPLORATION minimises the runtime's ratio.
+
+    Repeats have the default in their rounds already.
+    """
+    repeats = {phase for _, phase, _ in wanted} <= {Evaluation.Phase.REPEAT}
+    default = default_of(exploration)
+    if default is None or repeats:
+        return list(wanted)
+    return [(default, Evaluation.Phase.DEFAULT, DEFAULT), *wanted]
+
+
+def default_of(exploration: Exploration) -> dict[str, Any] | None:
+    """The default that each round is compared with; None where the exploration does not compare so."""
+    if not ratios.used(exploration):
+        return None
+    return known.configurations(exploration.application, search.space_of(exploration))[DEFAULT]
 
 
 def key(configuration: Mapping[str, Any]) -> str:

@@ -12,6 +12,7 @@ from django.core.exceptions import ValidationError
 import pareto
 from crowd.explorations import reference_devices, services
 from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.explorations.ratios import RATIO
 from crowd.fronts import sequences
 from crowd.fronts.contents import APPLICATIONS
 from pareto import Space
@@ -20,9 +21,14 @@ from slam.protocol import VALID_BELOW
 SPACES = Path(pareto.__file__).parent / "spaces"
 EARLIER = "exploration-"  # a design space that is that of an earlier exploration
 DEFAULTS = {"budget": 60, "batch": 8, "points": 8, "repeats": 3}  # a front within an hour
-LIMITED = {"ate_max": ("max_error_cm", 0.01), "runtime": ("max_runtime_ms", 0.001)}  # by fields of their own
+LIMITED = {  # objectives whose limit has a field of its own, and its unit
+    "ate_max": ("max_error_cm", 0.01),
+    "runtime": ("max_runtime_ms", 0.001),
+    RATIO: ("max_runtime_ratio", 1.0),
+}
 EXPLAINED = {
     "runtime": "runtime: mean seconds a frame",
+    RATIO: f"{RATIO}: runtime over the default's in the same round, 0.5 is twice as fast",
     "ate_max": "ate_max: largest trajectory error",
     "ate_mean": "ate_mean: mean trajectory error",
     "ate_rmse": "ate_rmse: root mean square trajectory error",
@@ -42,7 +48,7 @@ class ExplorationForm(forms.ModelForm):
         label="Objectives",
         choices=[(name, EXPLAINED.get(name, name)) for name in services.MEASURED],
         widget=forms.CheckboxSelectMultiple,
-        initial=["ate_max", "runtime"],
+        initial=["ate_max", RATIO],
     )
     max_error_cm = forms.FloatField(
         label="Largest error (cm)",
@@ -53,6 +59,12 @@ class ExplorationForm(forms.ModelForm):
     )
     max_runtime_ms = forms.FloatField(
         label="Largest runtime (ms a frame)", required=False, min_value=0, help_text="Empty: no limit"
+    )
+    max_runtime_ratio = forms.FloatField(
+        label="Largest runtime ratio",
+        required=False,
+        min_value=0,
+        help_text="of the default's runtime: 0.5 keeps what is at least twice as fast. Empty: no limit",
     )
     random_first = forms.IntegerField(
         label="Random samples first",
@@ -123,6 +135,12 @@ class ExplorationForm(forms.ModelForm):
         wanted.application, wanted.space = space_of(cleaned["design_space"])
         wanted.sequence, _, wanted.sequence_sha256 = cleaned["pack"].rpartition(" ")
         wanted.objectives = cleaned["minimised"]
+        for name in ("runtime", RATIO):
+            field = LIMITED[name][0]
+            if cleaned[field] is not None and name not in wanted.objectives:
+                self.add_error(
+                    field, f"a limit on {name} needs that objective: choose it, or leave this empty"
+                )
         wanted.limits = cleaned["more_limits"] | {
             name: round(cleaned[field] * unit, 9)
             for name, (field, unit) in LIMITED.items()
@@ -167,6 +185,7 @@ def initial_of(exploration: Exploration) -> dict[str, Any]:
         "minimised": exploration.objectives,
         "max_error_cm": round(100 * limits["ate_max"], 9) if "ate_max" in limits else None,
         "max_runtime_ms": round(1000 * limits["runtime"], 9) if "runtime" in limits else None,
+        "max_runtime_ratio": limits.get(RATIO),
         "random_first": exploration.options.get("initial"),
         "more_limits": _written({name: limits[name] for name in limits if name not in LIMITED}),
         "more_options": _written(

@@ -16,7 +16,7 @@ from django.db import Error, InterfaceError, OperationalError, connection, trans
 from django.db.models import Exists, OuterRef, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import software, statements, workers
+from crowd.explorations import ratios, software, statements, workers
 from crowd.explorations.measurement import (
     CannotMeasureHereError,
     LeaseLostError,
@@ -163,7 +163,7 @@ def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = 
     stored = _finish(
         evaluation,
         state=Evaluation.State.DONE,
-        objectives=measurement.objectives,
+        objectives=ratios.without_claims(measurement.objectives),
         stages=measurement.stages,
         device=measurement.device,
         software=measured_by or software.version(),

@@ -6,7 +6,7 @@ import msgspec
 from django.conf import settings
 
 from crowd.decoding import decoded
-from crowd.explorations import leases, tasks
+from crowd.explorations import leases, ratios, tasks
 from crowd.explorations.measurement import CannotMeasureHereError, Measurement, pack_of
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts import answers
@@ -131,7 +131,7 @@ def _stored(evaluation: Evaluation, result: Result) -> bool:
     if result.status == "failed":
         return leases.fail(evaluation, result.error, result.software)
     objectives = result.objectives or {}
-    wanted = dict.fromkeys((*NEEDED, *evaluation.exploration.objectives))
+    wanted = ratios.without_claims(dict.fromkeys((*NEEDED, *evaluation.exploration.objectives)))
     if missing := [name for name in wanted if name not in objectives]:
         raise Problem(400, "invalid_field", f"objectives lack {', '.join(missing)}", field="objectives")
     measurement = Measurement(objectives, result.stages or {}, result.device or {})

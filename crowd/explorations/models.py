@@ -93,7 +93,7 @@ class Exploration(models.Model):
     reference_device = models.ForeignKey(
         ReferenceDevice, on_delete=models.PROTECT, related_name="explorations"
     )
-    objectives = models.JSONField(help_text="names, all minimised: runtime, ate_max, ...")
+    objectives = models.JSONField(help_text="names, all minimised: runtime_ratio, ate_max, ...")
     limits = models.JSONField(default=dict, blank=True, help_text="upper bounds by objective")
     method = models.CharField(max_length=32, default=DEFAULT, choices=[(name, name) for name in METHODS])
     options = models.JSONField(default=dict, blank=True, help_text="the method's own, such as initial: 200")
@@ -146,8 +146,8 @@ class Exploration(models.Model):
 class Evaluation(models.Model):
     """One measurement of one configuration. The row is the truth; a message only says to look at it.
 
-    Whoever measures holds a lease, renewed while it runs; `attempt` counts the leases and tells the present
-    holder from an earlier one that was given up for dead.
+    The worker that measures holds a lease and renews it while it runs. `attempt` counts the leases. It tells
+    the current holder from an earlier one that was given up for dead.
     """
 
     class State(models.TextChoices):
@@ -158,8 +158,10 @@ class Evaluation(models.Model):
 
     class Phase(models.TextChoices):
         GIVEN = "given", "given (a known configuration)"
+        DEFAULT = "default", "default (to compare a round with)"
         RANDOM = "random"
         ACTIVE = "active", "active (learnt)"
+        AGAIN = "again", "again (the search wants to know it better)"
         CHECK = "check", "check (of an outlier)"
         REPEAT = "repeat", "repeat (against noise)"
         KNOWN = "known", "known (from an earlier exploration)"
@@ -190,6 +192,9 @@ class Evaluation(models.Model):
     heartbeat_at = models.DateTimeField(null=True, blank=True)
     lease_until = models.DateTimeField(null=True, blank=True)
     objectives = models.JSONField(null=True, blank=True, help_text="seconds a frame, metres")
+    ratio_filled_at = models.DateTimeField(
+        null=True, blank=True, editable=False, help_text="when runtime_ratio was added to the objectives"
+    )
     stages = models.JSONField(null=True, blank=True, help_text="mean seconds a frame by stage")
     device = models.JSONField(null=True, blank=True)
     software = models.CharField(max_length=64, blank=True)

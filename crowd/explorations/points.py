@@ -10,6 +10,7 @@ import numpy as np
 
 from crowd.explorations.known import DEFAULT
 from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.ratios import RATIO
 from pareto.fronts.front import nondominated
 
 Phase = Evaluation.Phase
@@ -53,6 +54,21 @@ class Point:
     low: dict[str, float] = field(default_factory=dict)
     high: dict[str, float] = field(default_factory=dict)
     whole: bool = True
+
+
+def speed_objective(points: Iterable[Point]) -> str:
+    """By what POINTS are compared for speed: by the ratio to the default's runtime where all have it."""
+    points = list(points)
+    return RATIO if points and all(RATIO in point.values for point in points) else "runtime"
+
+
+def speedup(default: Point | None, point: Point | None) -> float | None:
+    """How many times faster POINT is than DEFAULT; None where either is unknown."""
+    if default is None or point is None:
+        return None
+    name = speed_objective([default, point])
+    before, after = default.values.get(name), point.values.get(name)
+    return before / after if before and after else None
 
 
 def measured(evaluations: Iterable[Evaluation | Row]) -> list[Point]:
@@ -101,7 +117,8 @@ def front(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
         within &= _column(alike, name) <= limit
     rows = np.flatnonzero(within)
     kept = [alike[row] for row in rows[nondominated(table[rows])]]
-    return sorted(kept, key=lambda point: point.values["runtime"])
+    name = speed_objective(kept)
+    return sorted(kept, key=lambda point: point.values[name])
 
 
 def worth_publishing(exploration: Exploration, evaluations: Iterable[Evaluation]) -> list[Point]:
@@ -117,10 +134,11 @@ def worth_publishing(exploration: Exploration, evaluations: Iterable[Evaluation]
 
 
 def spread(points: Sequence[Point], count: int) -> list[Point]:
-    """COUNT of the POINTS (fastest first), both ends and the most evenly spaced in log runtime between."""
+    """COUNT of the POINTS (fastest first): both ends, and between them evenly in the log of runtime."""
     if len(points) <= count:
         return list(points)
-    place = np.log([point.values["runtime"] for point in points])
+    name = speed_objective(points)
+    place = np.log([point.values[name] for point in points])
     chosen = [0, len(points) - 1]
     while len(chosen) < count:
         distance = np.abs(place[:, None] - place[chosen]).min(axis=1)

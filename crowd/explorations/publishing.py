@@ -11,6 +11,7 @@ from crowd.disclosure import public
 from crowd.explorations import batches, points, repeating, search, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
+from crowd.explorations.ratios import RATIO
 from crowd.fronts import selectors as published
 from crowd.fronts import sequences
 from crowd.fronts import services as fronts
@@ -155,15 +156,16 @@ def name_points(measured: Sequence[Point]) -> dict[str, Point]:
             "the default configuration was not measured over the whole sequence: there is nothing to "
             "compare with"
         )
+    speed = points.speed_objective(again)
     valid = sorted(
         (point for point in again if point.values["ate_max"] < VALID_BELOW),
-        key=lambda point: point.values["runtime"],
+        key=lambda point: point.values[speed],
     )
-    if not valid or valid[0].values["runtime"] >= default.values["runtime"]:
+    if not valid or valid[0].values[speed] >= default.values[speed]:
         raise NothingToPublishError(
             "no configuration that keeps its error below 5 cm is faster than the default"
         )
-    table = np.array([[point.values["ate_max"], point.values["runtime"]] for point in valid])
+    table = np.array([[point.values["ate_max"], point.values[speed]] for point in valid])
     on_front = [point for point, keep in zip(valid, nondominated(table), strict=True) if keep]
     named = {DEFAULT: default, BEST: valid[0]}
     for name, point in (
@@ -203,12 +205,14 @@ def _document(
 
 
 def _predicted(point: Point) -> dict[str, float]:
-    """Medians, and between which runtimes the measurements lay."""
-    return {name: point.values[name] for name in PREDICTED} | {
-        "runtime_low": point.low["runtime"],
-        "runtime_high": point.high["runtime"],
-        "measurements": point.measurements,
-    }
+    """Medians, and between which runtimes, and ratios to the default's, the measurements lay."""
+    names = [name for name in ("runtime", RATIO) if name in point.values]
+    return (
+        {name: point.values[name] for name in dict.fromkeys((*PREDICTED, *names))}
+        | {f"{name}_low": point.low[name] for name in names}
+        | {f"{name}_high": point.high[name] for name in names}
+        | {"measurements": point.measurements}
+    )
 
 
 def _provenance(
@@ -232,7 +236,7 @@ def _provenance(
         "protocol": (
             "each measurement is a fresh process; runtime is the mean computation time of frames 10 and "
             "later; published values are medians over measurements of the whole sequence made in turn, "
-            f"{_range(repeats)} of each point"
+            f"{_range(repeats)} of each point{_compared(chosen)}"
         ),
         "evaluations": len(done) + len(failed),
         "failed": len(failed),
@@ -252,6 +256,12 @@ def _provenance(
         **warm_start,
         "command": public(exploration.command) or repeating.command(exploration) or UNSPOKEN,
     }
+
+
+def _compared(chosen: Sequence[Point]) -> str:
+    if points.speed_objective(chosen) != RATIO:
+        return ""
+    return f"; {RATIO} is the runtime over that of the default in the same round"
 
 
 def _every(done: Iterable[Evaluation], member: str) -> str | None:

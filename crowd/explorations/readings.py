@@ -1,8 +1,8 @@
 """What this process has read of the explorations that were looked at last, so that no row is read twice.
 
-While a search runs its page asks for everything measured after each measurement. Whatever changes a finished
-row changes its state, attempt or finished_at: by these three, which are read of all rows, it is told which
-ones to read anew. The answer is that of reading all.
+While a search runs, its page asks for everything measured after each measurement. Any change of a finished
+row changes its state, attempt, finished_at or ratio_filled_at. These four are read of all rows, and only the
+rows where one differs are read again. The answer is the same as after reading all rows.
 """
 
 from collections.abc import Collection
@@ -17,16 +17,17 @@ from django.db import connection
 from crowd.explorations import points
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point, Row
-from crowd.explorations.search import FINISHED, SEARCHED
+from crowd.explorations.search import CHOSEN_ONCE, FINISHED
 
 MOST_KEPT = 4  # explorations
 MOST_NAMED = 500  # keys in a query; where more rows changed, all are read
 COLUMNS = tuple("index" if name == "place" else name for name in Row._fields)
 
-Mark = tuple[int, str, int, str | None]  # key, state, attempt, finished_at
+Mark = tuple[int, str, int, str | None, str | None]  # key, state, attempt, finished_at, ratio_filled_at
 # Written out, and the dates as text: to convert ten thousand of them would take as long as to read them.
 MARKS = f"""
-    SELECT id, state, attempt, CAST(finished_at AS text) FROM {Evaluation._meta.db_table}
+    SELECT id, state, attempt, CAST(finished_at AS text), CAST(ratio_filled_at AS text)
+    FROM {Evaluation._meta.db_table}
     WHERE exploration_id = %s AND state IN (%s, %s) AND phase <> %s
 """
 
@@ -94,7 +95,7 @@ class Reading:
 
     def _found(self, exploration: Exploration) -> Found:
         known = [point for _, point in sorted(self._points.values(), key=itemgetter(0))]
-        searched = [row for row in self._rows.values() if row.place is not None and row.phase in SEARCHED]
+        searched = [row for row in self._rows.values() if row.place is not None and row.phase in CHOSEN_ONCE]
         searched.sort(key=lambda row: (row.finished_at or row.created_at, row.number))
         return Found(
             points=tuple(known),

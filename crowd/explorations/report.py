@@ -68,7 +68,7 @@ def _points(exploration: Exploration, every: Sequence[Point]) -> str:
     lines: list[list[Any]] = []
     for point in sorted(again, key=lambda point: point.values.get("runtime", 0.0)):
         runtime, error = point.values.get("runtime"), point.values.get("ate_max")
-        speedup = default.values["runtime"] / runtime if default and runtime else None
+        speedup = points.speedup(default, point)
         lines.append(
             [
                 point.label or ("front" if _identity(point) in front else "near the front"),

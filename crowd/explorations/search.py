@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowd.explorations import ratios
 from crowd.explorations.models import Evaluation, Exploration
 from pareto import Explorer, Space
 from pareto.errors import ConfigurationError
@@ -21,8 +22,9 @@ from pareto.search.methods import METHODS
 
 Phase, State = Evaluation.Phase, Evaluation.State
 FINISHED = (State.DONE, State.FAILED)
-SEARCHED = (Phase.RANDOM, Phase.ACTIVE)
-COPIED = (Phase.KNOWN, Phase.PRIOR)  # measured by another exploration
+SEARCHED = (Phase.RANDOM, Phase.ACTIVE, Phase.AGAIN)  # counted to the budget
+CHOSEN_ONCE = (Phase.RANDOM, Phase.ACTIVE)
+COPIED = ratios.COPIED  # measured by another exploration
 # Below this number of measurements nothing can be called an outlier; it is looked for whenever their number
 # has doubled since.
 FIRST_LOOK = 50
@@ -69,11 +71,13 @@ class Row(NamedTuple):
     pk: int
     number: int
     phase: str
+    label: str
     state: str
     iteration: int
     place: int | None  # in the space
     frames: int | None
     objectives: dict[str, float] | None
+    ratio_filled_at: datetime | None
     finished_at: datetime | None
 
 
@@ -85,24 +89,37 @@ def rows_of(exploration: Exploration) -> list[Row]:
     return list(map(Row._make, found))
 
 
+def with_ratios(exploration: Exploration, rows: Sequence[Row]) -> list[Row]:
+    """ROWS, all of the exploration, after every ratio that they allow is stored.
+
+    Raises NoDefaultError where the default could not be measured.
+    """
+    filled = ratios.fill(exploration, rows)
+    return [
+        row._replace(objectives=filled[row.pk], ratio_filled_at=row.finished_at) if row.pk in filled else row
+        for row in rows
+    ]
+
+
 def explorer(exploration: Exploration, evaluations: Sequence[Row]) -> Explorer:
     """The explorer that knows all of EVALUATIONS, those of the exploration in the order of their numbers."""
     rows = [row for row in evaluations if row.place is not None]
     found = fresh(exploration, **_prior(exploration))
-    finished = [row for row in rows if row.state in FINISHED and _counts(exploration, row)]
+    finished = [row for row in rows if _is_readable(exploration, row) and _counts(exploration, row)]
     if not exploration.synchronous:
         finished.sort(key=_finished)
-    unfinished = [row for row in rows if row.state not in FINISHED and row.phase in (*SEARCHED, Phase.GIVEN)]
+    asked = [row for row in rows if row.phase in (*SEARCHED, Phase.GIVEN)]
+    unfinished = [row for row in asked if not _is_readable(exploration, row)]
     groups: dict[int, list[Row]] = {}
     for row in finished:
         groups.setdefault(row.place, []).append(row)  # type: ignore[arg-type]
     state = found.state() | {
         "asks": len({row.iteration for row in evaluations if row.phase in SEARCHED}),
         "observations": [
-            [index, group[0].phase, [_values(group, exploration.objectives)]]
+            [index, group[0].phase, _measurements(group, exploration.objectives)]
             for index, group in groups.items()
         ],
-        "pending": [[row.place, row.phase] for row in unfinished if row.place not in groups],
+        "pending": [[row.place, row.phase] for row in unfinished if _is_pending(row, groups)],
     }
     return Explorer.restore(found.space, state)
 
@@ -124,7 +141,9 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     if looked or _looks(len(searched)) == _looks(before):
         return []
     checked = {row.place for row in evaluations if row.phase == Phase.CHECK}
-    done = [row for row in searched if row.state == State.DONE and row.place not in checked]
+    checked |= {row.place for row in searched if row.phase == Phase.AGAIN}
+    once = [row for row in searched if row.place not in checked]
+    done = [row for row in once if row.state == State.DONE and not ratios.awaits(exploration, row)]
     space = space_of(exploration)
     indices = np.array([row.place for row in done], dtype=np.int64)
     far = np.zeros(len(done))
@@ -165,8 +184,31 @@ def _column(rows: Iterable[Row], name: str) -> np.ndarray:
 
 
 def _counts(exploration: Exploration, row: Row) -> bool:
-    """Whether the explorer is told: what another device measured, or other frames, are no values of this."""
-    return row.phase != Phase.PRIOR and row.frames == exploration.frames
+    """Whether the explorer is told: not what another device measured, or over other frames, nor the default
+    that a round is compared with."""
+    return row.phase not in (Phase.PRIOR, Phase.DEFAULT) and row.frames == exploration.frames
+
+
+def _is_readable(exploration: Exploration, row: Row) -> bool:
+    """Whether ROW is finished, and has its ratio where the exploration minimises it."""
+    return row.state in FINISHED and not ratios.awaits(exploration, row)
+
+
+def _is_pending(row: Row, groups: Mapping[int, Sequence[Row]]) -> bool:
+    """Whether the explorer waits for ROW: not where a first measurement of its configuration is known."""
+    return row.phase == Phase.AGAIN or row.place not in groups
+
+
+def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[float] | None]:
+    """The measurements of one configuration that the explorer is told.
+
+    Checks replace an outlier, so that the median of it and its checks is one measurement. Each measurement
+    that the search asked for again, and each repeat, is one more.
+    """
+    apart = (Phase.AGAIN, Phase.REPEAT)
+    first = [row for row in group if row.phase not in apart]
+    further = [_values([row], objectives) for row in group if row.phase in apart]
+    return [_values(first, objectives), *further] if first else further
 
 
 def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[float] | None:

@@ -6,10 +6,10 @@ from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.db import Error, transaction
-from django.db.models import F, QuerySet
+from django.db.models import F, Max, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import batches, known, points, search, statements, warm_start
+from crowd.explorations import batches, known, points, ratios, search, statements, warm_start
 from crowd.explorations.batches import Wanted
 from crowd.explorations.measurement import CannotMeasureHereError, pack_of
 from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
@@ -19,6 +19,7 @@ from slam.isolated import one_line
 
 MEASURED = (
     "runtime",
+    "runtime_ratio",
     "ate_max",
     "ate_mean",
     "ate_rmse",
@@ -126,12 +127,22 @@ def raise_budget(exploration: Exploration, budget: int) -> None:
 
 @transaction.atomic
 def retry_failures(exploration: Exploration) -> int:
-    """Measure once more what failed; how many evaluations that are. A finished exploration goes on."""
+    """Measure once more what failed; how many evaluations that are. A finished exploration goes on.
+
+    Where runtimes are compared with the default's, these evaluations become a new round with its own default.
+    """
     _lock(exploration, *MAY_GO_ON)
     failed = exploration.evaluations.filter(state=Evaluation.State.FAILED).exclude(phase__in=COPIED)
-    # Whoever held a former lease, and was given up for dead, shall not fail it again.
-    anew = {"state": Evaluation.State.PENDING, "attempt": F("attempt") + 1, "losses": 0}
-    count = failed.update(**anew, error="", finished_at=None)
+    rows = list(failed)
+    # The holder of a former lease, which was given up for dead, must not fail it again.
+    changes = {"state": Evaluation.State.PENDING, "attempt": F("attempt") + 1, "losses": 0}
+    if rows and (default := batches.default_of(exploration)) is not None:
+        last = exploration.evaluations.aggregate(last=Max("iteration"))["last"]
+        changes["iteration"] = 1 + last
+        phases = [(Evaluation.Phase.DEFAULT, False), (Evaluation.Phase.REPEAT, True)]
+        missing = [phase for phase, repeats in phases if ratios.lacks_default(rows, repeats)]
+        batches.add(exploration, [(default, phase, known.DEFAULT) for phase in missing], 1 + last)
+    count = failed.update(**changes, error="", finished_at=None)
     if count:
         _go_on(exploration)
     return count
@@ -153,14 +164,18 @@ def measure_again(
     _go_on(exploration)
     return batches.add(
         exploration,
-        batches.rounds([(configuration, label, times) for configuration, label in configurations]),
+        batches.rounds(
+            [(configuration, label, times) for configuration, label in configurations],
+            batches.default_of(exploration),
+        ),
     )
 
 
 def advance(exploration_id: int) -> list[Evaluation]:
     """Learn from what was measured and ask for more; return the new evaluations, in order.
 
-    Nothing happens while it is not `due`. Asking may take seconds and is done outside of the transaction: of
+    First each new measurement gets its `runtime_ratio`, where the search minimises that. Nothing happens
+    while it is not `due`. Asking may take seconds and is done outside of the transaction: of
     two who ask at once one is heard. Where asking is impossible the exploration pauses, with the reason in
     its note: to try again every minute would not make it possible.
     """
@@ -168,7 +183,7 @@ def advance(exploration_id: int) -> list[Evaluation]:
     if exploration.state != Exploration.State.RUNNING or not due(exploration):
         return []
     try:
-        return _ask(exploration, search.rows_of(exploration))
+        return _ask(exploration, search.with_ratios(exploration, search.rows_of(exploration)))
     except Error:
         raise
     except Exception as error:
@@ -211,7 +226,7 @@ def _ask(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Ev
         if present.evaluations.count() != len(evaluations) or unfinished_of(present).count() > unfinished:
             return []
         if wanted:
-            return batches.add(exploration, wanted)
+            return batches.add(exploration, batches.with_default(exploration, wanted))
         if not unfinished:
             present.state, present.finished_at = Exploration.State.DONE, timezone.now()
             present.save(update_fields=["state", "finished_at"])
@@ -227,7 +242,8 @@ def _search(exploration: Exploration, evaluations: Sequence[search.Row]) -> list
     left = exploration.budget - sum(row.phase in SEARCHED for row in evaluations)
     if left <= 0:
         return []
-    unfinished = sum(row.state not in FINISHED for row in evaluations)
+    of_batch = (row for row in evaluations if row.phase != Evaluation.Phase.DEFAULT)
+    unfinished = sum(row.state not in FINISHED for row in of_batch)
     count = left if search.whole_rounds(exploration) else min(exploration.batch - unfinished, left)
     proposals = search.explorer(exploration, evaluations).propose(count)
     return [(proposal.configuration, proposal.phase, "") for proposal in proposals]
@@ -249,7 +265,7 @@ def _repeats(exploration: Exploration) -> list[Wanted]:
         wanted = batches.key(point.configuration)
         so_far = sum(row.configuration_key == wanted for row in repeats)
         missing.append((point.configuration, point.label, exploration.repeats - so_far))
-    return batches.rounds(missing)
+    return batches.rounds(missing, batches.default_of(exploration))
 
 
 def _lock(exploration: Exploration, *possible: str) -> None:

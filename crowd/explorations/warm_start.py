@@ -1,6 +1,9 @@
 """What an earlier exploration measured, copied into a new one that starts from it."""
 
-from crowd.explorations import search
+from collections.abc import Mapping
+from typing import Any
+
+from crowd.explorations import ratios, search
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.search import COPIED, FINISHED
 
@@ -14,12 +17,20 @@ COPIED_FIELDS = (
 def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
     """What EARLIER measured is known: as if measured here where nothing differs, else as a prior.
 
-    Rows for EXPLORATION, numbered from 0 and not stored.
+    Rows for EXPLORATION, numbered from 0 and not stored. Their ratios are those to EARLIER's own
+    default. Its measurements once a round are not copied, only that among the known configurations.
     """
     alike = all(getattr(earlier, name) == getattr(exploration, name) for name in ALIKE)
     space = search.space_of(exploration)
-    found = earlier.evaluations.filter(state__in=FINISHED).exclude(phase__in=COPIED)
-    rows = [row for row in found if row.frames == earlier.frames]
+    every = list(earlier.evaluations.all())
+    found = ratios.ratios(every, patient=False) if ratios.used(exploration) else {}
+    rows = [
+        row
+        for row in every
+        if row.state in FINISHED
+        and row.phase not in (*COPIED, Evaluation.Phase.DEFAULT)
+        and row.frames == earlier.frames
+    ]
     return [
         Evaluation(
             exploration=exploration,
@@ -27,7 +38,7 @@ def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
             phase=Evaluation.Phase.KNOWN if alike else Evaluation.Phase.PRIOR,
             index=search.place_of(space, row.configuration),
             copied_from=row,
-            **{name: getattr(row, name) for name in COPIED_FIELDS},
+            **{name: getattr(row, name) for name in COPIED_FIELDS} | _ratio(row, found),
         )
         for number, row in enumerate(rows)
     ]
@@ -36,6 +47,19 @@ def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
 def check(exploration: Exploration, earlier: Exploration) -> None:
     """Raise ParetoError where no explorer can begin with what EARLIER measured. Nothing is learnt for it."""
     rows = copies(exploration, earlier)
+    measured = [row.objectives for row in rows if row.objectives]
+    if ratios.used(exploration) and not all(ratios.RATIO in objectives for objectives in measured):
+        raise ratios.NoDefaultError(
+            f"{earlier} has measurements but none of the default, so that their {ratios.RATIO} is not known: "
+            "choose another one to start from, or the objective runtime"
+        )
     told = [row for row in rows if row.phase == Evaluation.Phase.PRIOR and row.index is not None]
     pairs = [(row.configuration, row.objectives) for row in told]
     search.fresh(exploration, **search.prior(exploration, pairs))
+
+
+def _ratio(row: Evaluation, found: Mapping[int, float]) -> dict[str, Any]:
+    """What the copy of ROW has beyond it: the ratio in FOUND, unless it was filled in already."""
+    if row.ratio_filled_at is not None or row.pk not in found or row.objectives is None:
+        return {}
+    return {"objectives": row.objectives | {ratios.RATIO: found[row.pk]}}

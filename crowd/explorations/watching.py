@@ -8,12 +8,14 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
+from math import ceil
 from statistics import median
 from typing import Any
 
 from django.db.models import Count, F, Max, Min, Q, Sum
 from django.utils import timezone
 
+from crowd.explorations import ratios
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.readings import Found, kept
 from crowd.explorations.search import COPIED, FINISHED, SEARCHED
@@ -39,7 +41,7 @@ class Watch:
     """An exploration as it is now.
 
     `phases` counts the finished measurements of each phase, failed ones too; `searched` and `budget` are
-    configurations that the search chose. `waiting` is asked for and not begun. `seconds_left` is the median
+    measurements that the search chose. `waiting` is asked for and not begun. `seconds_left` is the median
     duration of the last measurements times what is still to do (None: nothing to judge by, or it does not
     run). `unserved` says that work waits and no worker of the device was heard of lately. `version` changes
     with anything that a page shows, `results` with what was measured only.
@@ -74,7 +76,12 @@ def watch(key: int) -> Watch | None:
     own = Evaluation.objects.filter(exploration_id=key).exclude(phase__in=COPIED)
     groups = list(
         own.values("phase", "state")
-        .annotate(rows=Count("pk"), attempts=Sum("attempt"), last=Max("finished_at"))
+        .annotate(
+            rows=Count("pk"),
+            attempts=Sum("attempt"),
+            last=Max("finished_at"),
+            ratios=Count("ratio_filled_at"),
+        )
         .order_by("phase", "state")
     )
     counts = {(group["phase"], group["state"]): group["rows"] for group in groups}
@@ -139,7 +146,9 @@ def _seconds_left(
     if not durations:
         return None
     again = (exploration.points + phases[Phase.GIVEN]) * exploration.repeats
-    to_do = max(0, exploration.budget - searched) + max(0, again - phases[Phase.REPEAT])
+    left = max(0, exploration.budget - searched)
+    defaults = ceil(left / exploration.batch) if ratios.used(exploration) else 0
+    to_do = left + defaults + max(0, again - phases[Phase.REPEAT])
     return median(durations) * max(to_do, asked) / exploration.reference_device.machines
 
 

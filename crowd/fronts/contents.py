@@ -60,11 +60,15 @@ class InvalidFrontError(ValueError):
 
 
 class Predicted(msgspec.Struct):
-    """What the reference device measured: seconds a frame, metres. None where the trajectory was lost."""
+    """What the reference device measured: seconds a frame, metres. None where the trajectory was lost.
+
+    `runtime_ratio`, where it is known, is the runtime over that of the default in the same round.
+    """
 
     runtime: NonNegative
     ate_max: NonNegative | None
     ate_mean: NonNegative | None
+    runtime_ratio: NonNegative | UnsetType = UNSET
 
 
 class Point(msgspec.Struct):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from crowd.fronts.protocol import max_ate
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from pareto.fronts.hypervolume import hypervolume
 
 
@@ -106,9 +106,9 @@ def warnings(present: Front, new: Front) -> tuple[str, ...]:
 
 def _speedup(front: Front) -> float | None:
     default, best = front.point(DEFAULT), front.point(BEST)
-    if default is None or best is None or not default.runtime or not best.runtime:
+    if default is None or best is None:
         return None
-    return default.runtime / best.runtime
+    return predicted_speedup(default.predicted, best.predicted)
 
 
 def _error(front: Front) -> float | None:

@@ -32,6 +32,18 @@ class Point:
     trajectory_sha256: str | None = None
 
 
+def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> float | None:
+    """How many times faster than the DEFAULT a configuration was on the reference device, as predicted.
+
+    The ratios to the default of the same round count where both are known: a host that was slower at one time
+    does not change them. None where a runtime is unknown.
+    """
+    both = "runtime_ratio" in default and "runtime_ratio" in own
+    name = "runtime_ratio" if both else "runtime"
+    before, after = default.get(name), own.get(name)
+    return before / after if before and after else None
+
+
 @dataclass(frozen=True)
 class Front:
     """A front with its points in published order; `published_at` is None as long as it is not."""

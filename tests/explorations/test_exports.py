@@ -6,7 +6,7 @@ import json
 import pytest
 
 from crowd.disclosure import public
-from crowd.explorations import exports, leases, services
+from crowd.explorations import exports, leases, ratios, services
 from crowd.explorations.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Exploration
 from slam import isolated
@@ -50,7 +50,7 @@ def test_a_text_that_a_spreadsheet_would_compute_begins_with_an_apostrophe(faile
 def test_whatever_was_measured_has_a_column(exploration: Exploration) -> None:
     with leases.leased(services.waiting(exploration)[0].pk) as evaluation:
         assert evaluation is not None
-        values = dict.fromkeys((*services.MEASURED, "energy_joules"), 0.25)
+        values = ratios.without_claims(dict.fromkeys((*services.MEASURED, "energy_joules"), 0.25))
         stages = dict.fromkeys(isolated.STAGES, 0.5)
         leases.record(evaluation, Measurement(values, stages, {"name": "Bench CPU"}))
 

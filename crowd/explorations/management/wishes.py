@@ -9,6 +9,7 @@ from typing import Any
 from django.core.management.base import CommandError, CommandParser
 
 from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.explorations.ratios import RATIO
 from crowd.fronts import sequences
 from pareto.errors import ParetoError
 from pareto.search.methods import DEFAULT, METHODS
@@ -31,7 +32,7 @@ def add_wishes(parser: CommandParser) -> None:
     parser.add_argument("--points", type=int, default=12, help="of the front, to measure again at the end")
     parser.add_argument("--repeats", type=int, default=3, help="further measurements of each such point")
     parser.add_argument("--frames", type=int, metavar="N", help="that the search measures (all)")
-    parser.add_argument("--objectives", type=_names, default=["ate_max", "runtime"], metavar="A,B")
+    parser.add_argument("--objectives", type=_names, default=["ate_max", RATIO], metavar="A,B")
     limits = parser.add_mutually_exclusive_group()
     limits.add_argument(
         "--limit",

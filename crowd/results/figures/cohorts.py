@@ -16,7 +16,7 @@ from django.db.models import Avg, Count, F, Max, Min, Q, QuerySet, Sum
 
 from crowd.devices import revision
 from crowd.fronts.models import Configuration
-from crowd.fronts.selectors import DEFAULT
+from crowd.fronts.selectors import DEFAULT, predicted_speedup
 from crowd.results.figures import confirmation, statistics
 from crowd.results.models import Cohort, DeviceSpeedup, Outcome, SessionSummary, State
 from crowd.results.validity import plausibility, rules, version
@@ -297,9 +297,9 @@ def _predicted(front: int) -> dict[int, float]:
     configuration's key.
     """
     rows = Configuration.objects.filter(front=front).values_list("pk", "name", "predicted")
-    runtimes = {key: predicted.get("runtime") for key, _, predicted in rows}
-    default = next((runtimes[key] for key, name, _ in rows if name == DEFAULT), None)
-    return {key: default / runtime for key, runtime in runtimes.items() if default and runtime}
+    default: Mapping[str, Any] = next((predicted for _, name, predicted in rows if name == DEFAULT), {})
+    speedups = {key: predicted_speedup(default, predicted) for key, _, predicted in rows}
+    return {key: speedup for key, speedup in speedups.items() if speedup is not None}
 
 
 def change(summaries: QuerySet[SessionSummary], keys: Collection[int], state: State, reason: str) -> None:
