@@ -1,6 +1,6 @@
 """What an exploration found: one value a configuration from all its measurements, and the best of them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from statistics import median
@@ -121,15 +121,25 @@ def front(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
     return sorted(kept, key=lambda point: point.values[name])
 
 
-def worth_publishing(exploration: Exploration, evaluations: Iterable[Evaluation]) -> list[Point]:
+def worth_publishing(
+    exploration: Exploration,
+    evaluations: Iterable[Evaluation],
+    recommended: Sequence[Mapping[str, Any]] | None = None,
+) -> list[Point]:
     """The known configurations that work, and up to `exploration.points` points spread along the front.
 
     The fastest and the most accurate are always among the latter. It is the front of what the search runs:
-    what was measured over more frames afterwards says nothing of the other points.
+    what was measured over more frames afterwards says nothing of the other points. Where measurements of one
+    configuration differ it is the front of the `recommended` configurations.
     """
     points = searched(exploration, evaluations)
     given = [point for point in points if point.label]
-    found = [point for point in front(exploration, points) if not point.label]
+    best = front(exploration, points)
+    if recommended is not None:
+        name = speed_objective(points)
+        best = [point for point in points if point.configuration in recommended]
+        best.sort(key=lambda point: point.values[name])
+    found = [point for point in best if not point.label]
     return given + spread(found, exploration.points)
 
 

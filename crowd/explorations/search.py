@@ -124,6 +124,14 @@ def explorer(exploration: Exploration, evaluations: Sequence[Row]) -> Explorer:
     return Explorer.restore(found.space, state)
 
 
+def recommended(exploration: Exploration, evaluations: Sequence[Row]) -> list[dict[str, Any]] | None:
+    """The configurations on the front of expected values; None where no measurements of one differ."""
+    found = explorer(exploration, evaluations)
+    if not found.estimates().noisy:
+        return None
+    return [item.configuration for item in found.recommended()]
+
+
 def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     """Single measurements to be made again, since they lie far from what the others lead to expect.
 

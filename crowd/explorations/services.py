@@ -261,7 +261,8 @@ def _repeats(exploration: Exploration) -> list[Wanted]:
         return []
     own = [row for row in evaluations if row.phase != Evaluation.Phase.PRIOR]
     missing = []
-    for point in points.worth_publishing(exploration, own):
+    recommended = search.recommended(exploration, search.rows_of(exploration))
+    for point in points.worth_publishing(exploration, own, recommended):
         wanted = batches.key(point.configuration)
         so_far = sum(row.configuration_key == wanted for row in repeats)
         missing.append((point.configuration, point.label, exploration.repeats - so_far))

@@ -86,7 +86,7 @@ def test_a_created_exploration_is_what_the_form_said_and_its_measurements_are_se
 ) -> None:
     with committing():
         answer = administrator.post(
-            reverse(ADD), wish(unsaved, method="two-stage", max_runtime_ms="200", random_first="4")
+            reverse(ADD), wish(unsaved, method="bayesian", max_runtime_ms="200", random_first="4")
         )
 
     assert answer.status_code == 302, answer.context["errors"]
@@ -96,7 +96,7 @@ def test_a_created_exploration_is_what_the_form_said_and_its_measurements_are_se
     assert created.objectives == ["ate_max", "runtime"]
     assert created.limits == {"ate_max": 0.05, "runtime": 0.2}
     assert created.options == {"initial": 4}
-    assert (created.method, created.budget, created.batch) == ("two-stage", 6, 4)
+    assert (created.method, created.budget, created.batch) == ("bayesian", 6, 4)
     assert sent("bench") == [[row.pk] for row in services.waiting(created)]
 
 
@@ -311,7 +311,7 @@ def test_a_clone_keeps_what_the_form_has_no_field_for(
     administrator: Client, unsaved: Exploration, unread_queues: None
 ) -> None:
     unsaved.application, unsaved.space = "other", forms.space_of("kfusion")[1]
-    unsaved.method, unsaved.options = "two-stage", {"initial": 3, "trees": 8}
+    unsaved.method, unsaved.options = "bayesian", {"initial": 3, "points": 8}
     unsaved.objectives = ["ate_max", "runtime", "ate_mean", "peak_memory_bytes"]
     unsaved.limits = {"ate_max": 0.04, "ate_mean": 0.02, "peak_memory_bytes": 2e9}
     first = services.create(unsaved)

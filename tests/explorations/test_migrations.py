@@ -81,3 +81,25 @@ def test_measurements_stay_and_the_search_asks_for_what_it_would_have_asked(fill
 def test_a_stopped_exploration_is_cancelled(filled: dict[str, Any]) -> None:
     assert set(Exploration.objects.values_list("state", flat=True)) == {"running", "cancelled"}
     assert Evaluation.objects.count() == 8
+
+
+def test_a_search_keeps_its_rows_under_the_methods_new_name(transactional_db: None) -> None:
+    newest = MigrationExecutor(connection).loader.graph.leaf_nodes("explorations")
+    apps = migrate([("explorations", "0007_runtime_ratio")])
+    device = apps.get_model("explorations", "ReferenceDevice").objects.create(name="bench", queue="bench")
+    former = apps.get_model("explorations", "Exploration").objects.create(
+        space=SPACE,
+        sequence="tiny",
+        sequence_sha256="0" * 64,
+        reference_device=device,
+        objectives=["ate_max", "runtime"],
+        limits={"ate_max": 0.05},
+        method="two-stage",
+        options={"initial": 8, "trees": 8, "explore": 20},
+        budget=9,
+        batch=3,
+    )
+    migrate(newest)
+    found = Exploration.objects.get(pk=former.pk)
+    assert (found.method, found.options) == ("bayesian", {"initial": 8})
+    assert search.fresh(found).method == "bayesian"

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.explorations import batches, leases, points, publishing, services, steering
+from crowd.explorations import batches, leases, points, publishing, search, services, steering
 from crowd.explorations.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.report import markdown
@@ -150,3 +150,27 @@ def test_what_another_exploration_measured_is_none_of_this_ones(exploration: Exp
     phases = {point.label: point.phase for point in points.measured(rows(warm)) if point.label}
     assert set(phases.values()) == {"given"}
     assert "known" in {point.phase for point in points.measured(rows(warm))}
+
+
+def test_where_measurements_differ_the_recommended_are_worth_publishing(short: Exploration) -> None:
+    found = rows(short)
+    searched = points.searched(short, found)
+    chosen = [point.configuration for point in searched if not point.label][:2]
+
+    worth = points.worth_publishing(short, found, chosen)
+
+    given = [point for point in searched if point.label]
+    assert keys(worth) == keys(given) | {batches.key(configuration) for configuration in chosen}
+
+
+def test_a_search_recommends_once_its_measurements_differ(short: Exploration) -> None:
+    finish(short)
+    assert search.recommended(short, search.rows_of(short)) is None
+    row = short.evaluations.filter(phase="active", state="done").order_by("number").first()
+    assert row is not None
+    doubled = {name: 2 * value for name, value in row.objectives.items()}
+    batches.add(short, [(row.configuration, Evaluation.Phase.AGAIN, "")])
+    again = short.evaluations.latest("number")
+    measure([again])
+    Evaluation.objects.filter(pk=again.pk).update(objectives=doubled)
+    assert search.recommended(short, search.rows_of(short))

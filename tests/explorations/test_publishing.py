@@ -258,7 +258,7 @@ KFUSION = json.loads((Path(pareto.__file__).parent / "spaces" / "kfusion.json").
 def test_the_command_of_an_exploration_starts_the_same_one(
     unsaved: Exploration, wish: dict[str, Any], unread_queues: None
 ) -> None:
-    for name, value in ({"space": Space.from_dict(KFUSION).to_dict(), "method": "two-stage"} | wish).items():
+    for name, value in ({"space": Space.from_dict(KFUSION).to_dict(), "method": "bayesian"} | wish).items():
         setattr(unsaved, name, value)
     created = services.create(unsaved)
 
@@ -272,7 +272,7 @@ def test_the_command_of_an_exploration_starts_the_same_one(
             assert getattr(again, field.name) == getattr(created, field.name), field.name
 
 
-@pytest.mark.parametrize("wish", [{"options": {"trees": 8}, "method": "two-stage"}, {"space": SPACE}])
+@pytest.mark.parametrize("wish", [{"options": {"points": 8}, "method": "bayesian"}, {"space": SPACE}])
 def test_what_no_command_can_say_is_not_made_up(unsaved: Exploration, wish: dict[str, Any]) -> None:
     for name, value in ({"space": Space.from_dict(KFUSION).to_dict()} | wish).items():
         setattr(unsaved, name, value)

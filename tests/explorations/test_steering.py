@@ -144,17 +144,17 @@ def test_a_warm_start_knows_what_was_measured_and_does_not_measure_it_again(expl
 def test_another_devices_measurements_are_a_prior_and_never_a_measurement(exploration: Exploration) -> None:
     run_to_the_end(exploration)
     board = ReferenceDevice.objects.create(name="board", queue="board")
-    wishes = {"reference_device": board, "method": "two-stage", "warm_start_from": exploration}
+    wishes = {"reference_device": board, "method": "bayesian", "warm_start_from": exploration}
     warm = services.create(services.clone(exploration, **wishes))
 
     assert warm.evaluations.filter(phase="prior").count() == exploration.evaluations.count()
     explorer = search.explorer(warm, search.rows_of(warm))
     assert not explorer.history.told
-    assert explorer.history.prior
+    assert explorer.state()["prior"]
 
 
 def test_a_synchronous_search_is_the_same_however_often_it_is_interrupted(unsaved: Exploration) -> None:
-    unsaved.method, unsaved.options, unsaved.budget = "two-stage", {"initial": 8}, 16
+    unsaved.method, unsaved.options, unsaved.budget = "bayesian", {"initial": 8}, 16
     calm = run_to_the_end(services.create(services.clone(unsaved)))
 
     stormy = services.create(unsaved)
@@ -172,7 +172,7 @@ def test_a_synchronous_search_is_the_same_however_often_it_is_interrupted(unsave
 def test_a_prior_that_lacks_an_objective_is_refused_at_once(exploration: Exploration) -> None:
     run_to_the_end(exploration)
     board = ReferenceDevice.objects.create(name="board", queue="board")
-    wishes = {"reference_device": board, "method": "two-stage", "warm_start_from": exploration}
+    wishes = {"reference_device": board, "method": "bayesian", "warm_start_from": exploration}
 
     with pytest.raises(ValidationError, match="objective 'cpu_seconds' is missing"):
         services.create(

@@ -12,7 +12,7 @@ from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.ratios import RATIO
 from crowd.fronts import sequences
 from pareto.errors import ParetoError
-from pareto.search.methods import DEFAULT, METHODS
+from pareto.search.methods import DEFAULT, METHODS, present
 from pareto.spaces.space import Space
 from slam.protocol import VALID_BELOW
 
@@ -26,7 +26,7 @@ def add_wishes(parser: CommandParser) -> None:
     parser.add_argument("--sequence", required=True, metavar="PACK", help="a pack's name or folder")
     parser.add_argument("--budget", type=int, required=True, help="configurations to search")
     parser.add_argument("--random", type=int, metavar="N", help="initial random samples (the method's own)")
-    parser.add_argument("--method", choices=list(METHODS), default=DEFAULT)
+    parser.add_argument("--method", type=_method, choices=list(METHODS), default=DEFAULT)
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--points", type=int, default=12, help="of the front, to measure again at the end")
@@ -114,6 +114,10 @@ def _pack(wanted: str) -> dict[str, Any]:
 
 def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
+
+
+def _method(text: str) -> str:
+    return present(text, {})[0]  # of an earlier program: what replaced it
 
 
 def _limit(text: str) -> tuple[str, float]:
