@@ -1,20 +1,21 @@
-"""The synthetic living room: what stands where.
+"""The living room: the sequence that clients measure, and a loop through the whole room with colour.
 
-World axes are OpenCV's: x right, y down, z forward, metres; the floor is y = 0, the middle of the room is
-x = z = 0. Furniture is described as people would: a place on the floor, a height above it, and a size.
+The hand's path has two hurried stretches, on which careless configurations lose track. On the loop the walls
+are patterned and furniture stands all around, for depth and colour to hold on to; after one turn the camera
+sees the start again.
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-from slam.datasets.shapes import Kind, Pattern, Shape
-
-Array = npt.NDArray[np.float64]
-Colour = tuple[int, int, int]
+from slam.datasets import camera_paths
+from slam.datasets.place import Colour, Place, turn
+from slam.datasets.scenes.scene import SyntheticScene
+from slam.datasets.shapes import Pattern, Shape
 
 HEIGHT = 2.55
 LEFT, RIGHT, BACK, FRONT = -2.2, 2.2, 2.1, -2.3
@@ -32,46 +33,6 @@ SPINES: tuple[Colour, ...] = (
     (196, 110, 54),
     (52, 54, 62),
 )
-
-
-def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Array:
-    """Rotation (3, 3) by degrees: roll about z, then pitch about x (positive looks up), then yaw about y."""
-    a, b, c = np.radians([yaw, pitch, roll])
-    Ry = np.array([[math.cos(a), 0, math.sin(a)], [0, 1, 0], [-math.sin(a), 0, math.cos(a)]])
-    Rx = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
-    Rz = np.array([[math.cos(c), -math.sin(c), 0], [math.sin(c), math.cos(c), 0], [0, 0, 1]])
-    return Ry @ Rx @ Rz
-
-
-class Place:
-    """A spot on the floor and a direction to face; what is put there keeps to its axes."""
-
-    def __init__(self, shapes: list[Shape], x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> None:
-        self._shapes = shapes
-        self._origin = np.array([x, 0.0, z])
-        self._rotation = turn(yaw)
-
-    def put(
-        self,
-        kind: Kind,
-        at: tuple[float, float, float],
-        size: tuple[float, float, float],
-        colour: Colour,
-        pattern: Pattern = "plain",
-        tilt: Array | None = None,
-        top: float = 1.0,
-        edge: float = 0.0,
-        mirror: bool = False,
-    ) -> None:
-        """Add a shape whose underside lies at the height `at[1]` above the floor, before any tilt.
-
-        `at` is (x, height, z) from this place, `size` (width, height, depth).
-        """
-        x, height, z = at
-        centre = self._origin + self._rotation @ np.array([x, -(height + size[1] / 2), z])
-        rotation = self._rotation if tilt is None else self._rotation @ tilt
-        half = np.array(size) / 2
-        self._shapes.append(Shape(kind, centre, half, rotation, top, edge, colour, pattern, mirror))
 
 
 def living_room(seed: int = 0, all_around: bool = False) -> list[Shape]:
@@ -343,3 +304,25 @@ def _chair(place: Place) -> None:
     for x in (-0.18, 0.18):
         for z in (-0.18, 0.18):
             place.put("frustum", (x, 0, z), (0.04, 0.43, 0.04), OAK)
+
+
+# Each volume is a cube in the axes of the first camera. The hand's path sees one end of the room only.
+HAND = SyntheticScene(
+    name="living-room",
+    role="learned-on",
+    summary="a furnished living room seen from a hand, 10 mm a frame with two hurried stretches",
+    shapes=living_room,
+    poses=camera_paths.hand_held,
+    volume_size=4.8,
+    initial_position=(0.5, 0.48, 0.1),
+)
+LOOP = SyntheticScene(
+    name="living-room-loop",
+    role="loop",
+    summary="the same room, papered and furnished on all sides: once round and on past the start",
+    shapes=partial(living_room, all_around=True),
+    poses=camera_paths.loop,
+    volume_size=5.4,
+    initial_position=(0.5, 0.48, 0.5),
+    frames=400,
+)
