@@ -1,9 +1,9 @@
 """python -m tests.benchmarks.sequences: the points of a front on every synthetic sequence, and on a real one.
 
-Runs configurations of a front (default: all of kfusion-3) over the learned-on and the held-out scenes at their
-usual length, and over three windows of 100 frames of the real recording redkitchen where FRONTRUNNER_DATA
-names it. Sequences are made under $FRONTRUNNER_VAR/sequences once. Writes a row for each run to
-var/benchmarks/sequences.json, goes on where it stopped, and prints tables in Markdown.
+Runs configurations of a front (default: all of kfusion-3) over the learned-on and the held-out scenes at
+their usual length, and over three windows of 100 frames of the real recording redkitchen where
+FRONTRUNNER_DATA names it. Sequences are made under $FRONTRUNNER_VAR/sequences once. Writes a row for each run
+to var/benchmarks/sequences.json, goes on where it stopped, and prints tables in Markdown.
 """
 
 from __future__ import annotations

@@ -49,5 +49,5 @@ STUDIO = SyntheticScene(
     volume_size=5.4,
     initial_position=(0.5, 0.47, 0.25),
     sensor=Sensor(faintest=0.03),
-    frames=420,
+    frames=440,
 )
