@@ -266,10 +266,10 @@ def window(
 ) -> None:
     """A window before the wall: panes that send nothing back, a frame, a sill and a radiator below."""
     place.add("box", (0, bottom, 0), (width, height, SKIN), GLASS)
-    for x in (-1, 0, 1):
-        place.add("box", (x * width / 2, bottom, -0.02), (0.07, height, 0.07), PAINT)
-    for y in (0.0, height - 0.07):
-        place.add("box", (0, bottom + y, -0.02), (width, 0.07, 0.07), PAINT)
+    for side in (-1, 0, 1):
+        place.add("box", (side * width / 2, bottom, -0.02), (0.07, height, 0.07), PAINT)
+    for bottom_of_bar in (bottom, bottom + height - 0.07):
+        place.add("box", (0, bottom_of_bar, -0.02), (width, 0.07, 0.07), PAINT)
     place.add("box", (0, bottom - 0.04, -0.1), (width + 0.1, 0.04, 0.26), PAINT)
     for fin in range(int(width / 0.09)):
         x = 0.09 * fin - width / 2 + 0.06
