@@ -10,7 +10,7 @@ from slam.datasets.waypoints import Waypoint, WaypointPath
 ATTIC = SyntheticScene(
     name="attic",
     role="learned-on",
-    summary="an attic bedroom, noisy and distorted depth; a hand that hurries, 12 mm a frame",
+    summary="an attic bedroom, noisy and distorted depth; a hand that hurries, 11 mm a frame",
     shapes=Layout(
         (
             at(0, 0, 0, f.shell, width=4.0, depth=4.2, height=2.6, wall=f.PLASTER, floor=f.DARK_WOOD),

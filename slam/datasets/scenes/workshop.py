@@ -10,7 +10,7 @@ from slam.datasets.waypoints import Waypoint, WaypointPath
 WORKSHOP = SyntheticScene(
     name="workshop",
     role="held-out",
-    summary="a cluttered workshop, 22 mm and 0.9 degrees a frame; open shelves, steel and rubber",
+    summary="a cluttered workshop, 21 mm and 0.5 degrees a frame; open shelves, steel and rubber",
     shapes=Layout(
         (
             at(0, 0, 0, f.shell, width=4.4, depth=4.4, height=2.7, wall=f.BRICK, floor=f.TILES),
