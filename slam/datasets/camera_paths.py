@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from slam.datasets.furniture import turn
+from slam.datasets.place import turn
 
 Array = npt.NDArray[np.float64]
 
@@ -33,12 +33,12 @@ LOOP_HEIGHT = (0.08, 2)  # metres, waves a turn
 
 def hand_held(timestamps: Array, seed: int = SEED) -> Array:
     """The poses (n, 4, 4) of a camera that looks at one side of the room from a hand, at some seconds."""
-    seconds, started = _since_start(timestamps)
+    seconds, started = since_start(timestamps)
     hurried = started * (seconds + HURRY * np.sin(2 * math.pi * 2 * seconds))
-    tremor = started[:, None] * _tremor(seconds, seed)
+    tremor = started[:, None] * get_tremor(seconds, seed)
     position = START + _swing(hurried, SWING_POSITION) + TREMOR_POSITION * tremor[:, :3]
     angles = GAZE + _swing(hurried, SWING_ANGLE) + TREMOR_ANGLE * tremor[:, 3:]
-    return _poses(position, angles)
+    return to_poses(position, angles)
 
 
 def loop(timestamps: Array, seed: int = SEED) -> Array:
@@ -46,27 +46,28 @@ def loop(timestamps: Array, seed: int = SEED) -> Array:
 
     It starts and ends slowly, so that the first frames and the last are nearly still.
     """
-    seconds, started = _since_start(timestamps)
-    travelled = np.cumsum(started * _since_start(timestamps[-1] + STILL - timestamps)[1])
+    seconds, started = since_start(timestamps)
+    travelled = np.cumsum(started * since_start(timestamps[-1] + STILL - timestamps)[1])
     progress = travelled / max(float(travelled[-1]), 1e-9)
     turned, wave = TURNED * progress, 2 * math.pi * progress
     yaw = np.radians(turned)
-    tremor = started[:, None] * _tremor(seconds, seed)
+    tremor = started[:, None] * get_tremor(seconds, seed)
     outwards = np.stack([np.sin(yaw), np.zeros(len(yaw)), np.cos(yaw)], axis=1)
     position = CENTRE + RADIUS * outwards + TREMOR_POSITION * tremor[:, :3]
     position[:, 1] += LOOP_HEIGHT[0] * np.sin(LOOP_HEIGHT[1] * wave)
     pitch = LOOP_PITCH[0] + LOOP_PITCH[1] * np.sin(LOOP_PITCH[2] * wave)
     angles = np.stack([turned, pitch, np.zeros(len(yaw))], axis=1) + TREMOR_ANGLE * tremor[:, 3:]
-    return _poses(position, angles)
+    return to_poses(position, angles)
 
 
-def _since_start(timestamps: Array) -> tuple[Array, Array]:
+def since_start(timestamps: Array) -> tuple[Array, Array]:
     """Seconds since the camera began to move, and how far motion has got under way, from 0 to 1."""
     seconds = np.maximum(timestamps - STILL, 0)
     return seconds, seconds**2 / (seconds**2 + SETTLE**2)
 
 
-def _poses(position: Array, angles: Array) -> Array:
+def to_poses(position: Array, angles: Array) -> Array:
+    """Poses (n, 4, 4), camera to world, of positions (n, 3) in metres and of yaw, pitch, roll in degrees."""
     result = np.tile(np.eye(4), (len(position), 1, 1))
     result[:, :3, 3] = position
     result[:, :3, :3] = [turn(*row) for row in angles]
@@ -83,7 +84,7 @@ def _swing(seconds: Array, axes: tuple[tuple[tuple[float, float], ...], ...]) ->
     )
 
 
-def _tremor(seconds: Array, seed: int) -> Array:
+def get_tremor(seconds: Array, seed: int) -> Array:
     """Six unit tremors (n, 6): a few fast sines of random phase each."""
     rng = np.random.default_rng([seed, 2])
     phases = rng.uniform(0, 2 * math.pi, (6, len(TREMOR_HERTZ)))

@@ -10,16 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from slam.arguments import four_numbers, number, show_progress, three_numbers
+from slam.arguments import (
+    UsageError,
+    four_numbers,
+    number,
+    progress_line,
+    show_progress,
+    three_numbers,
+)
 from slam.datasets import Sequence, SequenceError, open_sequence, pack, retrieval
 from slam.datasets.altered import Altered
 from slam.datasets.camera_paths import SEED
 from slam.datasets.conversion import FORMATS, check_target, form_of, write
-from slam.datasets.living_room import CAMERA, FRAMES, LivingRoom
 from slam.datasets.pack import Pack
+from slam.datasets.prepared import SHIPPED, default_folder, make_all
+from slam.datasets.scenes import SCENES, with_role
 from slam.datasets.sequence import LARGEST_VOLUME
+from slam.datasets.synthetic import CAMERA, SyntheticSequence
 
-SHIPPED = Path(__file__).resolve().parents[2] / "fixtures" / "sequences"
+ALL = "all"
 
 
 def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -28,12 +37,15 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     kinds = parser.add_subparsers(required=True, metavar="COMMAND")
 
     parser = kinds.add_parser("make", help="render a synthetic sequence")
-    parser.add_argument("scene", choices=("living-room",))
-    parser.add_argument("--frames", type=int, default=FRAMES, metavar="N")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument(
+        "scene", choices=(*SCENES, ALL), metavar="SCENE", help=f"see `list`; {ALL}: those learned on"
+    )
+    parser.add_argument("--frames", type=int, metavar="N", help="default: the scene's own number")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help=f"with {ALL} default: $FRONTRUNNER_VAR/sequences"
+    )
     parser.add_argument("--noise", choices=("kinect", "none"), default="kinect")
     parser.add_argument("--seed", type=int, default=SEED, metavar="S")
-    parser.add_argument("--path", choices=("hand", "loop"), default="hand", help="how the camera moves")
     parser.add_argument("--size", type=_ratio, default=1, metavar="WxH", help="default: 640x480")
     _add_alterations(parser)
     parser.add_argument("--format", choices=FORMATS, default="pack")
@@ -52,8 +64,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     _add_alterations(parser)
     parser.set_defaults(execute=_convert)
 
-    parser = kinds.add_parser("list", help="the packs in a folder")
-    parser.add_argument("folder", type=Path, nargs="?", default=SHIPPED, help="default: the shipped ones")
+    parser = kinds.add_parser("list", help="the scenes that can be made, or the packs in a folder")
+    parser.add_argument(
+        "folder", type=Path, nargs="?", help="of packs; default: the scenes and the shipped packs"
+    )
     parser.set_defaults(execute=_list)
 
     parser = kinds.add_parser("info", help="describe a sequence")
@@ -104,12 +118,36 @@ def _altered(sequence: Sequence, options: argparse.Namespace) -> Sequence:
 
 
 def _make(options: argparse.Namespace) -> None:
-    if options.frames < 1:
+    if options.frames is not None and options.frames < 1:
         raise SequenceError(f"--frames {options.frames}: a sequence has at least one frame")
     if options.seed < 0:
         raise SequenceError(f"--seed {options.seed}: give a whole number from 0 on")
-    room = LivingRoom(options.frames, options.noise, options.seed, options.path, options.size)
-    _write(_altered(room, options), options.out, options.format, options.colour)
+    if options.scene == ALL:
+        _make_all(options)
+        return
+    if options.out is None:
+        raise UsageError(f"--out is missing: give the folder to write {options.scene} to")
+    sequence = SyntheticSequence(
+        SCENES[options.scene], options.frames, options.noise, options.seed, options.size
+    )
+    _write(_altered(sequence, options), options.out, options.format, options.colour)
+
+
+def _make_all(options: argparse.Namespace) -> None:
+    """Make the packs of depth that searches learn on, unless they are there."""
+    if options.colour or options.format != "pack" or options.dark or options.focal_error:
+        raise UsageError(f"{ALL} makes plain packs of depth: leave out --colour, --format and alterations")
+
+    paths = make_all(
+        with_role("learned-on"),
+        options.out or default_folder(),
+        options.frames,
+        options.noise,
+        options.seed,
+        options.size,
+        lambda name: progress_line(f"{name}: "),
+    )
+    sys.stdout.write("".join(f"{path}\n" for path in paths))
 
 
 def _convert(options: argparse.Namespace) -> None:
@@ -132,9 +170,15 @@ def _write(sequence: Sequence, target: Path, form: str, colour: bool) -> None:
 
 
 def _list(options: argparse.Namespace) -> None:
-    if not options.folder.is_dir():
-        raise SequenceError(f"{options.folder} is no folder")
-    for manifest in sorted(options.folder.glob(f"*/{pack.MANIFEST}")):
+    folder = options.folder or SHIPPED
+    if options.folder is None:
+        sys.stdout.write("Scenes that `datasets make` renders:\n")
+        for scene in SCENES.values():
+            sys.stdout.write(f"{scene.name:18} {scene.role:10} {scene.frames:4} frames  {scene.summary}\n")
+        sys.stdout.write("\nPacks that are here:\n")
+    elif not folder.is_dir():
+        raise SequenceError(f"{folder} is not a folder")
+    for manifest in sorted(folder.glob(f"*/{pack.MANIFEST}")):
         described = pack.read_manifest(manifest.parent)
         size = sum(chunk["bytes"] for chunk in described["chunks"])
         sys.stdout.write(

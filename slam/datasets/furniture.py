@@ -1,7 +1,6 @@
-"""The synthetic living room: what stands where.
+"""Furniture for synthetic rooms. Each function puts one piece on a place; its front looks towards -z.
 
-World axes are OpenCV's: x right, y down, z forward, metres; the floor is y = 0, the middle of the room is
-x = z = 0. Furniture is described as people would: a place on the floor, a height above it, and a size.
+All take the place, a random generator for what is loose, and sizes in metres. A height is above the floor.
 """
 
 from __future__ import annotations
@@ -9,337 +8,319 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from slam.datasets.shapes import Kind, Pattern, Shape
+from slam.datasets.place import Material, Place
 
-Array = npt.NDArray[np.float64]
-Colour = tuple[int, int, int]
-
-HEIGHT = 2.55
-LEFT, RIGHT, BACK, FRONT = -2.2, 2.2, 2.1, -2.3
-WINDOW = 1.0  # x of its middle, in the back wall
-
-OAK, WALNUT, WHITE, CREAM = (176, 132, 84), (104, 70, 46), (236, 234, 228), (224, 212, 190)
-STEEL, BLACK, GREEN, TERRACOTTA = (150, 154, 158), (38, 38, 42), (70, 118, 62), (178, 98, 66)
-SPINES: tuple[Colour, ...] = (
-    (150, 52, 48),
-    (46, 84, 128),
-    (204, 168, 80),
-    (58, 104, 82),
-    (210, 204, 190),
-    (92, 62, 108),
-    (196, 110, 54),
-    (52, 54, 62),
-)
-
-
-def turn(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Array:
-    """Rotation (3, 3) by degrees: roll about z, then pitch about x (positive looks up), then yaw about y."""
-    a, b, c = np.radians([yaw, pitch, roll])
-    Ry = np.array([[math.cos(a), 0, math.sin(a)], [0, 1, 0], [-math.sin(a), 0, math.cos(a)]])
-    Rx = np.array([[1, 0, 0], [0, math.cos(b), -math.sin(b)], [0, math.sin(b), math.cos(b)]])
-    Rz = np.array([[math.cos(c), -math.sin(c), 0], [math.sin(c), math.cos(c), 0], [0, 0, 1]])
-    return Ry @ Rx @ Rz
+WOOD = Material((176, 132, 84), "wood", 0.6)
+DARK_WOOD = Material((104, 70, 46), "wood", 0.35)
+PAINT = Material((236, 234, 228), "plain", 0.85)
+PLASTER = Material((224, 212, 190), "plain", 0.8)
+WALLPAPER = Material((206, 198, 178), "paper", 0.75)
+BRICK = Material((168, 108, 88), "paper", 0.5)
+CARPET = Material((132, 112, 98), "weave", 0.45)
+TILES = Material((196, 198, 200), "speckle", 0.7)
+CLOTH = Material((112, 124, 132), "weave", 0.55)
+RED_CLOTH = Material((158, 70, 60), "weave", 0.5)
+CARDBOARD = Material((186, 150, 104), "print", 0.65)
+PRINT = Material((190, 120, 70), "print", 0.6)
+STEEL = Material((150, 154, 158), "plain", 0.3)
+BLACK = Material((38, 38, 42), "plain", 0.06)
+RUBBER = Material((52, 52, 56), "speckle", 0.09)
+GLASS = Material((140, 170, 200), "plain", 0.0)
+LEAF = Material((70, 118, 62), "speckle", 0.6)
+CLAY = Material((178, 98, 66), "plain", 0.55)
+LOOSE = (WOOD, CLOTH, RED_CLOTH, CARDBOARD, PRINT, PAINT, CLAY, LEAF, STEEL, RUBBER)
+SKIN = 0.02  # metres: the thickness of fronts, panels and frames
 
 
-class Place:
-    """A spot on the floor and a direction to face; what is put there keeps to its axes."""
-
-    def __init__(self, shapes: list[Shape], x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> None:
-        self._shapes = shapes
-        self._origin = np.array([x, 0.0, z])
-        self._rotation = turn(yaw)
-
-    def put(
-        self,
-        kind: Kind,
-        at: tuple[float, float, float],
-        size: tuple[float, float, float],
-        colour: Colour,
-        pattern: Pattern = "plain",
-        tilt: Array | None = None,
-        top: float = 1.0,
-        edge: float = 0.0,
-        mirror: bool = False,
-    ) -> None:
-        """Add a shape whose underside lies at the height `at[1]` above the floor, before any tilt.
-
-        `at` is (x, height, z) from this place, `size` (width, height, depth).
-        """
-        x, height, z = at
-        centre = self._origin + self._rotation @ np.array([x, -(height + size[1] / 2), z])
-        rotation = self._rotation if tilt is None else self._rotation @ tilt
-        half = np.array(size) / 2
-        self._shapes.append(Shape(kind, centre, half, rotation, top, edge, colour, pattern, mirror))
-
-
-def living_room(seed: int = 0, all_around: bool = False) -> list[Shape]:
-    """All shapes of the room. The furniture stays; the seed deals books, leaves and fruit.
-
-    `all_around` papers the walls and furnishes the end that lies behind a camera which looks at the sofa.
-    """
-    rng = np.random.default_rng([seed, 1])
-    shapes: list[Shape] = []
-    walls: Pattern = "paper" if all_around else "plain"
-    _walls(Place(shapes), walls)
-    _window(Place(shapes, WINDOW, BACK), walls)
-    _pictures(Place(shapes, -0.55, BACK))
-    _sofa(Place(shapes, -0.55, 1.55))
-    _coffee_table(Place(shapes, -0.25, 0.45, 8), rng)
-    _armchair(Place(shapes, -1.62, 0.55, -58))
-    _bookshelf(Place(shapes, 2.04, 0.75, 90), rng)
-    _lamp(Place(shapes, -1.85, 1.75))
-    _plant(Place(shapes, 1.72, 1.62), rng)
-    _cabinet(Place(shapes, -2.0, -0.65, -90))
-    _stool(Place(shapes, 0.95, 0.35, 25))
-    _clutter(Place(shapes, 0.0, 0.0), rng)
-    if all_around:
-        _far_end(Place(shapes, 0.0, FRONT, 180), rng)
-        _chair(Place(shapes, 1.35, FRONT + 0.75, 215))
-    return shapes
-
-
-def _walls(room: Place, pattern: Pattern) -> None:
-    width, depth = RIGHT - LEFT, BACK - FRONT
-    middle = (FRONT + BACK) / 2
-    room.put("box", (0, -0.1, middle), (width + 1, 0.1, depth + 1), OAK, "wood")
-    room.put("box", (0, HEIGHT, middle), (width + 1, 0.1, depth + 1), WHITE)
-    room.put("box", (LEFT - 0.05, 0, middle), (0.1, HEIGHT, depth), CREAM, pattern)
-    room.put("box", (RIGHT + 0.05, 0, middle), (0.1, HEIGHT, depth), CREAM, pattern)
-    room.put("box", (0, 0, FRONT - 0.05), (width, HEIGHT, 0.1), CREAM, pattern)
-    for side in (LEFT + 0.01, RIGHT - 0.01):
-        room.put("box", (side, 0, middle), (0.02, 0.09, depth), WHITE)
-    # A door on the left wall, with its frame and two panels.
-    for z, w in ((-1.75, 0.07), (-0.93, 0.07)):
-        room.put("box", (LEFT + 0.025, 0, z), (0.05, 2.05, w), WHITE)
-    room.put("box", (LEFT + 0.025, 2.0, -1.34), (0.05, 0.07, 0.89), WHITE)
-    room.put("box", (LEFT + 0.012, 0, -1.34), (0.024, 2.0, 0.75), OAK, "wood")
-    for bottom, tall in ((0.2, 0.7), (1.05, 0.8)):
-        room.put("box", (LEFT + 0.03, bottom, -1.34), (0.02, tall, 0.5), OAK, "wood")
-    # A beam and a pendant lamp.
-    room.put("box", (0, HEIGHT - 0.16, 0.9), (width, 0.16, 0.14), WALNUT, "wood")
-    room.put("frustum", (0.15, 1.95, 0.9), (0.012, 0.45, 0.012), BLACK)
-    room.put("frustum", (0.15, 1.78, 0.9), (0.4, 0.2, 0.4), TERRACOTTA, "weave", top=0.3)
-    room.put("box", (-0.2, 0.0, 0.5), (2.1, 0.014, 1.5), (126, 60, 58), "print", turn(4))
-
-
-def _window(place: Place, pattern: Pattern) -> None:
-    """The back wall around an opening with a recess 22 cm deep, a radiator below and curtains."""
-    thick, low, high, half = 0.22, 0.92, 2.1, 0.5
-    z = thick / 2
-    # The wall's ends, seen from the middle of the window.
-    left, right = LEFT - WINDOW, RIGHT - WINDOW
-    place.put("box", ((left - half) / 2, 0, z), (-half - left, HEIGHT, thick), CREAM, pattern)
-    place.put("box", ((right + half) / 2, 0, z), (right - half, HEIGHT, thick), CREAM, pattern)
-    place.put("box", (0, 0, z), (2 * half, low, thick), CREAM, pattern)
-    place.put("box", (0, high, z), (2 * half, HEIGHT - high, thick), CREAM, pattern)
-    place.put("box", (0, 0, thick + 0.05), (2 * half + 0.4, HEIGHT, 0.02), (140, 170, 200), mirror=True)
-    for x in (-half + 0.03, 0.0, half - 0.03):
-        place.put("box", (x, low, thick - 0.03), (0.06, high - low, 0.05), WHITE)
-    for y in (low, 1.55, high - 0.06):
-        place.put("box", (0, y, thick - 0.03), (2 * half, 0.06, 0.05), WHITE)
-    place.put("box", (0, low - 0.04, 0.02), (2 * half + 0.1, 0.04, 0.34), WHITE)
-    place.put("frustum", (-0.3, low, 0.02), (0.14, 0.15, 0.14), TERRACOTTA, top=1.3)
-    place.put("ellipsoid", (-0.3, low + 0.13, 0.02), (0.2, 0.2, 0.2), GREEN, "speckle")
-    for fin in range(12):
-        place.put("rounded", (-0.44 + 0.08 * fin, 0.14, -0.07), (0.05, 0.6, 0.1), WHITE, edge=0.02)
+def shell(
+    place: Place,
+    _rng: np.random.Generator,
+    width: float,
+    depth: float,
+    height: float,
+    wall: Material = PLASTER,
+    floor: Material = WOOD,
+    ceiling: Material = PAINT,
+) -> None:
+    """Four walls, a floor and a ceiling around the place, with skirting boards."""
+    thick = 0.1
+    place.add("box", (0, -thick, 0), (width + 1, thick, depth + 1), floor)
+    place.add("box", (0, height, 0), (width + 1, thick, depth + 1), ceiling)
     for side in (-1, 1):
-        for fold in range(6):
-            x, z = side * (half + 0.03 + 0.055 * fold), -0.09 - 0.035 * (fold % 2)
-            place.put("frustum", (x, 0.06, z), (0.075, 2.2, 0.075), (88, 112, 128), "weave")
-    place.put("box", (0, 2.26, -0.11), (2.0, 0.03, 0.03), BLACK)
-    # What is left of the back wall has a skirting board.
-    place.put("box", (-1.9, 0, -0.01), (2.6, 0.09, 0.02), WHITE)
+        place.add("box", (side * (width + thick) / 2, 0, 0), (thick, height, depth), wall)
+        place.add("box", (0, 0, side * (depth + thick) / 2), (width, height, thick), wall)
+        place.add("box", (side * (width - SKIN) / 2, 0, 0), (SKIN, 0.09, depth), PAINT)
+        place.add("box", (0, 0, side * (depth - SKIN) / 2), (width, 0.09, SKIN), PAINT)
 
 
-def _pictures(place: Place) -> None:
-    for x, low, width, height, colour in (
-        (-0.75, 1.25, 0.5, 0.65, (70, 110, 140)),
-        (0.0, 1.35, 0.7, 0.5, (190, 120, 70)),
-        (0.6, 1.2, 0.3, 0.4, (90, 130, 80)),
-    ):
-        place.put("box", (x, low, -0.01), (width, height, 0.02), colour, "print")
-        for side in (-1, 1):
-            place.put("box", (x + side * width / 2, low, -0.025), (0.04, height, 0.05), WALNUT, "wood")
-        for y in (low - 0.02, low + height - 0.02):
-            place.put("box", (x, y, -0.025), (width + 0.04, 0.04, 0.05), WALNUT, "wood")
+def table(
+    place: Place,
+    _rng: np.random.Generator,
+    width: float = 1.4,
+    depth: float = 0.75,
+    height: float = 0.74,
+    material: Material = WOOD,
+) -> None:
+    place.add("box", (0, height - 0.04, 0), (width, 0.04, depth), material)
+    place.add("box", (0, height - 0.12, 0), (width - 0.1, 0.08, depth - 0.1), material)
+    for x in (-1, 1):
+        for z in (-1, 1):
+            at = (x * (width / 2 - 0.06), 0, z * (depth / 2 - 0.06))
+            place.add("frustum", at, (0.06, height - 0.04, 0.06), material)
 
 
-def _sofa(place: Place) -> None:
-    cloth = (112, 124, 132)
-    place.put("rounded", (0, 0.08, 0), (1.9, 0.24, 0.85), cloth, "weave", edge=0.05)
-    place.put("rounded", (0, 0.25, 0.33), (1.75, 0.62, 0.22), cloth, "weave", turn(0, 9), edge=0.09)
-    for x in (-0.88, 0.88):
-        place.put("rounded", (x, 0.1, -0.02), (0.2, 0.52, 0.86), cloth, "weave", edge=0.08)
-    for x in (-0.4, 0.4):
-        place.put("rounded", (x, 0.31, -0.08), (0.77, 0.15, 0.66), (122, 134, 142), "weave", edge=0.06)
-    for x, y, yaw, roll, colour in (
-        (-0.6, 0.44, 14, 20, (196, 148, 60)),
-        (-0.2, 0.43, -6, -12, (150, 70, 60)),
-        (0.6, 0.45, -20, 35, (80, 120, 130)),
-    ):
-        place.put("rounded", (x, y, 0.12), (0.42, 0.4, 0.15), colour, "print", turn(yaw, 20, roll), edge=0.07)
-    for x in (-0.85, 0.85):
-        for z in (-0.36, 0.36):
-            place.put("frustum", (x, 0, z), (0.05, 0.09, 0.05), WALNUT)
-
-
-def _coffee_table(place: Place, rng: np.random.Generator) -> None:
-    place.put("rounded", (0, 0.4, 0), (1.05, 0.045, 0.6), WALNUT, "wood", edge=0.015)
-    place.put("box", (0, 0.15, 0), (0.9, 0.02, 0.48), WALNUT, "wood")
-    for x in (-0.47, 0.47):
-        for z in (-0.25, 0.25):
-            place.put("frustum", (x, 0, z), (0.055, 0.41, 0.055), WALNUT, top=1.3)
-    height = 0.445
-    for width, yaw in ((0.24, 12), (0.21, -8), (0.18, 30)):
-        colour = SPINES[rng.integers(len(SPINES))]
-        place.put("box", (-0.3, height, 0.05), (width, 0.03, width * 1.3), colour, "print", turn(yaw))
-        height += 0.03
-    place.put("frustum", (0.08, 0.445, 0.02), (0.28, 0.09, 0.28), CREAM, top=1.35)
-    for _ in range(6):
-        x, z = rng.uniform(-0.08, 0.08, 2)
-        colour = ((190, 60, 40), (220, 160, 50), (130, 160, 60))[rng.integers(3)]
-        place.put("ellipsoid", (0.08 + x, 0.5, 0.02 + z), (0.075, 0.075, 0.075), colour, "speckle")
-    place.put("frustum", (0.36, 0.445, -0.12), (0.08, 0.1, 0.08), (60, 90, 130))
-    place.put("box", (0.36, 0.17, 0.05), (0.3, 0.06, 0.22), (90, 90, 96), "print", turn(17))
-    place.put("frustum", (-0.2, 0.17, -0.05), (0.2, 0.12, 0.2), TERRACOTTA, "speckle", top=0.7)
-
-
-def _armchair(place: Place) -> None:
-    cloth = (168, 112, 62)
-    place.put("rounded", (0, 0.14, 0), (0.74, 0.26, 0.72), cloth, "weave", edge=0.07)
-    place.put("rounded", (0, 0.3, 0.3), (0.7, 0.6, 0.18), cloth, "weave", turn(0, 12), edge=0.08)
-    for x in (-0.36, 0.36):
-        place.put("rounded", (x, 0.14, -0.02), (0.15, 0.46, 0.7), cloth, "weave", edge=0.06)
-        for z in (-0.28, 0.28):
-            place.put("frustum", (x * 0.85, 0, z), (0.045, 0.16, 0.045), WALNUT, top=1.4)
-    place.put("rounded", (0.05, 0.42, 0.1), (0.4, 0.36, 0.14), CREAM, "print", turn(12, 22, 15), edge=0.065)
-    # A blanket over one arm.
-    place.put("rounded", (-0.36, 0.36, -0.12), (0.2, 0.26, 0.4), (120, 140, 110), "weave", edge=0.05)
-
-
-def _bookshelf(place: Place, rng: np.random.Generator) -> None:
-    """Faces the room with its open side towards -z; books differ in width, height, depth and lean."""
-    width, height, depth = 1.3, 2.05, 0.3
-    for x in (-width / 2, 0.0, width / 2):
-        place.put("box", (x, 0, 0), (0.03, height, depth), OAK, "wood")
-    place.put("box", (0, 0, depth / 2), (width, height, 0.015), OAK, "wood")
-    shelves = (0.06, 0.45, 0.84, 1.23, 1.62, height - 0.03)
-    for y in shelves:
-        place.put("box", (0, y, 0), (width, 0.03, depth), OAK, "wood")
-    for y in shelves[:-1]:
-        for begin in (-width / 2 + 0.03, 0.03):
-            _books(place, begin, begin + width / 2 - 0.08, y + 0.03, rng)
-
-
-def _books(place: Place, begin: float, end: float, bottom: float, rng: np.random.Generator) -> None:
-    """A row of books that is full, half full or shares its shelf with a vase."""
-    filled = begin + (end - begin) * rng.choice([0.55, 0.8, 1.0])
-    x = begin
-    while x < filled - 0.06:
-        width, height, depth = rng.uniform(0.022, 0.055), rng.uniform(0.2, 0.31), rng.uniform(0.14, 0.22)
-        lean = rng.uniform(4, 11) if rng.random() < 0.12 else 0.0
-        colour = SPINES[rng.integers(len(SPINES))]
-        place.put(
-            "box", (x + width / 2, bottom, 0.05), (width, height, depth), colour, "speckle", turn(0, 0, lean)
-        )
-        x += width + rng.uniform(0.001, 0.006) + (0.05 if lean else 0.0)
-    if end - filled > 0.1:
-        size = rng.uniform(0.1, 0.14)
-        place.put(
-            "frustum", (end - 0.07, bottom, -0.02), (size, size * 1.6, size), TERRACOTTA, "speckle", top=0.55
-        )
-
-
-def _lamp(place: Place) -> None:
-    place.put("frustum", (0, 0, 0), (0.3, 0.03, 0.3), BLACK)
-    place.put("frustum", (0, 0.03, 0), (0.028, 1.45, 0.028), STEEL)
-    place.put("frustum", (0, 1.4, 0), (0.42, 0.3, 0.42), CREAM, "weave", top=0.6)
-
-
-def _plant(place: Place, rng: np.random.Generator) -> None:
-    place.put("frustum", (0, 0, 0), (0.26, 0.32, 0.26), TERRACOTTA, "speckle", top=1.35)
-    place.put("frustum", (0, 0.3, 0), (0.03, 0.75, 0.03), (96, 84, 54))
-    for _ in range(34):
-        yaw, rise = rng.uniform(0, 360), rng.uniform(-50, 40)
-        reach, up = rng.uniform(0.05, 0.24), rng.uniform(0.42, 1.25)
-        x, z = reach * math.cos(math.radians(yaw)), reach * math.sin(math.radians(yaw))
-        leaf = turn(-yaw, 0, -rise)
-        length = rng.uniform(0.2, 0.34)
-        place.put("ellipsoid", (x, up, z), (length, 0.02, length * 0.4), GREEN, "speckle", leaf)
-
-
-def _cabinet(place: Place) -> None:
-    """A low cabinet with a dark screen, which sends nothing back, and two speakers."""
-    place.put("box", (0, 0.06, 0), (1.4, 0.42, 0.38), WALNUT, "wood")
-    for x in (-0.47, 0.0, 0.47):
-        place.put("box", (x, 0.1, -0.195), (0.43, 0.34, 0.02), OAK, "wood")
-        place.put("ellipsoid", (x + 0.15, 0.25, -0.215), (0.03, 0.03, 0.03), STEEL)
-    place.put("box", (0, 0.55, 0.05), (0.95, 0.56, 0.04), BLACK)
-    place.put("box", (0, 0.58, 0.025), (0.89, 0.5, 0.01), BLACK, mirror=True)
-    place.put("box", (0, 0.48, 0.05), (0.3, 0.08, 0.18), BLACK)
-    for x in (-0.6, 0.6):
-        place.put("rounded", (x, 0.48, 0.05), (0.16, 0.28, 0.2), WALNUT, "wood", edge=0.02)
-        place.put("frustum", (x, 0.55, -0.045), (0.11, 0.02, 0.11), BLACK, tilt=turn(0, 90))
-
-
-def _stool(place: Place) -> None:
-    place.put("rounded", (0, 0.3, 0), (0.44, 0.14, 0.44), (176, 92, 72), "weave", edge=0.06)
-    for x in (-0.15, 0.15):
-        for z in (-0.15, 0.15):
-            place.put("frustum", (x, 0, z), (0.04, 0.32, 0.04), OAK, top=1.2)
-    place.put("box", (0.02, 0.44, 0.02), (0.3, 0.025, 0.21), (70, 74, 80), "print", turn(-18))
-
-
-def _clutter(place: Place, rng: np.random.Generator) -> None:
-    """Things on the floor: a basket, a ball, toy blocks, a pile of magazines."""
-    place.put("frustum", (1.3, 0, 1.05), (0.36, 0.3, 0.36), (190, 160, 110), "weave", top=1.2)
-    place.put("ellipsoid", (1.3, 0.2, 1.05), (0.3, 0.24, 0.3), (220, 214, 200), "speckle")
-    place.put("ellipsoid", (-0.98, 0.014, 0.2), (0.2, 0.2, 0.2), (190, 60, 50), "speckle")
-    for _ in range(9):
-        x, z, yaw = rng.uniform(-0.95, -0.65), rng.uniform(-0.25, 0.05), rng.uniform(0, 90)
-        colour = SPINES[rng.integers(len(SPINES))]
-        place.put("box", (x, 0.014, z), (0.06, 0.06, 0.06), colour, "plain", turn(yaw))
-    for number in range(5):
-        yaw = rng.uniform(-12, 12)
-        place.put(
-            "box", (1.45, 0.02 * number, -0.35), (0.22, 0.02, 0.3), SPINES[number], "print", turn(30 + yaw)
-        )
-
-
-def _far_end(place: Place, rng: np.random.Generator) -> None:
-    """Along the wall opposite the sofa, x to the left of who looks at it from the sofa: a chest, coats."""
-    place.put("box", (-0.9, 0.1, -0.24), (1.2, 0.75, 0.42), OAK, "wood")
-    for x in (-1.2, -0.6):
-        for low in (0.14, 0.5):
-            place.put("box", (x, low, -0.46), (0.54, 0.32, 0.02), WALNUT, "wood")
-            place.put("ellipsoid", (x, low + 0.15, -0.48), (0.03, 0.03, 0.03), STEEL)
-    for x, size, colour in ((-1.35, 0.2, TERRACOTTA), (-0.55, 0.15, (60, 90, 130)), (-0.8, 0.11, GREEN)):
-        place.put("frustum", (x, 0.85, -0.22), (size, 2 * size, size), colour, "speckle", top=0.6)
-    height = 0.85
-    for width, yaw in ((0.3, 8), (0.26, -14), (0.22, 25)):
-        colour = SPINES[rng.integers(len(SPINES))]
-        place.put("box", (-1.08, height, -0.24), (width, 0.045, 0.75 * width), colour, "print", turn(yaw))
-        height += 0.045
-    for x, low, width, tall, colour in (
-        (-0.95, 1.45, 0.8, 0.55, (150, 80, 70)),
-        (0.1, 1.3, 0.45, 0.6, (70, 110, 150)),
-        (1.55, 1.15, 0.6, 0.8, (110, 120, 60)),
-    ):
-        place.put("box", (x, low, -0.02), (width, tall, 0.04), colour, "print")
-    for number in range(4):
-        colour = SPINES[rng.integers(len(SPINES))]
-        place.put(
-            "rounded", (0.65 + 0.16 * number, 0.75, -0.12), (0.14, 0.85, 0.2), colour, "weave", edge=0.06
-        )
-    place.put("box", (0.9, 1.6, -0.03), (0.8, 0.1, 0.06), WALNUT, "wood")
-    place.put("frustum", (0.2, 0, -0.3), (0.32, 0.55, 0.32), (190, 160, 110), "weave", top=1.1)
-
-
-def _chair(place: Place) -> None:
-    place.put("rounded", (0, 0.42, 0), (0.44, 0.06, 0.44), OAK, "wood", edge=0.02)
-    place.put("rounded", (0, 0.55, 0.2), (0.42, 0.42, 0.05), (80, 120, 130), "weave", turn(0, 8), edge=0.02)
+def chair(
+    place: Place, _rng: np.random.Generator, seat: Material = RED_CLOTH, frame: Material = WOOD
+) -> None:
+    place.add("rounded", (0, 0.42, 0), (0.44, 0.06, 0.44), seat, edge=0.02)
+    place.add("rounded", (0, 0.55, 0.2), (0.42, 0.42, 0.05), seat, (0, 8, 0), edge=0.02)
     for x in (-0.18, 0.18):
         for z in (-0.18, 0.18):
-            place.put("frustum", (x, 0, z), (0.04, 0.43, 0.04), OAK)
+            place.add("frustum", (x, 0, z), (0.04, 0.43, 0.04), frame)
+
+
+def office_chair(place: Place, _rng: np.random.Generator, cloth: Material = RUBBER) -> None:
+    """A swivel chair of dark cloth on five feet."""
+    place.add("rounded", (0, 0.45, 0), (0.5, 0.09, 0.48), cloth, edge=0.03)
+    place.add("rounded", (0, 0.6, 0.24), (0.46, 0.55, 0.07), cloth, (0, 7, 0), edge=0.03)
+    place.add("frustum", (0, 0.1, 0), (0.06, 0.36, 0.06), STEEL)
+    for number in range(5):
+        yaw = 72.0 * number
+        x, z = 0.15 * math.sin(math.radians(yaw)), 0.15 * math.cos(math.radians(yaw))
+        place.add("box", (x, 0.06, z), (0.05, 0.04, 0.32), STEEL, (yaw, 0, 0))
+        place.add("ellipsoid", (2 * x, 0, 2 * z), (0.06, 0.06, 0.06), RUBBER)
+
+
+def shelf(
+    place: Place,
+    rng: np.random.Generator,
+    width: float = 1.2,
+    height: float = 2.0,
+    depth: float = 0.3,
+    rows: int = 5,
+    material: Material = WOOD,
+    back: bool = True,
+) -> None:
+    """Shelves with books of different sizes, gaps between them, and boxes."""
+    for x in (-1, 1):
+        place.add("box", (x * (width - SKIN) / 2, 0, 0), (SKIN, height, depth), material)
+    if back:
+        place.add("box", (0, 0, depth / 2), (width, height, SKIN), material)
+    pitch = (height - 0.06) / rows
+    for row in range(rows + 1):
+        place.add("box", (0, 0.04 + row * pitch, 0), (width, SKIN, depth), material)
+    for row in range(rows):
+        _row(place, rng, width - 0.08, 0.06 + row * pitch, pitch - 0.06, depth)
+
+
+def _row(
+    place: Place, rng: np.random.Generator, width: float, bottom: float, tall: float, depth: float
+) -> None:
+    """What stands on a shelf: mostly books, and here and there a box or nothing."""
+    x = -width / 2
+    while x < width / 2 - 0.12:
+        material = LOOSE[rng.integers(len(LOOSE))]
+        high, deep = tall * rng.uniform(0.6, 0.95), depth * rng.uniform(0.5, 0.9)
+        kind = rng.random()
+        if kind < 0.15:
+            x += rng.uniform(0.05, 0.2)
+            continue
+        wide = rng.uniform(0.12, 0.24) if kind < 0.35 else rng.uniform(0.03, 0.07)
+        wide = min(wide, width / 2 - x)
+        place.add("box", (x + wide / 2, bottom, (depth - deep) / 2 - 0.02), (wide, high, deep), material)
+        x += wide + rng.uniform(0.002, 0.01)
+
+
+def cupboard(
+    place: Place,
+    _rng: np.random.Generator,
+    width: float = 1.0,
+    height: float = 0.9,
+    depth: float = 0.45,
+    doors: int = 2,
+    material: Material = PAINT,
+    bottom: float = 0.0,
+    top: Material | None = None,
+) -> None:
+    """A cupboard with raised doors and knobs; with `bottom` it hangs on the wall, `top` is its worktop."""
+    place.add("box", (0, bottom, 0), (width, height, depth), material)
+    wide = width / doors
+    for number in range(doors):
+        x = (number + 0.5) * wide - width / 2
+        place.add("box", (x, bottom + 0.04, -depth / 2), (wide - 0.03, height - 0.08, 2 * SKIN), material)
+        knob = (x + 0.38 * wide, bottom + 0.6 * height, -depth / 2 - 0.035)
+        place.add("ellipsoid", knob, (0.035, 0.035, 0.035), STEEL)
+    if top is not None:
+        place.add("box", (0, bottom + height, -0.01), (width, 0.04, depth + 0.04), top)
+
+
+def oven(place: Place, _rng: np.random.Generator) -> None:
+    """A built-in cooker: a dark glass door, a handle, black hobs and two pots."""
+    place.add("box", (0, 0, 0), (0.6, 0.9, 0.58), STEEL)
+    place.add("box", (0, 0.2, -0.29), (0.54, 0.5, 0.02), BLACK)
+    place.add("frustum", (-0.22, 0.74, -0.33), (0.025, 0.44, 0.025), STEEL, (0, 0, 90))
+    place.add("box", (0, 0.9, 0), (0.6, 0.012, 0.56), BLACK)
+    place.add("frustum", (-0.14, 0.912, 0.1), (0.24, 0.16, 0.24), STEEL)
+    place.add("frustum", (0.15, 0.912, -0.1), (0.18, 0.1, 0.18), RED_CLOTH)
+
+
+def monitor(place: Place, _rng: np.random.Generator, height: float = 0.74, width: float = 0.55) -> None:
+    """A black monitor on a desk of this height, and a keyboard before it. The screen sends nothing back."""
+    tall = 0.6 * width
+    place.add("frustum", (0, height, 0.02), (0.22, 0.015, 0.22), STEEL)
+    place.add("frustum", (0, height, 0.04), (0.05, 0.2, 0.05), STEEL)
+    place.add("box", (0, height + 0.12, 0), (width, tall, 0.04), RUBBER)
+    place.add("box", (0, height + 0.14, -0.02), (width - 0.04, tall - 0.05, 0.01), GLASS)
+    place.add("box", (0, height, -0.3), (0.44, 0.025, 0.15), RUBBER)
+    place.add("ellipsoid", (0.32, height, -0.3), (0.06, 0.035, 0.1), PAINT)
+
+
+def lamp(place: Place, _rng: np.random.Generator, bottom: float = 0.0, height: float = 1.6) -> None:
+    size = 0.25 * height + 0.05
+    place.add("frustum", (0, bottom, 0), (0.6 * size, 0.03, 0.6 * size), STEEL)
+    place.add("frustum", (0, bottom, 0), (0.03, height, 0.03), STEEL)
+    place.add("frustum", (0, bottom + height - 0.6 * size, 0), (size, 0.6 * size, size), PAINT, top=0.6)
+
+
+def plant(place: Place, rng: np.random.Generator, bottom: float = 0.0, height: float = 1.1) -> None:
+    """A pot with leaves that point in all directions."""
+    pot = 0.25 * height
+    place.add("frustum", (0, bottom, 0), (pot, pot, pot), CLAY, top=1.3)
+    place.add("frustum", (0, bottom + pot, 0), (0.03, height - 1.5 * pot, 0.03), DARK_WOOD)
+    for _ in range(16):
+        yaw, rise = rng.uniform(0, 360), rng.uniform(-40, 40)
+        reach, up = 0.2 * height * rng.uniform(0.2, 1), rng.uniform(1.2 * pot, height)
+        x, z = reach * math.cos(math.radians(yaw)), reach * math.sin(math.radians(yaw))
+        length = height * rng.uniform(0.18, 0.3)
+        place.add("ellipsoid", (x, bottom + up, z), (length, 0.02, 0.4 * length), LEAF, (-yaw, 0, -rise))
+
+
+def clutter(
+    place: Place,
+    rng: np.random.Generator,
+    width: float,
+    depth: float,
+    count: int,
+    bottom: float = 0.0,
+    smallest: float = 0.06,
+    largest: float = 0.3,
+) -> None:
+    """`count` loose things on a rectangle at the height `bottom`: boxes, cylinders, balls and cushions."""
+    for _ in range(count):
+        x, z = rng.uniform(-width / 2, width / 2), rng.uniform(-depth / 2, depth / 2)
+        size = rng.uniform(smallest, largest, 3)
+        yaw = rng.uniform(0, 360)
+        material = LOOSE[rng.integers(len(LOOSE))]
+        kind = ("box", "box", "frustum", "ellipsoid", "rounded")[rng.integers(5)]
+        if kind == "frustum":
+            place.add(
+                "frustum", (x, bottom, z), (size[0], size[1], size[0]), material, top=rng.uniform(0.5, 1.2)
+            )
+        elif kind == "box":
+            place.add("box", (x, bottom, z), tuple(size), material, (yaw, 0, 0))
+        elif kind == "ellipsoid":
+            place.add("ellipsoid", (x, bottom, z), tuple(size), material, (yaw, 0, 0))
+        else:
+            place.add("rounded", (x, bottom, z), tuple(size), material, (yaw, 0, 0), edge=0.3 * size.min())
+
+
+def boxes(place: Place, rng: np.random.Generator, count: int = 3, size: float = 0.4) -> None:
+    """A stack of cardboard boxes, each turned a little."""
+    height = 0.0
+    for _ in range(count):
+        wide, tall, deep = size * rng.uniform(0.7, 1.0, 3)
+        place.add("box", (0, height, 0), (wide, tall, deep), CARDBOARD, (rng.uniform(-25, 25), 0, 0))
+        height += tall
+
+
+def bed(place: Place, _rng: np.random.Generator, width: float = 1.4, length: float = 2.0) -> None:
+    """A bed whose head is at +z, with two pillows and a turned-back blanket."""
+    place.add("box", (0, 0.12, 0), (width, 0.2, length), DARK_WOOD)
+    place.add("rounded", (0, 0.3, 0), (width - 0.04, 0.2, length - 0.06), PAINT, edge=0.06)
+    place.add("rounded", (0, 0.42, -0.25), (width + 0.02, 0.13, 0.68 * length), RED_CLOTH, edge=0.06)
+    place.add("box", (0, 0.1, length / 2), (width, 0.8, 0.05), DARK_WOOD)
+    for side in (-1, 1):
+        at = (side * width / 4, 0.48, 0.36 * length)
+        place.add("rounded", at, (0.42 * width, 0.16, 0.4), PAINT, (8 * side, 15, 0), edge=0.075)
+        place.add("frustum", (side * width / 2.2, 0, -0.45 * length), (0.07, 0.14, 0.07), DARK_WOOD)
+
+
+def door(place: Place, _rng: np.random.Generator, material: Material = WOOD) -> None:
+    """A door in the wall behind the place, with its frame, two panels and a handle."""
+    place.add("box", (0, 0, 0), (0.85, 2.0, 2 * SKIN), material)
+    for low, tall in ((0.2, 0.7), (1.05, 0.8)):
+        place.add("box", (0, low, -SKIN), (0.55, tall, 2 * SKIN), material)
+    for side in (-1, 1):
+        place.add("box", (0.46 * side, 0, -SKIN), (0.08, 2.06, 0.1), PAINT)
+    place.add("box", (0, 2.0, -SKIN), (1.0, 0.08, 0.1), PAINT)
+    place.add("box", (0.34, 1.0, -0.06), (0.13, 0.025, 0.025), STEEL)
+
+
+def window(
+    place: Place,
+    _rng: np.random.Generator,
+    width: float = 1.2,
+    height: float = 1.2,
+    bottom: float = 0.9,
+) -> None:
+    """A window before the wall: panes that send nothing back, a frame, a sill and a radiator below."""
+    place.add("box", (0, bottom, 0), (width, height, SKIN), GLASS)
+    for side in (-1, 0, 1):
+        place.add("box", (side * width / 2, bottom, -0.02), (0.07, height, 0.07), PAINT)
+    for bottom_of_bar in (bottom, bottom + height - 0.07):
+        place.add("box", (0, bottom_of_bar, -0.02), (width, 0.07, 0.07), PAINT)
+    place.add("box", (0, bottom - 0.04, -0.1), (width + 0.1, 0.04, 0.26), PAINT)
+    for fin in range(int(width / 0.09)):
+        x = 0.09 * fin - width / 2 + 0.06
+        place.add("box", (x, 0.14, -0.08), (0.05, bottom - 0.3, 0.1), PAINT)
+
+
+def picture(
+    place: Place,
+    _rng: np.random.Generator,
+    width: float = 0.6,
+    height: float = 0.45,
+    bottom: float = 1.3,
+    material: Material = PRINT,
+) -> None:
+    place.add("box", (0, bottom, 0), (width, height, 0.02), material)
+    for side in (-1, 1):
+        place.add("box", (side * width / 2, bottom, -0.015), (0.04, height, 0.05), DARK_WOOD)
+        y = bottom + (height + side * height) / 2 - 0.02
+        place.add("box", (0, y, -0.015), (width + 0.04, 0.04, 0.05), DARK_WOOD)
+
+
+def coats(place: Place, rng: np.random.Generator, count: int = 5) -> None:
+    """Coats on a rail in front of the wall, some of them black."""
+    place.add("box", (0, 1.7, 0), (0.2 * count + 0.2, 0.1, 0.04), DARK_WOOD)
+    for number in range(count):
+        cloth = (CLOTH, RED_CLOTH, RUBBER, CARDBOARD)[rng.integers(4)]
+        x, tall = 0.2 * (number - (count - 1) / 2), rng.uniform(0.7, 1.1)
+        place.add("rounded", (x, 1.72 - tall, -0.12), (0.18, tall, 0.2), cloth, edge=0.07)
+
+
+def beam(
+    place: Place,
+    _rng: np.random.Generator,
+    length: float,
+    bottom: float,
+    size: float = 0.14,
+    material: Material = DARK_WOOD,
+) -> None:
+    """A beam along x below the ceiling."""
+    place.add("box", (0, bottom, 0), (length, size, size), material)
+
+
+def slope(
+    place: Place, _rng: np.random.Generator, width: float, length: float, bottom: float, angle: float
+) -> None:
+    """A sloping ceiling along x whose middle lies at the height `bottom`, falling towards +z by `angle`."""
+    place.add("box", (0, bottom, 0), (width, 0.1, length), PLASTER, (0, -angle, 0))
+
+
+def pillar(
+    place: Place, _rng: np.random.Generator, width: float, height: float, material: Material = BRICK
+) -> None:
+    place.add("frustum", (0, 0, 0), (width, height, width), material)
+    place.add("frustum", (0, 0, 0), (1.4 * width, 0.12, 1.4 * width), material, top=0.8)

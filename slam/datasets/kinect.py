@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,13 +13,33 @@ from slam.camera import Camera
 # eighths of a pixel), steps of 3 mm at 1 m and 26 mm at 3 m.
 DISPARITY = 351.3  # metres times eighths of a pixel
 BASELINE = 0.075  # metres between projector and sensor
-DISPARITY_SIGMA = 1 / 6  # eighths of a pixel
-LATERAL_SIGMA = 0.5  # pixels
 NEAREST, FARTHEST = 0.4, 4.5  # metres
 GRAZING = 75.0, 86.0  # degrees of incidence between which returns fade away
 EDGE = 0.03  # relative step of depth between neighbours that makes an edge
-EDGE_DROPOUT = 0.4  # share of the pixels at an edge without a measurement
-DROPOUT = 0.003  # share of all pixels without a measurement for no visible reason
+WAVES = 4  # smooth waves over the image that make up a sensor's distortion
+MOST_CYCLES = 1.5  # of such a wave over the width or height of the image
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """How good a Kinect is. Disparities are in eighths of a pixel.
+
+    disparity_sigma: random error of the disparity. distortion: amplitude of a smooth, constant error of the
+    disparity over the image, as a poor calibration leaves it. lateral_sigma: pixels. edge_dropout: share of
+    the pixels at an edge without a measurement; dropout: of all pixels. faintest: the weakest return that is
+    sure to be measured, as a fraction of what a white surface sends back head-on from 1 m; below it
+    measurements become rarer and end at half of it. 0 measures every return.
+    """
+
+    disparity_sigma: float = 1 / 6
+    distortion: float = 0.0
+    lateral_sigma: float = 0.5
+    edge_dropout: float = 0.4
+    dropout: float = 0.003
+    faintest: float = 0.0
+
+
+KINECT = Sensor()
 
 
 def measure(
@@ -25,29 +47,54 @@ def measure(
     blind: npt.NDArray[np.bool_],
     camera: Camera,
     rng: np.random.Generator,
+    sensor: Sensor = KINECT,
+    albedo: npt.NDArray[np.float64] | None = None,
+    unit_distortion: npt.NDArray[np.float64] | None = None,
 ) -> npt.NDArray[np.uint16]:
     """Depth (h, w) in millimetres, 0 where nothing is measured, of exact depth in metres.
 
     `blind` (h, w) marks surfaces that send no light back, such as glass. Infinite depth is allowed.
+    `albedo` (h, w) is the share of light that surfaces send back (default 1), `unit_distortion` (h, w) the
+    shape of the sensor's distortion (default none).
     """
-    missing = blind | _shadow(depth, camera) | _faded(depth, camera, rng)
-    missing |= _edges(depth) & (rng.random(depth.shape) < EDGE_DROPOUT)
-    missing |= rng.random(depth.shape) < DROPOUT
+    cosine = _cosine(depth, camera)
+    missing = blind | _shadow(depth, camera) | _faded(cosine, rng)
+    missing |= _edges(depth) & (rng.random(depth.shape) < sensor.edge_dropout)
+    missing |= rng.random(depth.shape) < sensor.dropout
 
     rows, columns = np.mgrid[: camera.height, : camera.width]
-    columns = _jittered(columns, camera.width - 1, rng)
-    rows = _jittered(rows, camera.height - 1, rng)
+    columns = _jittered(columns, camera.width - 1, sensor.lateral_sigma, rng)
+    rows = _jittered(rows, camera.height - 1, sensor.lateral_sigma, rng)
     jittered = depth[rows, columns]
-    disparity = np.floor(DISPARITY / jittered + rng.normal(0, DISPARITY_SIGMA, depth.shape) + 0.5)
+    exact = DISPARITY / jittered
+    if unit_distortion is not None:
+        exact = exact + sensor.distortion * unit_distortion
+    disparity = np.floor(exact + rng.normal(0, sensor.disparity_sigma, depth.shape) + 0.5)
     missing |= disparity < DISPARITY / FARTHEST
     missing |= disparity > DISPARITY / NEAREST
+    if sensor.faintest > 0:
+        returned = (1.0 if albedo is None else albedo) * cosine / depth**2
+        missing |= rng.random(depth.shape) > 2 * returned / sensor.faintest - 1
     millimetres = np.rint(1000 * DISPARITY / np.maximum(disparity, 1))
     return np.where(missing, 0, millimetres).astype(np.uint16)
 
 
-def _jittered(pixels: npt.NDArray[np.intp], last: int, rng: np.random.Generator) -> npt.NDArray[np.intp]:
+def make_distortion(camera: Camera, rng: np.random.Generator) -> npt.NDArray[np.float64]:
+    """A smooth random error over the image, (height, width), with a root mean square of about 1."""
+    v, u = np.mgrid[: camera.height, : camera.width]
+    total = np.zeros((camera.height, camera.width))
+    for _ in range(WAVES):
+        across, down = rng.uniform(-MOST_CYCLES, MOST_CYCLES, 2)
+        phase = rng.uniform(0, 2 * np.pi)
+        total += np.sin(2 * np.pi * (across * u / camera.width + down * v / camera.height) + phase)
+    return total / np.sqrt(WAVES / 2)
+
+
+def _jittered(
+    pixels: npt.NDArray[np.intp], last: int, sigma: float, rng: np.random.Generator
+) -> npt.NDArray[np.intp]:
     """The pixels whose depth is really measured: the sensor's optics and correlation window blur."""
-    return np.clip(np.rint(pixels + rng.normal(0, LATERAL_SIGMA, pixels.shape)), 0, last).astype(np.intp)
+    return np.clip(np.rint(pixels + rng.normal(0, sigma, pixels.shape)), 0, last).astype(np.intp)
 
 
 def _shadow(depth: npt.NDArray[np.float64], camera: Camera) -> npt.NDArray[np.bool_]:
@@ -57,8 +104,8 @@ def _shadow(depth: npt.NDArray[np.float64], camera: Camera) -> npt.NDArray[np.bo
     return np.asarray(seen_from_projector > hiding + 0.5)
 
 
-def _faded(depth: npt.NDArray[np.float64], camera: Camera, rng: np.random.Generator) -> npt.NDArray[np.bool_]:
-    """Surfaces seen at a grazing angle return too little light, more often the flatter the angle."""
+def _cosine(depth: npt.NDArray[np.float64], camera: Camera) -> npt.NDArray[np.float64]:
+    """Of the angle (h, w) between each ray and the normal of the surface that it meets."""
     finite = np.where(np.isfinite(depth), depth, FARTHEST)
     across, down = np.gradient(finite, axis=1), np.gradient(finite, axis=0)
     v, u = np.mgrid[: camera.height, : camera.width]
@@ -67,10 +114,14 @@ def _faded(depth: npt.NDArray[np.float64], camera: Camera, rng: np.random.Genera
     # (-fx z_u, -fy z_v, z + x fx z_u + y fy z_v), whose product with r is z.
     nx, ny = camera.fx * across, camera.fy * down
     nz = finite + x * nx + y * ny
-    cosine = finite / np.sqrt((nx**2 + ny**2 + nz**2) * (x**2 + y**2 + 1))
+    return np.asarray(finite / np.sqrt((nx**2 + ny**2 + nz**2) * (x**2 + y**2 + 1)))
+
+
+def _faded(cosine: npt.NDArray[np.float64], rng: np.random.Generator) -> npt.NDArray[np.bool_]:
+    """Surfaces seen at a grazing angle return too little light, more often the flatter the angle."""
     angle = np.degrees(np.arccos(np.clip(cosine, 0, 1)))
     fading = (angle - GRAZING[0]) / (GRAZING[1] - GRAZING[0])
-    return np.asarray(rng.random(depth.shape) < fading)
+    return np.asarray(rng.random(cosine.shape) < fading)
 
 
 def _edges(depth: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:

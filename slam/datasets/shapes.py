@@ -32,7 +32,7 @@ class Shape:
 
     A frustum stands along its y axis: `top` is the radius of its upper end as a fraction of the lower end's
     `half[0]`; a cylinder has top 1. A rounded box has edges of radius `edge`. A shape that does not reflect
-    (`mirror`) gives a depth camera nothing.
+    (`mirror`) gives a depth camera nothing; `albedo` is the share of infrared light that others send back.
     """
 
     kind: Kind
@@ -44,6 +44,7 @@ class Shape:
     colour: tuple[int, int, int] = (200, 200, 200)
     pattern: Pattern = "plain"
     mirror: bool = False
+    albedo: float = 1.0
 
 
 @dataclass(frozen=True)

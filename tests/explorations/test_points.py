@@ -166,7 +166,7 @@ def test_where_measurements_differ_the_recommended_are_worth_publishing(short: E
 def test_a_search_recommends_once_its_measurements_differ(short: Exploration) -> None:
     finish(short)
     assert search.recommended(short, search.rows_of(short)) is None
-    row = short.evaluations.filter(phase="active", state="done").order_by("number").first()
+    row = short.evaluations.filter(phase="random", state="done").order_by("number").first()
     assert row is not None
     doubled = {name: 2 * value for name, value in row.objectives.items()}
     batches.add(short, [(row.configuration, Evaluation.Phase.AGAIN, "")])

@@ -68,3 +68,32 @@ def test_glass_sends_nothing_back():
 def test_equal_seeds_give_equal_images():
     np.testing.assert_array_equal(measured(wall(2.0), seed=4), measured(wall(2.0), seed=4))
     assert (measured(wall(2.0), seed=4) != measured(wall(2.0), seed=5)).any()
+
+
+def with_sensor(depth, sensor, albedo=None, distortion=None):
+    blind = np.zeros(depth.shape, bool)
+    return kinect.measure(depth, blind, CAMERA, np.random.default_rng(0), sensor, albedo, distortion)
+
+
+def test_dark_surfaces_are_measured_from_near_and_not_from_afar():
+    albedo = np.full((480, 640), 0.06)
+    sensor = kinect.Sensor(faintest=0.035)
+    missing = [(with_sensor(wall(metres), sensor, albedo) == 0).mean() for metres in (1.0, 1.55, 2.2)]
+    assert missing[0] < 0.05
+    assert 0.2 < missing[1] < 0.8
+    assert missing[2] > 0.99
+
+
+def test_more_disparity_noise_scatters_depth_more():
+    depths = [with_sensor(wall(2.0), kinect.Sensor(disparity_sigma=s)) for s in (1 / 6, 1.0)]
+    spread = [depth[depth > 0].std() for depth in depths]
+    assert spread[1] > 1.5 * spread[0]
+
+
+def test_a_distortion_shifts_disparity():
+    unit = kinect.make_distortion(CAMERA, np.random.default_rng(1))
+    assert np.abs(np.diff(unit, axis=1)).max() < 0.05
+    depth = with_sensor(wall(2.0), kinect.Sensor(distortion=1.0), None, unit).astype(float)
+    seen = depth > 0
+    # An eighth of a pixel more disparity is 2 m * 2 m / 351 m = 11 mm less depth.
+    assert np.polyfit(unit[seen], depth[seen], 1)[0] == pytest.approx(-11.4, abs=2)

@@ -3,9 +3,9 @@ import pytest
 
 from slam.datasets import open_sequence
 from slam.datasets.camera_paths import hand_held, loop
-from slam.datasets.furniture import living_room
-from slam.datasets.living_room import LivingRoom
+from slam.datasets.scenes.living_room import HAND, LOOP, living_room
 from slam.datasets.sequence import regular_timestamps
+from slam.datasets.synthetic import SyntheticSequence
 from tests.slam.shipped import LIVING_ROOM
 
 
@@ -16,7 +16,7 @@ def shipped():
 
 @pytest.fixture(scope="module")
 def made():
-    return LivingRoom()
+    return SyntheticSequence(HAND)
 
 
 @pytest.mark.parametrize("index", [0, 47, 99])
@@ -28,7 +28,7 @@ def test_the_shipped_frames_can_be_made_again(shipped, made, index):
 def test_the_shipped_pack_is_whole_and_small(shipped):
     shipped.verify()
     assert sum(chunk["bytes"] for chunk in shipped.manifest["chunks"]) <= 20e6
-    assert (len(shipped), shipped.camera, shipped.volume_size) == (100, LivingRoom().camera, 4.8)
+    assert (len(shipped), shipped.camera, shipped.volume_size) == (100, SyntheticSequence(HAND).camera, 4.8)
 
 
 def test_the_shipped_truth_is_the_path_of_the_camera(shipped, made):
@@ -45,7 +45,7 @@ def test_the_camera_holds_still_for_four_frames_and_then_moves_as_a_hand_does(ma
 
 def test_exact_depth_agrees_from_frame_to_frame():
     """Points of one frame, moved by the true poses, lie on the surface that the other frame sees."""
-    room = LivingRoom(60, noise="none")
+    room = SyntheticSequence(HAND, 60, noise="none")
     camera = room.camera
     first, second = room.depth(40) / 1000, room.depth(46) / 1000
     v, u = np.mgrid[0:480:3, 0:640:3]
@@ -77,7 +77,7 @@ def test_the_scene_lies_inside_the_volume_that_travels_with_it(made):
 
 
 def test_colour_shows_the_same_things_as_depth():
-    room = LivingRoom(1)
+    room = SyntheticSequence(HAND, 1)
     image = room.colour(0)
     assert image.shape == (480, 640, 3)
     assert image.std() > 20
@@ -94,7 +94,7 @@ def test_the_seed_changes_noise_tremor_and_books_and_nothing_else_does():
 
 def test_a_room_without_frames_is_refused():
     with pytest.raises(ValueError, match="frames=0"):
-        LivingRoom(0)
+        SyntheticSequence(HAND, 0)
 
 
 def test_the_loop_begins_and_ends_slowly_and_shows_the_start_again_after_one_turn():
@@ -111,7 +111,7 @@ def test_the_loop_begins_and_ends_slowly_and_shows_the_start_again_after_one_tur
 
 
 def test_the_loop_has_texture_and_depth_to_hold_on_to_wherever_it_looks():
-    room = LivingRoom(400, noise="none", path="loop", ratio=4)
+    room = SyntheticSequence(LOOP, noise="none", ratio=4)
     assert (room.camera.width, room.camera.height, room.camera.fx) == (160, 120, 481.2 / 4)
     for index in range(0, 400, 50):
         depth, grey = room.depth(index), room.colour(index).mean(axis=2)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slam.camera import Camera
-from slam.datasets.furniture import turn
+from slam.datasets.place import turn
 from slam.datasets.shapes import Shape, paint, render
 
 CAMERA = Camera(60.0, 60.0, 31.5, 23.5, 64, 48)
