@@ -131,7 +131,7 @@ def test_where_nothing_is_here_it_says_what_would_help(
 ) -> None:
     machine(monkeypatch)
 
-    with pytest.raises(CannotMeasureError, match="no OpenCL device here.*: install a driver"):
+    with pytest.raises(CannotMeasureError, match=r"no OpenCL device here.*: install a driver"):
         choose(root=tmp_path)
     with pytest.raises(CannotMeasureError, match=r"no WebGPU device here: .*pip install '\.\[webgpu\]'"):
         choose(backends=("webgpu",), root=tmp_path)
