@@ -56,7 +56,8 @@ def search(problem: Problem, method: str, seed: int) -> dict[str, Any]:
     seconds = 0.0
     while len(indices) < problem.marks[-1]:
         begun = time.process_time()
-        proposals = explorer.propose(min(BATCH, problem.marks[-1] - len(indices)))
+        left = min(mark for mark in problem.marks if mark > len(indices)) - len(indices)
+        proposals = explorer.propose(min(BATCH, left))
         if not proposals:
             break
         rows = problem.values[[proposal.index for proposal in proposals]]
