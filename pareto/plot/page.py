@@ -85,7 +85,7 @@ def _summary(explorer: Explorer) -> str:
         "method": f"{explorer.method}, seed {explorer.seed}",
         "measured": f"{made_here(explorer):,}",
         "failed": f"{failed:,}",
-        "on the front": f"{front.size:,}",
+        "recommended" if is_noisy(explorer.history) else "on the front": f"{front.size:,}",
         f"hypervolume{' of logarithms' if front.log else ''}": number(front.volume),
     }
     if front.reference:
