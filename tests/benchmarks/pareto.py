@@ -52,7 +52,7 @@ def search(problem: Problem, method: str, seed: int) -> dict[str, Any]:
     explorer = Explorer(problem.space, NAMES, _limits(problem), seed=seed, method=method)
     factors = problem.factors(seed)
     indices: list[int] = []
-    recommended: dict[int, list[int]] = {}
+    recommended: dict[int, list[int]] = {}  # by mark
     seconds = 0.0
     while len(indices) < problem.marks[-1]:
         begun = time.process_time()
@@ -68,10 +68,15 @@ def search(problem: Problem, method: str, seed: int) -> dict[str, Any]:
         seconds += time.process_time() - begun
         indices += [proposal.index for proposal in proposals]
         if factors is not None and len(indices) in problem.marks:
-            found = explorer.recommended()
-            recommended[len(indices)] = [problem.space.encode(item.configuration) for item in found]
+            recommended[len(indices)] = _front(explorer)
+    for mark in problem.marks if factors is not None else ():
+        recommended.setdefault(mark, _front(explorer))  # a search may end by itself before
     run: dict[str, Any] = {"indices": indices, "seconds": seconds}
     return run | {"recommended": recommended} if recommended else run
+
+
+def _front(explorer: Explorer) -> list[int]:
+    return [explorer.space.encode(item.configuration) for item in explorer.recommended()]
 
 
 def _limits(problem: Problem) -> dict[str, float] | None:
