@@ -82,7 +82,10 @@ class Targets:
         scale = Scale.of(history.successes(), history.objectives, history.limits)
         values = scale.targets(natural)
         given = np.array([[history.limits.get(item.name, np.nan) for item in history.objectives]])
-        limits = _relaxed(np.nan_to_num(scale.targets(given)[0], nan=np.inf), values)
+        bounds = scale.targets(given)[0]
+        # Values are of the order of one: what lies a thousand million times as far bounds nothing.
+        bounds[np.isnan(bounds) | (bounds > 1 / TINY)] = np.inf
+        limits = _relaxed(np.maximum(bounds, -1 / TINY), values)
         reference = _complete(limits, values)
         return cls(scale, indices, values, limits, reference, front_rows(values, reference))
 

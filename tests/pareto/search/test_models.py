@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pareto import Space
+from pareto import Explorer, Space
 from pareto.fronts.objective import read_objectives
 from pareto.search.history import History
 from pareto.search.models import Models, read_learned
@@ -176,3 +176,13 @@ def test_a_point_that_is_supposed_is_known_from_then_on():
     expected = [posterior.mean[7] for posterior in prediction.local]
     np.testing.assert_allclose(prediction.suppose(7), expected)
     assert all(posterior.spread[7] < spread for posterior, spread in zip(processes, before, strict=True))
+
+
+def test_a_limit_far_beyond_all_values_is_none() -> None:
+    space = Space.from_dict(
+        {"name": "line", "parameters": [{"name": "x", "type": "integer", "minimum": 1, "maximum": 50}]}
+    )
+    explorer = Explorer(space, ("a", "b"), {"a": 1e300}, method="random", seed=1)
+    configurations = explorer.ask(20)
+    explorer.tell(configurations, [{"a": point["x"] - 9.0, "b": -point["x"]} for point in configurations])
+    assert np.isinf(Targets.of(explorer.history).limits).all()
