@@ -84,13 +84,15 @@ class History:
     def front(self) -> tuple[Indices, NDArray[np.float64]]:
         """Return indices and values of the non-dominated points within limits, by the first objective."""
         indices, values = self.measured()
-        keep = self.within_limits(values)
-        indices, values = indices[keep], values[keep]
-        keep = nondominated(values, [objective.maximise for objective in self.objectives])
-        indices, values = indices[keep], values[keep]
+        rows = self.front_rows(values)
+        return indices[rows], values[rows]
+
+    def front_rows(self, values: NDArray[np.float64]) -> Indices:
+        """Return the rows of (n, objectives) values that are non-dominated within limits, by the first."""
+        rows = np.flatnonzero(self.within_limits(values))
+        rows = rows[nondominated(values[rows], [objective.maximise for objective in self.objectives])]
         signs = [objective.sign for objective in self.objectives]
-        order = np.lexsort((values * signs).T[::-1])
-        return indices[order], values[order]
+        return rows[np.lexsort((values[rows] * signs).T[::-1])]
 
 
 def mean(measurements: Sequence[Values]) -> NDArray[np.float64]:

@@ -52,7 +52,7 @@ class Learned:
 
 
 @dataclass(frozen=True)
-class Objective:
+class ObjectiveModels:
     """The local process of an objective, and the overall one: the same where that predicts as well.
 
     Of a local process the standard deviation counts up to `widest`, that of its own targets. `rows` numbers
@@ -125,7 +125,7 @@ class Models:
         far = 1.0 - float(self._near.mean())
         return far if far > SMALL else 0.0
 
-    @property
+    @cached_property
     def front(self) -> Array:
         """The (points, objectives) non-dominated posterior means within the reference."""
         expected, _ = self.estimates
@@ -137,7 +137,9 @@ class Models:
 
         Without known noise they are the measurements themselves.
         """
-        return self.estimated(self.noise) if self.noise else self.estimated(Noise.none(self.targets))
+        if not self.noise:
+            return self.targets.values, np.zeros_like(self.targets.values)
+        return self.estimated(self.noise)
 
     def estimated(self, noise: Noise) -> tuple[Array, Array]:
         """Return `estimates` for a supposed `noise`. A point that no process learned stands for itself."""
@@ -173,7 +175,7 @@ class Models:
         widest = np.array([objective.widest for objective in self.objectives])
         return Prediction(indices, self.targets, local, overall, near, measurable * (self.far > 0), widest)
 
-    def _objective(self, number: int, rows: Rows, column: Array) -> Objective:
+    def _objective(self, number: int, rows: Rows, column: Array) -> ObjectiveModels:
         """Return the process on all of `rows`, and one on the near ones where that predicts these better."""
         indices, near = self.targets.indices, self._near[rows]
         some, name, local_name = rows[near], str(number), f"{number} {NEAR}"
@@ -181,7 +183,7 @@ class Models:
         known = name in self._earlier.hyperparameters
         few = len(some) * 4 < FEW or len(some) == len(rows)
         if local_name not in self._earlier.hyperparameters and (known or few):
-            return Objective(overall, overall, rows)
+            return ObjectiveModels(overall, overall, rows)
         local = self._process(local_name, indices[some], column[some], some)
         # A few that leap would make all of the process rough: it is fitted again without them.
         kept = some[local.excess() < LEAP]
@@ -192,9 +194,9 @@ class Models:
         mine = local.log_density(np.ones(len(kept), bool))
         if not known and mine <= overall.log_density(np.isin(rows, kept)):
             del self.learned.hyperparameters[local_name]
-            return Objective(overall, overall, rows)
+            return ObjectiveModels(overall, overall, rows)
         widest = max(float(column[kept].std()), TINY)
-        return Objective(local, overall, kept, widest, np.setdiff1d(some, kept))
+        return ObjectiveModels(local, overall, kept, widest, np.setdiff1d(some, kept))
 
     def _process(
         self, name: str, indices: Indices, column: Array, rows: Rows | None = None

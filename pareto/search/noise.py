@@ -39,11 +39,6 @@ class Noise:
         return cls(squares / max(freedom, 1), freedom)
 
     @classmethod
-    def none(cls, targets: Targets) -> Noise:
-        """What repeats that all agree would tell."""
-        return cls(np.zeros(targets.values.shape[1]), 1)
-
-    @classmethod
     def suspected(cls, targets: Targets) -> Noise:
         """What is to be feared as long as nothing was repeated: all that a model cannot follow."""
         return cls(np.zeros(targets.values.shape[1]), 0)

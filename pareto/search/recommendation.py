@@ -13,7 +13,7 @@ from pareto.search.history import History
 from pareto.search.models import Models
 from pareto.search.noise import Noise
 from pareto.search.prior import Prior
-from pareto.search.targets import FEW, Targets, front_rows
+from pareto.search.targets import FEW, Targets
 from pareto.search.trend import Trend
 from pareto.spaces.space import Configuration, Indices
 
@@ -83,18 +83,12 @@ def estimate(history: History, prior: Prior | None = None) -> Estimates:
 def recommend(history: History, estimates: Estimates) -> list[Recommended]:
     """Return the non-dominated configurations by expected values within limits, by the first objective."""
     expected, low, high = estimates.expected, estimates.low, estimates.high
-    signs = np.array([objective.sign for objective in history.objectives])
     names = [objective.name for objective in history.objectives]
-    bounds = np.array(
-        [sign * history.limits.get(name, np.inf * sign) for name, sign in zip(names, signs, strict=True)]
-    )
-    rows = front_rows(expected * signs, bounds)
-    rows = rows[np.lexsort((expected[rows] * signs).T[::-1])]
     return [
         Recommended(
             history.space.decode(int(estimates.indices[row])),
             dict(zip(names, expected[row].tolist(), strict=True)),
             dict(zip(names, zip(low[row].tolist(), high[row].tolist(), strict=True), strict=True)),
         )
-        for row in rows
+        for row in history.front_rows(expected)
     ]

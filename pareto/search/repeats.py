@@ -19,7 +19,7 @@ from pareto.search.targets import TINY, front_rows
 
 Array = NDArray[np.float64]
 
-REPEATS = 5  # measurements of one configuration at most: five halve its deviation twice over
+REPEATS = 5  # measurements of one configuration at most: the mean of five has less than half the deviation
 
 
 def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Generator) -> Array:

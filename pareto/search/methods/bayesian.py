@@ -79,9 +79,11 @@ class Bayesian(Method):
             best = self._next(history, count - exploring, [index for index, _ in chosen], rng)
             chosen += best
             count -= len(best)
+        if count <= 0:
+            return chosen
         # Where no candidate promises anything, the rest of the batch explores.
         exclude = taken | {index for index, _ in chosen}
-        rest = likely(history.space, _measurable(history, rng), max(count, 0), exclude, rng).tolist()
+        rest = likely(history.space, _measurable(history, rng), count, exclude, rng).tolist()
         if not chosen and not rest:
             rest = sample(history.space, count, rng, exclude).tolist()  # to propose nothing ends a search
         return chosen + [(index, RANDOM) for index in rest]
