@@ -23,6 +23,7 @@ from slam.arguments import (
 )
 from slam.benchmark import Observer, Report, run
 from slam.datasets import Sequence, open_sequence
+from slam.datasets.altered import Perturbed
 from slam.devices.choice import AnySession, choose_device, list_devices
 from slam.devices.device import BACKENDS
 from slam.devices.layout import KINDS, Layout
@@ -60,8 +61,8 @@ def register(subparsers: Commands[argparse.ArgumentParser]) -> None:
 
 
 def _add_run(subparsers: Commands[argparse.ArgumentParser]) -> None:
-    parser = subparsers.add_parser("run", help="measure one configuration over a sequence")
-    _add_run_options(parser)
+    parser = subparsers.add_parser("run", help="measure one configuration over one or more sequences")
+    _add_run_options(parser, several=True)
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
     parser.add_argument("--json", metavar="FILE", help="write the report, - for standard output")
     parser.add_argument("--tsv", type=Path, metavar="FILE", help="write SLAMBench's log, one line a frame")
@@ -70,6 +71,18 @@ def _add_run(subparsers: Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument("--render", type=Path, metavar="FOLDER", help="write pictures of the model (PNG)")
     parser.add_argument(
         "--render-every", type=int, default=10, metavar="N", help="of every N-th frame (default 10)"
+    )
+    parser.add_argument(
+        "--perturb",
+        type=int,
+        metavar="SEED",
+        help="change each measured depth by -1, 0 or +1 units: an error that depends on it stands on an edge",
+    )
+    parser.add_argument(
+        "--stop-above", type=number, metavar="M", help="run no further sequence after a largest error above M"
+    )
+    parser.add_argument(
+        "--stop-after", type=int, default=1, metavar="N", help="... after N such sequences (default 1)"
     )
     parser.set_defaults(execute=_run)
 
@@ -119,16 +132,26 @@ def _add_evaluate(subparsers: Commands[argparse.ArgumentParser]) -> None:
     parser.set_defaults(execute=_evaluate)
 
 
-def _add_run_options(parser: argparse.ArgumentParser, needs_sequence: bool = True) -> None:
-    _add_scene_options(parser, needs_sequence)
+def _add_run_options(
+    parser: argparse.ArgumentParser, needs_sequence: bool = True, several: bool = False
+) -> None:
+    _add_scene_options(parser, needs_sequence, several)
     parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
     parser.add_argument("--backend", choices=BACKENDS, default="opencl", help="default: opencl")
     parser.add_argument("--device", metavar="TEXT", help="a part of the device's description")
 
 
-def _add_scene_options(parser: argparse.ArgumentParser, needs_sequence: bool = True) -> None:
+def _add_scene_options(
+    parser: argparse.ArgumentParser, needs_sequence: bool = True, several: bool = False
+) -> None:
     parser.add_argument("--system", choices=sorted(SYSTEMS), default="kfusion")
-    parser.add_argument("--sequence", type=Path, required=needs_sequence, metavar="PATH")
+    parser.add_argument(
+        "--sequence",
+        type=Path,
+        required=needs_sequence,
+        metavar="PATH",
+        **({"action": "append", "help": "repeat it to run over several in turn"} if several else {}),
+    )
     parser.add_argument(
         "--camera",
         type=four_numbers,
@@ -146,11 +169,11 @@ def _add_scene_options(parser: argparse.ArgumentParser, needs_sequence: bool = T
     )  # fmt: skip
 
 
-def _open(options: argparse.Namespace) -> Sequence:
+def _open(options: argparse.Namespace, path: Path | None = None) -> Sequence:
     require_backend(options.system, getattr(options, "backend", BACKENDS[0]))
     if options.volume_size is not None and options.volume_size <= 0:
         raise UsageError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
-    return open_sequence(options.sequence, options.camera, options.truth)
+    return open_sequence(path or options.sequence, options.camera, options.truth)
 
 
 def _measure(
@@ -198,27 +221,68 @@ def _run(options: argparse.Namespace) -> None:
         writable(path)
     if options.render_every < 1:
         raise UsageError(f"--render-every {options.render_every}: give 1 or more")
+    if options.stop_after < 1:
+        raise UsageError(f"--stop-after {options.stop_after}: give 1 or more")
     configuration = complete(options.system, _settings(options.set))
-    sequence = _open(options)
+    several = len(options.sequence) > 1
+    found, lines = _run_several(options, configuration) if several else _run_one(options, configuration)
+    text = json.dumps(found, indent=1, allow_nan=False) + "\n"
+    if json_path:
+        json_path.write_text(text, encoding="utf-8")
+    if options.json == "-":
+        sys.stdout.write(text)
+    else:
+        sys.stdout.write("\n".join(lines) + "\n")
+
+
+def _run_one(
+    options: argparse.Namespace, configuration: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[str]]:
+    """The report of the one sequence, and the lines to print."""
+    sequence = _sequences(options)[0]
     renderer = Renderer(options.render, options.render_every) if options.render else None
     observers = _Observers(renderer) if renderer or options.mesh else None
     result = _measure(options, configuration, sequence, observe=observers)
-    text = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
-    if json_path:
-        json_path.write_text(text, encoding="utf-8")
     if options.trajectory:
         result.trajectory().write(options.trajectory)
     if options.tsv:
         options.tsv.write_text(report_log.log(result), encoding="utf-8")
-    lines = []
+    lines = [report.summary(result.to_dict()).rstrip("\n")]
     if renderer:
         lines.append(f"{renderer.written} pictures in {options.render}")
     if options.mesh and observers:
         lines.append(_write_mesh(observers.system, options.mesh))
-    if options.json == "-":
-        sys.stdout.write(text)
-    else:
-        sys.stdout.write(report.summary(result.to_dict()) + "".join(f"{line}\n" for line in lines))
+    return result.to_dict(), lines
+
+
+def _run_several(
+    options: argparse.Namespace, configuration: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[str]]:
+    """The reports of all sequences up to where `--stop-above` ends, and a line about each."""
+    for name in ("trajectory", "tsv", "mesh", "render"):
+        if getattr(options, name):
+            raise UsageError(f"--{name} belongs to one sequence: {len(options.sequence)} are given")
+    sequences = _sequences(options)
+    session = open_session(options.system, choose_device(options.device, options.backend))
+    reports: list[dict[str, Any]] = []
+    above = 0
+    for sequence in sequences:
+        result = _measure(options, configuration, sequence, session, f"{sequence.name}: ")
+        reports.append(result.to_dict())
+        limit = options.stop_above
+        above += limit is not None and result.ate is not None and not result.ate.max <= limit
+        if above >= options.stop_after:
+            break
+    lines = [report.line(found) for found in reports]
+    if len(reports) < len(sequences):
+        lines.append(f"{len(sequences) - len(reports)} not run: the largest error is above {limit:g} m")
+    return {"runs": reports}, lines
+
+
+def _sequences(options: argparse.Namespace) -> list[Sequence]:
+    """All sequences of `run`, opened, and perturbed where that is wanted."""
+    opened = [_open(options, path) for path in options.sequence]
+    return opened if options.perturb is None else [Perturbed(found, options.perturb) for found in opened]
 
 
 def _write_mesh(system: System | None, path: Path) -> str:

@@ -18,18 +18,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from slam.protocol import FIRST_COUNTED_FRAME
+from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.validity import tracking_failure
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = (sys.executable, "-m", "slam", "run")
 TIMEOUT_SECONDS = 900.0
 HEARTBEAT_SECONDS = 15.0
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
+NO_OBJECTIVES = ("sequence", "lost")  # members of a part
 REASON_LENGTH = 500
 # What `python -m slam` ends with where the device that it shall measure on is not here.
 NO_DEVICE = 3
@@ -51,33 +53,41 @@ class LeaseLostError(RuntimeError):
 @dataclass(frozen=True)
 class Measurement:
     """`objectives`: runtime in seconds a frame, ate_* in metres. `stages`: mean seconds a frame, of those
-    known.
+    known. `parts`: the objectives of each sequence that was run, with its name as `sequence`, and how many
+    frames were `lost`.
     """
 
     objectives: dict[str, float]
     stages: dict[str, float]
     device: dict[str, Any]
+    parts: tuple[dict[str, Any], ...] = ()
 
 
 def measure(
     system: str,
     configuration: Mapping[str, Any],
-    sequence: Path,
+    sequences: Sequence[Path],
     *,
     device: str = "",
     backend: str = "opencl",
     frames: int | None = None,
+    perturbation: int | None = None,
+    stop_above: float | None = None,
+    stop_after: int = 1,
     heartbeat: Callable[[], bool] | None = None,
     heartbeat_seconds: float = HEARTBEAT_SECONDS,
     timeout: float = TIMEOUT_SECONDS,
 ) -> Measurement:
-    """Run CONFIGURATION over the first FRAMES of SEQUENCE (all where None) and return what was measured.
+    """Run CONFIGURATION over the first FRAMES (all where None) of each of SEQUENCES; what was measured.
 
-    HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers
+    The objectives are those of `combine`. PERTURBATION is the seed by which depth is changed by a unit.
+    After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is run. HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers
     False. Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds or
     reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can be started.
     """
-    command = [*PROGRAM, "--system", system, "--sequence", str(sequence.absolute())]
+    command = [*PROGRAM, "--system", system]
+    for sequence in sequences:
+        command += ["--sequence", str(sequence.absolute())]
     for name, value in configuration.items():
         command += ["--set", f"{name}={int(value) if isinstance(value, bool) else value!r}"]
     command += ["--backend", backend]
@@ -85,6 +95,10 @@ def measure(
         command += ["--device", device]
     if frames is not None:
         command += ["--frames", str(frames)]
+    if perturbation is not None:
+        command += ["--perturb", str(perturbation)]
+    if stop_above is not None:
+        command += ["--stop-above", repr(stop_above), "--stop-after", str(stop_after)]
     with tempfile.TemporaryDirectory(prefix="frontrunner-", ignore_cleanup_errors=True) as folder:
         report, errors = Path(folder) / "report.json", Path(folder) / "errors.txt"
         with errors.open("wb") as stream:
@@ -103,11 +117,46 @@ def measure(
 
 
 def read_report(report: Mapping[str, Any]) -> Measurement:
-    """The measurement in a report of `python -m slam run --json`.
+    """The measurement in a report of `python -m slam run --json`, of one sequence or of several.
 
     Raises MeasurementError where the trajectory error is unknown or of too few frames, no frame was run or a
     value is not finite: nothing can be learnt from it.
     """
+    reports = report["runs"] if "runs" in report else [report]
+    read = [_read_one(one) for one in reports]
+    parts = [part for part, _ in read]
+    stages = {
+        stage: sum(found[stage] for _, found in read) / len(read)
+        for stage in STAGES
+        if all(stage in found for _, found in read)
+    }
+    return Measurement(combine(parts), stages, dict(reports[0]["device"]), tuple(parts))
+
+
+def combine(parts: Sequence[Mapping[str, Any]], ignored: int = 0) -> dict[str, float]:
+    """The objectives of a measurement from those of its sequences, PARTS as in `Measurement`.
+
+    Errors are the worst of all sequences but for so many IGNORED ones, memory is the largest, everything else
+    the mean.
+    """
+    names = [name for name in parts[0] if name not in NO_OBJECTIVES and all(name in part for part in parts)]
+    return {name: _combined(name, [float(part[name]) for part in parts], ignored) for name in names}
+
+
+def worst(values: Iterable[float], ignored: int = 0) -> float:
+    """The largest of VALUES but for so many IGNORED ones; the least where there are no more than these."""
+    ordered = sorted(values, reverse=True)
+    return ordered[min(ignored, len(ordered) - 1)]
+
+
+def _combined(name: str, values: Sequence[float], ignored: int) -> float:
+    if name.startswith("ate_"):
+        return worst(values, ignored)
+    return max(values) if name == "peak_memory_bytes" else sum(values) / len(values)
+
+
+def _read_one(report: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, float]]:
+    """The part and the stages of one sequence."""
     if report["ate"] is None:
         raise MeasurementError("the sequence has no true trajectory, so the error is unknown")
     if not report["frames"]:
@@ -117,6 +166,9 @@ def read_report(report: Mapping[str, Any]) -> Measurement:
         raise MeasurementError(f"the trajectory was not compared: {reason}")
     counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
     frames = len(report["frames"])
+    tracked = [frame["tracked"] for frame in report["frames"]]
+    if report["ate"]["max"] < VALID_BELOW and (failure := tracking_failure(tracked)):
+        raise MeasurementError(f"{report['sequence']['name']}: {failure}")
     objectives = {
         "runtime": report["runtime"],
         **{f"ate_{name}": value for name, value in report["ate"].items()},
@@ -131,7 +183,7 @@ def read_report(report: Mapping[str, Any]) -> Measurement:
     for name, value in (objectives | stages).items():
         if not math.isfinite(value):
             raise MeasurementError(f"{name} is {value}: the program measured nothing finite")
-    return Measurement(objectives, stages, dict(report["device"]))
+    return {"sequence": report["sequence"]["name"], "lost": tracked.count(False), **objectives}, stages
 
 
 def one_line(text: str) -> str:

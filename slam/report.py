@@ -103,6 +103,14 @@ def summary(report: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def line(report: Mapping[str, Any]) -> str:
+    """One of several sequences on one line: time, largest error, lost frames."""
+    ate = report["ate"]
+    error = "no true trajectory" if ate is None else f"largest error {100 * ate['max']:.2f} cm"
+    lost = sum(frame["tracked"] is False for frame in report["frames"])
+    return f"{report['sequence']['name']:16}{1e3 * report['runtime']:9.3f} ms a frame, {error}, {lost} lost"
+
+
 def _facts(report: Mapping[str, Any]) -> list[str]:
     frames = report["frames"]
     tracked = [frame["tracked"] for frame in frames]

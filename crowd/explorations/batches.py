@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -15,7 +16,10 @@ Wanted = tuple[Mapping[str, Any], str, str]  # configuration, phase, label
 
 
 def add(exploration: Exploration, wanted: Sequence[Wanted], iteration: int | None = None) -> list[Evaluation]:
-    """Store new evaluations, numbered on; repeats run over the whole sequence.
+    """Store new evaluations, numbered on; repeats run over whole sequences.
+
+    The first repeat of a configuration sees depth as it is, each further one depth that is perturbed
+    otherwise: an error that rounding decides shows in them.
 
     Without ITERATION it is the one after the last.
     """
@@ -24,6 +28,18 @@ def add(exploration: Exploration, wanted: Sequence[Wanted], iteration: int | Non
         last = exploration.evaluations.aggregate(last=Max("iteration"))["last"]
         iteration = 1 + (last or 0)
     first = exploration.evaluations.count()
+    repeats = Counter(
+        exploration.evaluations.filter(phase=Evaluation.Phase.REPEAT).values_list(
+            "configuration_key", flat=True
+        )
+    )
+
+    def perturbation(configuration: Mapping[str, Any], phase: str) -> int:
+        if phase != Evaluation.Phase.REPEAT:
+            return 0
+        repeats[key(configuration)] += 1
+        return repeats[key(configuration)] - 1
+
     return Evaluation.objects.bulk_create(
         Evaluation(
             exploration=exploration,
@@ -35,6 +51,7 @@ def add(exploration: Exploration, wanted: Sequence[Wanted], iteration: int | Non
             index=search.place_of(space, configuration),
             iteration=iteration,
             frames=None if phase == Evaluation.Phase.REPEAT else exploration.frames,
+            perturbation=perturbation(configuration, phase),
         )
         for place, (configuration, phase, label) in enumerate(wanted)
     )

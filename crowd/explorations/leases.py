@@ -16,12 +16,13 @@ from django.db import Error, InterfaceError, OperationalError, connection, trans
 from django.db.models import Exists, OuterRef, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import ratios, software, statements, workers
+from crowd.explorations import software, statements, workers
 from crowd.explorations.measurement import (
     CannotMeasureHereError,
     LeaseLostError,
     Measurement,
     MeasurementError,
+    outcome,
 )
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from slam.isolated import one_line
@@ -163,10 +164,10 @@ def record(evaluation: Evaluation, measurement: Measurement, measured_by: str = 
     stored = _finish(
         evaluation,
         state=Evaluation.State.DONE,
-        objectives=ratios.without_claims(measurement.objectives),
         stages=measurement.stages,
         device=measurement.device,
         software=measured_by or software.version(),
+        **outcome(evaluation, measurement),
     )
     exploration = evaluation.exploration
     if stored and exploration.note:

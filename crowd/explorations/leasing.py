@@ -7,7 +7,7 @@ from django.conf import settings
 
 from crowd.decoding import decoded
 from crowd.explorations import leases, ratios, tasks
-from crowd.explorations.measurement import CannotMeasureHereError, Measurement, pack_of
+from crowd.explorations.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts import answers
 from crowd.problems import Problem

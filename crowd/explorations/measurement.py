@@ -1,6 +1,6 @@
 """Measuring one evaluation on this machine, by slam or by whatever the settings name instead."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 from django.conf import settings
 from django.utils.module_loading import import_string
 
+from crowd.explorations import ratios
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts import sequences
 from crowd.fronts.contents import needs_colour
@@ -23,8 +24,12 @@ __all__ = [
     "Measurement",
     "MeasurementError",
     "evaluator",
+    "find_packs",
     "measure",
-    "pack_of",
+    "names_for",
+    "outcome",
+    "packs_for",
+    "stop_above",
 ]
 
 
@@ -48,7 +53,10 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
     return isolated.measure(
         exploration.application,
         evaluation.configuration,
-        pack_of(exploration)[0],
+        [path for path, _ in packs_for(evaluation)],
+        perturbation=evaluation.perturbation or None,
+        stop_above=stop_above(evaluation),
+        stop_after=exploration.failures_allowed + 1,
         device=exploration.reference_device.opencl_device,
         backend=exploration.reference_device.backend,
         frames=evaluation.frames,
@@ -58,23 +66,65 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
     )
 
 
-def pack_of(exploration: Exploration) -> tuple[Path, dict[str, Any]]:
-    """The folder of the exploration's sequence and its description, with its colour's where that is needed.
+def names_for(evaluation: Evaluation) -> list[dict[str, str]]:
+    """Name and digest of the packs that EVALUATION runs over: a repeat also over those held out."""
+    exploration = evaluation.exploration
+    held_out = exploration.held_out_sequences if evaluation.phase == Evaluation.Phase.REPEAT else []
+    return [*exploration.learned_on, *held_out]
+
+
+def packs_for(evaluation: Evaluation) -> list[tuple[Path, dict[str, Any]]]:
+    """The folders of these packs and their descriptions. Raises CannotMeasureHereError as `find_packs`."""
+    return find_packs(evaluation.exploration, names_for(evaluation))
+
+
+def stop_above(evaluation: Evaluation) -> float | None:
+    """The largest error (m) above which EVALUATION needs no further sequence; None where all are run."""
+    if evaluation.phase == Evaluation.Phase.REPEAT or len(evaluation.exploration.learned_on) == 1:
+        return None
+    return evaluation.exploration.limits.get("ate_max")
+
+
+def outcome(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
+    """What is stored of MEASUREMENT: objectives over the sequences learned on, the parts, and whether errors
+    are only known to be at least so large, since not all of those sequences were run.
+    """
+    exploration = evaluation.exploration
+    names = [pack["name"] for pack in exploration.learned_on]
+    learned = [part for part in measurement.parts if part["sequence"] in names]
+    if len(measurement.parts) < 2 and len(names) < 2 or not learned:
+        return {"objectives": ratios.without_claims(measurement.objectives)}
+    combined = isolated.combine(learned, exploration.failures_allowed)
+    return {
+        "objectives": ratios.without_claims(measurement.objectives | combined),
+        "parts": list(measurement.parts),
+        "censored": len(learned) < len(names),
+    }
+
+
+def find_packs(
+    exploration: Exploration, names: Iterable[Mapping[str, str]]
+) -> list[tuple[Path, dict[str, Any]]]:
+    """The folder and the description of each pack in NAMES, with its colour's where that is needed.
 
     Raises CannotMeasureHereError where this machine has no such pack, another name or other content, or
     lacks its colour.
     """
+    here = {}
     for pack in sequences.packs():
         description = sequences.described(pack)
-        if (description["name"], description["sha256"]) == (
-            exploration.sequence,
-            exploration.sequence_sha256,
-        ):
-            try:
-                return pack, sequences.described(pack, needs_colour(exploration.application))
-            except sequences.SequenceError as error:
-                raise CannotMeasureHereError(str(error)) from error
-    raise CannotMeasureHereError(
-        f"no pack {exploration.sequence} with digest {exploration.sequence_sha256[:12]}... on this machine: "
-        "put it into one of the sequence folders"
-    )
+        here.setdefault((description["name"], description["sha256"]), pack)
+    found = []
+    for wanted in names:
+        path = here.get((wanted["name"], wanted["sha256"]))
+        if path is None:
+            raise CannotMeasureHereError(
+                f"no pack {wanted['name']} with digest {wanted['sha256'][:12]}... on this machine: put it "
+                "into one of the sequence folders (`python -m slam datasets make all` makes those of the "
+                "synthetic scenes)"
+            )
+        try:
+            found.append((path, sequences.described(path, needs_colour(exploration.application))))
+        except sequences.SequenceError as error:
+            raise CannotMeasureHereError(str(error)) from error
+    return found

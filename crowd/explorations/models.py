@@ -1,5 +1,6 @@
 """A search for good configurations on a reference device, and each measurement that it asked for."""
 
+import math
 from typing import Any
 
 from django.conf import settings
@@ -15,6 +16,15 @@ from slam.devices.device import BACKENDS
 from slam.protocol import FIRST_COUNTED_FRAME
 
 MOST_BUDGET = 1_000_000
+
+
+def validate_packs(value: Any) -> None:
+    """Raise ValidationError where VALUE is not a list of packs: objects with `name` and `sha256` alone."""
+    members = {"name", "sha256"}
+    packs = value if isinstance(value, list) else [value]
+    whole = isinstance(value, list) and all(isinstance(pack, dict) and set(pack) == members for pack in packs)
+    if not whole or not all(isinstance(text, str) for pack in packs for text in pack.values()):
+        raise ValidationError(f"{value!r:.80}: give a list of {{name, sha256}}", code="packs")
 
 
 def validate_space(description: Any) -> None:
@@ -71,7 +81,10 @@ class ReferenceDevice(models.Model):
 
 
 class Exploration(models.Model):
-    """A search over a space: what to minimise on which sequence, and how far it has come.
+    """A search over a space: what to minimise on which sequences, and how far it has come.
+
+    Errors are the worst over `sequence` and the `further_sequences`, times the mean. A measurement of the
+    search ends early where that is certain to break the limit of `ate_max`.
 
     `budget` configurations are searched in batches of `batch`; the application's known configurations are
     measured besides. At the end up to `points` of the front are measured `repeats` times more, over the
@@ -88,8 +101,25 @@ class Exploration(models.Model):
 
     application = models.CharField(max_length=64, validators=[NAME], default="kfusion")
     space = models.JSONField(validators=[validate_space])
-    sequence = models.CharField(max_length=200, help_text="name of a pack")
+    sequence = models.CharField(max_length=200, help_text="name of the pack that clients measure on")
     sequence_sha256 = models.CharField(max_length=64, help_text="digest of that pack")
+    further_sequences = models.JSONField(
+        default=list,
+        blank=True,
+        validators=[validate_packs],
+        help_text="[{name, sha256}]: learned on besides, in this order",
+    )
+    held_out_sequences = models.JSONField(
+        default=list,
+        blank=True,
+        validators=[validate_packs],
+        help_text="[{name, sha256}]: never learned on; the points found are checked on them",
+    )
+    error_quantile = models.FloatField(
+        default=1.0,
+        validators=[MinValueValidator(0.01), MaxValueValidator(1.0)],
+        help_text="of the errors on the sequences learned on, which one counts: 1 is the worst",
+    )
     reference_device = models.ForeignKey(
         ReferenceDevice, on_delete=models.PROTECT, related_name="explorations"
     )
@@ -142,6 +172,17 @@ class Exploration(models.Model):
     def __str__(self) -> str:
         return f"{self.application} {self.pk}"
 
+    @property
+    def learned_on(self) -> list[dict[str, str]]:
+        """Name and digest of each pack that errors are minimised on, that of clients first."""
+        return [{"name": self.sequence, "sha256": self.sequence_sha256}, *self.further_sequences]
+
+    @property
+    def failures_allowed(self) -> int:
+        """On how many of the sequences learned on the error may be larger than the one that counts."""
+        count = len(self.learned_on)
+        return count - max(math.ceil(self.error_quantile * count), 1)
+
 
 class Evaluation(models.Model):
     """One measurement of one configuration. The row is the truth; a message only says to look at it.
@@ -191,7 +232,16 @@ class Evaluation(models.Model):
     started_at = models.DateTimeField(null=True, blank=True)
     heartbeat_at = models.DateTimeField(null=True, blank=True)
     lease_until = models.DateTimeField(null=True, blank=True)
+    perturbation = models.PositiveSmallIntegerField(
+        default=0, help_text="seed by which depth is changed by a unit; 0: it is not"
+    )
     objectives = models.JSONField(null=True, blank=True, help_text="seconds a frame, metres")
+    parts = models.JSONField(
+        null=True, blank=True, help_text="the objectives of each sequence that was run, and its lost frames"
+    )
+    censored = models.BooleanField(
+        default=False, help_text="not all sequences were run: errors are at least so large"
+    )
     ratio_filled_at = models.DateTimeField(
         null=True, blank=True, editable=False, help_text="when runtime_ratio was added to the objectives"
     )

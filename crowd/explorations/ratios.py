@@ -1,7 +1,8 @@
-"""runtime_ratio: the runtime of a configuration over that of the default in the same round.
+"""runtime_ratio and ate_max_ratio: a configuration's runtime and error over the default's in the same round.
 
-A slow hour of a host slows both alike, so that the ratio stays as it is. The default is measured first in
-each round. A ratio is stored once and never changes afterwards.
+A slow hour of a host slows both alike, so that the ratio of runtimes stays as it is. On a sequence that is
+hard for the default, too, an error means little without that of the default. The default is measured first
+in each round. Ratios are stored once and never change afterwards.
 """
 
 from bisect import bisect_right
@@ -16,8 +17,10 @@ from django.utils import timezone
 from crowd.explorations.known import DEFAULT
 from crowd.explorations.models import Evaluation, Exploration
 from pareto.errors import ParetoError
+from slam.isolated import worst
 
-RATIO = "runtime_ratio"
+RATIO, ERROR_RATIO = "runtime_ratio", "ate_max_ratio"
+LEAST_ERROR = 1e-4  # m: a smaller error of the default counts as this one
 State, Phase = Evaluation.State, Evaluation.Phase
 COPIED = (Phase.KNOWN, Phase.PRIOR)
 DEFAULT_PHASES = (Phase.GIVEN, Phase.DEFAULT, Phase.REPEAT)
@@ -48,6 +51,8 @@ class Measured(Protocol):
     @property
     def objectives(self) -> dict[str, float] | None: ...
     @property
+    def parts(self) -> list[dict[str, Any]] | None: ...
+    @property
     def ratio_filled_at(self) -> datetime | None: ...
 
 
@@ -55,8 +60,8 @@ RowType = TypeVar("RowType", bound=Measured)
 
 
 def used(exploration: Exploration) -> bool:
-    """Whether EXPLORATION minimises the ratio, and so measures the default in each round."""
-    return RATIO in exploration.objectives
+    """Whether EXPLORATION minimises a ratio, and so measures the default in each round."""
+    return RATIO in exploration.objectives or ERROR_RATIO in exploration.objectives
 
 
 def awaits(exploration: Exploration, row: Measured) -> bool:
@@ -74,8 +79,8 @@ def fill(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, dict[st
     waiting = [row for row in rows if awaits(exploration, row)]
     if not waiting:
         return {}
-    found = ratios(rows)
-    filled = {row.pk: (row.objectives or {}) | {RATIO: found[row.pk]} for row in waiting if row.pk in found}
+    found = ratios(exploration, rows)
+    filled = {row.pk: (row.objectives or {}) | found[row.pk] for row in waiting if row.pk in found}
     now = timezone.now()
     with transaction.atomic():
         for key, objectives in filled.items():
@@ -88,13 +93,16 @@ def fill(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, dict[st
     return filled
 
 
-def ratios(rows: Iterable[Measured], patient: bool = True) -> dict[int, float]:
-    """The ratio of each measured row of one exploration, by its key; rows without one are left out.
+def ratios(
+    exploration: Exploration, rows: Iterable[Measured], patient: bool = True
+) -> dict[int, dict[str, float]]:
+    """Both ratios of each measured row of EXPLORATION, by its key; rows without them are left out.
 
-    It is the runtime over the median of the default's runtimes in the same iteration and over as many
-    frames, for a repeat over the default's repeat that began its round. Where the default failed there, the
-    nearest round over as many frames counts. A PATIENT caller gets no ratio while the default of a row's own
-    round is unfinished.
+    `runtime_ratio` is the mean runtime over the median of the default's in the same iteration and over as
+    many frames, both of the sequences that the row ran, for a repeat over the default's repeat that began its
+    round. Where the default failed there, the nearest round over as many frames counts. `ate_max_ratio` is
+    the worst over the sequences, as the exploration counts errors. A PATIENT caller gets no ratio while the
+    default of a row's own round is unfinished.
     """
     rows = sorted((row for row in rows if row.phase not in COPIED), key=lambda row: row.number)
     defaults = [row for row in rows if _is_default(row)]
@@ -102,7 +110,7 @@ def ratios(rows: Iterable[Measured], patient: bool = True) -> dict[int, float]:
     for row in defaults:
         if row.phase == Phase.REPEAT:
             starts.setdefault(row.iteration, []).append(row.number)
-    runtimes: dict[Round, list[float]] = {}
+    measured: dict[Round, list[Measured]] = {}
     positions: dict[Round, int] = {}
     unfinished: set[Round] = set()
     for row in defaults:
@@ -111,9 +119,8 @@ def ratios(rows: Iterable[Measured], patient: bool = True) -> dict[int, float]:
         if row.state in _UNFINISHED:
             unfinished.add(place)
         elif row.state == State.DONE and runtime > 0:
-            runtimes.setdefault(place, []).append(runtime)
+            measured.setdefault(place, []).append(row)
             positions.setdefault(place, row.number)
-    medians = {place: median(values) for place, values in runtimes.items()}
     found = {}
     for row in rows:
         place = _round(row, starts)
@@ -121,9 +128,9 @@ def ratios(rows: Iterable[Measured], patient: bool = True) -> dict[int, float]:
             continue
         if patient and place in unfinished:
             continue
-        nearest = place if place in medians else _nearest(row, positions)
+        nearest = place if place in measured else _nearest(row, positions)
         if nearest is not None:
-            found[row.pk] = row.objectives["runtime"] / medians[nearest]
+            found[row.pk] = _compare(exploration, row, measured[nearest])
     return found
 
 
@@ -135,10 +142,35 @@ def lacks_default(rows: Iterable[Measured], repeats: bool) -> bool:
 
 def without_claims(objectives: Mapping[str, Any]) -> dict[str, Any]:
     """OBJECTIVES as a machine reports them, without a ratio: the server alone knows the default's runtime."""
-    return {name: value for name, value in objectives.items() if name != RATIO}
+    return {name: value for name, value in objectives.items() if name not in (RATIO, ERROR_RATIO)}
 
 
 _UNFINISHED = (State.PENDING, State.RUNNING)
+
+
+def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measured]) -> dict[str, float]:
+    """Both ratios of ROW to the DEFAULTS of its round."""
+    if row.parts is None:
+        own = {"": row.objectives or {}}
+        others = [{"": default.objectives or {}} for default in defaults]
+    else:
+        own = _by_sequence(exploration, row)
+        others = [_by_sequence(exploration, default) for default in defaults]
+        own = {name: own[name] for name in own if all(name in other for other in others)}
+    runtimes = [sum(other[name]["runtime"] for name in own) for other in others]
+    errors = [
+        part["ate_max"] / max(median(other[name]["ate_max"] for other in others), LEAST_ERROR)
+        for name, part in own.items()
+        if "ate_max" in part and all("ate_max" in other[name] for other in others)
+    ]
+    found = {RATIO: sum(part["runtime"] for part in own.values()) / median(runtimes)}
+    return found | ({ERROR_RATIO: worst(errors, exploration.failures_allowed)} if errors else {})
+
+
+def _by_sequence(exploration: Exploration, row: Measured) -> dict[str, dict[str, Any]]:
+    """The parts of ROW on sequences learned on, by their names."""
+    learned = [pack["name"] for pack in exploration.learned_on]
+    return {part["sequence"]: part for part in row.parts or [] if part["sequence"] in learned}
 
 
 def _is_default(row: Measured) -> bool:

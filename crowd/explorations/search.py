@@ -77,6 +77,8 @@ class Row(NamedTuple):
     place: int | None  # in the space
     frames: int | None
     objectives: dict[str, float] | None
+    parts: list[dict[str, Any]] | None
+    censored: bool
     ratio_filled_at: datetime | None
     finished_at: datetime | None
 
@@ -207,7 +209,7 @@ def _is_pending(row: Row, groups: Mapping[int, Sequence[Row]]) -> bool:
     return row.phase == Phase.AGAIN or row.place not in groups
 
 
-def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[float] | None]:
+def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[Any] | None]:
     """The measurements of one configuration that the explorer is told.
 
     Checks replace an outlier, so that the median of it and its checks is one measurement. Each measurement
@@ -219,12 +221,20 @@ def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[
     return [_values(first, objectives), *further] if first else further
 
 
-def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[float] | None:
-    """Of several measurements of one configuration the median counts; None where all of them failed."""
-    found = [row.objectives for row in group if row.objectives and set(objectives) <= set(row.objectives)]
-    if not found:
+def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[Any] | None:
+    """Of several measurements of one configuration the median counts; None where all of them failed.
+
+    An error that is only known to be at least so large is told as such.
+    """
+    rows = [row for row in group if row.objectives and set(objectives) <= set(row.objectives)]
+    if not rows:
         return None
-    return [float(median(row[name] for row in found)) for name in objectives]
+    censored = any(row.censored for row in rows)
+    values = {name: float(median((row.objectives or {})[name] for row in rows)) for name in objectives}
+    return [
+        {"censored": value} if censored and name.startswith("ate_") else value
+        for name, value in values.items()
+    ]
 
 
 def _finished(row: Row) -> tuple[float, int]:

@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from crowd.explorations import batches, known, points, ratios, search, statements, warm_start
 from crowd.explorations.batches import Wanted
-from crowd.explorations.measurement import CannotMeasureHereError, pack_of
+from crowd.explorations.measurement import CannotMeasureHereError, find_packs
 from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
 from crowd.explorations.search import COPIED, FINISHED, SEARCHED
 from pareto.errors import ParetoError
@@ -21,6 +21,7 @@ MEASURED = (
     "runtime",
     "runtime_ratio",
     "ate_max",
+    "ate_max_ratio",
     "ate_mean",
     "ate_rmse",
     "ate_rmse_aligned",
@@ -52,11 +53,15 @@ def check(exploration: Exploration) -> None:
             search.fresh(exploration).propose(1)
         else:
             warm_start.check(exploration, earlier)
-        _, pack = pack_of(exploration)
+        packs = find_packs(exploration, [*exploration.learned_on, *exploration.held_out_sequences])
     except (ParetoError, CannotMeasureHereError) as error:
         raise ValidationError(str(error)) from error
-    if exploration.frames is not None and exploration.frames > pack["frames"]:
-        raise ValidationError(f"frames {exploration.frames}: {pack['name']} has {pack['frames']}")
+    names = [pack["name"] for _, pack in packs]
+    if twice := [name for place, name in enumerate(names) if name in names[:place]]:
+        raise ValidationError(f"sequence {twice[0]} is named twice: a sequence is learned on or held out, once")
+    for _, pack in packs:
+        if exploration.frames is not None and exploration.frames > pack["frames"]:
+            raise ValidationError(f"frames {exploration.frames}: {pack['name']} has {pack['frames']}")
 
 
 @transaction.atomic

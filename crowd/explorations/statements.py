@@ -17,10 +17,14 @@ from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 PENDING, RUNNING = Evaluation.State.PENDING.value, Evaluation.State.RUNNING.value
 # What a measurement reads: the rest, such as the space, is fetched by whoever asks for it.
 WANTED: dict[type[models.Model], set[str]] = {
-    Evaluation: {"id", "exploration", "number", "configuration", "frames", "state", "attempt", "lease_until"},
+    Evaluation: {
+        *("id", "exploration", "number", "phase", "configuration", "frames", "perturbation", "state"),
+        *("attempt", "lease_until"),
+    },
     Exploration: {
         *("id", "reference_device", "application", "sequence", "sequence_sha256", "state", "synchronous"),
-        *("batch", "objectives", "note"),
+        *("batch", "objectives", "limits", "note", "further_sequences", "held_out_sequences"),
+        "error_quantile",
     },
     ReferenceDevice: {"id", "name", "queue", "backend", "opencl_device", "machines"},
 }
@@ -51,8 +55,8 @@ LEASE = f"""
         AND ({HELD}) < %s
 """
 FINISH = f"""
-    UPDATE {EVALUATIONS} SET state = %s, objectives = %s, stages = %s, device = %s, software = %s, error = %s,
-        lease_until = NULL, finished_at = %s
+    UPDATE {EVALUATIONS} SET state = %s, objectives = %s, stages = %s, device = %s, parts = %s, censored = %s,
+        software = %s, error = %s, lease_until = NULL, finished_at = %s
     WHERE id = %s AND attempt = %s AND state IN ('{PENDING}', '{RUNNING}')
 """
 UNFINISHED = f"""
@@ -95,9 +99,10 @@ def lease(evaluation: Evaluation, worker: str, now: datetime, until: datetime) -
 
 def finish(evaluation: Evaluation, now: datetime, **values: Any) -> bool:
     """Store what became of EVALUATION, if nobody took it since: `state`, and of the others what is told."""
-    told = (values.get(name) for name in ("objectives", "stages", "device"))
+    told = (values.get(name) for name in ("objectives", "stages", "device", "parts"))
     texts = [None if value is None else json.dumps(value) for value in told]
-    row = [values["state"], *texts, values["software"], values.get("error", ""), _stored(now)]
+    censored = values.get("censored", False)
+    row = [values["state"], *texts, censored, values["software"], values.get("error", ""), _stored(now)]
     return _changed(FINISH, [*row, evaluation.pk, evaluation.attempt])
 
 

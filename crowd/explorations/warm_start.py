@@ -7,10 +7,10 @@ from crowd.explorations import ratios, search
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.search import COPIED, FINISHED
 
-ALIKE = ("reference_device_id", "sequence_sha256", "frames")
+ALIKE = ("reference_device_id", "learned_on", "error_quantile", "frames")
 COPIED_FIELDS = (
     *("label", "configuration", "configuration_key", "frames", "state", "objectives", "stages", "device"),
-    *("software", "error", "worker", "finished_at"),
+    *("software", "error", "worker", "finished_at", "parts", "censored"),
 )
 
 
@@ -23,7 +23,7 @@ def copies(exploration: Exploration, earlier: Exploration) -> list[Evaluation]:
     alike = all(getattr(earlier, name) == getattr(exploration, name) for name in ALIKE)
     space = search.space_of(exploration)
     every = list(earlier.evaluations.all())
-    found = ratios.ratios(every, patient=False) if ratios.used(exploration) else {}
+    found = ratios.ratios(earlier, every, patient=False) if ratios.used(exploration) else {}
     rows = [
         row
         for row in every
@@ -58,8 +58,8 @@ def check(exploration: Exploration, earlier: Exploration) -> None:
     search.fresh(exploration, **search.prior(exploration, pairs))
 
 
-def _ratio(row: Evaluation, found: Mapping[int, float]) -> dict[str, Any]:
-    """What the copy of ROW has beyond it: the ratio in FOUND, unless it was filled in already."""
+def _ratio(row: Evaluation, found: Mapping[int, Mapping[str, float]]) -> dict[str, Any]:
+    """What the copy of ROW has beyond it: the ratios in FOUND, unless they were filled in already."""
     if row.ratio_filled_at is not None or row.pk not in found or row.objectives is None:
         return {}
-    return {"objectives": row.objectives | {ratios.RATIO: found[row.pk]}}
+    return {"objectives": row.objectives | found[row.pk]}

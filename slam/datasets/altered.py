@@ -1,4 +1,4 @@
-"""A sequence with something amiss: frames in the dark, or a camera that was badly calibrated."""
+"""A sequence with something amiss: dark frames, a badly calibrated camera, or slightly perturbed depth."""
 
 from __future__ import annotations
 
@@ -52,3 +52,37 @@ class Altered(Sequence):
     def sha256(self) -> str:
         text = f"{self._sequence.sha256} {self.camera} {self._dark}"
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+class Perturbed(Sequence):
+    """`sequence` with each measured depth changed by -1, 0 or +1 of its units, as `seed` draws them.
+
+    That is less than a sensor's own noise. A configuration whose error depends on it stands on an edge: the
+    rounding of another driver would do the same. Raises SequenceError for a negative seed.
+    """
+
+    def __init__(self, sequence: Sequence, seed: int) -> None:
+        if seed < 0:
+            raise SequenceError(f"perturbation {seed}: give a whole number of 0 or more")
+        self._sequence = sequence
+        self._seed = seed
+        self.name = sequence.name
+        self.camera = sequence.camera
+        self.timestamps = sequence.timestamps
+        self.truth = sequence.truth
+        self.volume_size = sequence.volume_size
+        self.initial_position = sequence.initial_position
+
+    def depth(self, index: int) -> npt.NDArray[np.uint16]:
+        depth = self._sequence.depth(index)
+        rng = np.random.default_rng([self._seed, index])
+        change = rng.integers(-1, 2, depth.shape, dtype=np.int32)
+        changed = np.clip(depth + change, 1, np.iinfo(np.uint16).max)
+        return np.where(depth > 0, changed, 0).astype(np.uint16)
+
+    def colour(self, index: int) -> npt.NDArray[np.uint8] | None:
+        return self._sequence.colour(index)
+
+    @cached_property
+    def sha256(self) -> str:
+        return hashlib.sha256(f"{self._sequence.sha256} perturbed {self._seed}".encode()).hexdigest()

@@ -38,7 +38,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
     parser = kinds.add_parser("make", help="render a synthetic sequence")
     parser.add_argument(
-        "scene", choices=(*SCENES, ALL), metavar="SCENE", help=f"see `list`; {ALL}: those learned on"
+        "scene", choices=(*SCENES, ALL), metavar="SCENE", help=f"see `list`; {ALL}: those learned on, and held out"
     )
     parser.add_argument("--frames", type=int, metavar="N", help="default: the scene's own number")
     parser.add_argument(
@@ -134,12 +134,12 @@ def _make(options: argparse.Namespace) -> None:
 
 
 def _make_all(options: argparse.Namespace) -> None:
-    """Make the packs of depth that searches learn on, unless they are there."""
+    """Make the packs of depth that searches learn on and those held out, unless they are there."""
     if options.colour or options.format != "pack" or options.dark or options.focal_error:
         raise UsageError(f"{ALL} makes plain packs of depth: leave out --colour, --format and alterations")
 
     paths = make_all(
-        with_role("learned-on"),
+        [*with_role("learned-on"), *with_role("held-out")],
         options.out or default_folder(),
         options.frames,
         options.noise,

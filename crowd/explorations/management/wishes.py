@@ -3,6 +3,7 @@
 import shlex
 import sys
 from argparse import ArgumentTypeError
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,27 @@ NUMBERS = ("seed", "budget", "batch", "points", "repeats", "frames")
 def add_wishes(parser: CommandParser) -> None:
     """The options that say what to explore; where to measure it is up to each command."""
     parser.add_argument("--space", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--sequence", required=True, metavar="PACK", help="a pack's name or folder")
+    parser.add_argument(
+        "--sequence",
+        required=True,
+        action="append",
+        metavar="PACK",
+        help="a pack's name or folder; repeat it to learn on several: the first is the one of clients",
+    )
+    parser.add_argument(
+        "--held-out",
+        action="append",
+        default=[],
+        metavar="PACK",
+        help="a sequence, repeatable, that is not learned on: what is found is checked on it",
+    )
+    parser.add_argument(
+        "--quantile",
+        type=float,
+        default=1.0,
+        metavar="Q",
+        help="which of the errors on the sequences counts (1: the worst)",
+    )
     parser.add_argument("--budget", type=int, required=True, help="configurations to search")
     parser.add_argument("--random", type=int, metavar="N", help="initial random samples (the method's own)")
     parser.add_argument("--method", type=_method, choices=list(METHODS), default=DEFAULT)
@@ -56,13 +77,16 @@ def wished(options: dict[str, Any], device: ReferenceDevice, application: str | 
         space = Space.load(options["space"])
     except (ParetoError, OSError) as error:
         raise CommandError(str(error)) from error
-    pack = _pack(options["sequence"])
+    pack, *further = map(_pack, options["sequence"])
     earlier = options["warm_start"]
     return Exploration(
         application=application or space.name,
         space=space.to_dict(),
         sequence=pack["name"],
         sequence_sha256=pack["sha256"],
+        further_sequences=[_named(other) for other in further],
+        held_out_sequences=[_named(_pack(name)) for name in options["held_out"]],
+        error_quantile=options["quantile"],
         reference_device=device,
         objectives=options["objectives"],
         limits=_limits(options),
@@ -110,6 +134,10 @@ def _pack(wanted: str) -> dict[str, Any]:
             return description
     names = ", ".join(pack.name for pack in sequences.packs()) or "none"
     raise CommandError(f"no pack {wanted} in the sequence folders (there: {names})")
+
+
+def _named(pack: Mapping[str, Any]) -> dict[str, str]:
+    return {"name": pack["name"], "sha256": pack["sha256"]}
 
 
 def _names(text: str) -> list[str]:
