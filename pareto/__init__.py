@@ -10,14 +10,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pareto.fronts.censored import Censored
     from pareto.fronts.objective import Objective
     from pareto.search.explorer import Explorer, Proposal
     from pareto.spaces.scenario import Scenario
     from pareto.spaces.space import Configuration, Space
 
-__all__ = ["Configuration", "Explorer", "Objective", "Proposal", "Scenario", "Space"]
+__all__ = ["Censored", "Configuration", "Explorer", "Objective", "Proposal", "Scenario", "Space"]
 
 _HOMES = {
+    "Censored": "pareto.fronts.censored",
     "Configuration": "pareto.spaces.space",
     "Explorer": "pareto.search.explorer",
     "Objective": "pareto.fronts.objective",

@@ -116,10 +116,10 @@ def _read(path: Path, options: argparse.Namespace) -> Source:
 
 def _source(explorer: Explorer, objectives: list[Objective], limits: dict[str, float]) -> Source:
     names = [objective.name for objective in explorer.objectives]
-    estimates = explorer.estimates()
+    estimates, exact = explorer.estimates(), explorer.history.exact()
     points: list[Point] = [
         (dict(explorer.space.decode(int(index))), dict(zip(names, row, strict=True)))
-        for index, row in zip(estimates.indices, estimates.expected.tolist(), strict=True)
+        for index, row in zip(estimates.indices[exact], estimates.expected[exact].tolist(), strict=True)
     ]
     return Source(objectives, limits, points, len(explorer.history.failed()))
 

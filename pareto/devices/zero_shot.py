@@ -50,8 +50,8 @@ def promises(
     """Return the source's front, the best in objective `prefer` first, those expected to break `limits` last.
 
     `source` and `here` are (configuration, values or None for a failure) pairs of the two devices; what
-    failed here is left out. `prefer` is the first objective unless given. With `count`, that many of the
-    source's configurations are taken, front after front.
+    failed here, or has a censored value on either, is left out. `prefer` is the first objective unless given.
+    With `count`, that many of the source's configurations are taken, front after front.
 
     Without measurements here the source's values stand as they are. What is measured here of what the source
     measured, on its front or not, moves them. One measurement moves all by the factor that it shows (a
@@ -67,15 +67,14 @@ def promises(
         raise ObjectiveError(f"prefer = {prefer!r} is not an objective: they are {', '.join(names)}")
     target = _history(space, wanted, limits, here)
     prior = Prior.read(space, wanted, {}, source)
-    theirs = dict(zip(*prior.source.measured(), strict=True))
-    known = dict(zip(*target.measured(), strict=True))
-    failed = set(target.failed().tolist())
+    theirs, known = _exact(prior.source), _exact(target)
+    left_out = target.told.keys() - known.keys()
     indices = prior.source.front()[0] if count is None else prior.ranked(count)
     values = np.array([theirs[index] for index in indices.tolist()]).reshape(len(indices), len(wanted))
     expected = _moved(space, indices, values, theirs, known)
     found = []
     for index, row, guess in zip(indices.tolist(), values, expected, strict=True):
-        if index in failed:
+        if index in left_out:
             continue
         now = known.get(index, guess)
         within = bool(target.within_limits(now[None])[0])
@@ -84,6 +83,13 @@ def promises(
         )
     best = wanted[names.index(prefer) if prefer else 0]
     return sorted(found, key=lambda item: (not item.within, best.sign * item.expected[best.name]))
+
+
+def _exact(history: History) -> dict[int, Array]:
+    """Return the (objectives) values of what succeeded without a censored one, by index."""
+    indices, values = history.measured()
+    exact = history.exact()
+    return dict(zip(indices[exact].tolist(), values[exact], strict=True))
 
 
 def _history(

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from pareto.errors import ObjectiveError
+from pareto.fronts.censored import Censored
 from pareto.numbers import is_finite
 
 
@@ -56,6 +57,8 @@ def read_limits(objectives: tuple[Objective, ...], limits: Mapping[str, float] |
 def read_values(objectives: tuple[Objective, ...], values: Mapping[str, float]) -> tuple[float, ...]:
     """Return the objectives' values in order. Further keys in `values` are nobody's business and ignored.
 
+    A Censored value stays one.
+
     Raises ObjectiveError for a missing objective, or a value that is not a finite number.
     """
     if not isinstance(values, Mapping):
@@ -66,8 +69,14 @@ def read_values(objectives: tuple[Objective, ...], values: Mapping[str, float]) 
     for objective in objectives:
         if objective.name not in values:
             raise ObjectiveError(f"objective {objective.name!r} is missing from {dict(values)}")
-        read.append(read_number(objective.name, values[objective.name]))
+        read.append(read_value(objective.name, values[objective.name]))
     return tuple(read)
+
+
+def read_value(name: str, value: object) -> float:
+    """Return a measured `value` as a float or as Censored. Raises ObjectiveError as `read_number` does."""
+    number = read_number(name, value)
+    return Censored(number) if isinstance(value, Censored) else number
 
 
 def read_number(name: str, value: object, remedy: str = "tell None for a failed evaluation") -> float:

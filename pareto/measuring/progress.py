@@ -96,12 +96,13 @@ class FrontSummary:
 
 
 def summarise_front(explorer: Explorer, values: NDArray[np.float64]) -> FrontSummary:
-    """Return size and hypervolume of the front of (n, objectives) values.
+    """Return size and hypervolume of the front of (n, objectives) values of what the explorer measured.
 
-    The volume ends at the limits, or at the worst value where there is none.
-    It is of logarithms where all values are positive. Of measured values it is the last one of
-    `hypervolume_growth`.
+    The volume ends at the limits, or at the worst value where there is none. It is of logarithms where all
+    values are positive. Configurations with a censored value do not count. Of measured values it is the last
+    one of `hypervolume_growth`.
     """
+    values = values[explorer.history.exact()]
     if len(values) == 0:
         return FrontSummary(0, 0.0, {})
     maximise = [objective.maximise for objective in explorer.objectives]

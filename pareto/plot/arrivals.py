@@ -16,7 +16,8 @@ from pareto.spaces.space import Indices
 
 @dataclass(frozen=True)
 class Arrivals:
-    """(n,) `indices`, (n, objectives) mean `values` with NaN for failures, and (n,) `phases`.
+    """(n,) `indices`, (n, objectives) mean `values`, and (n,) `phases`. Values are NaN for failures
+    and where one of them is censored: a bound has no place in a picture of values.
 
     `estimates` has what to expect of those that succeeded.
     """
@@ -35,7 +36,8 @@ class Arrivals:
         values = np.full((len(indices), len(explorer.objectives)), np.nan)
         measured, means = history.measured()
         place = {index: row for row, index in enumerate(indices.tolist())}
-        values[[place[index] for index in measured.tolist()]] = means
+        exact = history.exact()
+        values[[place[index] for index in measured[exact].tolist()]] = means[exact]
         phases = np.array([history.phases[index] for index in indices.tolist()], dtype=np.str_)
         return cls(explorer, indices, values, phases, explorer.estimates())
 
@@ -69,7 +71,8 @@ class Arrivals:
 
     def recommended(self, first: int, second: int) -> NDArray[np.int64]:
         """Return the rows of `estimates` on the front of the expected values, as `front` does."""
-        return self._front(self.estimates.expected, first, second)
+        rows = np.flatnonzero(self.explorer.history.exact())
+        return rows[self._front(self.estimates.expected[rows], first, second)]
 
     def _front(self, values: NDArray[np.float64], first: int, second: int) -> NDArray[np.int64]:
         rows = np.flatnonzero(self.explorer.history.within_limits(values))

@@ -23,7 +23,7 @@ LEAST_FAILURES = 20  # of fewer, nothing is said about what makes a measurement 
 def grown(arrivals: Arrivals) -> dict[str, Bagging]:
     """Return a forest for each objective that can be learnt, and for failing at all."""
     columns = dict(zip(arrivals.names, arrivals.values.T, strict=True))
-    failed = ~arrivals.succeeded
+    failed = np.isin(arrivals.indices, arrivals.explorer.history.failed())
     if LEAST_FAILURES <= failed.sum() <= len(failed) - LEAST_FAILURES and FAILING not in columns:
         columns[FAILING] = np.where(failed, 0.0, -1.0)
     space = arrivals.explorer.space

@@ -30,24 +30,35 @@ def obstacle(history: History) -> NoAnswerError | None:
         return AllFailedError(
             f"all {len(history.told)} configurations failed: find out why one of them does, the default first"
         )
+    exact = history.exact()
+    if not exact.any():
+        return NothingFeasibleError(
+            f"each of {len(values)} measured configurations has a censored value, this or worse: measure one "
+            "of them in full, or go on exploring"
+        )
+    values = values[exact]
     if not history.within_limits(values).any():
-        return _nothing_feasible(history, values)
-    if len(indices) >= ENOUGH and not np.ptp(values, axis=0).any():
+        return _nothing_feasible(history, values, len(indices))
+    if len(values) >= ENOUGH and not np.ptp(values, axis=0).any():
         named = " and ".join(
             f"{objective.name!r} ({value:g})"
             for objective, value in zip(history.objectives, values[0], strict=True)
         )
         return ConstantObjectiveError(
-            f"{named} did not differ between {len(indices)} configurations: look whether "
+            f"{named} did not differ between {len(values)} configurations: look whether "
             "anything is really measured"
         )
     return None
 
 
 def constant_objectives(history: History) -> dict[str, float]:
-    """Return the objectives that had one value in all of ENOUGH successful configurations or more."""
-    indices, values = history.measured()
-    if len(indices) < ENOUGH:
+    """Return the objectives that had one value in all of ENOUGH successful configurations or more.
+
+    Configurations with a censored value do not count.
+    """
+    _, values = history.measured()
+    values = values[history.exact()]
+    if len(values) < ENOUGH:
         return {}
     return {
         objective.name: float(column[0])
@@ -56,7 +67,8 @@ def constant_objectives(history: History) -> dict[str, float]:
     }
 
 
-def _nothing_feasible(history: History, values: np.ndarray) -> NothingFeasibleError:
+def _nothing_feasible(history: History, values: np.ndarray, measured: int) -> NothingFeasibleError:
+    """Return the error for so many `measured` configurations, of which `values` are known exactly."""
     limits: Mapping[str, float] = history.limits
     wanted, nearest = [], []
     for objective, column in zip(history.objectives, values.T, strict=True):
@@ -66,6 +78,6 @@ def _nothing_feasible(history: History, values: np.ndarray) -> NothingFeasibleEr
             wanted.append(f"{objective.name} {sign} {limits[objective.name]:g}")
             nearest.append(f"{objective.name} = {best:g}")
     return NothingFeasibleError(
-        f"none of {len(values)} measured configurations keeps {' and '.join(wanted)}; the best of each are "
+        f"none of {measured} measured configurations keeps {' and '.join(wanted)}; the best of each are "
         f"{', '.join(nearest)}: relax a limit, or go on exploring"
     )

@@ -17,7 +17,15 @@ from pareto.errors import (
     SpaceError,
     StateError,
 )
-from pareto.fronts.objective import Objective, read_limits, read_number, read_objectives, read_values
+from pareto.fronts.censored import Censored
+from pareto.fronts.objective import (
+    Objective,
+    read_limits,
+    read_number,
+    read_objectives,
+    read_value,
+    read_values,
+)
 from pareto.search.answer import obstacle
 from pareto.search.history import History
 from pareto.search.methods import DEFAULT, METHODS, create, present
@@ -52,7 +60,8 @@ class Explorer:
 
     `prior` is what another device measured, as (configuration, values or None for a failure) pairs: it guides
     the search as far as the measurements told here confirm it, and never counts as told. What was measured
-    on this very device is told instead.
+    on this very device is told instead. A Censored value of a prior counts as its bound, and its
+    configuration is not tried first.
 
     Raises SpaceError, ObjectiveError, or MethodError for an unknown method, option or seed, or for a method
     that cannot use a prior.
@@ -127,6 +136,9 @@ class Explorer:
         Any subset of what was asked, in any order, and configurations that were never asked, for which
         `phase` is noted. Telling one configuration again averages its values. Either all are taken or, when
         an error is raised (ConfigurationError, ObjectiveError), none.
+
+        A value may be Censored: this or worse. Its configuration is never on the front, and the models learn
+        what they expect of it beyond the bound.
         """
         if not (_is_list(configurations) and _is_list(results)):
             raise ConfigurationError("tell takes two lists: tell([configuration], [values])")
@@ -149,8 +161,10 @@ class Explorer:
     def tell_frame(self, frame: DataFrame) -> None:
         """Take the rows of a pandas DataFrame with a column for each parameter and objective, as `tell` does.
 
-        A missing value is a failed measurement, except in a parameter that is inactive. Further columns are
-        ignored. Raises ConfigurationError or ObjectiveError, and takes nothing then.
+        A missing value is a failed measurement, except in a parameter that is inactive. A column of numbers
+        holds values, never bounds: censored ones are for `tell`. Further columns are ignored.
+
+        Raises ConfigurationError or ObjectiveError, and takes nothing then.
         """
         from pareto.search.frames import read_frame
 
@@ -200,6 +214,7 @@ class Explorer:
     def evaluations_frame(self) -> DataFrame:
         """Return a row for each measurement, as `front_frame` does, NaN for the values of failed ones.
 
+        A censored value is its bound, a plain number: `tell_frame` would take it for a value.
         Configurations stand in the order in which they first arrived, repeats of one beside each other.
         """
         from pareto.search.frames import write_frame
@@ -313,9 +328,13 @@ class Explorer:
 
 def _observations(history: History) -> list[list[Any]]:
     return [
-        [index, history.phases[index], [None if v is None else list(v) for v in values]]
+        [index, history.phases[index], [None if v is None else [*map(_saved, v)] for v in values]]
         for index, values in history.told.items()
     ]
+
+
+def _saved(value: float) -> float | dict[str, float]:
+    return {"censored": float(value)} if isinstance(value, Censored) else value
 
 
 def _record(history: History, observations: Iterable[Sequence[Any]]) -> None:
@@ -325,8 +344,14 @@ def _record(history: History, observations: Iterable[Sequence[Any]]) -> None:
         for values in measurements:
             read = None
             if values is not None:
-                read = tuple(read_number(*pair) for pair in zip(names, values, strict=True))
+                read = tuple(_read_saved(*pair) for pair in zip(names, values, strict=True))
             history.record(place, read, phase)
+
+
+def _read_saved(name: str, value: Any) -> float:
+    if isinstance(value, Mapping):
+        return Censored(read_number(name, value["censored"]))
+    return read_value(name, value)
 
 
 def _is_list(items: object) -> bool:

@@ -61,6 +61,8 @@ def write_frame(
 ) -> DataFrame:
     """Return a row for each of `rows`; values that failed are NaN, inactive parameters missing.
 
+    A censored value is its bound.
+
     Columns of whole numbers stay whole (Int64 where a value is missing).
     """
     import pandas as pd

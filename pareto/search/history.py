@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pareto.fronts.censored import Censored
 from pareto.fronts.front import nondominated
 from pareto.fronts.objective import Objective
 from pareto.spaces.space import Indices, Space
@@ -18,7 +19,8 @@ class History:
     """Measured values by index, in the order they first arrived, and the indices still pending.
 
     A configuration may be measured more than once: its value is the mean of its successful measurements,
-    and it counts as failed only while all of them failed.
+    and it counts as failed only while all of them failed. Where one of its values is Censored, the mean of
+    them is a bound, and so censored, too.
     """
 
     def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
@@ -52,6 +54,32 @@ class History:
         table = np.array(means, dtype=np.float64)
         indices = np.array([index for index, _ in rows], dtype=np.int64)
         return indices, table.reshape(len(rows), len(self.objectives))
+
+    def censored(self) -> NDArray[np.bool_]:
+        """Return an (n, objectives) mask of what is only a bound in the rows of `measured`."""
+        rows = [[v for v in values if v is not None] for values in self.told.values()]
+        masks = [
+            [any(isinstance(value, Censored) for value in column) for column in zip(*values, strict=True)]
+            for values in rows
+            if values
+        ]
+        return np.array(masks, dtype=np.bool_).reshape(len(masks), len(self.objectives))
+
+    def exact(self) -> NDArray[np.bool_]:
+        """Return which (n) rows of `measured` have no censored value."""
+        return np.asarray(~self.censored().any(axis=1))
+
+    def repeats(self) -> list[list[Values]]:
+        """Return the measurements without a censored value, of each configuration that has two or more.
+
+        A bound says nothing of how far two measurements differ.
+        """
+        exact = (
+            [v for v in values if v is not None and not any(isinstance(value, Censored) for value in v)]
+            for values in self.told.values()
+            if len(values) > 1
+        )
+        return [values for values in exact if len(values) > 1]
 
     def successes(self) -> NDArray[np.float64]:
         """Return (m, objectives) values of every single measurement that succeeded."""
@@ -88,8 +116,11 @@ class History:
         return indices[rows], values[rows]
 
     def front_rows(self, values: NDArray[np.float64]) -> Indices:
-        """Return the rows of (n, objectives) values that are non-dominated within limits, by the first."""
-        rows = np.flatnonzero(self.within_limits(values))
+        """Return the rows of `measured` that are non-dominated within limits by `values`, by the first.
+
+        A row with a censored value is never among them.
+        """
+        rows = np.flatnonzero(self.within_limits(values) & self.exact())
         rows = rows[nondominated(values[rows], [objective.maximise for objective in self.objectives])]
         signs = [objective.sign for objective in self.objectives]
         return rows[np.lexsort((values[rows] * signs).T[::-1])]

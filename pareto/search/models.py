@@ -5,7 +5,8 @@ things go well, as an error that gets rough and then leaps as tracking is lost. 
 made for each: the overall one learns from all values, the local one from those of points on the front or
 beside it. The one that predicts the latter better, each left out in turn, is kept. Where that is the local
 one, a point that is not beside the front counts as a failure, and so does one that leaps away from all
-around it, or could not be measured. One more process learns where that is, and so do trees, because a process
+around it, or could not be measured. So does one with a censored value, of which the overall process learns
+what it expects beyond the bound. One more process learns where that is, and so do trees, because a process
 alone finds gaps between any failures, and a search looks for exactly these.
 """
 
@@ -23,7 +24,7 @@ from pareto.errors import StateError
 from pareto.search.acquisition import expected_improvement
 from pareto.search.history import History
 from pareto.search.noise import Noise
-from pareto.search.targets import FEW, TINY, Targets, front_rows
+from pareto.search.targets import FEW, TINY, Targets
 from pareto.search.trend import Trend
 from pareto.spaces.space import Indices, Space
 from pareto.surrogates.gaussian import SHARED, GaussianProcess, Posterior
@@ -98,11 +99,13 @@ class Models:
         self._near = targets.near()
         rows = _nearest(targets, points, rng)
         few = self._near[rows].sum() * 4 < FEW
-        rest = trend.rest(targets)
+        rest, room = trend.rest(targets), targets.reach - targets.winsorised()
         self.objectives = []
         for number, slope in enumerate(trend.slope):
-            column = rest[:, number] if slope or few else targets.values[:, number]
-            self.objectives.append(self._objective(number, rows, column))
+            column, ceiling = targets.values[:, number], np.full(len(rest), np.inf)
+            if slope or few:
+                column, ceiling = rest[:, number], rest[:, number] + room[:, number]
+            self.objectives.append(self._objective(number, rows, column, ceiling))
         lost = ~self._near & any(objective.is_local for objective in self.objectives)
         for objective in self.objectives:
             lost[objective.leapt] = True
@@ -127,9 +130,9 @@ class Models:
 
     @cached_property
     def front(self) -> Array:
-        """The (points, objectives) non-dominated posterior means within the reference."""
+        """The (points, objectives) non-dominated posterior means within the reference, none censored."""
         expected, _ = self.estimates
-        return expected[front_rows(expected, self.targets.reference)]
+        return expected[self.targets.front_of(expected)]
 
     @cached_property
     def estimates(self) -> tuple[Array, Array]:
@@ -175,14 +178,25 @@ class Models:
         widest = np.array([objective.widest for objective in self.objectives])
         return Prediction(indices, self.targets, local, overall, near, measurable * (self.far > 0), widest)
 
-    def _objective(self, number: int, rows: Rows, column: Array) -> ObjectiveModels:
-        """Return the process on all of `rows`, and one on the near ones where that predicts these better."""
-        indices, near = self.targets.indices, self._near[rows]
-        some, name, local_name = rows[near], str(number), f"{number} {NEAR}"
+    def _objective(self, number: int, rows: Rows, column: Array, ceiling: Array) -> ObjectiveModels:
+        """Return the process on all of `rows`, and one on the near ones where that predicts these better.
+
+        Censored targets of `column` (n) are taken for larger ones, up to `ceiling` (n).
+        """
+        indices, censored = self.targets.indices, self.targets.censored[rows, number]
+        if censored.all():  # bounds alone are learned as they are
+            censored = np.zeros(len(rows), bool)
+        rows, beyond = rows[~censored], rows[censored]
+        name, local_name = str(number), f"{number} {NEAR}"
         overall = self._process(name, indices[rows], column[rows], rows)
+        if len(beyond):
+            features = self.space.features(indices[beyond])
+            overall = overall.with_censored(features, column[beyond], ceiling[beyond], self.counts[beyond])
+            rows = np.concatenate([rows, beyond])
+        some = rows[self._near[rows]]
         known = name in self._earlier.hyperparameters
         few = len(some) * 4 < FEW or len(some) == len(rows)
-        if local_name not in self._earlier.hyperparameters and (known or few):
+        if not len(some) or (local_name not in self._earlier.hyperparameters and (known or few)):
             return ObjectiveModels(overall, overall, rows)
         local = self._process(local_name, indices[some], column[some], some)
         # A few that leap would make all of the process rough: it is fitted again without them.

@@ -25,13 +25,10 @@ class Noise:
 
     @classmethod
     def of(cls, history: History, targets: Targets) -> Noise:
-        """Pool the variance within each repeated configuration."""
+        """Pool the variance within each repeated configuration; censored measurements tell nothing of it."""
         squares = np.zeros(targets.values.shape[1])
         freedom = 0
-        for measured in history.told.values():
-            values = [value for value in measured if value is not None]
-            if len(values) < 2:
-                continue
+        for values in history.repeats():
             table = targets.scale.targets(np.array(values))
             table -= table[0].copy()  # so that equal measurements differ by nothing, not even by rounding
             squares += ((table - table.mean(axis=0)) ** 2).sum(axis=0)

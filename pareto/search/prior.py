@@ -64,19 +64,21 @@ class Prior:
 
         Those that keep more of the limits on the source come first, since a limit in its values may be out of
         its reach; then front after front, what is left when the one before is taken away; and within a front
-        each next one is the farthest, in log values, from those before it.
+        each next one is the farthest, in log values, from those before it. Those with a censored value are
+        left out.
         """
         indices, values = self.source.measured()
         if len(indices) == 0:
             return indices
         scaled = Targets.of(self.source).values
+        exact = self.source.exact()
         broken = np.zeros(len(indices), dtype=np.int64)
         for column, objective in enumerate(self.source.objectives):
             limit = self._limits.get(objective.name, np.inf * objective.sign)
             broken += values[:, column] * objective.sign > limit * objective.sign
         chosen: list[int] = []
         for number in np.unique(broken):
-            left = np.flatnonzero(broken == number)
+            left = np.flatnonzero((broken == number) & exact)
             while len(left) and len(chosen) < count:
                 front = nondominated(scaled[left])
                 chosen += left[front][_farthest_first(scaled[left[front]], count - len(chosen))].tolist()
@@ -105,7 +107,8 @@ class Prior:
     def expected(self, indices: Indices) -> Array:
         """Return (n, objectives) of what the source measured or its model predicts there.
 
-        In the units of `Targets.values`: minimised, logarithms where all values are positive.
+        In the units of `Targets.values`: minimised, logarithms where all values are positive. A censored
+        value counts as its bound.
         """
         if len(self.source.space) > LARGEST_GRID:
             codes = self.source.space.codes(indices)

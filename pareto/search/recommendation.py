@@ -40,7 +40,7 @@ class Estimates:
     """Of what succeeded: (n,) `indices`, (n, objectives) `expected` values, and the `low` and `high` ends.
 
     The ends are those of 95 % intervals, in natural values. `noisy` tells whether repeats differed; otherwise
-    all three are the measured values.
+    all three are the measured values. A censored value is its bound in all three.
     """
 
     indices: Indices
@@ -51,8 +51,8 @@ class Estimates:
 
 
 def is_noisy(history: History) -> bool:
-    """Return whether two measurements of any configuration differed."""
-    return any(len({value for value in values if value is not None}) > 1 for values in history.told.values())
+    """Return whether two measurements of any configuration differed; censored ones do not count."""
+    return any(len(set(values)) > 1 for values in history.repeats())
 
 
 def estimate(history: History, prior: Prior | None = None) -> Estimates:
@@ -73,15 +73,18 @@ def estimate(history: History, prior: Prior | None = None) -> Estimates:
             mean, deviation = models.estimates
     natural = targets.scale.natural
     ends = np.stack([natural(mean - SURE * deviation), natural(mean + SURE * deviation)])
-    as_measured = mean == targets.values  # to the last digit
-    certain = deviation == 0
+    as_measured = (mean == targets.values) | targets.censored  # to the last digit
+    certain = (deviation == 0) | targets.censored
     expected = np.where(as_measured, values, natural(mean))
     low, high = (np.where(certain, values, end) for end in (ends.min(axis=0), ends.max(axis=0)))
     return Estimates(indices, expected, low, high, True)
 
 
 def recommend(history: History, estimates: Estimates) -> list[Recommended]:
-    """Return the non-dominated configurations by expected values within limits, by the first objective."""
+    """Return the non-dominated configurations by expected values within limits, by the first objective.
+
+    A configuration with a censored value is not among them.
+    """
     expected, low, high = estimates.expected, estimates.low, estimates.high
     names = [objective.name for objective in history.objectives]
     return [

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pareto.search.acquisition import expected_improvement
 from pareto.search.models import Models
 from pareto.search.noise import Noise
-from pareto.search.targets import TINY, front_rows
+from pareto.search.targets import TINY
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,8 @@ def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Genera
 
     As long as nothing was repeated, it is what there is to gain if all that the models cannot follow is
     noise. It is zero where repeats agree, for what is `pending`, and while the first repeat is. Nor is a
-    configuration repeated that ever failed; and after REPEATS repeats that all failed, none is.
+    configuration repeated that ever failed or has a censored value; and after REPEATS repeats that all
+    failed, none is.
     """
     targets, noise = models.targets, models.noise
     gains = np.zeros(len(targets.indices))
@@ -41,9 +42,9 @@ def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Genera
     # How far the mean moves: its variance less what the next measurement leaves of it.
     spread = deviation**2 / np.sqrt(np.maximum(deviation**2 + variance, TINY**2))
     spread = np.maximum(spread, TINY)
-    front = front_rows(mean, targets.reference)
+    front = targets.front_of(mean)
     free = ~waiting & (models.counts < REPEATS) & (models.counts == models.attempts)
-    free &= (deviation > 0).any(axis=1)
+    free &= (deviation > 0).any(axis=1) & targets.exact
     behind = free.copy()
     behind[front] = False
     if behind.any():

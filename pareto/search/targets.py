@@ -57,13 +57,15 @@ class Scale:
 class Targets:
     """`values` (n, objectives) of the measured `indices`; improvement counts below `reference` only.
 
-    `limits` are infinite where there are none. `front` numbers the rows that are non-dominated among those
-    within the reference.
+    Where `censored` (n, objectives), a value is a bound: the true one is that or larger. `limits` are
+    infinite where there are none. `front` numbers the rows that are non-dominated among those within the
+    reference, none of them censored.
     """
 
     scale: Scale
     indices: Indices
     values: Array
+    censored: NDArray[np.bool_]
     limits: Array
     reference: Array
     front: NDArray[np.int64]
@@ -73,8 +75,8 @@ class Targets:
         """Read the history's successes: logarithms, or shares of the largest magnitude where there are none.
 
         Where the user set no limit, the reference lies beyond the part of the front that is worth its price;
-        while nothing keeps the limits, they are what the nearest miss keeps. Raises ValueError when nothing
-        succeeded.
+        while nothing keeps the limits, they are what the nearest miss keeps. Censored rows
+        say nothing of either while there is any other. Raises ValueError when nothing succeeded.
         """
         indices, natural = history.measured()
         if len(indices) == 0:
@@ -85,9 +87,22 @@ class Targets:
         bounds = scale.targets(given)[0]
         # Values are of the order of one: what lies a thousand million times as far bounds nothing.
         bounds[np.isnan(bounds) | (bounds > 1 / TINY)] = np.inf
-        limits = _relaxed(np.maximum(bounds, -1 / TINY), values)
-        reference = _complete(limits, values)
-        return cls(scale, indices, values, limits, reference, front_rows(values, reference))
+        censored = history.censored()
+        exact = history.exact()
+        known = values[exact] if exact.any() else values
+        limits = _relaxed(np.maximum(bounds, -1 / TINY), known)
+        reference = _complete(limits, known)
+        front = _front_rows(values, exact, reference)
+        return cls(scale, indices, values, censored, limits, reference, front)
+
+    @cached_property
+    def exact(self) -> NDArray[np.bool_]:
+        """Which of the n rows have no censored value."""
+        return np.asarray(~self.censored.any(axis=1))
+
+    def front_of(self, values: Array) -> NDArray[np.int64]:
+        """Return the rows on the front by other (n, objectives) values, as the means of models are."""
+        return _front_rows(values, self.exact, self.reference)
 
     @property
     def floor(self) -> Array:
@@ -101,21 +116,29 @@ class Targets:
 
     @cached_property
     def whole_front(self) -> Array:
-        """All (front, objectives) values that no other dominates, within the limits or not."""
-        return self.values[nondominated(self.values)]
+        """All (front, objectives) values that no other dominates, within the limits or not; none censored."""
+        known = self.values[self.exact]
+        return known[nondominated(known)]
 
     def near(self) -> NDArray[np.bool_]:
-        """Return which of the n points lie on the front or beside it: a quarter of them at least."""
-        reached = int(self._within_reach().all(axis=1).sum())
-        count = max(len(self.values) // 4, min(FEW, reached), 1)
-        return self.depth <= max(MARGIN, float(np.partition(self.depth, count - 1)[count - 1]))
+        """Return which of the n points lie on the front or beside it: a quarter of them at least.
+
+        A censored one never does: how far it is, nobody knows. All others may be fewer than a quarter.
+        """
+        depth = self.depth[self.exact]
+        if not len(depth):
+            return self.exact
+        reached = int((self._within_reach().all(axis=1) & self.exact).sum())
+        count = min(max(len(self.values) // 4, min(FEW, reached), 1), len(depth))
+        return self.exact & (self.depth <= max(MARGIN, float(np.partition(depth, count - 1)[count - 1])))
 
     @cached_property
     def depth(self) -> Array:
         """How far each of the n points must improve, in all objectives alike, before it would count.
 
         In shares of the extent of the front and the reference: it must get ahead of every point of the front
-        in some objective, and keep the reference in all. Zero on the front.
+        in some objective, and keep the reference in all. Zero on the front. Of a censored point it is the
+        least that may be.
         """
         front = self.values[self.front] if len(self.front) else self.reference[None]
         scale = np.maximum(np.ptp(np.vstack([front, self.reference]), axis=0), self.floor)
@@ -128,20 +151,21 @@ class Targets:
 
         How bad a bad point is does not matter, and would bend smooth models where it does.
         """
-        return np.minimum(self.values, self._reach())
+        return np.minimum(self.values, self.reach)
 
     def _within_reach(self) -> NDArray[np.bool_]:
-        return self.values <= self._reach()
+        return self.values <= self.reach
 
-    def _reach(self) -> Array:
+    @cached_property
+    def reach(self) -> Array:
         """MARGIN of the room behind the reference, but always so that a quarter of the values lies within."""
         room = np.maximum(self.reference - self.values.min(axis=0), self.floor)
         return np.maximum(self.reference + MARGIN * room, np.quantile(self.values, 0.25, axis=0))
 
 
-def front_rows(values: Array, reference: Array) -> NDArray[np.int64]:
-    """Return the rows of (n, objectives) values that no other within the reference dominates."""
-    inside = np.flatnonzero((values <= reference).all(axis=1))
+def _front_rows(values: Array, exact: NDArray[np.bool_], reference: Array) -> NDArray[np.int64]:
+    """Return which of the `exact` rows of (n, objectives) values are on their front within the reference."""
+    inside = np.flatnonzero((values <= reference).all(axis=1) & exact)
     return inside[nondominated(values[inside])]
 
 

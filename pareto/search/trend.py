@@ -75,6 +75,14 @@ def trusted(history: History, prior: Prior | None) -> bool:
 
 
 def _lines(prior: Prior, targets: Targets) -> list[Line]:
-    """Return for each objective the line from what the source lets expect to what was measured here."""
-    expected = prior.expected(targets.indices)
-    return [fitted_line(theirs, ours) for theirs, ours in zip(expected.T, targets.values.T, strict=True)]
+    """Return for each objective the line from what the source lets expect to what was measured here.
+
+    Censored values are left out, unless all are.
+    """
+    lines = []
+    for theirs, ours, censored in zip(
+        prior.expected(targets.indices).T, targets.values.T, targets.censored.T, strict=True
+    ):
+        rows = ~censored if not censored.all() else censored
+        lines.append(fitted_line(theirs[rows], ours[rows]))
+    return lines

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.linalg.lapack import dpotri
 
+from pareto.surrogates.truncated import truncated_mean
+
 Array = NDArray[np.float64]
 
 # Priors keep the fit sane on few points; the hyperparameters are, in this order, the logarithms of the
@@ -31,6 +33,7 @@ SHARE = (-1.0, 2.0, -8.0, 6.0)
 NOISE = (math.log(1e-3), 2.0, math.log(1e-6), 0.0)
 SHARED = 3  # hyperparameters beyond the length scales
 SQRT5 = math.sqrt(5.0)
+ROUNDS = 2  # in which the expectations of censored targets learn from each other
 
 
 class Kernel:
@@ -82,6 +85,7 @@ class GaussianProcess:
         self.kernel = Kernel(theta, owner)
         self._mean = float(targets.mean())
         self._features, self.targets = features, targets
+        self._owner, self._counts, self._variance = owner, counts, variance
         correlation = self.kernel(features, features)
         nugget = self.kernel.noise
         self._condition(correlation, np.full(len(targets), nugget))
@@ -161,6 +165,32 @@ class GaussianProcess:
         _, deviation = self.left_out()
         squared = self.excess()[rows] ** 2
         return float(-0.5 * np.mean(np.log(2.0 * math.pi * deviation[rows] ** 2) + squared))
+
+    def with_censored(
+        self, features: Array, bounds: Array, ceiling: Array, counts: NDArray[np.int64]
+    ) -> GaussianProcess:
+        """Return the process that also learned from (m,) `bounds`, at or above which the targets there lie.
+
+        Each is replaced by its conditional expectation: the mean of the normal distribution that is predicted
+        there, truncated below the bound (Schmee and Hahn 1979; Hutter, Hoos and Leyton-Brown 2013), at most
+        `ceiling` (m). At first this process predicts, then the new one does, ROUNDS times, each point left
+        out in turn. The hyperparameters stay: a plateau of bounds would be learned as if it were one.
+        `counts` (m) are measurements. The new rows stand behind those of this process, and count as measured.
+        """
+        posterior = self.at(features)
+        mean, deviation = posterior.mean, np.sqrt(self._scale * (posterior._variance + self.kernel.noise))
+        known = len(self.targets)
+        everywhere = np.concatenate([self._features, features])
+        all_counts = None if self._counts is None else np.concatenate([self._counts, counts])
+        for left in range(ROUNDS, -1, -1):
+            expected = np.minimum(truncated_mean(mean, deviation, bounds), ceiling)
+            targets = np.concatenate([self.targets, expected])
+            process = GaussianProcess(
+                everywhere, targets, self._owner, self.theta, all_counts, self._variance
+            )
+            if left:
+                mean, deviation = (column[known:] for column in process.left_out())
+        return process
 
     def truth(self, counts: NDArray[np.int64], variance: float) -> tuple[Array, Array]:
         """Return (n,) posterior mean and (n,) standard deviation of each target without noise.

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto import Explorer, Objective, Space
+from pareto import Censored, Explorer, Objective, Space
 from pareto.search.repeats import REPEATS
 
 LINE = {"parameters": [{"name": "x", "type": "integer", "minimum": 1, "maximum": 15}]}
@@ -49,7 +49,10 @@ def shaped(shape, features, number):
 
 @st.composite
 def programs(draw):
-    """A space, objectives and a program that measures in it; its noise and the share that fails."""
+    """A space, objectives and a program that measures in it; whether it always measures the same.
+
+    Some of its measurements fail, and of some only a bound of one value is known.
+    """
     space = draw(st.sampled_from(SPACES))
     count = draw(st.integers(1, 4))
     shapes = draw(st.lists(st.sampled_from(SHAPES), min_size=count, max_size=count))
@@ -62,16 +65,18 @@ def programs(draw):
     flaky = draw(st.sampled_from([0.0, 0.0, 0.3]))
     rng = np.random.default_rng(draw(st.integers(0, 9)))
     broken = rng.random(len(space)) < fails
+    bounded = rng.random(len(space)) < draw(st.sampled_from([0.0, 0.0, 0.3, 1.0]))
 
     def measure(index):
         if broken[index] or rng.random() < flaky:
             return None
         features = space.features(np.array([index]))[0]
         draws = 1.0 + noise * rng.uniform(-1, 1, count)
-        return {
+        values = {
             name: shaped(shape, features, number) * factor
             for number, (name, shape, factor) in enumerate(zip(NAMES, shapes, draws.tolist(), strict=False))
         }
+        return values | ({"a": Censored(values["a"])} if bounded[index] else {})
 
     prior = []
     if draw(st.booleans()):
@@ -136,7 +141,10 @@ def test_any_search_asks_for_what_it_may_and_goes_on(program, steps):
                 explorer = other
         assert again <= 1 or not deterministic
         recommended = explorer.recommended()
+    told = explorer.history.told
     for item in recommended:
+        measured = [values for values in told[space.encode(item.configuration)] if values is not None]
+        assert not any(isinstance(value, Censored) for values in measured for value in values)
         assert all(low <= item.values[name] <= high for name, (low, high) in item.intervals.items())
         assert all(map(math.isfinite, item.values.values()))
     if deterministic:
