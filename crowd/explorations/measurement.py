@@ -88,11 +88,14 @@ def stop_above(evaluation: Evaluation) -> float | None:
 def outcome(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
     """What is stored of MEASUREMENT: objectives over the sequences learned on, the parts, and whether errors
     are only known to be at least so large, since not all of those sequences were run.
+
+    The search needs no parts of a single sequence: they are kept of repeats, for the lost frames.
     """
     exploration = evaluation.exploration
     names = [pack["name"] for pack in exploration.learned_on]
     learned = [part for part in measurement.parts if part["sequence"] in names]
-    if len(measurement.parts) < 2 and len(names) < 2 or not learned:
+    once = len(names) == 1 and evaluation.phase != Evaluation.Phase.REPEAT
+    if once or not learned:
         return {"objectives": ratios.without_claims(measurement.objectives)}
     combined = isolated.combine(learned, exploration.failures_allowed)
     return {
@@ -110,7 +113,7 @@ def find_packs(
     Raises CannotMeasureHereError where this machine has no such pack, another name or other content, or
     lacks its colour.
     """
-    here = {}
+    here: dict[tuple[str, str], Path] = {}
     for pack in sequences.packs():
         description = sequences.described(pack)
         here.setdefault((description["name"], description["sha256"]), pack)

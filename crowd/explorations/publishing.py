@@ -8,14 +8,16 @@ import numpy as np
 from django.utils import timezone
 
 from crowd.disclosure import public
-from crowd.explorations import batches, points, repeating, search, services
+from crowd.explorations import batches, points, repeating, robustness, search, services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
 from crowd.explorations.ratios import RATIO
+from crowd.explorations.robustness import Robustness
 from crowd.fronts import selectors as published
 from crowd.fronts import sequences
 from crowd.fronts import services as fronts
 from crowd.fronts.contents import needs_colour
+from crowd.fronts.generalisation import objections
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
@@ -32,6 +34,8 @@ PROTOCOL: dict[str, Any] = {
     "rest_seconds": 0,
     "max_ate": VALID_BELOW,
 }
+PROBES = 40  # configurations beside the front that clients may be asked to measure
+TINY = 1e-9  # m or s: a smaller value counts as this one in ratios
 LEAST_REPEATS = 2  # further measurements of a point before its figure is published
 UNSPOKEN = "none: it was created in the administration, with what `search` tells"
 
@@ -49,11 +53,15 @@ REFUSALS = (NotReadyError, NothingToPublishError, *fronts.REFUSALS)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A point that may be published: its digest, and the name that it would get (empty: none)."""
+    """A point that may be published: its digest, and the name that it would get (empty: none).
+
+    `edge` names sequences on which a slight change of the depth decides its error.
+    """
 
     key: str
     point: Point
     name: str
+    edge: str = ""
 
     @property
     def ready(self) -> bool:
@@ -69,8 +77,9 @@ def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
     """
     evaluations = list(exploration.evaluations.all())
     measured = points.measured(evaluations)
+    found_robust = robustness.of_repeats(exploration, evaluations)
     try:
-        named, reason = name_points(measured), ""
+        named, reason = name_points(measured, found_robust), ""
     except NothingToPublishError as error:
         named, reason = {}, str(error)
     names = {batches.key(point.configuration): name for name, point in named.items()}
@@ -78,7 +87,10 @@ def candidates(exploration: Exploration) -> tuple[tuple[Candidate, ...], str]:
     front = {
         batches.key(point.configuration) for kind in fronts_of for point in points.front(exploration, kind)
     }
-    found = [Candidate(key, point, names.get(key, "")) for key, point in _keyed(measured).items()]
+    found = [
+        Candidate(key, point, names.get(key, ""), found_robust[key].edge if key in found_robust else "")
+        for key, point in _keyed(measured).items()
+    ]
     shown = [row for row in found if row.name or row.point.label or row.point.repeats or row.key in front]
     order = {name: place for place, name in enumerate(named)}
     shown.sort(key=lambda row: (order.get(row.name, len(order)), row.point.values["runtime"]))
@@ -113,10 +125,11 @@ def draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontV
             f"{', '.join(once)}: measured again fewer than {LEAST_REPEATS} times, so nobody knows how far "
             "the figure can be trusted: measure the named points again first"
         )
+    robust = robustness.of_repeats(exploration, evaluations)
+    default = next((point for name, point in chosen if name == DEFAULT), None)
     for name, point in chosen:
-        if name == BEST and point.values["ate_max"] >= VALID_BELOW:
-            error = f"{100 * point.values['ate_max']:.1f} cm"
-            raise NotReadyError(f"{BEST}: its error of {error} is not below {100 * VALID_BELOW:g} cm")
+        if name == BEST and (reasons := _objections(point, default, robust)):
+            raise NotReadyError(f"{BEST}: {'; '.join(reasons)}")
     version = published.next_version(exploration.application)
     # A dictionary would hide a name that is given twice; the check of the front tells it.
     content = _document(exploration, version, evaluations, chosen)
@@ -138,16 +151,18 @@ def document(exploration: Exploration, version: str) -> dict[str, Any]:
             "knows how far a figure can be trusted: explore with as many repeats, or measure the points "
             "again in the administration"
         )
-    chosen = name_points(ready)
+    chosen = name_points(ready, robustness.of_repeats(exploration, evaluations))
     return _document(exploration, version, evaluations, list(chosen.items()))
 
 
-def name_points(measured: Sequence[Point]) -> dict[str, Point]:
+def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> dict[str, Point]:
     """What is published, by name: default, best, accurate, knee, the other known ones, the rest of the front.
 
-    `best` is the fastest valid point, `accurate` the valid one with the least maximal error, `knee` the best
-    compromise between the two. Where any point was measured again, only those that were take part: a single
-    lucky measurement makes no front. Neither does one over a part of the sequence.
+    `best` is the fastest point to which nothing is to be said (`crowd.fronts.generalisation.objections`).
+    `accurate` is the valid one with the least maximal error, `knee` the best compromise between error and
+    speed. Points on an edge take no part, and invalid ones only as the default. Where any point was measured
+    again, only those that were take part: a single lucky measurement makes no front. Neither does one over a
+    part of the sequence. ROBUST is what the repeats say, by the key of the configuration.
     """
     again = [point for point in measured if point.repeats] or [point for point in measured if point.whole]
     default = points.default(again)
@@ -158,25 +173,53 @@ def name_points(measured: Sequence[Point]) -> dict[str, Point]:
         )
     speed = points.speed_objective(again)
     valid = sorted(
-        (point for point in again if point.values["ate_max"] < VALID_BELOW),
+        (point for point in again if _worst_error(point) < VALID_BELOW and not _edge(point, robust)),
         key=lambda point: point.values[speed],
     )
-    if not valid or valid[0].values[speed] >= default.values[speed]:
+    faster = [point for point in valid if point.values[speed] < default.values[speed]]
+    if not faster:
         raise NothingToPublishError(
-            "no configuration that keeps its error below 5 cm is faster than the default"
+            "no configuration that keeps its error below 5 cm, whatever rounding does, is faster than the "
+            "default"
         )
-    table = np.array([[point.values["ate_max"], point.values[speed]] for point in valid])
+    reasons = [_objections(point, default, robust) for point in faster]
+    best = next((point for point, why in zip(faster, reasons, strict=True) if not why), None)
+    if best is None:
+        raise NothingToPublishError(f"no configuration may be called {BEST}: {'; '.join(reasons[-1])}")
+    table = np.array([[_worst_error(point), point.values[speed]] for point in valid])
     on_front = [point for point, keep in zip(valid, nondominated(table), strict=True) if keep]
-    named = {DEFAULT: default, BEST: valid[0]}
+    named = {DEFAULT: default, BEST: best}
     for name, point in (
-        ("accurate", min(valid, key=lambda point: point.values["ate_max"])),
+        ("accurate", min(valid, key=_worst_error)),
         ("knee", valid[knee(table)]),
     ):
         if point not in named.values():
             named[name] = point
-    named |= {point.label: point for point in again if point.label and point not in named.values()}
+    named |= {point.label: point for point in valid if point.label and point not in named.values()}
     others = [point for point in on_front if point not in named.values()]
     return named | {f"front-{number:02}": point for number, point in enumerate(others, start=1)}
+
+
+def _worst_error(point: Point) -> float:
+    """The largest error (m) of all its measurements."""
+    return point.high["ate_max"]
+
+
+def _edge(point: Point, robust: Mapping[str, Robustness]) -> str:
+    found = robust.get(batches.key(point.configuration))
+    return found.edge if found else ""
+
+
+def _objections(point: Point, default: Point | None, robust: Mapping[str, Robustness]) -> list[str]:
+    """Why POINT may not be called best beside DEFAULT; empty where it may."""
+    own = robust.get(batches.key(point.configuration))
+    if own is None:  # measured by a former program, on its one sequence
+        error = _worst_error(point)
+        return [] if error < VALID_BELOW else [f"its error of {100 * error:.1f} cm is not below 5 cm"]
+    beside = robust.get(batches.key(default.configuration)) if default else None
+    on_edge = [f"a slight change of the depth decides its error on {own.edge}"] if own.edge else []
+    held_out = beside.held_out if beside else ()
+    return [*on_edge, *objections(own.learned_on, own.held_out, held_out, VALID_BELOW)]
 
 
 def _keyed(measured: Iterable[Point]) -> dict[str, Point]:
@@ -191,17 +234,58 @@ def _document(
 ) -> dict[str, Any]:
     colour = needs_colour(exploration.application)
     sequence = sequences.describe(exploration.sequence, exploration.sequence_sha256, colour)
+    robust = robustness.of_repeats(exploration, evaluations)
+    probes = _probes(exploration, evaluations, [point for _, point in chosen])
     return {
         "application": exploration.application,
         "version": version,
         "protocol": PROTOCOL | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
         "sequence": published.reference(sequence),
         "configurations": [
-            {"name": name, "parameters": point.configuration, "predicted": _predicted(point)}
-            for name, point in chosen
+            _described(name, point, robust.get(batches.key(point.configuration))) for name, point in chosen
         ],
         "provenance": _provenance(exploration, evaluations, [point for _, point in chosen]),
+        **({"probes": probes} if probes else {}),
     }
+
+
+def _described(name: str, point: Point, robust: Robustness | None) -> dict[str, Any]:
+    """POINT as a front's file has it, with its results by sequence where there are several."""
+    results = {} if robust is None else {"learned_on": robust.learned_on, "held_out": robust.held_out}
+    return {
+        "name": name,
+        "parameters": point.configuration,
+        "predicted": _predicted(point),
+        **{member: list(found) for member, found in results.items() if found},
+    }
+
+
+def _probes(
+    exploration: Exploration, evaluations: Sequence[Evaluation], chosen: Sequence[Point]
+) -> list[dict[str, Any]]:
+    """The front's neighbourhood, for clients that are asked to measure more: up to PROBES points.
+
+    They are the valid ones nearest to the front of CHOSEN, by how many times they are slower or less exact,
+    and come in the order of their speed.
+    """
+    whole = [row for row in evaluations if row.frames is None and not row.censored]
+    known = {batches.key(point.configuration) for point in chosen}
+    robust = robustness.of_repeats(exploration, evaluations)
+    every = [
+        point
+        for key, point in _keyed(points.measured(whole)).items()
+        if key not in known and _worst_error(point) < VALID_BELOW and not _edge(point, robust)
+    ]
+    speed = points.speed_objective([*chosen, *every])
+    objectives = ("ate_max", speed)
+    front = np.log([[max(point.values[name], TINY) for name in objectives] for point in chosen])
+    behind = [
+        float((np.log([max(point.values[name], TINY) for name in objectives]) - front).max(axis=1).min())
+        for point in every
+    ]
+    nearest = [every[place] for place in np.argsort(behind, kind="stable")[:PROBES]]
+    nearest.sort(key=lambda point: point.values[speed])
+    return [_described(f"probe-{number:02}", point, None) for number, point in enumerate(nearest, start=1)]
 
 
 def _predicted(point: Point) -> dict[str, float]:
@@ -233,10 +317,12 @@ def _provenance(
         "date": (exploration.finished_at or timezone.now()).date().isoformat(),
         "software": ", ".join(sorted({evaluation.software for evaluation in done})),
         "sequence_sha256": exploration.sequence_sha256,
+        "sequences": exploration.learned_on,
+        "held_out": exploration.held_out_sequences,
         "protocol": (
             "each measurement is a fresh process; runtime is the mean computation time of frames 10 and "
             "later; published values are medians over measurements of the whole sequence made in turn, "
-            f"{_range(repeats)} of each point{_compared(chosen)}"
+            f"{_range(repeats)} of each point{_compared(chosen)}{_judged(exploration)}"
         ),
         "evaluations": len(done) + len(failed),
         "failed": len(failed),
@@ -262,6 +348,18 @@ def _compared(chosen: Sequence[Point]) -> str:
     if points.speed_objective(chosen) != RATIO:
         return ""
     return f"; {RATIO} is the runtime over that of the default in the same round"
+
+
+def _judged(exploration: Exploration) -> str:
+    """How errors of several sequences become one."""
+    if not exploration.further_sequences:
+        return ""
+    which = "the worst" if exploration.error_quantile == 1 else f"quantile {exploration.error_quantile:g}"
+    return (
+        f"; errors are {which} over the sequences and runtimes their mean; after the first measurement of a "
+        "point each depth was changed by one unit, otherwise each time, and results by sequence are the "
+        "worst of these"
+    )
 
 
 def _every(done: Iterable[Evaluation], member: str) -> str | None:

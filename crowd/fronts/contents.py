@@ -12,6 +12,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts import trajectories
+from crowd.fronts.generalisation import objections
 from crowd.fronts.protocol import MEMBERS, Metres, Protocol, disagreements
 from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
@@ -71,11 +72,20 @@ class Predicted(msgspec.Struct):
     runtime_ratio: NonNegative | UnsetType = UNSET
 
 
+class Result(msgspec.Struct):
+    """The largest error (m), and the most lost frames, of all measurements on one sequence."""
+
+    sequence: str
+    ate_max: NonNegative
+    lost: Annotated[int, msgspec.Meta(ge=0)]
+
+
 class Point(msgspec.Struct):
-    """One configuration of the front. Protocol 2 alone has the last two.
+    """One configuration of the front, or a probe. Protocol 2 alone has `band` and `trajectory`.
 
     `trajectory`: the reference positions [x, y, z], one a frame, in metres in the volume's frame. `band`: how
-    far (m) a device's positions may be from these.
+    far (m) a device's positions may be from these. `learned_on` and `held_out`: the results on the sequences
+    that the search minimised errors on, and on those it never saw.
     """
 
     name: Name
@@ -83,6 +93,8 @@ class Point(msgspec.Struct):
     predicted: Predicted
     band: Metres | UnsetType = UNSET
     trajectory: list[tuple[float, float, float]] | UnsetType = UNSET
+    learned_on: list[Result] | UnsetType = UNSET
+    held_out: list[Result] | UnsetType = UNSET
 
 
 class Sequence(msgspec.Struct):
@@ -94,7 +106,7 @@ class Sequence(msgspec.Struct):
 
 
 class Content(msgspec.Struct):
-    """A whole front."""
+    """A whole front. `probes` are further configurations that clients measure only when they are asked to."""
 
     application: Name
     version: Annotated[str, msgspec.Meta(pattern=A_VERSION, max_length=32)] | int
@@ -102,6 +114,7 @@ class Content(msgspec.Struct):
     sequence: Sequence
     configurations: list[Point]
     provenance: dict[str, Any]
+    probes: list[Point] = []
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -154,16 +167,25 @@ def canonical(document: dict[str, Any]) -> dict[str, Any]:
         "sequence": {name: sequence[name] for name in SEQUENCE if sequence.get(name) is not None},
         "configurations": [_canonical_point(point) for point in document["configurations"]],
         "provenance": document["provenance"],
-    }
+    } | ({"probes": [_canonical_point(point) for point in probes]} if (probes := _probes(document)) else {})
 
 
 def _canonical_point(point: Mapping[str, Any]) -> dict[str, Any]:
     kept = {name: point[name] for name in ("name", "parameters", "predicted")}
+    # Numbers as they are read from the database, so that the digest stays the same.
     if "band" in point:
-        # As they are read from the database, so that the digest stays the same.
         kept["band"] = float(point["band"])
         kept["trajectory"] = trajectories.floats(point["trajectory"])
+    for member in ("learned_on", "held_out"):
+        if point.get(member):
+            kept[member] = [
+                {name: result[name] for name in ("sequence", "ate_max", "lost")} for result in point[member]
+            ]
     return kept
+
+
+def _probes(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    return document.get("probes") or []
 
 
 def needs_colour(application: str) -> bool:
@@ -199,8 +221,9 @@ def _with_place(error: msgspec.ValidationError) -> str:
 def _mistakes(content: Content) -> Iterator[str]:
     """What is wrong although each member has the right type."""
     names = [point.name for point in content.configurations]
-    if len(set(names)) < len(names):
-        yield f"configurations: names repeat in {names}: give each point its own"
+    every = [*names, *(point.name for point in content.probes)]
+    if len(set(every)) < len(every):
+        yield f"configurations: names repeat in {every}: give each point and probe its own"
     if DEFAULT not in names:
         yield f"configurations: none is called {DEFAULT}, which every speedup is measured against"
     if BEST not in names:
@@ -208,15 +231,37 @@ def _mistakes(content: Content) -> Iterator[str]:
     if content.sequence.colour_sha256 is None and needs_colour(content.application):
         yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
     yield from (f"protocol.{reason}" for reason in disagreements(content.protocol, names))
-    for place, point in enumerate(content.configurations):
-        for member, reason in _band_mistakes(point, content.protocol):
-            yield f"configurations[{place}].{member} of {point.name}: {reason}"
-        try:
-            # Those of an application that is not known here are taken as they are.
-            if content.application in APPLICATIONS:
-                APPLICATIONS[content.application].check(point.parameters)
-        except ConfigurationError as error:
-            yield f"configurations[{place}].parameters of {point.name}: {error}"
+    for kind in ("configurations", "probes"):
+        for place, point in enumerate(getattr(content, kind)):
+            for member, reason in _point_mistakes(point, content):
+                yield f"{kind}[{place}].{member} of {point.name}: {reason}"
+    points = {point.name: point for point in content.configurations}
+    default, best = points.get(DEFAULT), points.get(BEST)
+    if default is not None and best is not None:
+        for objection in objections(
+            results_of(best, "learned_on"),
+            results_of(best, "held_out"),
+            results_of(default, "held_out"),
+            content.protocol.max_ate,
+        ):
+            yield f"configurations: {BEST}: {objection}: choose another"
+
+
+def results_of(point: Point, member: str) -> list[dict[str, Any]]:
+    """The results of POINT on the sequences learned on, or held out, by the name of that MEMBER."""
+    found = getattr(point, member)
+    return [] if found is UNSET else msgspec.to_builtins(found)
+
+
+def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
+    """Members of POINT that are wrong, and why."""
+    yield from _band_mistakes(point, content.protocol)
+    try:
+        # Those of an application that is not known here are taken as they are.
+        if content.application in APPLICATIONS:
+            APPLICATIONS[content.application].check(point.parameters)
+    except ConfigurationError as error:
+        yield "parameters", str(error)
 
 
 def _band_mistakes(point: Point, protocol: Protocol) -> Iterator[tuple[str, str]]:

@@ -183,12 +183,15 @@ class Trajectory(models.Model):
 
 
 class Configuration(models.Model):
-    """One point of a front: its name, its parameters, and what the reference device predicts of it."""
+    """A point of a front, or a probe: its name, its parameters, what the reference device predicts of it."""
 
     front = models.ForeignKey(FrontVersion, on_delete=models.CASCADE, related_name="configurations")
     name = models.CharField(max_length=64, validators=[NAME])
     position = models.PositiveSmallIntegerField(help_text="place in the published list, from 0")
     parameters = models.JSONField()
+    probe = models.BooleanField(
+        default=False, help_text="no point of the front: measured only by clients that are asked to"
+    )
     predicted = models.JSONField(help_text="runtime (s), ate_max (m), ate_mean (m) on the reference device")
     band = models.FloatField(
         null=True,
@@ -202,6 +205,15 @@ class Configuration(models.Model):
         blank=True,
         related_name="configurations",
         help_text="the reference trajectory; empty in protocol 1",
+    )
+
+    learned_on = models.JSONField(
+        default=list,
+        blank=True,
+        help_text="[{sequence, ate_max (m), lost (frames)}]: the worst on each sequence learned on",
+    )
+    held_out = models.JSONField(
+        default=list, blank=True, help_text="the same on sequences that the search never saw"
     )
 
     objects = ConfigurationQuerySet.as_manager()

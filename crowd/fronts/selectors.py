@@ -13,6 +13,7 @@ from crowd.fronts.models import Configuration, FrontVersion
 DEFAULT = "default"
 BEST = "best"
 DEFAULT_APPLICATION = "kfusion"
+POINT_MEMBERS = ("name", "parameters", "predicted", "learned_on", "held_out")
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class Point:
     """One configuration of a front with what the reference device predicts of it (seconds, metres).
 
     Protocol 2: how far (m) a device's positions may be from the reference trajectory, and that one's digest.
+    `learned_on` and `held_out`: [{sequence, ate_max (m), lost (frames)}], the worst on each such sequence.
     """
 
     name: str
@@ -30,6 +32,8 @@ class Point:
     predicted: dict[str, Any]
     band: float | None = None
     trajectory_sha256: str | None = None
+    learned_on: tuple[Mapping[str, Any], ...] = ()
+    held_out: tuple[Mapping[str, Any], ...] = ()
 
 
 def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> float | None:
@@ -46,7 +50,10 @@ def predicted_speedup(default: Mapping[str, Any], own: Mapping[str, Any]) -> flo
 
 @dataclass(frozen=True)
 class Front:
-    """A front with its points in published order; `published_at` is None as long as it is not."""
+    """A front with its points in published order; `published_at` is None as long as it is not.
+
+    `probes` are further configurations, measured only by clients that are asked to.
+    """
 
     slug: str
     application: str
@@ -58,6 +65,7 @@ class Front:
     sequence: dict[str, Any]
     provenance: dict[str, Any]
     points: tuple[Point, ...]
+    probes: tuple[Point, ...] = ()
 
     def point(self, name: str) -> Point | None:
         """The configuration called NAME, None if this front has none."""
@@ -65,6 +73,7 @@ class Front:
 
 
 def _front(row: FrontVersion) -> Front:
+    stored = list(row.configurations.all())
     return Front(
         slug=row.slug,
         application=row.application,
@@ -75,37 +84,36 @@ def _front(row: FrontVersion) -> Front:
         protocol=row.protocol,
         sequence=row.sequence,
         provenance=row.provenance,
-        points=tuple(map(_stored_point, row.configurations.all())),
+        points=tuple(_stored_point(one) for one in stored if not one.probe),
+        probes=tuple(_stored_point(one) for one in stored if one.probe),
     )
 
 
 def _stored_point(row: Configuration) -> Point:
-    return _point(row.name, row.parameters, row.predicted, row.band, row.trajectory_id)
+    return _point({name: getattr(row, name) for name in POINT_MEMBERS}, row.band, row.trajectory_id)
 
 
 def _described_point(point: Mapping[str, Any]) -> Point:
-    known = point["name"], point["parameters"], point["predicted"]
     if "band" not in point:
-        return _point(*known)
-    return _point(*known, point["band"], trajectories.digest(trajectories.encoded(point["trajectory"])))
+        return _point(point)
+    return _point(point, point["band"], trajectories.digest(trajectories.encoded(point["trajectory"])))
 
 
 def _point(
-    name: str,
-    parameters: dict[str, Any],
-    predicted: dict[str, Any],
-    band: float | None = None,
-    trajectory_sha256: str | None = None,
+    members: Mapping[str, Any], band: float | None = None, trajectory_sha256: str | None = None
 ) -> Point:
+    predicted = members["predicted"]
     return Point(
-        name=name,
-        parameters=parameters,
+        name=members["name"],
+        parameters=members["parameters"],
         runtime=predicted.get("runtime"),
         ate_max=predicted.get("ate_max"),
         ate_mean=predicted.get("ate_mean"),
         predicted=predicted,
         band=band,
         trajectory_sha256=trajectory_sha256,
+        learned_on=tuple(members.get("learned_on", ())),
+        held_out=tuple(members.get("held_out", ())),
     )
 
 
@@ -156,6 +164,7 @@ def front_of(document: Mapping[str, Any]) -> Front:
         sequence=document["sequence"],
         provenance=document["provenance"],
         points=tuple(map(_described_point, document["configurations"])),
+        probes=tuple(map(_described_point, document.get("probes", ()))),
     )
 
 
@@ -164,24 +173,29 @@ def document(front: Front) -> dict[str, Any]:
 
     One query where it has reference trajectories.
     """
-    digests = {point.trajectory_sha256 for point in front.points if point.trajectory_sha256}
+    every = (*front.points, *front.probes)
+    digests = {point.trajectory_sha256 for point in every if point.trajectory_sha256}
     known = trajectories.read(digests) if digests else {}
+
+    def described(point: Point) -> dict[str, Any]:
+        found: dict[str, Any] = {
+            "name": point.name,
+            "parameters": point.parameters,
+            "predicted": point.predicted,
+        }
+        if point.trajectory_sha256:
+            found |= {"band": point.band, "trajectory": known[point.trajectory_sha256]}
+        results = {"learned_on": list(point.learned_on), "held_out": list(point.held_out)}
+        return found | {name: value for name, value in results.items() if value}
+
     return {
         "application": front.application,
         "version": front.version,
         "protocol": front.protocol,
         "sequence": reference(front.sequence),
-        "configurations": [
-            {"name": point.name, "parameters": point.parameters, "predicted": point.predicted}
-            | (
-                {"band": point.band, "trajectory": known[point.trajectory_sha256]}
-                if point.trajectory_sha256
-                else {}
-            )
-            for point in front.points
-        ],
+        "configurations": [described(point) for point in front.points],
         "provenance": front.provenance,
-    }
+    } | ({"probes": [described(point) for point in front.probes]} if front.probes else {})
 
 
 def reference(sequence: Mapping[str, Any]) -> dict[str, str]:

@@ -63,8 +63,10 @@ def create_draft(document: dict[str, Any], by: str = COMMAND_LINE, note: str = "
     front.provenance = document["provenance"]
     front.save()
     front.configurations.all().delete()
+    points, probes = document["configurations"], document.get("probes", [])
     Configuration.objects.bulk_create(
-        _configuration(front, position, point) for position, point in enumerate(document["configurations"])
+        _configuration(front, position, point, probe=position >= len(points))
+        for position, point in enumerate([*points, *probes])
     )
     trajectories.delete_unused()
     _log(front, action, "", by, note)
@@ -177,7 +179,11 @@ def import_file(path: Path, by: str = COMMAND_LINE) -> FrontVersion:
 def refuse_altered(front: selectors.Front) -> None:
     """Raise FrontConflictError where the stored content of FRONT does not fit its digest."""
     document = selectors.document(front)
-    if contents.digest(document) != front.digest or selectors.front_of(document).points != front.points:
+    read = selectors.front_of(document)
+    if contents.digest(document) != front.digest or (read.points, read.probes) != (
+        front.points,
+        front.probes,
+    ):
         raise FrontConflictError(
             f"{front.slug} does not fit its digest {front.digest[:12]}...: the database was changed by hand; "
             "restore it from a backup, or draft the front again"
@@ -205,23 +211,27 @@ def _move(front: FrontVersion, state: str, action: str, by: str, note: str) -> F
     return front
 
 
-def _configuration(front: FrontVersion, position: int, point: Mapping[str, Any]) -> Configuration:
+def _configuration(
+    front: FrontVersion, position: int, point: Mapping[str, Any], probe: bool
+) -> Configuration:
     """A row of FRONT, not stored, from a POINT of its canonical file; its trajectory is stored."""
     values = dict(point)
     if "trajectory" in values:
         values["trajectory"] = trajectories.store(values["trajectory"])
-    return Configuration(front=front, position=position, **values)
+    return Configuration(front=front, position=position, probe=probe, **values)
 
 
 def _check_plans(document: Mapping[str, Any]) -> None:
     """Raise InvalidFrontError where a configuration does not fit the camera of the sequence, if that can be
     read.
     """
-    for place, point in enumerate(document["configurations"]):
+    kinds = {kind: document.get(kind, []) for kind in ("configurations", "probes")}
+    places = [(kind, place, point) for kind in kinds for place, point in enumerate(kinds[kind])]
+    for kind, place, point in places:
         try:
             plans.make(document["sequence"]["sha256"], point["parameters"])
         except ConfigurationError as error:
-            member = f"configurations[{place}].parameters of {point['name']}"
+            member = f"{kind}[{place}].parameters of {point['name']}"
             raise contents.InvalidFrontError(f"not a front: {member}: {error}") from error
         except sequences.SequenceError:
             return

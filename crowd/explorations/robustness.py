@@ -1,0 +1,68 @@
+"""What the repeats of a configuration say: its worst on each sequence, and whether it stands on an edge.
+
+The first repeat sees depth as it was recorded, each further one depth that is changed by one unit. What that
+decides, the rounding of another driver would decide, too.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.fronts.generalisation import bound
+
+Result = Mapping[str, Any]  # {"sequence", "ate_max" (m), "lost" (frames)}
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """The largest error and the most lost frames on each sequence `learned_on` and `held_out`.
+
+    `edge` says on which sequence a slight change decides how far the error goes, empty where none does.
+    """
+
+    learned_on: tuple[Result, ...]
+    held_out: tuple[Result, ...]
+    edge: str
+
+
+def of_repeats(exploration: Exploration, evaluations: Iterable[Evaluation]) -> dict[str, Robustness]:
+    """The robustness of each configuration that was measured again, by its key."""
+    groups: dict[str, list[Evaluation]] = {}
+    for row in evaluations:
+        if row.phase == Evaluation.Phase.REPEAT and row.state == Evaluation.State.DONE and row.parts:
+            groups.setdefault(row.configuration_key, []).append(row)
+    return {key: _robustness(exploration, rows) for key, rows in groups.items()}
+
+
+def _robustness(exploration: Exploration, rows: Sequence[Evaluation]) -> Robustness:
+    runs: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        for part in row.parts or []:
+            runs.setdefault(part["sequence"], []).append(part)
+    edges = [name for name, parts in runs.items() if _stands_on_edge(parts)]
+    return Robustness(
+        learned_on=_results(exploration.learned_on, runs),
+        held_out=_results(exploration.held_out_sequences, runs),
+        edge=", ".join(edges),
+    )
+
+
+def _stands_on_edge(parts: Sequence[Mapping[str, Any]]) -> bool:
+    errors = [part["ate_max"] for part in parts]
+    lost = [part["lost"] for part in parts]
+    return max(errors) > bound(min(errors)) or max(lost) > 0 == min(lost)
+
+
+def _results(
+    packs: Iterable[Mapping[str, str]], runs: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> tuple[Result, ...]:
+    return tuple(
+        {
+            "sequence": pack["name"],
+            "ate_max": max(part["ate_max"] for part in runs[pack["name"]]),
+            "lost": max(part["lost"] for part in runs[pack["name"]]),
+        }
+        for pack in packs
+        if pack["name"] in runs
+    )
