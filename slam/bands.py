@@ -32,6 +32,8 @@ from slam.text_files import read_text
 # drivers that are not here round differently, too.
 FACTOR = 3.0
 LEAST_BAND = 0.002
+# A probe whose band would be wider (m) is left out: where drivers disagree, others would, too.
+WIDEST_BAND_OF_A_PROBE = 0.02
 DECIMALS = 6  # of a position in metres, and of a band
 
 
@@ -96,7 +98,7 @@ def read_front(path: Path) -> dict[str, Any]:
     """The front in a JSON file. Raises ConfigurationError where it has no configurations of KinectFusion."""
     try:
         front = json.loads(read_text(path, ConfigurationError))
-        for configuration in front["configurations"]:
+        for configuration in [*front["configurations"], *front.get("probes", [])]:
             complete("kfusion", configuration["parameters"])
             str(configuration["name"])
     except (KeyError, TypeError, json.JSONDecodeError) as error:

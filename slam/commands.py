@@ -29,6 +29,7 @@ from slam.devices.device import BACKENDS
 from slam.devices.layout import KINDS, Layout
 from slam.devices.opencl import list_refusals
 from slam.evaluation import evaluate
+from slam.protocol import fixed_pairs
 from slam.render import Renderer
 from slam.system import Exporting, System, scene_of
 from slam.systems import SYSTEMS, complete, definition, frame_plan, open_session, require_backend
@@ -51,7 +52,8 @@ def register(subparsers: Commands[argparse.ArgumentParser]) -> None:
     parser.set_defaults(execute=_plan)
     parser = subparsers.add_parser(
         "reference",
-        help="add a trajectory and a band to each configuration of a front, from all OpenCL devices here",
+        help="make a front one of protocol 2: a trajectory and a band for each configuration and probe, from "
+        "all OpenCL devices here",
     )
     parser.add_argument("--front", type=Path, required=True, metavar="FILE", help="JSON with configurations")
     parser.add_argument("--sequence", type=Path, required=True, metavar="PATH")
@@ -406,12 +408,22 @@ def _reference(options: argparse.Namespace) -> None:
     frames = options.frames or front.get("protocol", {}).get("frames") or len(sequence)
     if not 1 <= frames <= len(sequence):
         raise UsageError(f"--frames {frames}: give 1 to {len(sequence)}, all that {sequence.name!r} has")
-    for configuration in front["configurations"]:
+    probes = front.pop("probes", [])
+    kept: list[dict[str, Any]] = []
+    for configuration in [*front["configurations"], *probes]:
         name = configuration["name"]
         found = bands.reference(configuration["parameters"], sequence, frames, progress_line(f"{name}: "))
         configuration |= {"band": found.band, "trajectory": found.trajectory.tolist()}
+        unsteady = configuration in probes and found.band > bands.WIDEST_BAND_OF_A_PROBE
+        if configuration in probes and not unsteady:
+            kept.append(configuration)
         largest, band = 1e3 * max(found.deviations.values()), 1e3 * found.band
-        sys.stdout.write(f"{name}: largest deviation {largest:.2f} mm, band {band:.2f} mm\n")
+        note = ": left out, devices here do not agree" if unsteady else ""
+        sys.stdout.write(f"{name}: largest deviation {largest:.2f} mm, band {band:.2f} mm{note}\n")
+    if kept:
+        front["probes"] = kept
+    if "protocol" in front:
+        front["protocol"] = fixed_pairs(front["protocol"])
     options.out.write_text(bands.front_text(front), encoding="utf-8")
 
 

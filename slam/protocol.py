@@ -1,5 +1,8 @@
 """What every room holds of a measurement: which of its frames count, and which trajectories are valid."""
 
+from collections.abc import Mapping
+from typing import Any
+
 FIRST_COUNTED_FRAME = 10  # the first frames fill the model and the caches
 VALID_BELOW = 0.05  # metres of maximal trajectory error
 # A run that has lost the camera in more of its frames than this has failed, however fast it was.
@@ -10,4 +13,14 @@ DECODED_AHEAD = 100  # frames that are decoded before they are measured: 61 MB o
 # Version 1 of the protocol repeats until the interval is narrow. Version 2 fixes the number of pairs and
 # compares each run with a reference trajectory.
 ADAPTIVE, FIXED_PAIRS = 1, 2
+PAIRS = 4  # of default and best in a session of version 2
+ONLY_ADAPTIVE = ("max_repeats", "precision", "max_seconds")  # members of a protocol of version 1
 NO_STAGES = "none"  # the `stage_clock` where nothing measured the stages
+
+
+def fixed_pairs(protocol: Mapping[str, Any]) -> dict[str, Any]:
+    """A front's PROTOCOL as one of version 2, whatever it was."""
+    kept = {name: value for name, value in protocol.items() if name not in ONLY_ADAPTIVE}
+    return (
+        kept if protocol.get("version") == FIXED_PAIRS else kept | {"version": FIXED_PAIRS, "repeats": PAIRS}
+    )

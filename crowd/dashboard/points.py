@@ -1,6 +1,8 @@
 """Which figures a page leads with: a front's configurations as measured, a device's newest speedup."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.reading.rows import Attempts, DeviceDetail, Headline, Speedup
@@ -33,6 +35,43 @@ def measured_points(front: Front, crowd: Speedups) -> tuple[MeasuredPoint, ...]:
         )
         for point in front.points
     )
+
+
+@dataclass(frozen=True)
+class SequenceColumn:
+    """A sequence that a front was learned on or, `held_out`, only checked on."""
+
+    name: str
+    held_out: bool
+
+
+@dataclass(frozen=True)
+class SequenceRow:
+    """A point with its result on each sequence, {ate_max, lost} or None, in the order of the columns."""
+
+    point: Point
+    results: tuple[Mapping[str, Any] | None, ...]
+
+
+def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple[SequenceRow, ...]]:
+    """What FRONT's points reached on each sequence; nothing where that is not known."""
+    columns = dict.fromkeys(
+        SequenceColumn(result["sequence"], held_out)
+        for point in front.points
+        for held_out, results in ((False, point.learned_on), (True, point.held_out))
+        for result in results
+    )
+    ordered = tuple(sorted(columns, key=lambda column: column.held_out))
+    return ordered, tuple(SequenceRow(point, _results(point, ordered)) for point in front.points)
+
+
+def _results(point: Point, columns: tuple[SequenceColumn, ...]) -> tuple[Mapping[str, Any] | None, ...]:
+    found = {
+        (result["sequence"], held_out): result
+        for held_out, results in ((False, point.learned_on), (True, point.held_out))
+        for result in results
+    }
+    return tuple(found.get((column.name, column.held_out)) for column in columns)
 
 
 def newest_figure(detail: DeviceDetail) -> Speedup | None:

@@ -6,7 +6,7 @@ from typing import Any
 from django import forms
 from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied, ValidationError
-from django.db.models import Count, QuerySet
+from django.db.models import Count, Q, QuerySet
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.template.response import TemplateResponse
@@ -24,7 +24,7 @@ from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
 class ConfigurationInline(ReadOnlyInline):
     model = Configuration
-    fields = ("position", "name", "parameters", "predicted", "band")
+    fields = ("position", "name", "probe", "parameters", "predicted", "band", "learned_on", "held_out")
     show_change_link = False
 
 
@@ -80,7 +80,11 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         ]
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[FrontVersion]:
-        return super().get_queryset(request).annotate(points=Count("configurations"))
+        return (
+            super()
+            .get_queryset(request)
+            .annotate(points=Count("configurations", filter=Q(configurations__probe=False)))
+        )
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
         context = {"may_import": request.user.has_perm(SUBMIT)}

@@ -30,6 +30,8 @@ class Configuration(msgspec.Struct):
     `backends`: those whose default limits it keeps. Where a frame is planned, `plan`: what happens in it, and
     `shaders`: the kernels that the plan launches.
     Protocol 2 alone: `band`, how far (m) positions may be from the reference `trajectory`.
+    A front in full alone: `learned_on` and `held_out`, [{sequence, ate_max (m), lost (frames)}], the worst
+    results on the sequences that the search minimised errors on, and on those that it never saw.
     """
 
     name: str
@@ -40,6 +42,8 @@ class Configuration(msgspec.Struct):
     shaders: Addressed | UnsetType = UNSET
     band: float | UnsetType = UNSET
     trajectory: Addressed | UnsetType = UNSET
+    learned_on: list[dict[str, Any]] | UnsetType = UNSET
+    held_out: list[dict[str, Any]] | UnsetType = UNSET
 
 
 class Chunk(msgspec.Struct):
@@ -101,7 +105,10 @@ class FrontSummary(msgspec.Struct):
 
 
 class FrontDetail(msgspec.Struct):
-    """A whole front with where it comes from."""
+    """A whole front with where it comes from.
+
+    `probes` are further configurations, which clients measure only when they are asked to.
+    """
 
     version: str
     application: str
@@ -109,6 +116,7 @@ class FrontDetail(msgspec.Struct):
     digest: str
     published_at: datetime
     configurations: list[Configuration]
+    probes: list[Configuration]
     protocol: dict[str, Any]
     sequence: dict[str, Any]
     provenance: dict[str, Any]
@@ -177,6 +185,15 @@ def _configuration(front: Front, point: Point) -> Configuration:
     return found
 
 
+def _with_results(front: Front, point: Point) -> Configuration:
+    found = _configuration(front, point)
+    if point.learned_on:
+        found.learned_on = [dict(result) for result in point.learned_on]
+    if point.held_out:
+        found.held_out = [dict(result) for result in point.held_out]
+    return found
+
+
 def _addressed(kind: str, sha256: str) -> Addressed:
     return Addressed(sha256, f"/{kind}/{sha256}")
 
@@ -198,7 +215,8 @@ def detail(front: Front) -> FrontDetail:
         state=front.state,
         digest=front.digest,
         published_at=front.published_at,
-        configurations=configurations(front),
+        configurations=[_with_results(front, point) for point in front.points],
+        probes=[_with_results(front, point) for point in front.probes],
         protocol=front.protocol,
         sequence=front.sequence,
         provenance=front.provenance,

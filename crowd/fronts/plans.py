@@ -85,7 +85,7 @@ def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
 def _of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
     """The plan of each configuration of the fronts RELEASED (slug and digest) that has one."""
     fronts = [selectors.front(slug) for slug, _ in released]
-    plans = [of_point(front, point) for front in fronts if front for point in front.points]
+    plans = [of_point(front, point) for front in fronts if front for point in (*front.points, *front.probes)]
     return tuple(plan for plan in plans if plan)
 
 

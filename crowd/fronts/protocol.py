@@ -11,14 +11,11 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts.selectors import DEFAULT
-from slam.protocol import FIRST_COUNTED_FRAME, FIXED_PAIRS, VALID_BELOW
+from slam.protocol import FIRST_COUNTED_FRAME, FIXED_PAIRS, ONLY_ADAPTIVE, VALID_BELOW
 
 MAX_RUNS = 50  # of one session, as clients measure and the server accepts it
 MAX_FRAMES = 10_000
 AN_HOUR, A_DAY = 3600, 24 * 3600
-# Clients of version 1 repeat until their interval is narrow. Version 2 fixes the number of pairs, and each
-# configuration has a reference trajectory and a band around it.
-ONLY_IN_VERSION_1 = ("max_repeats", "precision", "max_seconds")
 
 Frames = Annotated[int, msgspec.Meta(ge=1, le=MAX_FRAMES)]
 FrameNumber = Annotated[int, msgspec.Meta(ge=0, le=MAX_FRAMES)]
@@ -83,7 +80,7 @@ def disagreements(protocol: Protocol, configurations: Collection[str]) -> Iterat
     if (runs := protocol.repeats * len(counts)) > MAX_RUNS:
         yield f"repeats: {protocol.repeats} of {len(counts)} names are {runs} runs, at most {MAX_RUNS}"
     if protocol.version == FIXED_PAIRS:
-        for name in ONLY_IN_VERSION_1:
+        for name in ONLY_ADAPTIVE:
             if getattr(protocol, name) is not UNSET:
                 yield f"{name}: version {FIXED_PAIRS} has a fixed number of pairs: leave it out, set repeats"
     elif protocol.max_repeats is not UNSET and protocol.max_repeats < protocol.repeats:

@@ -25,29 +25,29 @@ def point(runtime: float, error: float, label: str = "", repeats: int = 1) -> Po
     )
 
 
-def test_names_tell_default_best_and_accurate_and_keep_known_ones() -> None:
+def test_names_tell_default_best_and_accurate_and_keep_known_ones_that_are_valid() -> None:
     default, fast1, fast2 = (
         point(0.1, 0.01, "default"),
         point(0.02, 0.04, "fast1"),
         point(0.03, 0.06, "fast2"),
     )
-    middle, accurate, dominated = point(0.04, 0.02), point(0.2, 0.005), point(0.06, 0.03)
+    middle, accurate, dominated = point(0.04, 0.02), point(0.2, 0.005), point(0.06, 0.03, "fast3")
     lost = point(0.001, 0.5)
 
-    named = publishing.name_points([default, fast1, fast2, middle, accurate, dominated, lost])
+    named = publishing.name_points([default, fast1, fast2, middle, accurate, dominated, lost], {})
 
     assert named == {
         "default": default,
         "best": fast1,
         "accurate": accurate,
         "knee": middle,
-        "fast2": fast2,
+        "fast3": dominated,
     }
 
 
 def test_once_points_were_measured_again_a_lucky_single_measurement_is_not_published() -> None:
     named = publishing.name_points(
-        [point(0.1, 0.01, "default"), point(0.05, 0.01), point(0.01, 0.01, repeats=0)]
+        [point(0.1, 0.01, "default"), point(0.05, 0.01), point(0.01, 0.01, repeats=0)], {}
     )
 
     assert named["best"].values["runtime"] == 0.05
@@ -55,9 +55,9 @@ def test_once_points_were_measured_again_a_lucky_single_measurement_is_not_publi
 
 def test_no_front_without_a_default_or_without_anything_faster() -> None:
     with pytest.raises(publishing.NothingToPublishError, match="default"):
-        publishing.name_points([point(0.1, 0.01)])
+        publishing.name_points([point(0.1, 0.01)], {})
     with pytest.raises(publishing.NothingToPublishError, match="faster"):
-        publishing.name_points([point(0.1, 0.01, "default"), point(0.05, 0.06), point(0.2, 0.001)])
+        publishing.name_points([point(0.1, 0.01, "default"), point(0.05, 0.06), point(0.2, 0.001)], {})
 
 
 def test_a_long_front_is_thinned_evenly_and_keeps_its_ends() -> None:
@@ -77,14 +77,14 @@ def test_a_point_over_a_part_of_the_sequence_is_not_named(unsaved: Exploration) 
 
     assert not any(point.whole for point in measured)
     with pytest.raises(publishing.NothingToPublishError, match="over the whole sequence"):
-        publishing.name_points(measured)
+        publishing.name_points(measured, {})
 
 
 def test_the_knee_is_the_best_compromise() -> None:
     default, best, accurate = point(1.0, 0.01, "default"), point(0.1, 0.04), point(0.9, 0.001)
     bend, other = point(0.15, 0.005), point(0.5, 0.004)
 
-    named = publishing.name_points([default, best, accurate, bend, other])
+    named = publishing.name_points([default, best, accurate, bend, other], {})
 
     assert named["knee"] == bend
     assert named["front-01"] == other
@@ -105,7 +105,7 @@ def test_a_draft_holds_the_chosen_points_with_their_spread(exploration: Explorat
 
     assert (front.slug, front.state, front.provenance["search"]["method"]) == ("kfusion-1", "draft", "random")
     assert front.protocol["frames"] == 12  # as many as the sequence has
-    default, best = front.configurations.all()
+    default, best = front.configurations.filter(probe=False)
     assert (default.name, best.name) == ("default", "best")
     assert best.predicted["runtime"] < default.predicted["runtime"]
     assert best.predicted["measurements"] == exploration.repeats

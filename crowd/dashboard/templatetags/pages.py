@@ -1,5 +1,6 @@
 """What every page is made of: the navigation, and the place of a chart with its caption."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlencode
@@ -13,6 +14,7 @@ from django.utils.html import format_html
 from django.utils.safestring import SafeString, mark_safe
 
 from crowd.dashboard.drawings.drawing import with_query
+from crowd.dashboard.points import SequenceColumn
 
 register = template.Library()
 
@@ -30,6 +32,13 @@ class Item:
     name: str
     address: str
     current: bool
+
+
+@register.filter
+def named_sequences(columns: Iterable[SequenceColumn], held_out: bool) -> str:
+    """The names of the sequences among COLUMNS that are HELD_OUT, or of the others: a, b and c."""
+    names = [column.name for column in columns if column.held_out == held_out]
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 @register.simple_tag(takes_context=True)

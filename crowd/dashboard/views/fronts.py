@@ -10,7 +10,7 @@ from crowd.dashboard.choosing import named
 from crowd.dashboard.figures.parameters import parameters_height
 from crowd.dashboard.figures.transfer import winners_height
 from crowd.dashboard.filtering import Filtering, filtered
-from crowd.dashboard.points import measured_points, parameters_of
+from crowd.dashboard.points import measured_points, parameters_of, results_by_sequence
 from crowd.dashboard.versions import UnknownVersionError, beside
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
@@ -38,6 +38,7 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
     filters = replace(asked.filters, front=slug, application=shown.application)
     crowd = results.speedups(replace(filters, configuration=ALL))
     winners = results.winners(filters)
+    columns, rows = results_by_sequence(shown)
     return render(
         request,
         "dashboard/front.html",
@@ -45,6 +46,8 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
             "asked": asked,
             "front": shown,
             "points": measured_points(shown, crowd),
+            "sequences": columns,
+            "sequence_rows": rows if columns else (),
             "devices": crowd.headline.devices,
             "parameters": parameters_of(shown),
             "parameters_height": parameters_height(len(parameters_of(shown))),

@@ -181,18 +181,21 @@ def devices(scope: Scope) -> Iterator[Block]:
 
 
 def configurations(scope: Scope) -> Iterator[Block]:  # noqa: ARG001 - all tables are read alike
-    """The points of the fronts that were ever published."""
+    """The points and probes of the fronts that were ever published."""
     rows = Configuration.objects.filter(front__in=FrontVersion.objects.released())
     for block in _blocks(
         rows, "front__application", "front__slug", "name", "position", "parameters", "predicted",
-        "band", "front__state", "front__published_at",
+        "band", "probe", "learned_on", "held_out", "front__state", "front__published_at",
     ):  # fmt: skip
         yield block | {
             "application": block["front__application"],
             "front": block["front__slug"],
             "configuration": block["name"],
             "parameters": [json.dumps(value) for value in block["parameters"]],
-            "predicted": [json.dumps(value) for value in block["predicted"]],
+            **{
+                name: [json.dumps(value) for value in block[name]]
+                for name in ("predicted", "learned_on", "held_out")
+            },
             "state": block["front__state"],
             "published_at": block["front__published_at"],
         }

@@ -183,7 +183,7 @@ DEVICES = Table(
 )
 CONFIGURATIONS = Table(
     "configurations",
-    "The points of every published front.",
+    "The points and probes of every published front.",
     (
         Column("application", "string", "such as kfusion"),
         FRONT,
@@ -192,6 +192,9 @@ CONFIGURATIONS = Table(
         Column("parameters", "string", "JSON: name and value of each parameter"),
         Column("predicted", "string", "JSON: runtime (s), ate_max (m), ate_mean (m) on the reference device"),
         Column("band", "float64", "protocol 2: a run with a larger deviation does not count", "m"),
+        Column("probe", "bool", "not a point of the front: clients measure it only when asked to"),
+        Column("learned_on", "string", "JSON: largest error (ate_max, m) and lost frames by sequence"),
+        Column("held_out", "string", "JSON: the same on sequences that the search never saw"),
         Column("state", "string", "published or retired"),
         Column("published_at", "timestamp", "when clients began to measure it (UTC)"),
     ),

@@ -1,0 +1,145 @@
+"""Fronts that say where they hold: results by sequence, the rule for best, and probes."""
+
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.fronts import contents, selectors, services
+from crowd.fronts.contents import InvalidFrontError
+from crowd.fronts.models import FrontVersion
+from tests.crowd.documents import (
+    BAND,
+    STANDARD,
+    front_document,
+    run_document,
+    session_document,
+    submission_document,
+    trajectory,
+)
+from tests.crowd.participant import API, Participant
+from tests.dashboard.reading import read
+
+
+def result(sequence: str, error: float, lost: int = 0) -> dict[str, Any]:
+    return {"sequence": sequence, "ate_max": error, "lost": lost}
+
+
+def document(pack: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    """A front of protocol 2 that was learned on two sequences and checked on a third, with two probes."""
+    found = front_document(pack, protocol_version=2) | changes
+    for point, errors in zip(
+        found["configurations"], [(0.01, 0.002, 0.004), (0.03, 0.04, 0.015), (0.008, 0.002, 0.3)], strict=True
+    ):
+        point["learned_on"] = [result(pack["name"], errors[0]), result("office", errors[1])]
+        point["held_out"] = [result("workshop", errors[2], lost=7 if errors[2] > 0.1 else 0)]
+    found["provenance"] |= {
+        "sequences": [
+            {"name": pack["name"], "sha256": pack["sha256"]},
+            {"name": "office", "sha256": "0" * 64},
+        ],
+        "held_out": [{"name": "workshop", "sha256": "1" * 64}],
+    }
+    found["probes"] = [
+        {
+            "name": f"probe-0{number}",
+            "parameters": STANDARD | {"tracking_rate": number},
+            "predicted": {"runtime": 0.04, "ate_max": 0.02, "ate_mean": 0.01},
+            "band": BAND,
+            "trajectory": trajectory(0.01 * number),
+        }
+        for number in (2, 3)
+    ]
+    return found
+
+
+@pytest.fixture
+def front(db: None, pack: dict[str, Any]) -> FrontVersion:
+    return services.publish_content(document(pack))[0]
+
+
+def test_results_and_probes_survive_a_round_trip(front: FrontVersion, pack: dict[str, Any]) -> None:
+    stored = selectors.any_front(front.pk)
+
+    again = selectors.document(stored)
+
+    assert contents.canonical(again) == contents.canonical(document(pack))
+    assert contents.digest(again) == front.digest
+    assert [point.name for point in stored.points] == ["default", "best", "accurate"]
+    assert [point.name for point in stored.probes] == ["probe-02", "probe-03"]
+
+
+def test_a_front_without_results_keeps_its_digest(pack: dict[str, Any]) -> None:
+    plain = front_document(pack)
+
+    assert contents.digest(plain) == contents.digest(plain | {"probes": []})
+    assert "probes" not in contents.canonical(plain)
+
+
+@pytest.mark.parametrize(
+    ("member", "results", "complaint"),
+    [
+        ("held_out", [result("workshop", 0.017)], "more than 1.6 cm"),
+        ("held_out", [result("workshop", 0.001, lost=1)], "the camera is lost in 1 frames of workshop"),
+        ("held_out", [result("library", 0.001)], "the default was not measured on library"),
+        ("learned_on", [result("office", 0.05)], "not below 5 cm"),
+    ],
+)
+def test_best_must_hold_on_every_sequence(
+    db: None, pack: dict[str, Any], member: str, results: list[dict[str, Any]], complaint: str
+) -> None:
+    changed = document(pack)
+    changed["configurations"][1][member] = results
+
+    with pytest.raises(InvalidFrontError, match=complaint):
+        services.create_draft(changed)
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"name": "best"}, "names repeat"),
+        ({"band": None}, r"probes\[0\]\.band"),
+        ({"parameters": STANDARD | {"mu": -1}}, r"probes\[0\]\.parameters of probe-02: mu"),
+    ],
+)
+def test_a_wrong_probe_is_named(
+    db: None, pack: dict[str, Any], change: dict[str, Any], complaint: str
+) -> None:
+    changed = document(pack)
+    changed["probes"][0] |= change
+
+    with pytest.raises(InvalidFrontError, match=complaint):
+        services.create_draft(changed)
+
+
+def test_clients_are_not_told_of_probes_but_may_send_them(
+    front: FrontVersion, participant: Participant
+) -> None:
+    manifest = participant.get("/manifest").json()
+    assert [point["name"] for point in manifest["configurations"]] == ["default", "best", "accurate"]
+    session = session_document(protocol_version=2)
+    session["runs"] += [run_document("probe-02", repeat, 8 + repeat, 40_000, 2) for repeat in range(4)]
+
+    answer = participant.submit(submission_document(session))
+
+    assert answer.status_code == 202
+    assert {item["status"] for item in answer.json()["items"]} == {"accepted"}
+
+
+def test_the_api_and_the_page_tell_where_a_front_holds(front: FrontVersion, client: Client) -> None:
+    detail = client.get(f"{API}/fronts/{front.slug}").json()
+    page = read(client, f"/fronts/{front.slug}/")
+
+    assert detail["configurations"][1]["held_out"] == [result("workshop", 0.015)]
+    assert [probe["name"] for probe in detail["probes"]] == ["probe-02", "probe-03"]
+    assert "Learned on test-sequence and office; checked on workshop." in page
+    assert "30.00 cm 7 frames lost" in page
+
+
+def test_the_page_of_an_older_front_says_that_one_sequence_is_all(
+    db: None, pack: dict[str, Any], client: Client
+) -> None:
+    front = services.publish_content(front_document(pack))[0]
+
+    assert "Learned on test-sequence alone" in read(client, f"/fronts/{front.slug}/")
