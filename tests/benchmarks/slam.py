@@ -1,7 +1,8 @@
 """KinectFusion on every OpenCL device here, beside Open3D's dense SLAM, over the shipped sequence. Then every
 backend against the reference trajectories, and ElasticFusion over the same frames, with where its time goes.
+Last the default and the best of the newest fronts on every sequence, by the commit before and by this one.
 
-    python -m tests.benchmarks.slam [--frames N] [--sequence PATH]
+    python -m tests.benchmarks.slam [--frames N] [--sequence PATH] [--base REV]
 
 Every row is a process of its own. CPU time sums all threads: on a shared machine it is steadier than wall
 time. The aims are the project's for a 2-core machine with AVX-512, on a distribution's PoCL and on PoCL's
@@ -26,7 +27,7 @@ import numpy as np
 from slam.datasets import Sequence, open_sequence
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
 from slam.trajectory import absolute_trajectory_error
-from tests.benchmarks import conformance, elasticfusion
+from tests.benchmarks import conformance, elasticfusion, sequences
 
 ROOT = Path(__file__).parent.parent.parent
 DATA = Path(os.environ.get("FRONTRUNNER_VAR", ROOT / "var"))
@@ -143,6 +144,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="KinectFusion beside Open3D on the same sequence.")
     parser.add_argument("--frames", type=int, default=100)
     parser.add_argument("--sequence", type=Path, default=SEQUENCE)
+    parser.add_argument("--base", metavar="REV", default="HEAD", help="the commit to set beside (HEAD)")
     arguments = parser.parse_args()
     sequence = open_sequence(arguments.sequence)
     frames = min(arguments.frames, len(sequence))
@@ -174,6 +176,8 @@ def main() -> None:
     print("\nEvery backend against the reference trajectories")
     conforming = conformance.measure(arguments.sequence) if frames == len(sequence) else []
     elastic = [elasticfusion.measure(arguments.sequence, driver, frames) for driver, _ in present]
+    print("\nThe newest fronts on every sequence")
+    by_sequence = sequences.report(base=arguments.base)
     target = DATA / "benchmarks" / "slam.json"
     target.parent.mkdir(parents=True, exist_ok=True)
     content = {
@@ -182,6 +186,7 @@ def main() -> None:
         "conformance": conforming,
         "open3d": peer,
         "elasticfusion": elastic,
+        "sequences": by_sequence,
     }
     target.write_text(json.dumps(content, indent=1))
     print(f"written to {target}")

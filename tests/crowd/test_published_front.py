@@ -1,0 +1,37 @@
+"""The newest shipped front on a real recording that no search ever saw."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from crowd.fronts.generalisation import bound
+from slam.benchmark import run
+from slam.devices.choice import choose_device
+from slam.systems import open_session
+from tests.benchmarks.sequences import REAL_STARTS, WINDOW, newest_fronts, real_excerpts
+from tests.slam.real import DATA, needs_real_data
+
+
+@pytest.fixture(scope="module")
+def excerpts():
+    return {excerpt.name: excerpt for excerpt in real_excerpts(DATA)}
+
+
+@pytest.fixture(scope="module")
+def session():
+    return open_session("kfusion", choose_device())
+
+
+@needs_real_data
+@pytest.mark.parametrize("start", REAL_STARTS)
+def test_best_holds_on_a_real_recording(excerpts, session, start):
+    front = json.loads(newest_fronts()[-1].read_text())
+    points = {point["name"]: point["parameters"] for point in front["configurations"]}
+    sequence = excerpts[f"redkitchen-{start}-{WINDOW}"]
+
+    default, best = (run(points[name], sequence, device=session) for name in ("default", "best"))
+
+    assert not [frame for frame in best.frames if frame.tracked is False]
+    assert best.ate.max <= bound(default.ate.max)
