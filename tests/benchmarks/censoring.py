@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -52,15 +53,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="The search with measurements that end early.")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many (5)")
     parser.add_argument("--share", type=float, default=0.3, help="of the way to the value, at most (0.3)")
+    parser.add_argument("--limit", type=float, default=0.05, help="of the error, in metres (0.05)")
     arguments = parser.parse_args()
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
     seeds = range(SEEDS[0], SEEDS[0] + arguments.seeds)
     for problem in (kfusion(with_limits=True), kfusion(with_limits=True, rough=False)):
         assert problem.limits is not None
-        print(f"{problem.name}, seeds {seeds[0]} to {seeds[-1]}, bounds up to {arguments.share:g} of the way")
+        bounds = (arguments.limit, problem.limits[1])
+        problem = replace(problem, limits=bounds, references={"limits": bounds})
+        print(
+            f"{problem.name}, error within {arguments.limit:g}, bounds up to {arguments.share:g} of the way"
+        )
+        print(f"  seeds {seeds[0]} to {seeds[-1]}")
         for way in WAYS:
             runs = [search(problem, way, arguments.share, seed) for seed in seeds]
-            beyond = np.mean([problem.values[run, 0] > problem.limits[0] for run in runs])
+            beyond = np.mean([problem.values[run, 0] > arguments.limit for run in runs])
             print(f"  {way}: {100 * beyond:.0f} % beyond the limit")
             for mark in MARKS:
                 regrets = [problem.regret(run[:mark], "limits") for run in runs]
