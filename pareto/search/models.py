@@ -5,9 +5,9 @@ things go well, as an error that gets rough and then leaps as tracking is lost. 
 made for each: the overall one learns from all values, the local one from those of points on the front or
 beside it. The one that predicts the latter better, each left out in turn, is kept. Where that is the local
 one, a point that is not beside the front counts as a failure, and so does one that leaps away from all
-around it, or could not be measured. A point with a censored value always counts as a failure, and the overall process
-learns of it what it expects beyond the bound. One more process learns where that is, and so do trees, because a process
-alone finds gaps between any failures, and a search looks for exactly these.
+around it, or could not be measured. A point with a censored value always counts as a failure, and the overall
+process learns of it what it expects beyond the bound. One more process learns where failures are, and so do
+trees, because a process alone finds gaps between any failures, and a search looks for exactly these.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ class Models:
         rows: Rows | None = None,
         theta: Array | None = None,
     ) -> GaussianProcess:
-        """Return a process by the hyperparameters `theta`, or those of earlier, or ones that are searched for.
+        """Return a process by hyperparameters `theta`, or those of earlier, or ones that are searched for.
 
         `rows` numbers the targets that may be means of repeated measurements.
         """
