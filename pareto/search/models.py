@@ -5,9 +5,9 @@ things go well, as an error that gets rough and then leaps as tracking is lost. 
 made for each: the overall one learns from all values, the local one from those of points on the front or
 beside it. The one that predicts the latter better, each left out in turn, is kept. Where that is the local
 one, a point that is not beside the front counts as a failure, and so does one that leaps away from all
-around it, or could not be measured. So does one with a censored value, of which the overall process learns
-what it expects beyond the bound. One more process learns where that is, and so do trees, because a process
-alone finds gaps between any failures, and a search looks for exactly these.
+around it, or could not be measured. A point with a censored value always counts as a failure, and the overall
+process learns of it what it expects beyond the bound. One more process learns where failures are, and so do
+trees, because a process alone finds gaps between any failures, and a search looks for exactly these.
 """
 
 from __future__ import annotations
@@ -107,6 +107,7 @@ class Models:
                 column, ceiling = rest[:, number], rest[:, number] + room[:, number]
             self.objectives.append(self._objective(number, rows, column, ceiling))
         lost = ~self._near & any(objective.is_local for objective in self.objectives)
+        lost |= ~targets.exact
         for objective in self.objectives:
             lost[objective.leapt] = True
         failed = history.failed()
@@ -186,9 +187,12 @@ class Models:
         indices, censored = self.targets.indices, self.targets.censored[rows, number]
         if censored.all():  # bounds alone are learned as they are
             censored = np.zeros(len(rows), bool)
-        rows, beyond = rows[~censored], rows[censored]
+        every, rows, beyond = rows, rows[~censored], rows[censored]
         name, local_name = str(number), f"{number} {NEAR}"
-        overall = self._process(name, indices[rows], column[rows], rows)
+        theta = None
+        if len(beyond) and len(rows) * 4 < FEW:  # of so few values, bounds tell more than they mislead
+            theta = self._process(name, indices[every], column[every]).theta
+        overall = self._process(name, indices[rows], column[rows], rows, theta)
         if len(beyond):
             features = self.space.features(indices[beyond])
             overall = overall.with_censored(features, column[beyond], ceiling[beyond], self.counts[beyond])
@@ -213,15 +217,21 @@ class Models:
         return ObjectiveModels(local, overall, kept, widest, np.setdiff1d(some, kept))
 
     def _process(
-        self, name: str, indices: Indices, column: Array, rows: Rows | None = None
+        self,
+        name: str,
+        indices: Indices,
+        column: Array,
+        rows: Rows | None = None,
+        theta: Array | None = None,
     ) -> GaussianProcess:
-        """Return a process by the hyperparameters of earlier, or by ones that are searched for.
+        """Return a process by hyperparameters `theta`, or those of earlier, or ones that are searched for.
 
         `rows` numbers the targets that may be means of repeated measurements.
         """
         features, owner = self.space.features(indices), self.space.feature_owner
-        if name in self._earlier.hyperparameters:
+        if theta is None and name in self._earlier.hyperparameters:
             theta = np.array(self._earlier.hyperparameters[name])
+        if theta is not None:
             process = GaussianProcess(features, column, owner, theta)
         else:
             process = GaussianProcess.fit(features, column, owner, self._rng)

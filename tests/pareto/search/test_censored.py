@@ -142,6 +142,15 @@ def test_a_censored_value_is_never_on_the_front_or_recommended(method, maximise)
     explorer.ask(4)
 
 
+def test_only_the_models_of_a_censored_objective_are_others():
+    chosen = np.random.default_rng(4).choice(len(PLANE), 80, replace=False).tolist()
+    some, all_values = learned(plane_history(chosen)), learned(plane_history(chosen, censored=False))
+    censored, full = (models.objectives[0].overall for models in (some, all_values))
+    assert (np.sort(censored.targets) != np.sort(full.targets)).any()
+    censored, full = (models.objectives[1].overall for models in (some, all_values))
+    np.testing.assert_array_equal(censored.targets, full.targets)
+
+
 def test_the_mean_of_repeats_is_censored_where_one_is():
     explorer = explorer_of("bayesian")
     rest = [{"error": 5.0 + number, "seconds": 5.0 + number} for number in range(7)]
