@@ -81,9 +81,11 @@ def measure(
     """Run CONFIGURATION over the first FRAMES (all where None) of each of SEQUENCES; what was measured.
 
     The objectives are those of `combine`. PERTURBATION is the seed by which depth is changed by a unit.
-    After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is run. HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers
-    False. Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds or
-    reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can be started.
+    After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is run. HEARTBEAT is
+    called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers False.
+    Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds for each
+    sequence or reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can
+    be started.
     """
     command = [*PROGRAM, "--system", system]
     for sequence in sequences:
@@ -104,7 +106,7 @@ def measure(
         with errors.open("wb") as stream:
             process = _start([*command, "--json", str(report)], stream)
         try:
-            code = _wait(process, heartbeat, heartbeat_seconds, timeout)
+            code = _wait(process, heartbeat, heartbeat_seconds, timeout * len(sequences))
         finally:
             _end(process)
         if code != 0:
@@ -122,7 +124,7 @@ def read_report(report: Mapping[str, Any]) -> Measurement:
     Raises MeasurementError where the trajectory error is unknown or of too few frames, no frame was run or a
     value is not finite: nothing can be learnt from it.
     """
-    reports = report["runs"] if "runs" in report else [report]
+    reports = report.get("runs", [report])
     read = [_read_one(one) for one in reports]
     parts = [part for part, _ in read]
     stages = {

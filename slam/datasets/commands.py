@@ -38,7 +38,10 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
     parser = kinds.add_parser("make", help="render a synthetic sequence")
     parser.add_argument(
-        "scene", choices=(*SCENES, ALL), metavar="SCENE", help=f"see `list`; {ALL}: those learned on, and held out"
+        "scene",
+        choices=(*SCENES, ALL),
+        metavar="SCENE",
+        help=f"see `list`; {ALL}: those learned on and those held out",
     )
     parser.add_argument("--frames", type=int, metavar="N", help="default: the scene's own number")
     parser.add_argument(

@@ -24,7 +24,7 @@ def tiny_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> None:
-    result = measure("kfusion", FAST, tiny_pack)
+    result = measure("kfusion", FAST, [tiny_pack])
 
     assert 0 < result.objectives["runtime"] < 5
     assert 0 <= result.objectives["ate_mean"] <= result.objectives["ate_max"] < 1
@@ -42,12 +42,12 @@ def test_what_cannot_run_is_a_failure_with_its_reason(
     tiny_pack: Path, configuration: dict[str, Any], reason: str
 ) -> None:
     with pytest.raises(MeasurementError, match=reason):
-        measure("kfusion", configuration, tiny_pack)
+        measure("kfusion", configuration, [tiny_pack])
 
 
 def test_without_its_device_a_machine_can_measure_nothing(tiny_pack: Path) -> None:
     with pytest.raises(CannotMeasureHereError, match="no OpenCL device matches 'abacus'"):
-        measure("kfusion", FAST, tiny_pack, device="abacus")
+        measure("kfusion", FAST, [tiny_pack], device="abacus")
 
 
 def test_where_no_process_can_be_started_nothing_is_measured(
@@ -55,17 +55,17 @@ def test_where_no_process_can_be_started_nothing_is_measured(
 ) -> None:
     monkeypatch.setattr(isolated, "PROGRAM", (str(tmp_path / "no such program"),))
     with pytest.raises(CannotMeasureHereError, match=r"no process can be started: .*no such program"):
-        measure("kfusion", FAST, tiny_pack)
+        measure("kfusion", FAST, [tiny_pack])
 
 
 def test_a_measurement_that_takes_too_long_is_ended(tiny_pack: Path) -> None:
     with pytest.raises(MeasurementError, match=r"no result after 0\.01 s"):
-        measure("kfusion", FAST, tiny_pack, timeout=0.01)
+        measure("kfusion", FAST, [tiny_pack], timeout=0.01)
 
 
 def test_a_measurement_that_nobody_waits_for_is_ended(tiny_pack: Path) -> None:
     with pytest.raises(LeaseLostError):
-        measure("kfusion", FAST, tiny_pack, heartbeat=lambda: False, heartbeat_seconds=0.01)
+        measure("kfusion", FAST, [tiny_pack], heartbeat=lambda: False, heartbeat_seconds=0.01)
 
 
 def test_a_sequence_without_truth_teaches_nothing() -> None:
@@ -82,7 +82,7 @@ def test_only_the_wanted_frames_are_run(tiny_pack: Path, monkeypatch: pytest.Mon
     seen: list[dict[str, Any]] = []
     monkeypatch.setattr(isolated, "read_report", seen.append)
 
-    measure("kfusion", FAST, tiny_pack, frames=11)
+    measure("kfusion", FAST, [tiny_pack], frames=11)
 
     assert len(seen[0]["frames"]) == 11
 
@@ -105,7 +105,7 @@ def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
         ("import time; time.sleep(60)", "no result after 2 s"),
         ("pass", "the report cannot be read: FileNotFoundError"),
         ("import sys; open(sys.argv[-1], 'w').write('<html>')", "the report cannot be read: JSONDecodeError"),
-        ("import sys; open(sys.argv[-1], 'w').write('[]')", "the report cannot be read: TypeError"),
+        ("import sys; open(sys.argv[-1], 'w').write('[]')", "the report cannot be read: AttributeError"),
         ("import sys; open(sys.argv[-1], 'w').write('{}')", "the report cannot be read: KeyError"),
     ],
 )
@@ -114,11 +114,11 @@ def test_a_program_that_breaks_is_a_failure_with_its_reason(
 ) -> None:
     program(monkeypatch, script)
     with pytest.raises(MeasurementError, match=reason):
-        measure("kfusion", FAST, tmp_path, timeout=2)
+        measure("kfusion", FAST, [tmp_path], timeout=2)
 
 
 def test_values_that_are_not_finite_are_no_measurement() -> None:
-    frame = dict.fromkeys(isolated.STAGES, 0.1)
+    frame = dict.fromkeys(isolated.STAGES, 0.1) | {"tracked": True}
     report = {"ate": {"max": float("nan")}, "frames": [frame], "runtime": 0.1, "cpu_seconds": 0.1}
     with pytest.raises(MeasurementError, match="ate_max is nan"):
         read_report(report | {"peak_memory_bytes": None, "device": {}})
@@ -135,7 +135,7 @@ import sys
 from pathlib import Path
 from slam import isolated
 isolated.PROGRAM = (sys.executable, "-c", {child!r})
-isolated.measure("kfusion", {json.dumps(FAST)}, Path("."))
+isolated.measure("kfusion", {json.dumps(FAST)}, [Path(".")])
 """
     process = subprocess.Popen([sys.executable, "-c", worker])
     measuring = int(until(lambda: pid.exists() and pid.read_text()))
