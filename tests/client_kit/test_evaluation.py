@@ -120,8 +120,8 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """What was measured; each measurement makes one heartbeat and gives MEASURED."""
     calls: list[dict[str, Any]] = []
 
-    def measure(system: str, configuration: Any, pack: Path, **wishes: Any) -> Measurement:
-        calls.append({"system": system, "configuration": configuration, "pack": pack, **wishes})
+    def measure(system: str, configuration: Any, packs: list[Path], **wishes: Any) -> Measurement:
+        calls.append({"system": system, "configuration": configuration, "packs": packs, **wishes})
         if not wishes["heartbeat"]():
             raise LeaseLostError
         return MEASURED
@@ -139,13 +139,15 @@ def test_a_lease_is_measured_and_its_result_told(pack: Pack, serve_lab: Any, mea
     assert (first["system"], first["configuration"]) == ("kfusion", {"volume_resolution": 64})
     assert (first["frames"], first["timeout"]) == (11, 900)
     assert (first["device"], first["backend"]) == ("Board GPU (a platform, 1, driver 1)", "opencl")
-    assert json.loads((first["pack"] / "pack.json").read_text())["sha256"] == pack.sha256
+    (folder,) = first["packs"]
+    assert json.loads((folder / "pack.json").read_text())["sha256"] == pack.sha256
+    assert (first["perturbation"], first["stop_above"]) == (None, None)
     assert [result["status"] for result in results] == ["done", "done"]
     assert results[0]["objectives"] == MEASURED.objectives
     assert results[0]["configuration"] == {"volume_resolution": 64}
     chunks = [path for path in lab.server.paths() if "/sequences/" in path]
     assert len(chunks) == len(set(chunks))  # downloaded once
-    assert first["pack"] == second["pack"]
+    assert first["packs"] == second["packs"]
 
 
 @pytest.mark.parametrize(
