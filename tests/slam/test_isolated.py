@@ -12,7 +12,15 @@ from typing import Any
 import pytest
 
 from slam import isolated
-from slam.isolated import CannotMeasureHereError, LeaseLostError, MeasurementError, measure, read_report
+from slam.isolated import (
+    CannotMeasureHereError,
+    LeaseLostError,
+    MeasurementError,
+    combine,
+    measure,
+    read_report,
+    worst,
+)
 from tests.slam.tiny import write_tiny_pack
 
 FAST = {"compute_size_ratio": 4, "volume_resolution": 32}
@@ -85,6 +93,75 @@ def test_only_the_wanted_frames_are_run(tiny_pack: Path, monkeypatch: pytest.Mon
     measure("kfusion", FAST, [tiny_pack], frames=11)
 
     assert len(seen[0]["frames"]) == 11
+
+
+def test_several_sequences_are_measured_in_turn_until_one_fails(tiny_pack: Path, tmp_path: Path) -> None:
+    other = write_tiny_pack(tmp_path, name="other")
+
+    whole = measure("kfusion", FAST, [tiny_pack, other], perturbation=1)
+    early = measure("kfusion", FAST, [tiny_pack, other], stop_above=0.0)
+
+    assert [part["sequence"] for part in whole.parts] == ["tiny", "other"]
+    assert [part["sequence"] for part in early.parts] == ["tiny"]
+    assert whole.objectives["ate_max"] == max(part["ate_max"] for part in whole.parts)
+    assert whole.objectives["runtime"] == pytest.approx(sum(part["runtime"] for part in whole.parts) / 2)
+    assert whole.parts[0]["ate_max"] == whole.parts[1]["ate_max"]
+    assert {part["lost"] for part in whole.parts} == {0}
+
+
+def part(name: str, **values: float) -> dict[str, Any]:
+    return {"sequence": name, "lost": 0, **values}
+
+
+def test_of_several_sequences_the_worst_error_the_largest_memory_and_the_mean_of_the_rest_count() -> None:
+    parts = [
+        part("a", ate_max=0.1, runtime=0.2, peak_memory_bytes=5, energy_joules=1),
+        part("b", ate_max=0.3, runtime=0.4, peak_memory_bytes=9),
+    ]
+    expected = {"ate_max": 0.3, "runtime": pytest.approx(0.3), "peak_memory_bytes": 9}
+    assert combine(parts) == expected
+    assert combine(parts, ignored=1) == expected | {"ate_max": 0.1}
+
+
+@pytest.mark.parametrize(("ignored", "expected"), [(0, 3.0), (1, 2.0), (2, 1.0), (5, 1.0)])
+def test_the_worst_of_values_but_for_some(ignored: int, expected: float) -> None:
+    assert worst([1.0, 3.0, 2.0], ignored) == expected
+
+
+def report(name: str, tracked: list[bool | None], ate: float = 0.01) -> dict[str, Any]:
+    frames = [dict.fromkeys(isolated.STAGES, 0.1) | {"tracked": frame} for frame in tracked]
+    return {
+        "sequence": {"name": name},
+        "ate": {"max": ate},
+        "valid": True,
+        "frames": frames,
+        "runtime": 0.1,
+        "cpu_seconds": 0.1,
+        "peak_memory_bytes": None,
+        "device": {"name": "Bench CPU"},
+    }
+
+
+def test_a_report_of_several_sequences_has_a_part_of_each() -> None:
+    read = read_report({"runs": [report("a", [None, True, True]), report("b", [True, False, True], 0.02)]})
+
+    assert [(part["sequence"], part["lost"], part["ate_max"]) for part in read.parts] == [
+        *(("a", 0, 0.01), ("b", 1, 0.02))
+    ]
+    assert read.objectives["ate_max"] == 0.02
+    assert read.stages["computation"] == pytest.approx(0.1)
+    assert read.device == {"name": "Bench CPU"}
+
+
+def test_a_failure_names_the_sequence() -> None:
+    with pytest.raises(MeasurementError, match="^b: tracking lost in 3 of 3 frames"):
+        read_report({"runs": [report("a", [True] * 3), report("b", [False] * 3)]})
+
+
+def test_each_sequence_has_the_time_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program(monkeypatch, "import time; time.sleep(60)")
+    with pytest.raises(MeasurementError, match=r"no result after 0\.2 s"):
+        measure("kfusion", FAST, [tmp_path, tmp_path], timeout=0.1)
 
 
 def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
