@@ -18,7 +18,14 @@ from client_kit.home import Home
 from client_kit.manifest import Chunk, read_sequence
 from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from slam import isolated
-from slam.isolated import CannotMeasureHereError, LeaseLostError, MeasurementError, one_line
+from slam.isolated import (
+    NO_OBJECTIVES,
+    CannotMeasureHereError,
+    LeaseLostError,
+    Measurement,
+    MeasurementError,
+    one_line,
+)
 
 IDLE_SECONDS = 5.0
 FIRST_PAUSE_SECONDS = 1.0
@@ -29,8 +36,27 @@ RESULTS = "results.json"
 
 
 @dataclass(frozen=True)
+class Leased:
+    """One of a lease's sequences as it is downloaded, as `sequences.Download`."""
+
+    sequence: Mapping[str, Any]
+    chunks: tuple[Chunk, ...]
+    colour: tuple[Chunk, ...]
+
+    @classmethod
+    def read(cls, sequence: Mapping[str, Any]) -> "Leased":
+        """Raises KeyError, TypeError or ValueError for what is not a sequence."""
+        return cls(sequence, *read_sequence(sequence))
+
+
+@dataclass(frozen=True)
 class Lease:
-    """One evaluation to be measured over `backend`; `frames` None is the whole sequence. Times in seconds."""
+    """One evaluation to be measured over `backend`, on each of `sequences` in turn.
+
+    `frames` None runs all frames. `perturbation` is the seed by which depth is changed, 0 for none. After
+    `stop_after` sequences with a largest error above `stop_above` (m; None: never) no further one is run.
+    Times are in seconds, `timeout_seconds` for each sequence.
+    """
 
     id: str
     application: str
@@ -38,18 +64,21 @@ class Lease:
     frames: int | None
     backend: str
     opencl_device: str
-    sequence: Mapping[str, Any]
-    chunks: tuple[Chunk, ...]
-    colour: tuple[Chunk, ...]
+    sequences: tuple[Leased, ...]
+    perturbation: int
+    stop_above: float | None
+    stop_after: int
     heartbeat_seconds: float
     timeout_seconds: float
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> "Lease":
-        """DOCUMENT, an answer of POST /leases, checked. Raises NotFrontrunnerError."""
+        """DOCUMENT, an answer of POST /leases, checked. Raises NotFrontrunnerError.
+
+        An older server names one `sequence`, which is measured as it is.
+        """
         try:
-            sequence = document["sequence"]
-            chunks, colour = read_sequence(sequence)
+            limit = document.get("stop_above")
             return cls(
                 id=str(document["id"]),
                 application=str(document["application"]),
@@ -57,9 +86,10 @@ class Lease:
                 frames=None if document["frames"] is None else int(document["frames"]),
                 backend=str(document.get("backend", "opencl")),  # which older servers do not name
                 opencl_device=str(document["opencl_device"]),
-                sequence=sequence,
-                chunks=chunks,
-                colour=colour,
+                sequences=tuple(map(Leased.read, document.get("sequences") or [document["sequence"]])),
+                perturbation=int(document.get("perturbation", 0)),
+                stop_above=None if limit is None else float(limit),
+                stop_after=int(document.get("stop_after", 1)),
                 heartbeat_seconds=float(document["heartbeat_seconds"]),
                 timeout_seconds=float(document["timeout_seconds"]),
             )
@@ -161,7 +191,10 @@ class _Reference:
                 raise CannotMeasureError(
                     f"--backend {self.backend}: the server has {self.device} measure over {lease.backend}"
                 )
-            pack = sequences.at_hand(lease, self.home) or self._download(lease, heartbeat)
+            packs = [
+                sequences.at_hand(leased, self.home) or self._download(leased, lease, heartbeat)
+                for leased in lease.sequences
+            ]
             with self.home.only_one("measurement") as alone:
                 if not alone:  # another client began meanwhile
                     self._give_back(lease.id)
@@ -171,10 +204,13 @@ class _Reference:
                 measured = isolated.measure(
                     lease.application,
                     lease.configuration,
-                    pack,
+                    packs,
                     device=chosen.label,
                     backend=chosen.backend,
                     frames=lease.frames,
+                    perturbation=lease.perturbation or None,
+                    stop_above=lease.stop_above,
+                    stop_after=lease.stop_after,
                     heartbeat=heartbeat,
                     heartbeat_seconds=lease.heartbeat_seconds,
                     timeout=lease.timeout_seconds,
@@ -194,19 +230,17 @@ class _Reference:
         except KeyboardInterrupt:
             self._give_back(lease.id)
             raise
-        values = measured.objectives
-        self.console.say(
-            f"{lease.id}: {1e3 * values['runtime']:.2f} ms a frame, {1e3 * values['ate_max']:.1f} mm"
-        )
+        self.console.say(f"{lease.id}: {_summary(lease, measured)}")
         return known | {
             "status": "done",
-            "objectives": values,
+            "objectives": measured.objectives,
             "stages": measured.stages,
             "device": measured.device,
+            "parts": [_part(part) for part in measured.parts],
         }
 
-    def _download(self, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
-        """The sequence, however often the server goes away meanwhile. Raises LeaseLostError."""
+    def _download(self, leased: Leased, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
+        """A sequence of LEASE, however often the server goes away meanwhile. Raises LeaseLostError."""
         held = time.monotonic()
 
         def hold(*_: int) -> None:
@@ -218,7 +252,7 @@ class _Reference:
 
         def fetch() -> Path:
             hold()
-            return sequences.fetch(self.server, lease, self.home, progress=hold, pause=self.pause)
+            return sequences.fetch(self.server, leased, self.home, progress=hold, pause=self.pause)
 
         found: Path = self._insist(fetch)
         return found
@@ -280,3 +314,17 @@ class _Reference:
             self.console.say(f"{reason}; again in {wait:.0f} s")
             self.pause(wait)
             seconds = min(2 * seconds, LONGEST_PAUSE_SECONDS)
+
+
+def _summary(lease: Lease, measured: Measurement) -> str:
+    """What was measured, for people: one line."""
+    values, run, wanted = measured.objectives, len(measured.parts), len(lease.sequences)
+    over = "" if wanted == 1 else f" over {run} of {wanted} sequences"
+    least = "at least " if run < wanted and wanted > 1 else ""
+    return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e3 * values['ate_max']:.1f} mm{over}"
+
+
+def _part(part: Mapping[str, Any]) -> dict[str, Any]:
+    """A part of a measurement as the server reads it."""
+    objectives = {name: value for name, value in part.items() if name not in NO_OBJECTIVES}
+    return {name: part[name] for name in NO_OBJECTIVES} | {"objectives": objectives}

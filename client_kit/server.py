@@ -22,6 +22,8 @@ from client_kit import APP, __version__
 from client_kit.errors import ClientError, OutdatedError, UsageError
 
 TIMEOUT_SECONDS = 30.0
+# What this client can do with a lease: several sequences, perturbed depth, an early stop, parts of a result.
+LEASE_VERSION = 2
 LARGEST_ANSWER = 4 * 2**20
 LARGEST_EXPORT = 2**30
 LONGEST_WAIT_SECONDS = 24 * 3600.0
@@ -174,7 +176,8 @@ class Server:
 
     def lease(self, token: str, device: str, worker: str) -> dict[str, Any] | None:
         """The next evaluation for a reference device; None where none waits."""
-        body = json.dumps({"device": device, "worker": worker}).encode()
+        wish = {"device": device, "worker": worker, "lease_version": LEASE_VERSION}
+        body = json.dumps(wish).encode()
         answer = self._call("POST", "/leases", token=token, body=body)
         return None if answer.status == 204 else answer.json()
 

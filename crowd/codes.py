@@ -87,6 +87,7 @@ READING = {
 LEASES = {
     "another_device": "The token belongs to another reference device.",
     "lease_gone": "The lease ran out or its exploration was cancelled: drop the result.",
+    "client_outdated": "All that waits needs a newer client: update it.",
     "sequence_missing": "The server lacks the sequence of what waits: its administrator must add it.",
 }
 GROUPS = {

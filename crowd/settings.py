@@ -42,7 +42,7 @@
 | FRONTRUNNER_LEASE_SECONDS | 90 | after so long without a heartbeat a measurement's worker counts as dead |
 | FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement, less than a lease |
 | FRONTRUNNER_REAP_SECONDS | 60 | between two searches for what dead workers and lost messages left behind |
-| FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS | 900 | after which a measurement counts as failed |
+| FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS | 900 | for each sequence, after which a measurement fails |
 """
 
 import os

@@ -83,8 +83,9 @@ def measure(
     The objectives are those of `combine`. PERTURBATION is the seed by which depth is changed by a unit.
     After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is run. HEARTBEAT is
     called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers False.
-    Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds or reports
-    no finite values, CannotMeasureHereError where DEVICE is not here or no process can be started.
+    Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds for each
+    sequence or reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can
+    be started.
     """
     command = [*PROGRAM, "--system", system]
     for sequence in sequences:
@@ -105,7 +106,7 @@ def measure(
         with errors.open("wb") as stream:
             process = _start([*command, "--json", str(report)], stream)
         try:
-            code = _wait(process, heartbeat, heartbeat_seconds, timeout)
+            code = _wait(process, heartbeat, heartbeat_seconds, timeout * len(sequences))
         finally:
             _end(process)
         if code != 0:

@@ -38,7 +38,9 @@ def yield_of(exploration: Exploration, have: Found) -> Yield:
     limit = ate_limit(exploration)
     alike = comparable(have.points)
     valid = [
-        point for point in alike if "runtime" in point.values and point.values.get("ate_max", limit) < limit
+        point
+        for point in alike
+        if "runtime" in point.values and point.values.get("ate_max", limit) < limit and not point.censored
     ]
     best = settled(exploration, valid)
     name = speed_objective(best)

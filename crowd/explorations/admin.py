@@ -107,8 +107,19 @@ class ExplorationAdmin(PagesAdmin):
     date_hierarchy = "created_at"
     actions = ("pause", "resume", "cancel")
     fieldsets = (
-        ("What is searched", {"fields": ("design_space", "pack", "reference_device")}),
-        ("What for", {"fields": ("minimised", "max_error_cm", "max_runtime_ms", "more_limits")}),
+        (
+            "What is searched",
+            {"fields": ("design_space", "pack", "further_packs", "held_out_packs", "reference_device")},
+        ),
+        (
+            "What for",
+            {
+                "fields": (
+                    *("minimised", "error_quantile", "max_error_cm", "max_runtime_ms", "max_runtime_ratio"),
+                    "more_limits",
+                )
+            },
+        ),
         (
             "How",
             {
@@ -121,8 +132,9 @@ class ExplorationAdmin(PagesAdmin):
         ("Against noise", {"fields": ("points", "repeats", "recheck", "synchronous")}),
     )
     shown_fields = (
-        *("state", "note", "application", "sequence", "sequence_sha256", "reference_device", "objectives"),
-        *("limits", "method", "options", "seed", "frames", "synchronous", "recheck", "budget", "batch"),
+        *("state", "note", "application", "sequence", "sequence_sha256", "further_sequences"),
+        *("held_out_sequences", "error_quantile", "reference_device", "objectives", "limits", "method"),
+        *("options", "seed", "frames", "synchronous", "recheck", "budget", "batch"),
         *("points", "repeats", "warm_start_from", "command", "created_at", "finished_at", "space"),
     )
 
@@ -306,7 +318,9 @@ class EvaluationAdmin(ReadOnlyAdmin):
 
     @admin.display(description="max error, mm")
     def millimetres(self, row: Evaluation) -> str:
-        return f"{1e3 * row.objectives['ate_max']:.1f}" if row.objectives else ""
+        if not row.objectives:
+            return ""
+        return f"{'at least ' if row.censored else ''}{1e3 * row.objectives['ate_max']:.1f}"
 
 
 def _name(request: HttpRequest) -> str:

@@ -1,6 +1,6 @@
 """Shapes of the answers about explorations."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 from typing import Any
 
@@ -10,6 +10,7 @@ from crowd.disclosure import public
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.points import Point
 from crowd.explorations.selectors import Progress
+from slam.isolated import NO_OBJECTIVES
 
 
 class ExplorationSummary(msgspec.Struct):
@@ -35,8 +36,28 @@ class ExplorationPage(msgspec.Struct):
     next: str | None
 
 
+class Pack(msgspec.Struct):
+    """A sequence by its name and digest."""
+
+    name: str
+    sha256: str
+
+
+class Part(msgspec.Struct):
+    """What was measured on one sequence, units as in a measurement; how many frames were lost."""
+
+    sequence: str
+    lost: int
+    objectives: dict[str, float]
+
+
 class EvaluationAnswer(msgspec.Struct):
-    """One measurement. Objectives: runtime in seconds a frame, ate_* in metres; null unless it is done."""
+    """One measurement. Objectives: runtime in seconds a frame, ate_* in metres; null unless it is done.
+
+    `parts` has those of each sequence, null where the exploration has one alone. `censored`: not all
+    sequences were run, so errors are at least so large. `perturbation`: the seed by which depth was changed
+    by one unit, 0 for none.
+    """
 
     number: int
     phase: str
@@ -44,6 +65,9 @@ class EvaluationAnswer(msgspec.Struct):
     state: str
     configuration: dict[str, Any]
     objectives: dict[str, float] | None
+    parts: list[Part] | None
+    censored: bool
+    perturbation: int
     stages: dict[str, float] | None
     error: str
     device: dict[str, Any] | None
@@ -68,12 +92,17 @@ class FrontPoint(msgspec.Struct):
 class ExplorationDetail(ExplorationSummary):
     """An exploration in full; `measurements` by pages, `next` is the address of the following one or null.
 
+    `sequences` are learned on; clients measure on the first, `sequence`. Of the errors on them the one at
+    `error_quantile` counts, 1 is the worst. Only repeats run over those in `held_out`.
     Its front is that of what was measured over the whole sequence, as long as nothing was that of the search.
     `note` tells why it was paused by itself, or why a machine cannot measure.
     """
 
     space: dict[str, Any]
     sequence_sha256: str
+    sequences: list[Pack]
+    held_out: list[Pack]
+    error_quantile: float
     objectives: list[str]
     limits: dict[str, float]
     frames: int | None
@@ -98,6 +127,9 @@ def detail(
         **_summary(progress),
         space=row.space,
         sequence_sha256=row.sequence_sha256,
+        sequences=[Pack(**pack) for pack in row.learned_on],
+        held_out=[Pack(**pack) for pack in row.held_out_sequences],
+        error_quantile=row.error_quantile,
         objectives=row.objectives,
         limits=row.limits,
         frames=row.frames,
@@ -139,12 +171,20 @@ def _evaluation(row: Evaluation) -> EvaluationAnswer:
         state=row.state,
         configuration=row.configuration,
         objectives=row.objectives,
+        parts=None if row.parts is None else [_part(part) for part in row.parts],
+        censored=row.censored,
+        perturbation=row.perturbation,
         stages=row.stages,
         error=public(row.error),
         device=row.device,
         software=row.software,
         finished_at=row.finished_at,
     )
+
+
+def _part(part: Mapping[str, Any]) -> Part:
+    objectives = {name: value for name, value in part.items() if name not in NO_OBJECTIVES}
+    return Part(part["sequence"], part["lost"], objectives)
 
 
 def _front_point(exploration: Exploration, point: Point) -> FrontPoint:

@@ -14,9 +14,13 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.services import MEASURED
 from slam.isolated import STAGES
 
-ABOUT = ("number", "phase", "iteration", "label", "state", "attempt", "frames", "software", "error")
+ABOUT = (
+    *("number", "phase", "iteration", "label", "state", "attempt", "frames", "perturbation", "censored"),
+    *("software", "error"),
+)
 MOMENTS = ("started_at", "finished_at")
 OBJECTIVES = (*MEASURED, "energy_joules")  # the last where a machine tells it
+EACH_SEQUENCE = ("ate_max", "lost", "runtime")  # as ate_max@office, where there are several sequences
 STAGE_SECONDS = tuple(f"{stage}_seconds" for stage in STAGES)
 AT_ONCE = 500
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a spreadsheet computes a text that begins so
@@ -32,12 +36,16 @@ class _Line:
 def csv_lines(exploration: Exploration, staff: bool = False) -> Iterator[str]:
     """A line for every evaluation: objectives in SI units, a column for each parameter and stage.
 
+    Of an exploration over several sequences, also those held out, EACH_SEQUENCE has columns for each of them.
     A text that a spreadsheet would take for a formula begins with an apostrophe. For the STAFF there is one
     more column, the worker.
     """
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
     worker = ("worker",) if staff else ()
-    columns = (*ABOUT, *worker, "device", *MOMENTS, *parameters, *OBJECTIVES, *STAGE_SECONDS)
+    columns = (
+        *(*ABOUT, *worker, "device", *MOMENTS, *parameters, *OBJECTIVES, *STAGE_SECONDS),
+        *(f"{name}@{sequence}" for sequence in _several(exploration) for name in EACH_SEQUENCE),
+    )
     writer = csv.DictWriter(_Line(), columns, extrasaction="ignore")
     yield writer.writeheader()
     for row in _rows(exploration, staff):
@@ -71,4 +79,15 @@ def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
             **evaluation.configuration,
             **(evaluation.objectives or {}),
             **{f"{name}_seconds": seconds for name, seconds in (evaluation.stages or {}).items()},
+            **{
+                f"{name}@{part['sequence']}": part[name]
+                for part in evaluation.parts or []
+                for name in EACH_SEQUENCE
+            },
         }
+
+
+def _several(exploration: Exploration) -> list[str]:
+    """The names of the exploration's sequences, also of those held out; none where there is one alone."""
+    packs = [*exploration.learned_on, *exploration.held_out_sequences]
+    return [pack["name"] for pack in packs] if len(packs) > 1 else []

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,7 +12,7 @@ from django.core.exceptions import ValidationError
 import pareto
 from crowd.explorations import reference_devices, services
 from crowd.explorations.models import Exploration, ReferenceDevice
-from crowd.explorations.ratios import RATIO
+from crowd.explorations.ratios import ERROR_RATIO, RATIO
 from crowd.fronts import sequences
 from crowd.fronts.contents import APPLICATIONS
 from pareto import Space
@@ -30,6 +30,7 @@ EXPLAINED = {
     "runtime": "runtime: mean seconds a frame",
     RATIO: f"{RATIO}: runtime over the default's in the same round, 0.5 is twice as fast",
     "ate_max": "ate_max: largest trajectory error",
+    ERROR_RATIO: f"{ERROR_RATIO}: ate_max over the default's in the same round, on the worst sequence",
     "ate_mean": "ate_mean: mean trajectory error",
     "ate_rmse": "ate_rmse: root mean square trajectory error",
     "ate_rmse_aligned": "ate_rmse_aligned: the same after alignment",
@@ -43,7 +44,22 @@ class ExplorationForm(forms.ModelForm):
     """Says what is wrong with a new exploration before it is stored."""
 
     design_space = forms.ChoiceField(help_text="parameters and their values; the system follows from it")
-    pack = forms.ChoiceField(label="Sequence", help_text="what is run over; clients will run over the same")
+    pack = forms.ChoiceField(
+        label="Sequence", help_text="each configuration is measured on it; clients measure on it, too"
+    )
+    further_packs = forms.MultipleChoiceField(
+        label="Further sequences",
+        required=False,
+        widget=forms.CheckboxSelectMultiple,
+        help_text="each configuration is measured on these, too, and its error is the worst of all. A "
+        "measurement ends early once that is certain to break the limit",
+    )
+    held_out_packs = forms.MultipleChoiceField(
+        label="Held-out sequences",
+        required=False,
+        widget=forms.CheckboxSelectMultiple,
+        help_text="the search never sees these; what it found is checked on them at the end",
+    )
     minimised = forms.MultipleChoiceField(
         label="Objectives",
         choices=[(name, EXPLAINED.get(name, name)) for name in services.MEASURED],
@@ -86,9 +102,11 @@ class ExplorationForm(forms.ModelForm):
         model = Exploration
         fields = (
             *("reference_device", "method", "seed", "frames", "synchronous", "recheck", "budget", "batch"),
-            *("points", "repeats", "warm_start_from"),
+            *("points", "repeats", "warm_start_from", "error_quantile"),
         )
         help_texts = {
+            "error_quantile": "which of the errors on the sequences counts: 1 is the worst, 0.8 ignores the "
+            "worst one of five",
             "budget": "configurations to search; the application's known ones are measured besides",
             "batch": "asked for at a time",
             "points": "of the front, to be measured again at the end",
@@ -107,10 +125,9 @@ class ExplorationForm(forms.ModelForm):
             *((path.stem, path.stem) for path in shipped_spaces()),
             *((value, f"as in exploration {value.removeprefix(EARLIER)}") for value in shown.values()),
         ]
-        self.fields["pack"].choices = [  # type: ignore[attr-defined]
-            (f"{pack['name']} {pack['sha256']}", f"{pack['name']}: {pack['frames']} frames")
-            for pack in packs()
-        ]
+        here = [(_pack_choice(pack), f"{pack['name']}: {pack['frames']} frames") for pack in packs()]
+        for name in ("pack", "further_packs", "held_out_packs"):
+            self.fields[name].choices = here  # type: ignore[attr-defined]
         for name, value in DEFAULTS.items():
             self.fields[name].initial = value
         self.fields["design_space"].initial = "kfusion"  # every pack will do for it
@@ -133,7 +150,10 @@ class ExplorationForm(forms.ModelForm):
             return cleaned
         wanted = self.instance
         wanted.application, wanted.space = space_of(cleaned["design_space"])
-        wanted.sequence, _, wanted.sequence_sha256 = cleaned["pack"].rpartition(" ")
+        first = _pack_of(cleaned["pack"])
+        wanted.sequence, wanted.sequence_sha256 = first["name"], first["sha256"]
+        wanted.further_sequences = [_pack_of(choice) for choice in cleaned["further_packs"]]
+        wanted.held_out_sequences = [_pack_of(choice) for choice in cleaned["held_out_packs"]]
         wanted.objectives = cleaned["minimised"]
         for name in ("runtime", RATIO):
             field = LIMITED[name][0]
@@ -146,8 +166,8 @@ class ExplorationForm(forms.ModelForm):
             for name, (field, unit) in LIMITED.items()
             if cleaned[field] is not None and name in wanted.objectives
         }
-        first = {"initial": cleaned["random_first"]} if cleaned["random_first"] else {}
-        wanted.options = cleaned["more_options"] | first
+        initial = {"initial": cleaned["random_first"]} if cleaned["random_first"] else {}
+        wanted.options = cleaned["more_options"] | initial
         return cleaned
 
     def _post_clean(self) -> None:
@@ -181,7 +201,9 @@ def initial_of(exploration: Exploration) -> dict[str, Any]:
     kept = {name: getattr(exploration, name) for name in ExplorationForm.Meta.fields}
     return kept | {
         "design_space": _choice_of(exploration),
-        "pack": f"{exploration.sequence} {exploration.sequence_sha256}",
+        "pack": _pack_choice(exploration.learned_on[0]),
+        "further_packs": [_pack_choice(pack) for pack in exploration.further_sequences],
+        "held_out_packs": [_pack_choice(pack) for pack in exploration.held_out_sequences],
         "minimised": exploration.objectives,
         "max_error_cm": round(100 * limits["ate_max"], 9) if "ate_max" in limits else None,
         "max_runtime_ms": round(1000 * limits["runtime"], 9) if "runtime" in limits else None,
@@ -214,6 +236,15 @@ def space_of(choice: str) -> tuple[str, dict[str, Any]]:
         earlier = Exploration.objects.get(pk=int(choice.removeprefix(EARLIER)))
         return earlier.application, earlier.space
     return choice, Space.load(SPACES / f"{choice}.json").to_dict()
+
+
+def _pack_choice(pack: Mapping[str, Any]) -> str:
+    return f"{pack['name']} {pack['sha256']}"
+
+
+def _pack_of(choice: str) -> dict[str, str]:
+    name, _, sha256 = choice.rpartition(" ")
+    return {"name": name, "sha256": sha256}
 
 
 def _choice_of(exploration: Exploration) -> str:

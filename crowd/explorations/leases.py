@@ -6,14 +6,14 @@ machines that share a database must agree to within a fraction of a lease.
 
 import logging
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any, TypeVar
 
 from django.conf import settings
 from django.db import Error, InterfaceError, OperationalError, connection, transaction
-from django.db.models import Exists, OuterRef, QuerySet
+from django.db.models import Exists, OuterRef, Q, QuerySet
 from django.utils import timezone
 
 from crowd.explorations import software, statements, workers
@@ -105,15 +105,15 @@ def _take_in_turn(evaluation_id: int, worker: str) -> Evaluation | None:
         time.sleep(ASK_AGAIN_SECONDS)
 
 
-def take_next(device: ReferenceDevice, worker: str, among: Collection[int]) -> Evaluation | None:
+def take_next(device: ReferenceDevice, worker: str, among: Q) -> Evaluation | None:
     """Lease what waits longest for DEVICE; None where nothing does, or all its machines are busy.
 
-    AMONG are the keys of the explorations that are looked at.
+    AMONG is a condition on the evaluations: no other one is leased.
     """
     with transaction.atomic():
         locked = ReferenceDevice.objects.select_for_update().get(pk=device.pk)
         ReferenceDevice.objects.filter(pk=device.pk).update(seen_at=timezone.now())
-        found = waiting(locked).filter(exploration__in=among).select_related(DEVICE)
+        found = waiting(locked).filter(among).select_related(DEVICE)
         while free_machines(locked) >= 1 and (evaluation := found.first()) is not None:
             # Where a late result has finished it since it was read the next one is had.
             if _lease(evaluation, worker) is not None:

@@ -25,11 +25,13 @@ __all__ = [
     "MeasurementError",
     "evaluator",
     "find_packs",
+    "is_plain",
     "measure",
     "names_for",
     "outcome",
     "packs_for",
     "stop_above",
+    "stop_after",
 ]
 
 
@@ -56,7 +58,7 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
         [path for path, _ in packs_for(evaluation)],
         perturbation=evaluation.perturbation or None,
         stop_above=stop_above(evaluation),
-        stop_after=exploration.failures_allowed + 1,
+        stop_after=stop_after(evaluation),
         device=exploration.reference_device.opencl_device,
         backend=exploration.reference_device.backend,
         frames=evaluation.frames,
@@ -79,10 +81,24 @@ def packs_for(evaluation: Evaluation) -> list[tuple[Path, dict[str, Any]]]:
 
 
 def stop_above(evaluation: Evaluation) -> float | None:
-    """The largest error (m) above which EVALUATION needs no further sequence; None where all are run."""
-    if evaluation.phase == Evaluation.Phase.REPEAT or len(evaluation.exploration.learned_on) == 1:
+    """The largest error (m) above which EVALUATION needs no further sequence; None where all are run.
+
+    Repeats run over all, and so does the default, which others are compared with on each sequence.
+    """
+    whole = evaluation.phase == Evaluation.Phase.REPEAT or ratios.is_default(evaluation)
+    if whole or len(evaluation.exploration.learned_on) == 1:
         return None
     return evaluation.exploration.limits.get("ate_max")
+
+
+def stop_after(evaluation: Evaluation) -> int:
+    """How many sequences with an error above `stop_above` decide that no further one is run."""
+    return evaluation.exploration.failures_allowed + 1
+
+
+def is_plain(evaluation: Evaluation) -> bool:
+    """Whether EVALUATION runs over one sequence as it is: all that a client can do that sends no parts."""
+    return len(names_for(evaluation)) == 1 and not evaluation.perturbation
 
 
 def outcome(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
@@ -99,7 +115,7 @@ def outcome(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
         return {"objectives": ratios.without_claims(measurement.objectives)}
     combined = isolated.combine(learned, exploration.failures_allowed)
     return {
-        "objectives": ratios.without_claims(measurement.objectives | combined),
+        "objectives": ratios.without_claims(combined),
         "parts": list(measurement.parts),
         "censored": len(learned) < len(names),
     }

@@ -30,6 +30,7 @@ class Row(NamedTuple):
     frames: int | None
     state: str
     objectives: dict[str, float] | None
+    censored: bool
     created_at: datetime
     finished_at: datetime | None
 
@@ -41,7 +42,8 @@ class Point:
     Each measurement is a mean over frames already (seconds a frame, metres). Where the point was measured
     again at the end, in turn with the others, only those `repeats` count: what chose it may have been luck.
     `low` and `high` are the least and the greatest of what the median was taken of; `whole` says that these
-    measurements ran over the whole sequence. `phase` tells why it was measured, `known` where it never was
+    measurements ran over the whole sequence. `censored` says that a measurement ended before all sequences
+    were run: errors are at least so large. `phase` tells why it was measured, `known` where it never was
     here.
     """
 
@@ -54,6 +56,7 @@ class Point:
     low: dict[str, float] = field(default_factory=dict)
     high: dict[str, float] = field(default_factory=dict)
     whole: bool = True
+    censored: bool = False
 
 
 def speed_objective(points: Iterable[Point]) -> str:
@@ -109,10 +112,13 @@ def settled(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
 
 
 def front(exploration: Exploration, points: Iterable[Point]) -> list[Point]:
-    """The comparable points within the exploration's limits that no other of them beats, fastest first."""
+    """The comparable points within the exploration's limits that no other of them beats, fastest first.
+
+    A point whose errors are only known to be at least so large is never one of them.
+    """
     alike = comparable(points)
     table = np.column_stack([_column(alike, name) for name in exploration.objectives])
-    within = ~np.isnan(table).any(axis=1)
+    within = ~np.isnan(table).any(axis=1) & np.array([not point.censored for point in alike], dtype=bool)
     for name, limit in exploration.limits.items():
         within &= _column(alike, name) <= limit
     rows = np.flatnonzero(within)
@@ -182,4 +188,5 @@ def _point(group: Sequence[Evaluation | Row]) -> Point:
         low={name: min(column) for name, column in columns.items()},
         high={name: max(column) for name, column in columns.items()},
         whole=all(evaluation.frames is None for evaluation in again or group),
+        censored=any(evaluation.censored for evaluation in again or group),
     )

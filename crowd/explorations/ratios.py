@@ -86,7 +86,7 @@ def fill(exploration: Exploration, rows: Sequence[RowType]) -> dict[int, dict[st
         for key, objectives in filled.items():
             stored = Evaluation.objects.filter(pk=key, state=State.DONE, ratio_filled_at__isnull=True)
             stored.update(objectives=objectives, ratio_filled_at=now)
-    open_frames = {row.frames for row in rows if _is_default(row) and row.state in _UNFINISHED}
+    open_frames = {row.frames for row in rows if is_default(row) and row.state in _UNFINISHED}
     for row in waiting:
         if row.pk not in filled and row.frames not in open_frames:
             raise NoDefaultError(_complaint(exploration, row.frames))
@@ -105,7 +105,7 @@ def ratios(
     default of a row's own round is unfinished.
     """
     rows = sorted((row for row in rows if row.phase not in COPIED), key=lambda row: row.number)
-    defaults = [row for row in rows if _is_default(row)]
+    defaults = [row for row in rows if is_default(row)]
     starts: dict[int, list[int]] = {}
     for row in defaults:
         if row.phase == Phase.REPEAT:
@@ -134,10 +134,15 @@ def ratios(
     return found
 
 
+def is_default(row: Measured) -> bool:
+    """Whether ROW measures the default for others to be compared with."""
+    return row.label == DEFAULT and row.phase in DEFAULT_PHASES
+
+
 def lacks_default(rows: Iterable[Measured], repeats: bool) -> bool:
     """Whether ROWS are measured in one round without the default; of these its REPEATS or all others."""
     kind = [row for row in rows if (row.phase == Phase.REPEAT) == repeats]
-    return bool(kind) and not any(_is_default(row) for row in kind)
+    return bool(kind) and not any(is_default(row) for row in kind)
 
 
 def without_claims(objectives: Mapping[str, Any]) -> dict[str, Any]:
@@ -149,8 +154,8 @@ _UNFINISHED = (State.PENDING, State.RUNNING)
 
 
 def _compare(exploration: Exploration, row: Measured, defaults: Sequence[Measured]) -> dict[str, float]:
-    """Both ratios of ROW to the DEFAULTS of its round."""
-    if row.parts is None:
+    """Both ratios of ROW to the DEFAULTS of its round, by sequence where all tell of these."""
+    if row.parts is None or any(default.parts is None for default in defaults):
         own = {"": row.objectives or {}}
         others = [{"": default.objectives or {}} for default in defaults]
     else:
@@ -171,10 +176,6 @@ def _by_sequence(exploration: Exploration, row: Measured) -> dict[str, dict[str,
     """The parts of ROW on sequences learned on, by their names."""
     learned = [pack["name"] for pack in exploration.learned_on]
     return {part["sequence"]: part for part in row.parts or [] if part["sequence"] in learned}
-
-
-def _is_default(row: Measured) -> bool:
-    return row.label == DEFAULT and row.phase in DEFAULT_PHASES
 
 
 def _round(row: Measured, starts: Mapping[int, Sequence[int]]) -> Round:

@@ -26,7 +26,9 @@ def command(exploration: Exploration) -> str:
         return ""
     words = [
         *("python", "manage.py", "exploration", "start", "--space", str(space)),
-        *("--sequence", exploration.sequence, "--objectives", ",".join(exploration.objectives)),
+        *(word for pack in exploration.learned_on for word in ("--sequence", pack["name"])),
+        *(word for pack in exploration.held_out_sequences for word in ("--held-out", pack["name"])),
+        *("--objectives", ",".join(exploration.objectives)),
         *(word for name, most in exploration.limits.items() for word in ("--limit", f"{name}={most}")),
         *(() if exploration.limits else ("--no-limits",)),
         *("--method", exploration.method),
@@ -37,6 +39,7 @@ def command(exploration: Exploration) -> str:
         ("--random", exploration.options.get("initial")),
         ("--frames", exploration.frames),
         ("--warm-start", exploration.warm_start_from_id),
+        ("--quantile", None if exploration.error_quantile == 1.0 else exploration.error_quantile),
     ):
         words += [option, str(value)] if value is not None else []
     words += [] if exploration.synchronous else ["--asynchronous"]

@@ -13,6 +13,7 @@ PHASES = {Evaluation.Phase.RANDOM: "random samples", Evaluation.Phase.ACTIVE: "a
 def markdown(exploration: Exploration) -> str:
     """Two tables: the yield of each phase of the search, and default, front and known configurations.
 
+    Of an exploration over several sequences the second has the largest error on each, also on those held out.
     Valid is what keeps all limits. Fronts of the first table are of single measurements during the search,
     the second holds medians over the measurements at its end. Where the search runs fewer frames, a line
     tells over how many either was measured.
@@ -20,12 +21,27 @@ def markdown(exploration: Exploration) -> str:
     rows = list(exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number"))
     every = points.comparable(points.measured(rows))
     parts = [
+        *_sequences(exploration),
         *_frames(exploration, whole=exploration.frames is None),
         _yields(exploration, rows),
         *_frames(exploration, whole=all(point.whole for point in every)),
-        _points(exploration, every),
+        _points(exploration, every, rows),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _sequences(exploration: Exploration) -> list[str]:
+    """What errors are taken from, where that is more than one sequence."""
+    lines = []
+    if exploration.further_sequences:
+        allowed = exploration.failures_allowed
+        larger = f", on {allowed} of them it may be larger" if allowed else ""
+        names = ", ".join(pack["name"] for pack in exploration.learned_on)
+        lines.append(f"Learned on {names}: an error is the worst of these{larger}, a runtime is the mean.")
+    if exploration.held_out_sequences:
+        names = ", ".join(pack["name"] for pack in exploration.held_out_sequences)
+        lines.append(f"Held out, never seen by the search: {names}.")
+    return lines
 
 
 def _frames(exploration: Exploration, whole: bool) -> list[str]:
@@ -59,12 +75,14 @@ def _yields(exploration: Exploration, rows: Sequence[Evaluation]) -> str:
     return _table(head, lines)
 
 
-def _points(exploration: Exploration, every: Sequence[Point]) -> str:
+def _points(exploration: Exploration, every: Sequence[Point], rows: Sequence[Evaluation]) -> str:
     again = [point for point in every if point.repeats or point.label]
     # Among themselves: a single lucky measurement of another point beats none of these medians.
     front = {_identity(point) for point in points.front(exploration, again)}
     default = points.default(every)
     parameters = [parameter["name"] for parameter in exploration.space["parameters"]]
+    sequences = _columns(exploration)
+    largest = _largest(rows)
     lines: list[list[Any]] = []
     for point in sorted(again, key=lambda point: point.values.get("runtime", 0.0)):
         runtime, error = point.values.get("runtime"), point.values.get("ate_max")
@@ -74,13 +92,45 @@ def _points(exploration: Exploration, every: Sequence[Point]) -> str:
                 point.label or ("front" if _identity(point) in front else "near the front"),
                 "" if runtime is None else f"{runtime * 1e3:.2f}",
                 "" if speedup is None else f"{speedup:.1f}x",
-                "" if error is None else f"{error * 100:.2f}",
+                "" if error is None else f"{'at least ' if point.censored else ''}{error * 100:.2f}",
+                *(_centimetres(largest.get((_identity(point), name))) for name in sequences),
                 point.measurements,
                 *(_written(point.configuration.get(name)) for name in parameters),
             ]
         )
-    head = ["configuration", "ms a frame", "speedup", "max ATE, cm", "measured", *parameters]
+    head = [
+        *("configuration", "ms a frame", "speedup", "max ATE, cm", *sequences.values(), "measured"),
+        *parameters,
+    ]
     return _table(head, lines)
+
+
+def _columns(exploration: Exploration) -> dict[str, str]:
+    """The title of each sequence's column by its name; none where there is one sequence alone."""
+    if len(exploration.learned_on) + len(exploration.held_out_sequences) == 1:
+        return {}
+    learned = {pack["name"]: f"on {pack['name']}, cm" for pack in exploration.learned_on}
+    held_out = {pack["name"]: f"held out: {pack['name']}, cm" for pack in exploration.held_out_sequences}
+    return learned | held_out
+
+
+def _largest(rows: Iterable[Evaluation]) -> dict[tuple[str, str], float]:
+    """The largest error (m) of each configuration and sequence, of its repeats where there are any."""
+    measured: dict[str, list[Evaluation]] = {}
+    for row in rows:
+        if row.state == Evaluation.State.DONE:
+            measured.setdefault(_identity(row), []).append(row)
+    found: dict[tuple[str, str], float] = {}
+    for identity, group in measured.items():
+        again = [row for row in group if row.phase == Evaluation.Phase.REPEAT]
+        for part in (part for row in again or group for part in row.parts or []):
+            place = identity, part["sequence"]
+            found[place] = max(part["ate_max"], found.get(place, 0.0))
+    return found
+
+
+def _centimetres(error: float | None) -> str:
+    return "" if error is None else f"{error * 100:.2f}"
 
 
 def _front(exploration: Exploration, rows: Iterable[Evaluation]) -> list[Point]:
@@ -93,7 +143,7 @@ def _valid(exploration: Exploration, objectives: dict[str, float] | None) -> boo
     )
 
 
-def _identity(point: Point) -> str:
+def _identity(point: Point | Evaluation) -> str:
     return repr(sorted(point.configuration.items()))
 
 

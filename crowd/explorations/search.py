@@ -142,7 +142,8 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     such residuals, and more than LEAST_OUTLIER times more or less; at most MOST_OUTLIERS of all, the
     farthest. Looked for once whenever the search has asked for FIRST_LOOK evaluations, twice that, four times
     that, ...: not every batch, as it takes a second. What was asked for tells that and not what is finished,
-    since in an asynchronous search a look must neither be left out nor come twice.
+    since in an asynchronous search a look must neither be left out nor come twice. Measurements that ended
+    before all sequences were run are left out: how large their errors are is not known.
     """
     searched = [row for row in evaluations if row.phase in SEARCHED]
     newest = max((row.iteration for row in searched), default=0)
@@ -154,6 +155,7 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     checked |= {row.place for row in searched if row.phase == Phase.AGAIN}
     once = [row for row in searched if row.place not in checked]
     done = [row for row in once if row.state == State.DONE and not ratios.awaits(exploration, row)]
+    done = [row for row in done if not row.censored]
     space = space_of(exploration)
     indices = np.array([row.place for row in done], dtype=np.int64)
     far = np.zeros(len(done))

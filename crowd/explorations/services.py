@@ -59,7 +59,7 @@ def check(exploration: Exploration) -> None:
     names = [pack["name"] for _, pack in packs]
     if twice := [name for place, name in enumerate(names) if name in names[:place]]:
         raise ValidationError(
-            f"sequence {twice[0]} is named twice: a sequence is learned on or held out, once"
+            f"sequence {twice[0]} is named twice: name each once, either to learn on or held out"
         )
     for _, pack in packs:
         if exploration.frames is not None and exploration.frames > pack["frames"]:

@@ -18,8 +18,8 @@ PENDING, RUNNING = Evaluation.State.PENDING.value, Evaluation.State.RUNNING.valu
 # What a measurement reads: the rest, such as the space, is fetched by whoever asks for it.
 WANTED: dict[type[models.Model], set[str]] = {
     Evaluation: {
-        *("id", "exploration", "number", "phase", "configuration", "frames", "perturbation", "state"),
-        *("attempt", "lease_until"),
+        *("id", "exploration", "number", "phase", "label", "configuration", "frames", "perturbation"),
+        *("state", "attempt", "lease_until"),
     },
     Exploration: {
         *("id", "reference_device", "application", "sequence", "sequence_sha256", "state", "synchronous"),

@@ -10,7 +10,7 @@ from crowd.explorations.search import COPIED, FINISHED
 ALIKE = ("reference_device_id", "learned_on", "error_quantile", "frames")
 COPIED_FIELDS = (
     *("label", "configuration", "configuration_key", "frames", "state", "objectives", "stages", "device"),
-    *("software", "error", "worker", "finished_at", "parts", "censored"),
+    *("software", "error", "worker", "finished_at", "perturbation", "parts", "censored"),
 )
 
 

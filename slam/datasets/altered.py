@@ -17,12 +17,17 @@ class Altered(Sequence):
     with focal lengths that claim to be larger by the fraction `focal_error` than those it was taken with.
 
     A camera whose focal length is thought too long seems to turn too little: it drifts, and when it has
-    turned round it believes itself elsewhere. Raises SequenceError for frames that there are not, or a
-    fraction of -0.5 or less, or 0.5 or more.
+    turned round it believes itself elsewhere. Without `truth_in_dark` the true poses of dark frames are
+    unknown: an error counts only where something was seen. Raises SequenceError for frames that there are
+    not, or a fraction of -0.5 or less, or 0.5 or more.
     """
 
     def __init__(
-        self, sequence: Sequence, dark: tuple[int, int] | None = None, focal_error: float = 0.0
+        self,
+        sequence: Sequence,
+        dark: tuple[int, int] | None = None,
+        focal_error: float = 0.0,
+        truth_in_dark: bool = True,
     ) -> None:
         if dark is not None and not 0 <= dark[0] <= dark[1] < len(sequence):
             raise SequenceError(
@@ -32,11 +37,15 @@ class Altered(Sequence):
             raise SequenceError(f"focal error {focal_error:g}: give a fraction between -0.5 and 0.5")
         camera = sequence.camera
         self._sequence = sequence
+        self._told = truth_in_dark
         self._dark = range(dark[0], dark[1] + 1) if dark else range(0)
         self.name = sequence.name
         self.camera = replace(camera, fx=camera.fx * (1 + focal_error), fy=camera.fy * (1 + focal_error))
         self.timestamps = sequence.timestamps
         self.truth = sequence.truth
+        if sequence.truth is not None and not truth_in_dark:
+            self.truth = sequence.truth.copy()
+            self.truth[list(self._dark)] = np.nan
         self.volume_size = sequence.volume_size
         self.initial_position = sequence.initial_position
 
@@ -50,7 +59,7 @@ class Altered(Sequence):
 
     @cached_property
     def sha256(self) -> str:
-        text = f"{self._sequence.sha256} {self.camera} {self._dark}"
+        text = f"{self._sequence.sha256} {self.camera} {self._dark}" + ("" if self._told else " unknown")
         return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -41,7 +41,7 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "scene",
         choices=(*SCENES, ALL),
         metavar="SCENE",
-        help=f"see `list`; {ALL}: those learned on, and held out",
+        help=f"see `list`; {ALL}: those learned on and those held out",
     )
     parser.add_argument("--frames", type=int, metavar="N", help="default: the scene's own number")
     parser.add_argument(
@@ -88,6 +88,12 @@ def register(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def _add_alterations(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dark", type=_frames, metavar="A:B", help="frames in which nothing is seen")
     parser.add_argument(
+        "--no-truth-in-dark",
+        dest="truth_in_dark",
+        action="store_false",
+        help="the true poses of these frames are unknown, so that no error is counted there",
+    )
+    parser.add_argument(
         "--focal-error", type=number, default=0.0, metavar="F",
         help="claim focal lengths larger by this fraction: a camera that turns then drifts",
     )  # fmt: skip
@@ -117,7 +123,7 @@ def _ratio(text: str) -> int:
 def _altered(sequence: Sequence, options: argparse.Namespace) -> Sequence:
     if options.dark is None and options.focal_error == 0:
         return sequence
-    return Altered(sequence, options.dark, options.focal_error)
+    return Altered(sequence, options.dark, options.focal_error, options.truth_in_dark)
 
 
 def _make(options: argparse.Namespace) -> None:

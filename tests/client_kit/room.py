@@ -17,13 +17,13 @@ CONFIGURATIONS = {
 }
 
 
-def write(folder: Path) -> pack.Pack:
+def write(folder: Path, name: str = "room") -> pack.Pack:
     """Write the room as a pack of two chunks of frames and a header."""
     truth = handheld(FRAMES)
     sequence = ArraySequence(
         [depth_from(pose) for pose in truth],
         truth=truth,
-        name="room",
+        name=name,
         volume_size=SCENE.volume_size,
         initial_position=SCENE.initial_position,
     )

@@ -23,7 +23,10 @@ from tests.client_kit import room
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 
 MEASURED = Measurement(
-    {"runtime": 0.02, "ate_max": 0.01}, {"computation": 0.02}, {"name": "Board GPU", "driver": "1"}
+    {"runtime": 0.02, "ate_max": 0.01},
+    {"computation": 0.02},
+    {"name": "Board GPU", "driver": "1"},
+    ({"sequence": "room", "lost": 1, "runtime": 0.02, "ate_max": 0.01},),
 )
 
 
@@ -36,7 +39,7 @@ class Lab:
     """A server with LEASES to give, which answers heartbeats and results as the test says."""
 
     def __init__(self, pack: Pack, leases: int = 1) -> None:
-        self.left, self.pack = leases, pack
+        self.left, self.packs = leases, [pack]
         self.sequence = room.manifest(pack)["sequence"]
         self.results: list[dict[str, Any]] = []
         self.heartbeat = Reply(200, {"lease_seconds": 90})
@@ -45,15 +48,16 @@ class Lab:
         self.trouble: list[Reply] = []  # before a part of the sequence is given
         self.heartbeat_seconds = 15.0
         self.backend = {"backend": "opencl"}  # older servers do not name it
+        self.more: dict[str, Any] = {}  # what newer servers tell of several sequences
         self.server = ScriptedServer(self.answer)
 
     def answer(self, request: Request) -> Reply:
         if request.path.startswith("/sequences/"):
             if self.trouble:
                 return self.trouble.pop(0)
-            return Reply(
-                raw=(self.pack._chunks.folder / "chunks" / request.path.rpartition("/")[2]).read_bytes()
-            )
+            digest = request.path.rpartition("/")[2]
+            chunks = [pack._chunks.folder / "chunks" / digest for pack in self.packs]
+            return Reply(raw=next(chunk.read_bytes() for chunk in chunks if chunk.exists()))
         assert request.headers["authorization"] == "Bearer secret"
         if request.path.endswith("/heartbeat"):
             return self.heartbeat
@@ -78,6 +82,7 @@ class Lab:
             **self.backend,
             "opencl_device": "GPU",
             "sequence": self.sequence,
+            **self.more,
             "lease_seconds": 90,
             "heartbeat_seconds": self.heartbeat_seconds,
             "timeout_seconds": 900,
@@ -120,8 +125,8 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """What was measured; each measurement makes one heartbeat and gives MEASURED."""
     calls: list[dict[str, Any]] = []
 
-    def measure(system: str, configuration: Any, pack: Path, **wishes: Any) -> Measurement:
-        calls.append({"system": system, "configuration": configuration, "pack": pack, **wishes})
+    def measure(system: str, configuration: Any, packs: list[Path], **wishes: Any) -> Measurement:
+        calls.append({"system": system, "configuration": configuration, "packs": packs, **wishes})
         if not wishes["heartbeat"]():
             raise LeaseLostError
         return MEASURED
@@ -139,13 +144,90 @@ def test_a_lease_is_measured_and_its_result_told(pack: Pack, serve_lab: Any, mea
     assert (first["system"], first["configuration"]) == ("kfusion", {"volume_resolution": 64})
     assert (first["frames"], first["timeout"]) == (11, 900)
     assert (first["device"], first["backend"]) == ("Board GPU (a platform, 1, driver 1)", "opencl")
-    assert json.loads((first["pack"] / "pack.json").read_text())["sha256"] == pack.sha256
+    (folder,) = first["packs"]
+    assert json.loads((folder / "pack.json").read_text())["sha256"] == pack.sha256
+    assert (first["perturbation"], first["stop_above"]) == (None, None)
     assert [result["status"] for result in results] == ["done", "done"]
     assert results[0]["objectives"] == MEASURED.objectives
     assert results[0]["configuration"] == {"volume_resolution": 64}
     chunks = [path for path in lab.server.paths() if "/sequences/" in path]
     assert len(chunks) == len(set(chunks))  # downloaded once
-    assert first["pack"] == second["pack"]
+    assert first["packs"] == second["packs"]
+
+
+def several(pack: Pack, folder: Path) -> tuple[Lab, Pack]:
+    """A lab whose lease names two sequences, and the second one."""
+    other = room.write(folder / "other", name="other")
+    lab = Lab(pack)
+    lab.packs.append(other)
+    sequences = [lab.sequence, room.manifest(other)["sequence"]]
+    lab.more = {"sequences": sequences, "perturbation": 3, "stop_above": 0.05, "stop_after": 2}
+    return lab, other
+
+
+def test_all_sequences_of_a_lease_are_downloaded_and_measured_as_it_says(
+    pack: Pack, tmp_path: Path, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab, other = several(pack, tmp_path)
+
+    serve_lab(lab)
+
+    [call] = measured
+    names = [json.loads((folder / "pack.json").read_text())["name"] for folder in call["packs"]]
+    assert names == ["room", "other"]
+    assert (call["perturbation"], call["stop_above"], call["stop_after"]) == (3, 0.05, 2)
+    asked = json.loads(
+        next(request.body for request in lab.server.requests if request.path.endswith("/leases"))
+    )
+    assert asked["lease_version"] == 2
+    assert other.sha256 != pack.sha256
+
+
+def test_the_parts_of_a_measurement_are_sent(
+    pack: Pack, tmp_path: Path, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab, _ = several(pack, tmp_path)
+
+    said, _ = serve_lab(lab)
+
+    assert lab.results[0]["parts"] == [
+        {"sequence": "room", "lost": 1, "objectives": {"runtime": 0.02, "ate_max": 0.01}}
+    ]
+    assert "at least 10.0 mm over 1 of 2 sequences" in said
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"sequences": [{"name": "room"}]},
+        {"sequences": "room"},
+        {"perturbation": "much"},
+        {"stop_above": "far"},
+    ],
+)
+def test_a_lease_with_sequences_that_cannot_be_read_is_given_back(
+    more: dict[str, Any], pack: Pack, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab = Lab(pack)
+    lab.more = more
+
+    serve_lab(lab)
+
+    assert [result["status"] for result in lab.results] == ["returned"]
+    assert "the lease cannot be read" in lab.results[0]["error"]
+    assert not measured
+
+
+def test_a_server_that_wants_a_newer_client_is_asked_again_later(
+    pack: Pack, serve_lab: Any, measured: list[Any]
+) -> None:
+    lab = Lab(pack)
+    lab.refusals = [problem(409, "client_outdated", "this client cannot: update it")]
+
+    said, _ = serve_lab(lab)
+
+    assert "this client cannot: update it" in said
+    assert [result["status"] for result in lab.results] == ["done"]
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,9 @@ import pytest
 
 from crowd.celery import app
 from crowd.explorations import leases, services
-from crowd.explorations.measurement import Measurement
+from crowd.explorations.measurement import Measurement, names_for, stop_above, stop_after
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from slam import isolated
 from slam.datasets import open_sequence
 from tests.slam.tiny import write_tiny_pack
 
@@ -24,10 +25,21 @@ SPACE = {
 }
 
 
+FACTORS = {"tiny": 1.0, "desk": 2.0, "attic": 4.0, "library": 8.0}
+MORE = ("desk", "attic", "library")
+
+
 @pytest.fixture(scope="session")
 def tiny_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A sequence that is measured in a moment."""
     return write_tiny_pack(tmp_path_factory.mktemp("sequences"))
+
+
+@pytest.fixture(scope="session")
+def more_packs(tiny_pack: Path) -> dict[str, dict[str, str]]:
+    """Name and digest of further sequences beside the tiny one."""
+    digests = {name: open_sequence(write_tiny_pack(tiny_pack.parent, name=name)).sha256 for name in MORE}
+    return {name: {"name": name, "sha256": digest} for name, digest in digests.items()}
 
 
 @pytest.fixture
@@ -54,6 +66,14 @@ def unsaved(db: None, tiny_pack: Path, settings: Any) -> Exploration:
 def exploration(unsaved: Exploration) -> Exploration:
     """A created one: its known configurations wait."""
     return services.create(unsaved)
+
+
+@pytest.fixture
+def several(unsaved: Exploration, more_packs: dict[str, dict[str, str]]) -> Exploration:
+    """One that could be created, which learns on tiny, desk and attic; library is held out."""
+    unsaved.further_sequences = [more_packs["desk"], more_packs["attic"]]
+    unsaved.held_out_sequences = [more_packs["library"]]
+    return unsaved
 
 
 @pytest.fixture
@@ -84,12 +104,30 @@ def measurement(configuration: dict[str, Any]) -> Measurement:
     return Measurement(objectives, stages, device)
 
 
+def measured_on(evaluation: Evaluation) -> Measurement:
+    """What some machine might measure on the evaluation's sequences, errors FACTORS times as large."""
+    limit, above = stop_above(evaluation), 0
+    found = measurement(evaluation.configuration)
+    parts: list[dict[str, Any]] = []
+    for pack in names_for(evaluation):
+        factor = FACTORS[pack["name"]]
+        values = {
+            name: factor * value if name.startswith("ate_") else value
+            for name, value in found.objectives.items()
+        }
+        parts.append({"sequence": pack["name"], "lost": 0, **values})
+        above += limit is not None and values["ate_max"] > limit
+        if above == stop_after(evaluation):
+            break
+    return Measurement(isolated.combine(parts), found.stages, found.device, tuple(parts))
+
+
 def finish(evaluations: list[Evaluation]) -> None:
     """Record a measurement for each."""
     for waiting in evaluations:
         with leases.leased(waiting.pk) as evaluation:
             assert evaluation is not None
-            assert leases.record(evaluation, measurement(evaluation.configuration))
+            assert leases.record(evaluation, measured_on(evaluation))
 
 
 def run_to_the_end(exploration: Exploration) -> Exploration:

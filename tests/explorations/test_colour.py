@@ -9,7 +9,7 @@ from django.core.exceptions import ValidationError
 
 import pareto
 from crowd.explorations import forms, leasing, services
-from crowd.explorations.measurement import CannotMeasureHereError, pack_of
+from crowd.explorations.measurement import CannotMeasureHereError, find_packs
 from crowd.explorations.models import Exploration
 from crowd.fronts import sequences
 from pareto import Space
@@ -51,7 +51,7 @@ def test_without_colour_it_cannot_be_explored(coloured: Exploration, tmp_path: P
     with pytest.raises(ValidationError, match="has no colour"):
         services.create(services.clone(exploration))
     with pytest.raises(CannotMeasureHereError, match="has no colour"):
-        pack_of(exploration)
+        find_packs(exploration, exploration.learned_on)
 
 
 def test_colour_is_no_sequence_of_its_own(coloured: Exploration) -> None:

@@ -42,10 +42,10 @@ def measured_by(settings: Any, tiny_pack: Path) -> Callable[[Evaluator], None]:
     return use
 
 
-def explore(folder: Path, *more: str) -> list[str]:
+def explore(folder: Path, *more: str, sequence: str = "tiny") -> list[str]:
     (folder / "space.json").write_text(json.dumps(SPACE))
     return [
-        *("explore", "--space", str(folder / "space.json"), "--sequence", "tiny", "--budget", "3"),
+        *("explore", "--space", str(folder / "space.json"), "--sequence", sequence, "--budget", "3"),
         *("--points", "2", "--repeats", "2", "--method", "random", "--out", str(folder / "kfusion-7.json")),
         *more,
     ]
@@ -58,7 +58,7 @@ def start(*more: str) -> list[str]:
 def test_explore_writes_a_front_that_can_be_published(
     db: None, measured_by: Any, tiny_pack: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call_command(*explore(tmp_path, "--sequence", str(tiny_pack)))
+    call_command(*explore(tmp_path, sequence=str(tiny_pack)))
 
     document = json.loads((tmp_path / "kfusion-7.json").read_text())
     names = [point["name"] for point in document["configurations"]]

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from django.core.exceptions import ValidationError
 from django.db import IntegrityError
+from django.db.models import Q
 from django.utils import timezone
 
 from client_kit import __version__
@@ -232,7 +233,7 @@ def test_a_result_that_came_late_is_not_taken_for_work(
 
     monkeypatch.setattr(leases, "_lease", told_meanwhile)
 
-    taken = leases.take_next(device, "quick", {exploration.pk})
+    taken = leases.take_next(device, "quick", Q(exploration=exploration))
 
     late.refresh_from_db()
     assert (late.state, late.attempt) == ("done", 1)

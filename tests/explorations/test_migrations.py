@@ -103,3 +103,35 @@ def test_a_search_keeps_its_rows_under_the_methods_new_name(transactional_db: No
     found = Exploration.objects.get(pk=former.pk)
     assert (found.method, found.options) == ("bayesian", {"initial": 8})
     assert search.fresh(found).method == "bayesian"
+
+
+def test_a_search_of_one_sequence_stays_one(transactional_db: None) -> None:
+    newest = MigrationExecutor(connection).loader.graph.leaf_nodes("explorations")
+    apps = migrate([("explorations", "0008_bayesian")])
+    device = apps.get_model("explorations", "ReferenceDevice").objects.create(name="bench", queue="bench")
+    former = apps.get_model("explorations", "Exploration").objects.create(
+        space=SPACE,
+        sequence="tiny",
+        sequence_sha256="0" * 64,
+        reference_device=device,
+        objectives=["ate_max", "runtime"],
+        limits={"ate_max": 0.05},
+        budget=9,
+        batch=3,
+    )
+    apps.get_model("explorations", "Evaluation").objects.create(
+        exploration=former,
+        number=0,
+        phase="repeat",
+        configuration=DEFAULT,
+        configuration_key=batches.key(DEFAULT),
+        state="done",
+        objectives={"runtime": 0.1, "ate_max": 0.01},
+    )
+    migrate(newest)
+
+    found = Exploration.objects.get(pk=former.pk)
+    row = found.evaluations.get()
+    assert found.learned_on == [{"name": "tiny", "sha256": "0" * 64}]
+    assert (found.held_out_sequences, found.error_quantile, found.failures_allowed) == ([], 1.0, 0)
+    assert (row.perturbation, row.parts, row.censored) == (0, None, False)

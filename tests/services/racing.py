@@ -16,6 +16,7 @@ from typing import Any
 
 from django.core.exceptions import ValidationError
 from django.db import connection
+from django.db.models import Q
 from django.utils import timezone
 
 from crowd.explorations import leases, reaping, services
@@ -69,7 +70,7 @@ class Race:
 
     def work_on_the_next(self, chance: random.Random) -> None:
         """As a machine without Celery."""
-        both = {self.exploration.pk, self.other.pk}
+        both = Q(exploration__in=(self.exploration, self.other))
         self._measure(leases.take_next(self.device, "board", both), chance)
 
     def reap(self, _: random.Random) -> None:

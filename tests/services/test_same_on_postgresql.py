@@ -31,6 +31,8 @@ AGAIN = (
     "crowd/test_disclosure.py",
     "crowd/test_aliases.py",
     "explorations/test_readings.py",
+    "explorations/test_several_sequences.py",
+    "explorations/test_leases_of_several.py",
 )
 
 

@@ -11,6 +11,7 @@ from slam.trajectory import Trajectory
 from tests.slam.real import DATA, needs_real_data
 from tests.slam.sequences import random_poses
 from tests.slam.shipped import LIVING_ROOM
+from tests.slam.tiny import write_tiny_pack
 
 QUICK = ("--set", "compute_size_ratio=8", "--set", "volume_resolution=64")
 
@@ -53,6 +54,62 @@ def test_a_volume_that_a_device_refuses_is_one_line_and_leaves_no_files(tmp_path
     arguments = ["run", "--sequence", LIVING_ROOM, "--set", "volume_resolution=8192"]
     assert "choose" in complaint(capsys, *arguments, "--tsv", tmp_path / "log.tsv")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    """The options for two tiny sequences."""
+    folder = tmp_path_factory.mktemp("sequences")
+    packs = [write_tiny_pack(folder, name=name) for name in ("tiny", "other")]
+    return [word for pack in packs for word in ("--sequence", str(pack))]
+
+
+def test_run_measures_several_sequences_in_turn(pair, tmp_path, capsys):
+    found = tmp_path / "report.json"
+    assert main(["run", *pair, *QUICK, "--set", "compute_size_ratio=4", "--json", str(found)]) == 0
+
+    names = [report["sequence"]["name"] for report in json.loads(found.read_text())["runs"]]
+    assert names == ["tiny", "other"]
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith("tiny ")
+    assert "ms a frame, largest error" in second
+
+
+def test_run_stops_after_the_sequences_that_fail(pair, capsys):
+    arguments = ["run", *pair, *QUICK, "--set", "compute_size_ratio=4", "--stop-above", "0"]
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == ["1 not run: the largest error is above 0 m"]
+    assert main([*arguments, "--stop-after", "2"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 2
+
+
+def test_run_perturbs_depth(pair, capsys):
+    def ate(*more):
+        quick = ["--set", "compute_size_ratio=4", "--set", "volume_resolution=64"]
+        assert main(["run", *pair[:2], *quick, "--json", "-", *more]) == 0
+        return json.loads(capsys.readouterr().out)["ate"]["max"]
+
+    assert ate("--perturb", "1") == ate("--perturb", "1") != ate()
+
+
+@pytest.mark.parametrize("option", ["--mesh", "--tsv", "--trajectory", "--render"])
+def test_what_belongs_to_one_sequence_is_refused_for_several(option, pair, tmp_path, capsys):
+    assert f"{option} belongs to one sequence: 2 are given" in complaint(
+        capsys, "run", *pair, option, tmp_path / "room.ply"
+    )
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (["--stop-after", "0"], "--stop-after 0: give 1 or more"),
+        (["--perturb", "-1"], "perturbation -1: give a whole number of 0 or more"),
+        (["--sequence", "nowhere"], "nowhere"),
+    ],
+)
+def test_a_wrong_wish_for_several_sequences_is_one_line(more, message, pair, capsys):
+    assert message in complaint(capsys, "run", *pair, *QUICK, *more)
 
 
 def test_run_can_print_nothing_but_json(capsys):

@@ -12,7 +12,15 @@ from typing import Any
 import pytest
 
 from slam import isolated
-from slam.isolated import CannotMeasureHereError, LeaseLostError, MeasurementError, measure, read_report
+from slam.isolated import (
+    CannotMeasureHereError,
+    LeaseLostError,
+    MeasurementError,
+    combine,
+    measure,
+    read_report,
+    worst,
+)
 from tests.slam.tiny import write_tiny_pack
 
 FAST = {"compute_size_ratio": 4, "volume_resolution": 32}
@@ -24,7 +32,7 @@ def tiny_pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_measurement_tells_time_error_stages_and_device(tiny_pack: Path) -> None:
-    result = measure("kfusion", FAST, tiny_pack)
+    result = measure("kfusion", FAST, [tiny_pack])
 
     assert 0 < result.objectives["runtime"] < 5
     assert 0 <= result.objectives["ate_mean"] <= result.objectives["ate_max"] < 1
@@ -42,12 +50,12 @@ def test_what_cannot_run_is_a_failure_with_its_reason(
     tiny_pack: Path, configuration: dict[str, Any], reason: str
 ) -> None:
     with pytest.raises(MeasurementError, match=reason):
-        measure("kfusion", configuration, tiny_pack)
+        measure("kfusion", configuration, [tiny_pack])
 
 
 def test_without_its_device_a_machine_can_measure_nothing(tiny_pack: Path) -> None:
     with pytest.raises(CannotMeasureHereError, match="no OpenCL device matches 'abacus'"):
-        measure("kfusion", FAST, tiny_pack, device="abacus")
+        measure("kfusion", FAST, [tiny_pack], device="abacus")
 
 
 def test_where_no_process_can_be_started_nothing_is_measured(
@@ -55,17 +63,17 @@ def test_where_no_process_can_be_started_nothing_is_measured(
 ) -> None:
     monkeypatch.setattr(isolated, "PROGRAM", (str(tmp_path / "no such program"),))
     with pytest.raises(CannotMeasureHereError, match=r"no process can be started: .*no such program"):
-        measure("kfusion", FAST, tiny_pack)
+        measure("kfusion", FAST, [tiny_pack])
 
 
 def test_a_measurement_that_takes_too_long_is_ended(tiny_pack: Path) -> None:
     with pytest.raises(MeasurementError, match=r"no result after 0\.01 s"):
-        measure("kfusion", FAST, tiny_pack, timeout=0.01)
+        measure("kfusion", FAST, [tiny_pack], timeout=0.01)
 
 
 def test_a_measurement_that_nobody_waits_for_is_ended(tiny_pack: Path) -> None:
     with pytest.raises(LeaseLostError):
-        measure("kfusion", FAST, tiny_pack, heartbeat=lambda: False, heartbeat_seconds=0.01)
+        measure("kfusion", FAST, [tiny_pack], heartbeat=lambda: False, heartbeat_seconds=0.01)
 
 
 def test_a_sequence_without_truth_teaches_nothing() -> None:
@@ -82,9 +90,78 @@ def test_only_the_wanted_frames_are_run(tiny_pack: Path, monkeypatch: pytest.Mon
     seen: list[dict[str, Any]] = []
     monkeypatch.setattr(isolated, "read_report", seen.append)
 
-    measure("kfusion", FAST, tiny_pack, frames=11)
+    measure("kfusion", FAST, [tiny_pack], frames=11)
 
     assert len(seen[0]["frames"]) == 11
+
+
+def test_several_sequences_are_measured_in_turn_until_one_fails(tiny_pack: Path, tmp_path: Path) -> None:
+    other = write_tiny_pack(tmp_path, name="other")
+
+    whole = measure("kfusion", FAST, [tiny_pack, other], perturbation=1)
+    early = measure("kfusion", FAST, [tiny_pack, other], stop_above=0.0)
+
+    assert [part["sequence"] for part in whole.parts] == ["tiny", "other"]
+    assert [part["sequence"] for part in early.parts] == ["tiny"]
+    assert whole.objectives["ate_max"] == max(part["ate_max"] for part in whole.parts)
+    assert whole.objectives["runtime"] == pytest.approx(sum(part["runtime"] for part in whole.parts) / 2)
+    assert whole.parts[0]["ate_max"] == whole.parts[1]["ate_max"]
+    assert whole.parts[0]["lost"] == whole.parts[1]["lost"] <= 12
+
+
+def part(name: str, **values: float) -> dict[str, Any]:
+    return {"sequence": name, "lost": 0, **values}
+
+
+def test_of_several_sequences_the_worst_error_the_largest_memory_and_the_mean_of_the_rest_count() -> None:
+    parts = [
+        part("a", ate_max=0.1, runtime=0.2, peak_memory_bytes=5, energy_joules=1),
+        part("b", ate_max=0.3, runtime=0.4, peak_memory_bytes=9),
+    ]
+    expected = {"ate_max": 0.3, "runtime": pytest.approx(0.3), "peak_memory_bytes": 9}
+    assert combine(parts) == expected
+    assert combine(parts, ignored=1) == expected | {"ate_max": 0.1}
+
+
+@pytest.mark.parametrize(("ignored", "expected"), [(0, 3.0), (1, 2.0), (2, 1.0), (5, 1.0)])
+def test_the_worst_of_values_but_for_some(ignored: int, expected: float) -> None:
+    assert worst([1.0, 3.0, 2.0], ignored) == expected
+
+
+def report(name: str, tracked: list[bool | None], ate: float = 0.01) -> dict[str, Any]:
+    frames = [dict.fromkeys(isolated.STAGES, 0.1) | {"tracked": frame} for frame in tracked]
+    return {
+        "sequence": {"name": name},
+        "ate": {"max": ate},
+        "valid": True,
+        "frames": frames,
+        "runtime": 0.1,
+        "cpu_seconds": 0.1,
+        "peak_memory_bytes": None,
+        "device": {"name": "Bench CPU"},
+    }
+
+
+def test_a_report_of_several_sequences_has_a_part_of_each() -> None:
+    read = read_report({"runs": [report("a", [None, True, True]), report("b", [True, False, True], 0.02)]})
+
+    assert [(part["sequence"], part["lost"], part["ate_max"]) for part in read.parts] == [
+        *(("a", 0, 0.01), ("b", 1, 0.02))
+    ]
+    assert read.objectives["ate_max"] == 0.02
+    assert read.stages["computation"] == pytest.approx(0.1)
+    assert read.device == {"name": "Bench CPU"}
+
+
+def test_a_failure_names_the_sequence() -> None:
+    with pytest.raises(MeasurementError, match=r"^b: tracking lost in 3 of 3 frames"):
+        read_report({"runs": [report("a", [True] * 3), report("b", [False] * 3)]})
+
+
+def test_each_sequence_has_the_time_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program(monkeypatch, "import time; time.sleep(60)")
+    with pytest.raises(MeasurementError, match=r"no result after 0\.2 s"):
+        measure("kfusion", FAST, [tmp_path, tmp_path], timeout=0.1)
 
 
 def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
@@ -105,7 +182,7 @@ def program(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
         ("import time; time.sleep(60)", "no result after 2 s"),
         ("pass", "the report cannot be read: FileNotFoundError"),
         ("import sys; open(sys.argv[-1], 'w').write('<html>')", "the report cannot be read: JSONDecodeError"),
-        ("import sys; open(sys.argv[-1], 'w').write('[]')", "the report cannot be read: TypeError"),
+        ("import sys; open(sys.argv[-1], 'w').write('[]')", "the report cannot be read: AttributeError"),
         ("import sys; open(sys.argv[-1], 'w').write('{}')", "the report cannot be read: KeyError"),
     ],
 )
@@ -114,11 +191,11 @@ def test_a_program_that_breaks_is_a_failure_with_its_reason(
 ) -> None:
     program(monkeypatch, script)
     with pytest.raises(MeasurementError, match=reason):
-        measure("kfusion", FAST, tmp_path, timeout=2)
+        measure("kfusion", FAST, [tmp_path], timeout=2)
 
 
 def test_values_that_are_not_finite_are_no_measurement() -> None:
-    frame = dict.fromkeys(isolated.STAGES, 0.1)
+    frame = dict.fromkeys(isolated.STAGES, 0.1) | {"tracked": True}
     report = {"ate": {"max": float("nan")}, "frames": [frame], "runtime": 0.1, "cpu_seconds": 0.1}
     with pytest.raises(MeasurementError, match="ate_max is nan"):
         read_report(report | {"peak_memory_bytes": None, "device": {}})
@@ -135,7 +212,7 @@ import sys
 from pathlib import Path
 from slam import isolated
 isolated.PROGRAM = (sys.executable, "-c", {child!r})
-isolated.measure("kfusion", {json.dumps(FAST)}, Path("."))
+isolated.measure("kfusion", {json.dumps(FAST)}, [Path(".")])
 """
     process = subprocess.Popen([sys.executable, "-c", worker])
     measuring = int(until(lambda: pid.exists() and pid.read_text()))

@@ -50,13 +50,23 @@ def plane(seen: Watch, theme: Theme) -> go.Figure:
 
 
 def points_table(seen: Watch) -> Table:
-    """A row for each configuration that was measured, with its objectives and parameters."""
+    """A row for each configuration that was measured, with its objectives and parameters.
+
+    Where `censored` is true, errors are at least so large.
+    """
     have = watching.found(seen)
     objectives = [name for name in formats.OBJECTIVES if any(name in point.values for point in have.points)]
     parameters = list(dict.fromkeys(name for point in have.points for name in point.configuration))
     front = {id(point) for point in have.front}
     return Table(
-        ("phase", "label", "on_front", *(formats.unit_column(name) for name in objectives), *parameters),
+        (
+            "phase",
+            "label",
+            "on_front",
+            "censored",
+            *(formats.unit_column(name) for name in objectives),
+            *parameters,
+        ),
         [_cells(point, id(point) in front, objectives, parameters) for point in have.points],
     )
 
@@ -68,6 +78,7 @@ def _cells(
         point.phase,
         point.label,
         on_front,
+        point.censored,
         *(point.values.get(name) for name in objectives),
         *(point.configuration.get(name) for name in parameters),
     )

@@ -217,7 +217,7 @@ def _told(points: Sequence[Point]) -> dict[str, Any]:
         [
             f"<b>{layout.text(point.label)}</b><br>" if point.label else "",
             formats.milliseconds(point.values["runtime"]),
-            formats.centimetres(point.values["ate_max"]),
+            ("at least " if point.censored else "") + formats.centimetres(point.values["ate_max"]),
             *(layout.text(formats.parameter(point.configuration.get(name))) for name in names),
         ]
         for point in points

@@ -70,6 +70,12 @@ def max_drift() -> str:
 
 
 @register.filter
+def at_least(text: str, censored: bool) -> str:
+    """TEXT, an error, as a lower bound where the measurement ended before all sequences were run."""
+    return f"at least {text}" if censored else text
+
+
+@register.filter
 def since(moment: datetime | None, now: datetime) -> str:
     """How long ago MOMENT was."""
     return formats.duration((now - moment).total_seconds() if moment else None)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from slam.datasets import SequenceError
-from slam.datasets.altered import Altered
+from slam.datasets.altered import Altered, Perturbed
 from tests.slam.sequences import ArraySequence
 
 
@@ -40,3 +40,35 @@ def test_a_badly_calibrated_camera_claims_other_focal_lengths_and_sees_the_same(
 def test_alterations_that_make_no_sense_are_refused(sequence, options, message):
     with pytest.raises(SequenceError, match=message):
         Altered(sequence, **options)
+
+
+def test_perturbed_depth_differs_by_a_unit_at_most_and_stays_unmeasured_where_it_was():
+    frames = np.full((3, 40, 50), 1000)
+    frames[:, :, 0], frames[:, :, 1], frames[:, :, 2] = 0, 1, 65535
+    plain = ArraySequence(frames, truth=np.tile(np.eye(4), (3, 1, 1)))
+    perturbed = Perturbed(plain, 7)
+
+    depth = perturbed.depth(1).astype(int)
+
+    assert set(np.unique(depth[:, 3:])) == {999, 1000, 1001}
+    assert set(np.unique(depth[:, 0])) == {0}
+    assert set(np.unique(depth[:, 1])) == {1, 2}  # 0 would be a depth that was not measured
+    assert set(np.unique(depth[:, 2])) == {65534, 65535}
+    assert perturbed.depth(1).dtype == np.uint16
+    assert len(perturbed) == 3
+    assert perturbed.name == plain.name
+
+
+def test_equal_seeds_perturb_alike_and_others_otherwise(sequence):
+    first, again, other = Perturbed(sequence, 1), Perturbed(sequence, 1), Perturbed(sequence, 2)
+    np.testing.assert_array_equal(first.depth(4), again.depth(4))
+    assert (first.depth(4) != other.depth(4)).any()
+    assert (first.depth(4) != first.depth(3)).any()
+    np.testing.assert_array_equal(first.colour(4), sequence.colour(4))
+    assert first.sha256 == again.sha256
+    assert len({sequence.sha256, first.sha256, other.sha256}) == 3
+
+
+def test_a_negative_perturbation_is_refused(sequence):
+    with pytest.raises(SequenceError, match="perturbation -1: give a whole number of 0 or more"):
+        Perturbed(sequence, -1)

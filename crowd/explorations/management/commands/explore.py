@@ -117,4 +117,5 @@ def _outcome(evaluation: Evaluation) -> str:
         return f" failed: {evaluation.error}"
     runtime, error = (evaluation.objectives.get(name, float("inf")) for name in ("runtime", "ate_max"))
     mark = "" if error < VALID_BELOW else "  not valid"
-    return f"{1e3 * runtime:9.2f} ms a frame {1e3 * error:8.1f} mm{mark}"
+    least = ">=" if evaluation.censored else ""
+    return f"{1e3 * runtime:9.2f} ms a frame {least + f'{1e3 * error:.1f}':>8} mm{mark}"
