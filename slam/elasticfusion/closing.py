@@ -146,7 +146,7 @@ class LoopClosing:
         registration = self._verify(view, key.view)
         if not (
             registration.icp_error < limits.fern_error_threshold
-            and registration.is_certain(limits.pose_deviation_threshold)
+            and registration.is_certain(limits.fern_deviation_threshold)
         ):
             return None
         share = limits.fern_inliers_lost if lost else limits.fern_inliers
@@ -212,7 +212,7 @@ class LoopClosing:
         """Whether the registration of two models is certain enough to close a loop."""
         limits = self._thresholds
         return bool(
-            registration.is_certain(limits.pose_deviation_threshold)
+            registration.is_certain(limits.icp_deviation_threshold)
             and registration.icp_inliers > limits.icp_count_threshold
             and registration.icp_error < limits.icp_error_threshold
         )

@@ -125,8 +125,8 @@ def test_a_global_closure_that_does_no_good_changes_nothing(limit):
     [
         {"icp_error": 5e-5},
         {"icp_inliers": 0.3 * 640 * 480},
-        {"position_deviation": 0.011},
-        {"rotation_deviation": 0.011},
+        {"position_deviation": 0.0031},
+        {"rotation_deviation": 0.0031},
         {"pose": exponential(np.array([0, 0, 0, 0, 3.0, 0]))},
     ],
     ids=["error", "inliers", "position", "rotation", "colour"],

@@ -51,7 +51,7 @@ def test_flags_may_come_as_0_and_1():
         ({"confidence_threshold": 0}, "confidence_threshold=0: must be at least 1"),
         ({"disable_so3": 2}, "disable_so3=2: must be true or false"),
         ({"fast_odometry": "yes"}, "fast_odometry='yes': must be true or false"),
-        ({"pose_deviation_threshold": 0}, "pose_deviation_threshold=0.0: must be above 0"),
+        ({"icp_deviation_threshold": 0}, "icp_deviation_threshold=0.0: must be above 0"),
         ({"surfel_capacity": 0}, "surfel_capacity=0: must be at least 1"),
     ],
 )
