@@ -24,6 +24,7 @@ from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
     STAGES,
+    LoopCounts,
     Revising,
     Scene,
     System,
@@ -77,10 +78,11 @@ class Report:
 
     `poses` (n, 4, 4) are the trajectory as the system believes it in the end, in its own world: where it
     closes loops not always what it said after each frame, whose error is `ate_online` (None for a system
-    that corrects nothing). Errors are None where no frame has a true pose. `cpu_seconds` counts all threads
-    during the computation of the frames only. `peak_memory_bytes` is the resident size of the whole process
-    at its largest, `energy_joules` what `energy_source` (see `slam.power`) took during the computation; they
-    are None where the platform does not tell.
+    that corrects nothing). `loops` counts the loops that such a system closed, None for others. Errors are
+    None where no frame has a true pose. `cpu_seconds` counts all threads during the computation of the frames
+    only. `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what
+    `energy_source` (see `slam.power`) took during the computation; they are None where the platform does not
+    tell.
     """
 
     system: str
@@ -92,6 +94,7 @@ class Report:
     poses: npt.NDArray[np.float64] = field(repr=False)
     ate: AbsoluteTrajectoryError | None
     ate_online: AbsoluteTrajectoryError | None
+    loops: LoopCounts | None
     stage_clock: str
     cpu_seconds: float
     peak_memory_bytes: int | None
@@ -141,6 +144,7 @@ class Report:
             "runtime": self.runtime,
             "ate": _figures(ate),
             **({} if self.ate_online is None else {"ate_online": _figures(self.ate_online)}),
+            **({} if self.loops is None else {"loops": self.loops.to_dict()}),
             "matched_poses": self.matched_poses,
             "matched_share": self.matched_poses / len(self.frames),
             "valid": self.valid,
@@ -235,7 +239,8 @@ def run(
         if progress:
             progress(index + 1, count)
     online = np.array(poses)
-    estimate = running.poses() if isinstance(running, Revising) else online
+    revising = running if isinstance(running, Revising) else None
+    estimate = revising.poses() if revising else online
     return Report(
         system=system,
         configuration=running.configuration(),
@@ -251,7 +256,8 @@ def run(
         timestamps=sequence.timestamps[:count],
         poses=estimate,
         ate=_error(estimate, sequence, count),
-        ate_online=_error(online, sequence, count) if isinstance(running, Revising) else None,
+        ate_online=_error(online, sequence, count) if revising else None,
+        loops=revising.loop_counts() if revising else None,
         stage_clock=running.stage_clock,
         cpu_seconds=cpu_seconds,
         peak_memory_bytes=_peak_memory(),

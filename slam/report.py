@@ -147,6 +147,11 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
             f"{'online error':14}mean {online['mean']:.4f} m, max {online['max']:.4f} m, "
             f"aligned {online['rmse_aligned']:.4f} m"
         )
+    if loops := report.get("loops"):
+        lines.append(
+            f"{'loops':14}closed {loops['local']} local, {loops['global']} global; "
+            f"relocalisations {loops['relocalisations']}"
+        )
     return lines
 
 
@@ -157,6 +162,10 @@ def _verdict(report: Mapping[str, Any]) -> str:
 
 
 ONLINE = "online error: of the poses as they were right after each frame"
+LOOPS = (
+    "loops: local, by fitting what is seen now to an older part of the map; global, by an earlier view; "
+    "relocalisations: how often a lost camera was found again"
+)
 CLOCKS = {
     "device": "stages by the device's clock, so they add up to a little less than the computation",
     "wall": "stages by the host's clock, which waits for the device after each",
@@ -187,11 +196,8 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         "CPU: of all threads during the computation; energy: likewise, all frames",
         "memory: the largest resident size of the process during the run",
         "error: metres from the true position, first poses laid on each other; RMSE: root of the mean square",
-        *(
-            ["online error: of the poses as they were right after each frame"]
-            if "ate_online" in report
-            else []
-        ),
+        *([ONLINE] if "ate_online" in report else []),
+        *([LOOPS] if "loops" in report else []),
         f"aligned: RMSE after the best rigid alignment, TUM's ATE; valid: tracked, at least "
         f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {VALID_BELOW} m",
     ]

@@ -73,9 +73,29 @@ class System(Protocol):
         """What the camera sees of the model at present; None before there is one."""
 
 
+@dataclass(frozen=True)
+class LoopCounts:
+    """How many loops a system has closed, and how often a lost camera was found again.
+
+    local: loops closed between the map of the last frames and an older part of it. global_: loops closed by
+    recognising an earlier view.
+    """
+
+    local: int = 0
+    global_: int = 0
+    relocalisations: int = 0
+
+    def to_dict(self) -> dict[str, int]:
+        """Plain JSON values, with the key "global" for global_."""
+        return {"local": self.local, "global": self.global_, "relocalisations": self.relocalisations}
+
+
 @runtime_checkable
 class Revising(Protocol):
     """A system that corrects poses of earlier frames when it closes a loop."""
+
+    def loop_counts(self) -> LoopCounts:
+        """What was closed and found again so far."""
 
     def poses(self) -> NDArray[np.float64]:
         """The poses of all frames so far as the system believes them now: (n, 4, 4), camera to world."""

@@ -60,7 +60,8 @@ def _elastic_warm_up(open_loop: bool) -> ElasticConfiguration:
         confidence_threshold=1,
         icp_count_threshold=0,
         icp_error_threshold=1.0,
-        covariance_threshold=1.0,
+        icp_deviation_threshold=1.0,
+        fern_deviation_threshold=1.0,
         surfel_capacity=50_000,
     )
 

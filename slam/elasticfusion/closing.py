@@ -30,6 +30,7 @@ Verify = Callable[[Thumbnail, Thumbnail], "Registration"]  # the first view regi
 
 FERN_STEP = 10  # every how many ferns give a pair of points to a global closure
 GRID_COLUMNS = 32  # of the points that a local closure draws together
+FEWEST_PAIRS = 10  # that a local closure needs
 KEPT_PAIRS = 3  # pairs of each local closure that later global ones keep together
 AGE = 1.5  # a keyframe closes a loop when it is older than so many time windows
 GIVE_UP_ENERGY = 10.0  # of a global closure after its first step
@@ -86,6 +87,11 @@ class Grid:
         both = (z > 0) & (times > 0) & (old_times > 0)
         return cls(points[both], times[both], old_times[both])
 
+    def born_after(self, tick: int) -> Grid:
+        """The points whose active surface was born after that tick."""
+        younger = self.times > tick
+        return Grid(self.points[younger], self.times[younger], self.old_times[younger])
+
 
 class LoopClosing:
     """What has been seen before, the loops that were closed, and the trajectory as they leave it.
@@ -128,7 +134,7 @@ class LoopClosing:
         It must be older than AGE time windows, but for a `lost` camera, whom any helps and for whom fewer
         inliers will do. Those are counted among the pixels that both views measured: the published share of
         all pixels is out of reach where a sensor leaves holes or the cutoff takes half of the view. That a
-        registration slid along walls shows in its covariance, which the published system does not ask for.
+        registration slid along walls shows in its deviations, which the published system does not ask for.
         """
         limits = self._thresholds
         before = tick + 1 if lost else tick - int(AGE * limits.time_window)
@@ -140,7 +146,7 @@ class LoopClosing:
         registration = self._verify(view, key.view)
         if not (
             registration.icp_error < limits.fern_error_threshold
-            and np.all(registration.covariance <= limits.covariance_threshold)
+            and registration.is_certain(limits.fern_deviation_threshold)
         ):
             return None
         share = limits.fern_inliers_lost if lost else limits.fern_inliers
@@ -182,9 +188,11 @@ class LoopClosing:
         Both were seen from `pose`; `registration.pose` takes points of the active view's camera to the
         inactive one's. None where that is too uncertain. Nodes that an earlier local closure has put in place
         stay. A point of the active view moves with what was born with it: the paper takes it for as young as
-        the frame, and a surface that was first seen a while ago would come half the way.
+        the frame, and a surface that was first seen a while ago would come half the way. What was born before
+        the time window gives no pair: most of its contemporaries are inactive, and would be torn from it.
         """
-        if not self.accepts(registration) or len(grid.times) == 0:
+        grid = grid.born_after(tick - self._thresholds.time_window)
+        if not self.accepts(registration) or len(grid.times) < FEWEST_PAIRS:
             return None
         corrected = pose @ registration.pose
         pairs = Constraints(
@@ -195,6 +203,7 @@ class LoopClosing:
             return None
         self._closed_at = tick
         self._deform(best.deformation)
+        self._log.deform(best.deformation)
         kept = pairs.taken(np.linspace(0, len(pairs) - 1, KEPT_PAIRS).astype(int)).deformed(best.deformation)
         self._kept = self._kept.joined(kept)
         return Closure(corrected, best.deformation, local=True)
@@ -203,7 +212,7 @@ class LoopClosing:
         """Whether the registration of two models is certain enough to close a loop."""
         limits = self._thresholds
         return bool(
-            np.all(registration.covariance <= limits.covariance_threshold)
+            registration.is_certain(limits.icp_deviation_threshold)
             and registration.icp_inliers > limits.icp_count_threshold
             and registration.icp_error < limits.icp_error_threshold
         )

@@ -17,7 +17,7 @@ MIN_VELOCITY_WEIGHT = 0.5  # what a frame of a fast camera counts
 FULL_WEIGHT_BELOW = 0.01  # metres or radians a frame: linear from weight 1 at rest to the least weight here
 LARGEST_RGB_STEP = 0.3  # metres a frame; a larger step that colour had a part in is refused
 LOST_ICP_ERROR = 1e-4  # of the registration to the model, at REFERENCE_PIXELS
-LOST_COVARIANCE = 1e-4  # of each of the six degrees of freedom
+LOST_DEVIATION = 0.005  # of the registered pose: metres, and radians
 LOST_AFTER = 10  # failures in a row; one more and the camera is lost
 LOOP_ICP_WEIGHT = 10.0  # of the registration of active to inactive model, whatever tracking has
 ICP_ONLY = 100.0  # icp_weight from which colour has no part
@@ -35,13 +35,14 @@ class Configuration(Parameters):
     frame_to_frame_rgb: colour is registered to the previous frame instead of the model.
 
     time_window: frames for which a surfel stays active. icp_count_threshold, icp_error_threshold: a local
-    loop must be registered with more inliers and a smaller error (both at 640x480); covariance_threshold:
-    and no larger variance. photometric_threshold: mean L1 distance of colours (three channels of 0 to 255)
-    below which a fern's view is recognised. fern_threshold: dissimilarity above which a view is a new
-    keyframe. fern_agreement: share of equal ferns above which a keyframe is registered to the view;
+    loop must be registered with more inliers and a smaller error (both at 640x480). icp_deviation_threshold:
+    the largest standard deviation of its pose with which it is closed, in metres of position and radians of
+    rotation. photometric_threshold: mean L1 distance of colours (three channels of 0 to 255) below which a
+    fern's view is recognised. fern_threshold: dissimilarity above which a view is a new keyframe.
+    fern_agreement: share of equal ferns above which a keyframe is registered to the view;
     fern_error_threshold: error of that registration (at 640x480; the published 3e-4 is for 80x60) and
     fern_inliers, fern_inliers_lost: share of the pixels measured in both with which it is believed, the
-    latter by a lost camera; covariance_threshold holds for it, too.
+    latter by a lost camera; fern_deviation_threshold: its largest standard deviation, likewise.
     closure_distance: metres that a global loop must gape before, closure_error: metres that it may after, and
     closure_energy: of its deformation. surfel_capacity: surfels the map can hold. seed: of the random ferns.
     """
@@ -59,11 +60,12 @@ class Configuration(Parameters):
     time_window: int = 200
     icp_count_threshold: int = 35_000
     icp_error_threshold: float = 5e-5
-    covariance_threshold: float = 1e-5
+    icp_deviation_threshold: float = 0.01
     photometric_threshold: float = 115.0
     fern_threshold: float = 0.3095
     fern_agreement: float = 0.3
     fern_error_threshold: float = 3.75e-5
+    fern_deviation_threshold: float = 0.003
     fern_inliers: float = 0.5
     fern_inliers_lost: float = 0.29
     closure_distance: float = 0.06
@@ -103,11 +105,12 @@ _WHOLE = {
 _FLAGS = ("disable_so3", "open_loop", "relocalisation", "fast_odometry", "frame_to_frame_rgb")
 _POSITIVE = (
     "icp_error_threshold",
-    "covariance_threshold",
+    "icp_deviation_threshold",
     "photometric_threshold",
     "fern_threshold",
     "fern_agreement",
     "fern_error_threshold",
+    "fern_deviation_threshold",
     "fern_inliers",
     "fern_inliers_lost",
     "closure_distance",

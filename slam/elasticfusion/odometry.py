@@ -24,6 +24,10 @@ LEAST_GRADIENTS = (5.0, 3.0, 1.0)  # grey levels per pixel, finest level first
 # 2.5 mm, about the noise of a depth camera.
 RGB_WEIGHT = 0.05
 CONVERGED = 1e-6  # norm of the update, metres and radians
+# Neighbouring pixels err alike: a sensor matches patches, and a model bends as a whole. So many pixels of an
+# image of REFERENCE_PIXELS, a square of 20 x 20, count as one measurement in the deviations of a pose.
+CORRELATED_PIXELS = 400
+LEAST_DEPTH_NOISE = 1e-3  # metres: depth images hold whole millimetres
 
 # The layout of the struct Estimate in `odometry.cl`.
 ESTIMATE = np.dtype(
@@ -45,23 +49,32 @@ class Registration:
     """Where the source lies in the target's frame, and how well it fits there.
 
     pose: float64 (4, 4), source camera to target camera. icp_error: sqrt(sum r^2) / inliers of the
-    point-to-plane distances r (metres); infinite without inliers. icp_inliers, rgb_inliers: pixels.
-    covariance: (6,) the diagonal of the normal matrix's inverse, translation first; infinite where nothing
-    holds the camera. All are of the finest level's last iteration, and what 640x480 pixels would have given.
+    point-to-plane distances r (metres); infinite without inliers. icp_inliers, rgb_inliers: pixels. All are
+    of the finest level's last iteration, and what 640x480 pixels would have given.
+
+    position_deviation, rotation_deviation: standard deviation of the camera's position (metres) and of its
+    rotation (radians), each in the direction that is least certain; infinite where nothing holds the camera.
     """
 
     pose: NDArray[np.float64]
     icp_error: float
     icp_inliers: float
     rgb_inliers: float
-    covariance: NDArray[np.float64]
+    position_deviation: float
+    rotation_deviation: float
+
+    def is_certain(self, deviation: float) -> bool:
+        """Whether one standard deviation moves neither the camera, nor what it sees at a distance of one
+        metre by turning, by more than `deviation` metres.
+        """
+        return self.position_deviation <= deviation and self.rotation_deviation <= deviation
 
 
 class Odometry:
     """Gauss-Newton from coarse to fine on E = w^2 E_icp + E_rgb, w = `icp_weight`.
 
     w = 0 leaves the geometry out, ICP_ONLY or more the brightness: w is then LOOP_ICP_WEIGHT, which changes
-    nothing but the scale of the covariance, to the one that thresholds are meant for.
+    nothing but the scale of the normal equations.
     `iterations` are those of each level, finest first. With `fast`, brightness counts on the finest level
     alone, which is the single level of the published flag; the coarser ones then find the way by geometry.
     """
@@ -78,6 +91,7 @@ class Odometry:
         self._session = session
         rgb_weight = RGB_WEIGHT if icp_weight < ICP_ONLY else 0.0
         icp_weight = icp_weight if rgb_weight else LOOP_ICP_WEIGHT
+        self._icp_weight = icp_weight
         finest = source.levels[0].camera
         self._pixels = finest.width * finest.height
         most, _, _ = session.layout.sums(finest.width, finest.height)
@@ -155,36 +169,66 @@ class Odometry:
         left, _, right = np.linalg.svd(pose[:3, :3])  # orthonormal to double precision
         pose[:3, :3] = left @ right
         inliers = float(estimate["icp_inliers"])
-        root = float(np.sqrt(estimate["icp_squared_error"]))
+        rgb_inliers = float(estimate["rgb_inliers"])
+        squared_error = float(estimate["icp_squared_error"])
+        position, rotation = pose_deviations(
+            estimate["normal_matrix"].astype(np.float64) * scale / CORRELATED_PIXELS,
+            residual_variance(squared_error, inliers, rgb_inliers, self._icp_weight),
+        )
         return Registration(
             pose,
-            icp_error=root / inliers / np.sqrt(scale) if inliers else float("inf"),
+            icp_error=np.sqrt(squared_error) / inliers / np.sqrt(scale) if inliers else float("inf"),
             icp_inliers=inliers * scale,
-            rgb_inliers=float(estimate["rgb_inliers"]) * scale,
-            covariance=covariance(estimate["normal_matrix"].astype(np.float64) * scale),
+            rgb_inliers=rgb_inliers * scale,
+            position_deviation=position,
+            rotation_deviation=rotation,
         )
 
 
 def _nothing(start: NDArray[np.float64]) -> Registration:
     """What a registration says that found out nothing."""
-    return Registration(start.copy(), float("inf"), 0.0, 0.0, np.full(6, np.inf))
+    return Registration(start.copy(), float("inf"), 0.0, 0.0, float("inf"), float("inf"))
 
 
-def covariance(upper: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The diagonal (6,) of the inverse of a symmetric matrix, given its upper triangle (21,).
+def residual_variance(
+    icp_squared_error: float, icp_inliers: float, rgb_inliers: float, icp_weight: float
+) -> float:
+    """The larger mean square of the two kinds of weighted residuals, in the scale of the normal equations.
 
-    Infinite in all that a direction of (nearly) no information has a part in.
+    0 without inliers. `icp_squared_error` is the sum of squared distances (m^2); less noise than
+    LEAST_DEPTH_NOISE is not believed. A difference of brightness r counts RGB_WEIGHT |r| / (noise + |r|),
+    where noise is the root mean square of r. Its square is concave in r^2, so that the mean is at most
+    (RGB_WEIGHT / 2)^2, which is taken. The larger of the two bounds the covariance where one direction is
+    held by depth and another by brightness.
+    """
+    by_depth, by_brightness = 0.0, 0.0
+    if icp_inliers:
+        by_depth = icp_weight**2 * max(icp_squared_error / icp_inliers, LEAST_DEPTH_NOISE**2)
+    if rgb_inliers:
+        by_brightness = (RGB_WEIGHT / 2) ** 2
+    return max(by_depth, by_brightness)
+
+
+def pose_deviations(upper: NDArray[np.float64], variance: float) -> tuple[float, float]:
+    """The largest standard deviations of position (metres) and of rotation (radians), of any direction.
+
+    `upper` is the upper triangle (21,) of the normal matrix J^T J, translation first, `variance` that of the
+    residuals. The pose's covariance is variance * (J^T J)^-1: a common factor of all weights cancels out.
+    Infinite where a direction of (nearly) no information has a part in it.
     """
     matrix = np.zeros((6, 6))
     matrix[np.triu_indices(6)] = upper
     values, vectors = np.linalg.eigh(matrix, UPLO="U")
-    least = max(1e-7 * values[-1], np.finfo(np.float64).tiny)
-    known = values > least
-    if known.all():
-        return np.asarray((vectors**2 / values).sum(axis=1))
-    blind = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-6
-    seen = (vectors[:, known] ** 2 / values[known]).sum(axis=1)
-    return np.where(blind, np.inf, seen)
+    known = values > max(1e-7 * values[-1], np.finfo(np.float64).tiny)
+    blind, seen = vectors[:, ~known], vectors[:, known]
+    covariance = variance * (seen / values[known]) @ seen.T
+
+    def largest(part: slice) -> float:
+        if (blind[part] ** 2).sum() > 1e-6:
+            return float("inf")
+        return float(np.sqrt(np.linalg.eigvalsh(covariance[part, part])[-1]))
+
+    return largest(slice(0, 3)), largest(slice(3, 6))
 
 
 def _arguments(level: PyramidLevel) -> tuple[object, ...]:

@@ -5,6 +5,7 @@ Whelan et al. 2015, "ElasticFusion: Dense SLAM Without A Pose Graph", and its jo
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -29,7 +30,7 @@ from slam.elasticfusion.surfels import Surfels
 from slam.elasticfusion.thumbnail import read
 from slam.elasticfusion.tracking import Tracking
 from slam.elasticfusion.visible import Visible
-from slam.system import STAGES, Frame, Scene, View
+from slam.system import STAGES, Frame, LoopCounts, Scene, View
 
 Pose = NDArray[np.float64]
 
@@ -64,6 +65,7 @@ class ElasticFusion:
         self._pose: Pose = np.eye(4)
         self._tick = 1
         self._health = Health(configuration.relocalisation)
+        self._counts = LoopCounts()
         self._window = FOREVER if configuration.open_loop else configuration.time_window
 
         self._live = Live(session, camera, configuration.depth_cutoff)
@@ -96,6 +98,10 @@ class ElasticFusion:
     def poses(self) -> Pose:
         """The poses of all frames so far (n, 4, 4), as the loops closed since have left them."""
         return self._loops.poses()
+
+    def loop_counts(self) -> LoopCounts:
+        """The loops closed so far, and how often the camera was lost and found again."""
+        return self._counts
 
     def view(self) -> View | None:
         """The stable surfels, and the live frame where there are none, from the pose after the last frame."""
@@ -154,7 +160,10 @@ class ElasticFusion:
             return None, 1.0
         step = self._tracking.track()
         self._pose = self._pose @ step.motion
+        was_lost = self._health.lost
         self._health.judge(step.good)
+        if was_lost and not self._health.lost:
+            self._counts = replace(self._counts, relocalisations=self._counts.relocalisations + 1)
         return step.good and not self._health.lost, velocity_weight(step.motion)
 
     def _integrate(self, tracked: bool | None, weight: float) -> bool:
@@ -185,9 +194,12 @@ class ElasticFusion:
         self._deforming.deform(closure.deformation, self._tick)
         self._pose = closure.pose
         if closure.local:
+            self._counts = replace(self._counts, local=self._counts.local + 1)
             surface = self._loops.inactive(self._pose, self._active)
             stable = self._configuration.confidence_threshold
             self._deforming.reactivate(surface, self._pose, self._tick, stable)
+        else:
+            self._counts = replace(self._counts, global_=self._counts.global_ + 1)
 
     def _predict(self, tracked: bool | None) -> None:
         """What the next frame is tracked against: the map from the present pose, filled in where it is young.

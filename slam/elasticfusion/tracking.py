@@ -72,5 +72,5 @@ class Tracking:
         by_depth = self._weight > 0
         return bool(
             not (by_depth and registration.icp_error > constants.LOST_ICP_ERROR)
-            and np.all(registration.covariance <= constants.LOST_COVARIANCE)
+            and registration.is_certain(constants.LOST_DEVIATION)
         )

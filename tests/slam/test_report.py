@@ -51,6 +51,15 @@ def test_what_is_not_known_is_said_to_be_unknown_and_never_zero(report):
         assert next(line for line in text.splitlines() if line.startswith(name)).split()[1].startswith("unkn")
 
 
+def test_loops_have_a_line_where_a_system_closes_any(report):
+    assert "loops" not in report
+    assert "loops" not in summary(report)
+    report["loops"] = {"local": 2, "global": 1, "relocalisations": 3}
+    text = summary(report)
+    assert "loops         closed 2 local, 1 global; relocalisations 3\n" in text
+    assert "loops: local, by fitting" in text
+
+
 def test_energy_is_told_with_its_source(report):
     computed = sum(frame["computation"] for frame in report["frames"])
     report |= {"energy_joules": 12 * computed, "energy_source": "ina"}

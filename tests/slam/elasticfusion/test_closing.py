@@ -30,7 +30,7 @@ CONFIGURATION = Configuration(time_window=40, depth_cutoff=4.0)
 
 def registration(motion: np.ndarray, **values: object) -> Registration:
     """One that nothing speaks against, but for `values`."""
-    good = Registration(motion, 1e-5, 200_000, 100_000, np.full(6, 1e-7))
+    good = Registration(motion, 1e-5, 200_000, 100_000, 0.001, 0.001)
     return replace(good, **values)
 
 
@@ -125,10 +125,11 @@ def test_a_global_closure_that_does_no_good_changes_nothing(limit):
     [
         {"icp_error": 5e-5},
         {"icp_inliers": 0.3 * 640 * 480},
-        {"covariance": np.array([1e-7, 1e-7, 2e-5, 1e-7, 1e-7, 1e-7])},
+        {"position_deviation": 0.0031},
+        {"rotation_deviation": 0.0031},
         {"pose": exponential(np.array([0, 0, 0, 0, 3.0, 0]))},
     ],
-    ids=["error", "inliers", "covariance", "colour"],
+    ids=["error", "inliers", "position", "rotation", "colour"],
 )
 def test_a_doubtful_view_is_not_recognised(doubt):
     closing, _ = walked(verify=lambda seen, key: replace(exact(seen, key), **doubt))
@@ -179,23 +180,48 @@ def test_a_local_closure_draws_the_active_model_onto_the_inactive_one():
     assert np.linalg.norm(active - inactive, axis=1).mean() > 0.1
     assert np.linalg.norm(moved - inactive, axis=1).mean() < 0.001
     assert np.linalg.norm(pinned - inactive, axis=1).mean() < 0.001
-    np.testing.assert_array_equal(closing.poses(), believed)  # local closures leave the trajectory as it was
+    assert error(closing.poses()) < 0.5 * error(believed)
+    assert np.linalg.norm(closing.poses()[-1] - TRUTH[-1]) < 0.02
 
 
 @pytest.mark.parametrize(
     "doubt",
     [
-        {"covariance": np.array([1e-7, 1e-7, 1e-7, 1e-7, 1e-7, 2e-5])},
+        {"position_deviation": 0.011},
+        {"rotation_deviation": 0.011},
         {"icp_inliers": 35_000},
         {"icp_error": 5e-5},
         {"icp_error": np.nan},
     ],
-    ids=["covariance", "inliers", "error", "nan"],
+    ids=["position", "rotation", "inliers", "error", "nan"],
 )
 def test_an_uncertain_registration_closes_nothing(doubt):
     closing, believed = walked()
     uncertain = registration(np.eye(4), **doubt)
     assert closing.close_locally(uncertain, believed[-1], grid_of(), mapped(believed), TICK) is None
+
+
+def test_what_was_born_before_the_time_window_gives_no_pair_to_a_local_closure():
+    offset = exponential(np.array([0.02, 0, 0, 0, 0, 0]))
+    younger = grid_of()
+    bridging = replace(younger, times=np.full(len(younger.times), TICK - CONFIGURATION.time_window))
+    both = Grid(
+        np.concatenate([younger.points, bridging.points]),
+        np.concatenate([younger.times, bridging.times]),
+        np.concatenate([younger.old_times, bridging.old_times]),
+    )
+    closures = {}
+    for name, grid in (("younger", younger), ("bridging", bridging), ("both", both)):
+        closing, believed = walked()
+        closures[name] = closing.close_locally(
+            registration(offset), believed[-1], grid, mapped(believed), TICK
+        )
+    assert closures["bridging"] is None
+    assert closures["younger"] is not None
+    assert closures["both"] is not None
+    np.testing.assert_array_equal(
+        closures["both"].deformation.translations, closures["younger"].deformation.translations
+    )
 
 
 def test_a_later_local_closure_leaves_in_place_what_an_earlier_one_put_there():

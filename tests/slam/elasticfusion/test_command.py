@@ -32,6 +32,7 @@ def test_a_run_writes_report_trajectory_surfels_and_coloured_pictures(sequence, 
     assert [frame["tracked"] for frame in report["frames"]] == [None] + [True] * 11
     assert report["ate"]["max"] < 0.02
     assert report["ate_online"] == pytest.approx(report["ate"])  # no loop is closed in a moment
+    assert report["loops"] == {"local": 0, "global": 0, "relocalisations": 0}
     assert len(Trajectory.read(tmp_path / "t.txt")) == 12
     header = (tmp_path / "m.ply").read_bytes().split(b"end_header")[0].decode()
     assert "property float radius" in header
@@ -42,6 +43,7 @@ def test_a_run_writes_report_trajectory_surfels_and_coloured_pictures(sequence, 
     out = capsys.readouterr().out
     assert "closing loops, fusing the frame into the map" in out
     assert "stable surfels in" in out
+    assert "loops         closed 0 local, 0 global; relocalisations 0\n" in out
 
 
 def test_a_sequence_without_colour_is_refused_with_where_colour_would_lie(tmp_path, capsys):

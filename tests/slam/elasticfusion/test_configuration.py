@@ -11,11 +11,12 @@ import pytest
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import DEFAULT, Configuration
 
-SPACE = json.loads((Path(__file__).parents[3] / "pareto" / "spaces" / "elasticfusion.json").read_text())
+SPACES = Path(__file__).parents[3] / "pareto" / "spaces"
 
 
-def test_the_parameters_of_the_space_come_first_with_its_defaults_and_take_all_its_values():
-    parameters = SPACE["parameters"]
+@pytest.mark.parametrize("space", ["elasticfusion", "elasticfusion-loops"])
+def test_the_parameters_of_the_space_come_first_with_its_defaults_and_take_all_its_values(space):
+    parameters = json.loads((SPACES / f"{space}.json").read_text())["parameters"]
     assert [field.name for field in fields(Configuration)][: len(parameters)] == [
         p["name"] for p in parameters
     ]
@@ -50,7 +51,7 @@ def test_flags_may_come_as_0_and_1():
         ({"confidence_threshold": 0}, "confidence_threshold=0: must be at least 1"),
         ({"disable_so3": 2}, "disable_so3=2: must be true or false"),
         ({"fast_odometry": "yes"}, "fast_odometry='yes': must be true or false"),
-        ({"covariance_threshold": 0}, "covariance_threshold=0.0: must be above 0"),
+        ({"icp_deviation_threshold": 0}, "icp_deviation_threshold=0.0: must be above 0"),
         ({"surfel_capacity": 0}, "surfel_capacity=0: must be at least 1"),
     ],
 )

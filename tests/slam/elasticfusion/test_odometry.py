@@ -12,10 +12,19 @@ from slam.dense.images import intrinsics
 from slam.dense.reference import exponential, solve_symmetric
 from slam.devices.layout import SUMS
 from slam.devices.opencl import Session
-from slam.elasticfusion import odometry
 from slam.elasticfusion import reference_odometry as reference
-from slam.elasticfusion.configuration import ICP_ONLY
-from slam.elasticfusion.odometry import ESTIMATE, SOURCE, Odometry, Registration, covariance
+from slam.elasticfusion.configuration import ICP_ONLY, REFERENCE_PIXELS
+from slam.elasticfusion.odometry import (
+    CORRELATED_PIXELS,
+    ESTIMATE,
+    LEAST_DEPTH_NOISE,
+    RGB_WEIGHT,
+    SOURCE,
+    Odometry,
+    Registration,
+    pose_deviations,
+    residual_variance,
+)
 from slam.elasticfusion.pyramid import Pyramid
 from tests.slam.dense.scenes import planes
 from tests.slam.elasticfusion.relief import CAMERA, Seen, levels_of, look, moved, upload
@@ -129,7 +138,7 @@ def test_a_motion_is_found_by_colour_by_depth_and_by_both(session, weight, milli
     assert angle < degrees
     assert (registration.icp_inliers > 0.7 * 640 * 480) == (weight > 0)
     assert (registration.rgb_inliers > 0.1 * 640 * 480) == (weight < ICP_ONLY)
-    assert (registration.covariance < 1e-3).all()
+    assert registration.is_certain(0.005)
     assert np.linalg.det(registration.pose[:3, :3]) == pytest.approx(1, abs=1e-12)
 
 
@@ -139,9 +148,10 @@ def test_on_a_flat_wall_only_its_paint_shows_how_far_one_slid(session):
     depth_alone = register(session, source, target, ICP_ONLY)
     together = register(session, source, target, 10.0)
     assert off(depth_alone.pose, slide)[0] > 20
-    assert np.isinf(depth_alone.covariance).any()
+    assert np.isinf([depth_alone.position_deviation, depth_alone.rotation_deviation]).all()
+    assert not depth_alone.is_certain(1e9)
     assert off(together.pose, slide)[0] < 1
-    assert np.isfinite(together.covariance).all()
+    assert together.is_certain(0.02)
     unpainted = register(
         session, look(slide, relief=0, contrast=0), look(np.eye(4), relief=0, contrast=0), 10.0
     )
@@ -202,7 +212,8 @@ def test_measures_of_quality_do_not_depend_on_the_size_of_the_image(session):
     small, large = found
     assert small.icp_inliers == pytest.approx(large.icp_inliers, rel=0.1)
     assert small.icp_error == pytest.approx(large.icp_error, rel=0.15)
-    np.testing.assert_allclose(small.covariance, large.covariance, rtol=0.3)
+    assert small.position_deviation == pytest.approx(large.position_deviation, rel=0.15)
+    assert small.rotation_deviation == pytest.approx(large.rotation_deviation, rel=0.15)
 
 
 def test_where_nothing_is_seen_the_pose_stays_where_it_started(session):
@@ -213,7 +224,7 @@ def test_where_nothing_is_seen_the_pose_stays_where_it_started(session):
             np.testing.assert_allclose(registration.pose, MOTION, atol=1e-6)
             assert registration.icp_error == float("inf")
             assert registration.icp_inliers == registration.rgb_inliers == 0
-            assert np.isinf(registration.covariance).all()
+            assert np.isinf([registration.position_deviation, registration.rotation_deviation]).all()
 
 
 def test_what_overflows_is_told_as_nothing(session):
@@ -222,7 +233,7 @@ def test_what_overflows_is_told_as_nothing(session):
     np.testing.assert_array_equal(registration.pose, MOTION)
     assert registration.icp_error == float("inf")
     assert registration.icp_inliers == registration.rgb_inliers == 0
-    assert np.isinf(registration.covariance).all()
+    assert np.isinf([registration.position_deviation, registration.rotation_deviation]).all()
 
 
 def test_a_registration_is_the_same_every_time(session):
@@ -232,18 +243,68 @@ def test_a_registration_is_the_same_every_time(session):
     found = Odometry(session, *pyramids, 10.0)
     first, _, third = found.register(np.eye(4)), found.register(MOTION), found.register(np.eye(4))
     np.testing.assert_array_equal(first.pose, third.pose)
-    np.testing.assert_array_equal(first.covariance, third.covariance)
+    assert first.position_deviation == third.position_deviation
     assert first.icp_error == third.icp_error
 
 
-def test_the_covariance_is_the_inverse_where_there_is_one():
+def noisy(seen: Seen, seed: int, metres: float) -> Seen:
+    random = np.random.default_rng(seed)
+    return replace(seen, depth=seen.depth + random.normal(0, metres, seen.depth.shape))
+
+
+def test_deviations_do_not_depend_on_the_weight_of_depth(session):
+    """Without paint depth is all that counts, and its weight only scales the normal equations."""
+    bare, target = noisy(look(MOTION, contrast=0), 1, 0.003), look(np.eye(4), contrast=0)
+    light, heavy = (register(session, bare, target, weight) for weight in (1.0, 20.0))
+    assert light.rgb_inliers == heavy.rgb_inliers == 0
+    assert light.position_deviation == pytest.approx(heavy.position_deviation, rel=0.01)
+    assert light.rotation_deviation == pytest.approx(heavy.rotation_deviation, rel=0.01)
+
+
+def test_deviations_are_in_proportion_to_the_noise(session):
+    target = look(np.eye(4))
+    low, high = (
+        register(session, noisy(look(MOTION), 1, metres), target, ICP_ONLY) for metres in (0.003, 0.012)
+    )
+    assert high.position_deviation == pytest.approx(4 * low.position_deviation, rel=0.2)
+
+
+def test_deviations_are_the_scatter_of_poses_under_noise_times_what_pixels_share(session):
+    """The noise here is another in each pixel, so that the scatter is smaller by the root of those that
+    count as one.
+    """
+    source, target = look(MOTION), look(np.eye(4))
+    found = [register(session, noisy(source, seed, 0.004), target, ICP_ONLY) for seed in range(30)]
+    scatter = np.cov(np.array([found_one.pose[:3, 3] for found_one in found]).T)
+    pixels = CORRELATED_PIXELS * CAMERA.width * CAMERA.height / REFERENCE_PIXELS
+    expected = np.sqrt(pixels * np.linalg.eigvalsh(scatter)[-1])
+    assert found[0].position_deviation == pytest.approx(expected, rel=0.35)
+
+
+def test_pose_deviations_are_those_of_the_inverse_normal_matrix():
     rows = np.random.default_rng(5).normal(size=(30, 6))
     matrix = rows.T @ rows
-    np.testing.assert_allclose(covariance(matrix[np.triu_indices(6)]), np.diag(np.linalg.inv(matrix)))
+    covariance = 0.04 * np.linalg.inv(matrix)
+    position, rotation = pose_deviations(matrix[np.triu_indices(6)], 0.04)
+    assert position == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3]).max()))
+    assert rotation == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:]).max()))
     rows[:, 1] = 0
-    matrix = rows.T @ rows
-    partly = covariance(matrix[np.triu_indices(6)])
-    assert np.isinf(partly).tolist() == [False, True, False, False, False, False]
     kept = [0, 2, 3, 4, 5]
-    np.testing.assert_allclose(partly[kept], np.diag(np.linalg.inv(matrix[np.ix_(kept, kept)])))
-    assert odometry.covariance(np.zeros(21)).tolist() == [np.inf] * 6
+    matrix = rows.T @ rows
+    position, rotation = pose_deviations(matrix[np.triu_indices(6)], 0.04)
+    covariance = 0.04 * np.linalg.inv(matrix[np.ix_(kept, kept)])
+    assert position == np.inf
+    assert rotation == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance[2:, 2:]).max()))
+    assert pose_deviations(np.zeros(21), 0.04) == (np.inf, np.inf)
+
+
+def test_the_variance_of_residuals_has_a_floor_for_depth_and_a_bound_for_brightness():
+    assert residual_variance(100 * 0.004**2, 100, 0, 10.0) == pytest.approx(0.04**2)
+    assert residual_variance(0, 100, 0, 10.0) == pytest.approx((10 * LEAST_DEPTH_NOISE) ** 2)
+    assert residual_variance(0, 0, 100, 0.0) == pytest.approx((RGB_WEIGHT / 2) ** 2)
+    assert residual_variance(0, 0, 0, 10.0) == 0
+    assert residual_variance(100 * 0.004**2, 100, 50, 10.0) == pytest.approx(0.04**2)
+    assert residual_variance(0, 100, 50, 10.0) == pytest.approx((RGB_WEIGHT / 2) ** 2)
+    differences = np.random.default_rng(3).laplace(0, 5, 1000)
+    weighted = RGB_WEIGHT * differences / (np.sqrt(np.mean(differences**2)) + abs(differences))
+    assert 0.5 * (RGB_WEIGHT / 2) ** 2 < np.mean(weighted**2) <= (RGB_WEIGHT / 2) ** 2

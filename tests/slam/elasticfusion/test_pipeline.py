@@ -16,7 +16,7 @@ from slam.elasticfusion.configuration import Configuration
 from slam.elasticfusion.loops import Loops
 from slam.elasticfusion.pipeline import ElasticFusion, velocity_weight
 from slam.elasticfusion.surfels import MapFullError
-from slam.system import STAGES, Exporting, Revising, Scene
+from slam.system import STAGES, Exporting, LoopCounts, Revising, Scene
 from tests.slam.elasticfusion.room import CAMERA, Recording, record, sideways, there_and_back, turned
 
 # Small maps: what is not reserved need not be cleared.
@@ -125,8 +125,10 @@ def test_a_camera_that_was_blinded_while_it_moved_finds_itself_again(cpu):
     assert found.tracked[12:37] == [False] * 25
     assert all(found.tracked[50:])
     assert found.errors[50:].max() < 0.005
+    assert found.system.loop_counts() == LoopCounts(relocalisations=1)
     unaware = Run(cpu, blinded, relocalisation=False)
     assert unaware.errors[50:].max() > 0.03
+    assert unaware.system.loop_counts().relocalisations == 0
 
 
 def test_nothing_is_fused_while_the_camera_is_lost(cpu):
@@ -161,6 +163,8 @@ def test_closing_loops_mends_what_a_badly_calibrated_camera_makes_of_a_turn(cpu)
     closed = Run(cpu, once_round, claimed, **settings)
     left_open = Run(cpu, once_round, claimed, open_loop=True, **settings)
     assert closed.errors.mean() < 0.8 * left_open.errors.mean()
+    assert closed.system.loop_counts().local > 0
+    assert left_open.system.loop_counts() == LoopCounts()
     # Closing a loop corrects what was said of earlier frames.
     assert not np.array_equal(closed.poses, closed.online)
     np.testing.assert_array_equal(left_open.poses, left_open.online)
