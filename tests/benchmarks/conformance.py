@@ -19,8 +19,8 @@ from slam.devices.choice import list_devices
 from slam.devices.device import BACKENDS, Device, DeviceError
 from slam.systems import open_session
 
-FRONT = Path(__file__).parents[2] / "fixtures" / "fronts" / "kfusion-3.json"
-NAMES = ("default", "best", "knee", "fast1", "fast4", "front-02")
+FRONT = Path(__file__).parents[2] / "fixtures" / "fronts" / "kfusion-4.json"
+NAMES = ("default", "best", "knee", "accurate", "fast3", "front-02")
 
 
 def measure(sequence_path: Path, names: tuple[str, ...] = NAMES) -> list[dict[str, Any]]:

@@ -18,7 +18,7 @@ from slam.datasets import open_sequence
 from tests.client_kit.web import orders
 from tests.slam.tiny import FRAMES, write_tiny_pack
 
-FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-3.json"
+FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-4.json"
 # Two whose trajectories hardly differ from device to device, on so small a sequence.
 DEFAULT = {"compute_size_ratio": 2, "volume_resolution": 64, "mu": 0.3, "pyramid_iterations_fine": 1,
            "pyramid_iterations_middle": 2, "pyramid_iterations_coarse": 2, "tracking_rate": 2}  # fmt: skip

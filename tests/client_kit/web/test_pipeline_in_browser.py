@@ -12,7 +12,7 @@ import pytest
 from tests.client_kit.web import orders
 from tests.slam.shipped import LIVING_ROOM
 
-FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-3.json"
+FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-4.json"
 FRAMES = 6  # two of them tracked, which takes the software adapter a second each
 RUN = (
     (

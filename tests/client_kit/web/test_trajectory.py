@@ -17,7 +17,7 @@ from slam.trajectory import Trajectory, absolute_trajectory_error, associate
 from tests.client_kit.web.serving import evaluated
 from tests.slam.shipped import LIVING_ROOM
 
-FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-3.json"
+FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-4.json"
 ERRORS = """async (pairs) => {
     const { absoluteTrajectoryError } = await import("/measure/trajectory.js");
     return pairs.map(([estimate, truth]) => absoluteTrajectoryError(estimate, truth));
