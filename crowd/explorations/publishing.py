@@ -164,7 +164,8 @@ def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> 
     again, only those that were take part: a single lucky measurement makes no front. Neither does one over a
     part of the sequence. ROBUST is what the repeats say, by the key of the configuration.
     """
-    again = [point for point in measured if point.repeats] or [point for point in measured if point.whole]
+    known = [point for point in measured if not point.censored]
+    again = [point for point in known if point.repeats] or [point for point in known if point.whole]
     default = points.default(again)
     if default is None:
         raise NothingToPublishError(
