@@ -6,6 +6,7 @@ import numpy as np
 
 from slam.benchmark import run
 from slam.datasets import Sequence, open_sequence
+from slam.system import LoopCounts
 from slam.trajectory import Trajectory, absolute_trajectory_error
 from tests.slam.real import DATA, needs_real_data
 
@@ -50,3 +51,14 @@ def test_brisk_motion_is_tracked_as_open3d_does():
     assert lost(report) == []
     reference = Trajectory.read(DATA / "rgbd/icl_livingroom1_micro/reference_open3d.txt").poses
     assert absolute_trajectory_error(report.poses, reference).rmse_aligned < 0.02
+
+
+def test_closing_loops_makes_redkitchen_no_worse():
+    left_open = run({"open_loop": True}, Quartered("redkitchen"), system="elasticfusion")
+    closed = run({"time_window": 60}, Quartered("redkitchen"), system="elasticfusion")
+    assert left_open.loops == LoopCounts()
+    assert closed.loops is not None
+    assert closed.loops.local > 0
+    assert closed.ate is not None
+    assert left_open.ate is not None
+    assert closed.ate.rmse_aligned < 1.02 * left_open.ate.rmse_aligned
