@@ -61,8 +61,12 @@ def test_each_configuration_names_the_shaders_of_its_plan_by_their_digest(
 
 
 def test_a_volume_beyond_webgpus_default_limits_is_for_opencl_alone(client: Client, shipped: None) -> None:
-    backends = {name: each["backends"] for name, each in configurations(client, "kfusion").items()}
+    older = client.get(f"{API}/fronts/kfusion-3").json()["configurations"]
+    backends = {each["name"]: each["backends"] for each in older}
 
+    assert {tuple(each["backends"]) for each in configurations(client, "kfusion").values()} == {
+        ("opencl", "webgpu")
+    }
     assert backends["default"] == backends["best"] == ["opencl", "webgpu"]
     assert backends["fast4"] == backends["accurate"] == ["opencl"]
 

@@ -52,9 +52,9 @@ def test_sequences_lie_in_the_data_folder(monkeypatch, tmp_path):
     assert default_folder() == tmp_path / "sequences"
 
 
-def test_all_that_is_learned_on_is_made_by_one_command(tmp_path, capsys):
+def test_all_that_is_learned_on_or_held_out_is_made_by_one_command(tmp_path, capsys):
     assert main(["datasets", "make", "all", "--frames", "1", "--size", "40x30", "--out", str(tmp_path)]) == 0
-    names = [scene.name for scene in with_role("learned-on")]
+    names = [scene.name for scene in (*with_role("learned-on"), *with_role("held-out"))]
     assert capsys.readouterr().out.split() == [str(tmp_path / name) for name in names]
     assert {json.loads(path.read_text())["name"] for path in tmp_path.glob(f"*/{MANIFEST}")} == set(names)
 
