@@ -84,7 +84,7 @@ FRONTRUNNER_RARE_BELOW = integer("FRONTRUNNER_RARE_BELOW", 5, least=1)
 # Exports of the open data that can be had at a time, the newest ones.
 FRONTRUNNER_EXPORTS_KEPT = integer("FRONTRUNNER_EXPORTS_KEPT", 7, least=1)
 # What measures an evaluation of an exploration: any function like this one.
-FRONTRUNNER_EVALUATOR = "crowd.explorations.measurement.measure"
+FRONTRUNNER_EVALUATOR = "crowd.explorations.measuring.measurement.measure"
 FRONTRUNNER_LEASE_SECONDS = integer("FRONTRUNNER_LEASE_SECONDS", 90, least=2)
 # A lease that is not renewed in time is given to another while its holder still measures.
 FRONTRUNNER_HEARTBEAT_SECONDS = integer(

@@ -6,8 +6,8 @@ from django.http import Http404, HttpRequest, HttpResponseBase, StreamingHttpRes
 from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_safe
 
-from crowd.explorations.exports import csv_lines, json_lines
 from crowd.explorations.models import Exploration
+from crowd.explorations.outcomes.exports import csv_lines, json_lines
 
 
 @gzip_page

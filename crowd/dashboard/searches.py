@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.points import Point, comparable, default, settled, speed_objective, speedup
-from crowd.explorations.readings import Found
-from crowd.explorations.watching import Watch, found
+from crowd.explorations.outcomes.readings import Found
+from crowd.explorations.outcomes.watching import Watch, found
+from crowd.explorations.searching.points import Point, comparable, default, settled, speed_objective, speedup
 from pareto.fronts.hypervolume import hypervolume_growth
 from slam.protocol import VALID_BELOW
 

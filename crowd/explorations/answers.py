@@ -8,7 +8,7 @@ import msgspec
 
 from crowd.disclosure import public
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.points import Point
+from crowd.explorations.searching.points import Point
 from crowd.explorations.selectors import Progress
 from slam.isolated import NO_OBJECTIVES
 

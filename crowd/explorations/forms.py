@@ -10,9 +10,10 @@ from django import forms
 from django.core.exceptions import ValidationError
 
 import pareto
-from crowd.explorations import reference_devices, services
+from crowd.explorations import services
+from crowd.explorations.measuring import reference_devices
 from crowd.explorations.models import Exploration, ReferenceDevice
-from crowd.explorations.ratios import ERROR_RATIO, RATIO
+from crowd.explorations.objectives import ERROR_RATIO, MEASURED, RATIO
 from crowd.fronts import sequences
 from crowd.fronts.contents import APPLICATIONS
 from pareto import Space
@@ -62,7 +63,7 @@ class ExplorationForm(forms.ModelForm):
     )
     minimised = forms.MultipleChoiceField(
         label="Objectives",
-        choices=[(name, EXPLAINED.get(name, name)) for name in services.MEASURED],
+        choices=[(name, EXPLAINED.get(name, name)) for name in MEASURED],
         widget=forms.CheckboxSelectMultiple,
         initial=["ate_max", RATIO],
     )

@@ -6,8 +6,8 @@ from django.db.models import Count, OuterRef, QuerySet, Subquery
 from django.db.models.functions import Coalesce
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.search import COPIED, FINISHED, SEARCHED
-from crowd.explorations.watching import Watch
+from crowd.explorations.outcomes.watching import Watch
+from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 
 
 @dataclass(frozen=True)

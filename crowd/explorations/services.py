@@ -9,25 +9,17 @@ from django.db import Error, transaction
 from django.db.models import F, Max, QuerySet
 from django.utils import timezone
 
-from crowd.explorations import batches, known, points, ratios, search, statements, warm_start
-from crowd.explorations.batches import Wanted
-from crowd.explorations.measurement import CannotMeasureHereError, find_packs
+from crowd.explorations.measuring import queries
+from crowd.explorations.measuring.measurement import CannotMeasureHereError, find_packs
 from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
-from crowd.explorations.search import COPIED, FINISHED, SEARCHED
+from crowd.explorations.objectives import MEASURED
+from crowd.explorations.searching import baseline_configurations, batches, points, ratios, search, warm_start
+from crowd.explorations.searching.baseline_configurations import DEFAULT
+from crowd.explorations.searching.batches import Wanted
+from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from pareto.errors import ParetoError
 from slam.isolated import one_line
 
-MEASURED = (
-    "runtime",
-    "runtime_ratio",
-    "ate_max",
-    "ate_max_ratio",
-    "ate_mean",
-    "ate_rmse",
-    "ate_rmse_aligned",
-    "cpu_seconds",
-    "peak_memory_bytes",
-)
 # Repeats change medians, and these what belongs to the front: it is looked at again, but not for ever.
 MOST_ROUNDS_OF_REPEATS = 3
 MAY_GO_ON = (Exploration.State.RUNNING, Exploration.State.PAUSED, Exploration.State.DONE)
@@ -77,7 +69,7 @@ def create(exploration: Exploration) -> Exploration:
     if exploration.warm_start_from is not None:
         Evaluation.objects.bulk_create(warm_start.copies(exploration, exploration.warm_start_from))
     space = search.space_of(exploration)
-    given = known.configurations(exploration.application, space).items()
+    given = baseline_configurations.configurations(exploration.application, space).items()
     batches.add(
         exploration,
         [(configuration, Evaluation.Phase.GIVEN, label) for label, configuration in given],
@@ -148,7 +140,7 @@ def retry_failures(exploration: Exploration) -> int:
         changes["iteration"] = 1 + last
         phases = [(Evaluation.Phase.DEFAULT, False), (Evaluation.Phase.REPEAT, True)]
         missing = [phase for phase, repeats in phases if ratios.lacks_default(rows, repeats)]
-        batches.add(exploration, [(default, phase, known.DEFAULT) for phase in missing], 1 + last)
+        batches.add(exploration, [(default, phase, DEFAULT) for phase in missing], 1 + last)
     count = failed.update(**changes, error="", finished_at=None)
     if count:
         _go_on(exploration)
@@ -205,7 +197,7 @@ def advance(exploration_id: int) -> list[Evaluation]:
 def due(exploration: Exploration) -> bool:
     """Whether it can ask for more: all is finished, or half a batch where it is not synchronous."""
     most = 0 if exploration.synchronous else exploration.batch // 2
-    return statements.unfinished(exploration.pk, most + 1) <= most
+    return queries.unfinished(exploration.pk, most + 1) <= most
 
 
 def waiting(exploration: Exploration) -> list[Evaluation]:

@@ -7,8 +7,10 @@ from django.core.exceptions import ValidationError
 from django.db import transaction
 
 from crowd.audit.services import record
-from crowd.explorations import publishing, search, services, tasks
+from crowd.explorations import services, tasks
 from crowd.explorations.models import MOST_BUDGET, Evaluation, Exploration
+from crowd.explorations.outcomes import publishing
+from crowd.explorations.searching import search
 
 State = Exploration.State
 LONGEST = 40  # characters of what was typed that a refusal repeats

@@ -16,8 +16,9 @@ from django.db import transaction
 from django.utils import timezone
 from kombu.exceptions import OperationalError
 
-from crowd.explorations import interruption, leases, reaping, services, sharing
-from crowd.explorations.measurement import CannotMeasureHereError, Measurement, evaluator
+from crowd.explorations import services
+from crowd.explorations.measuring import graceful_shutdown, leases, reaping, task_batching
+from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement, evaluator
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
 BROKER_PATIENCE_SECONDS = 2
@@ -89,10 +90,10 @@ def _measured(evaluation: Evaluation) -> Measurement:
     """Raises WorkerShutdown as soon as this process is told to end."""
 
     def heartbeat() -> bool:
-        with interruption.measuring.held_off():
+        with graceful_shutdown.measuring.held_off():
             return leases.renew(evaluation)
 
-    with interruption.measuring.allowed():
+    with graceful_shutdown.measuring.allowed():
         return evaluator()(evaluation, heartbeat)
 
 
@@ -104,7 +105,7 @@ def _dispatch(exploration: Exploration) -> None:
 def _announce(exploration: Exploration, evaluations: Sequence[Evaluation]) -> None:
     """Send their messages, up to the first that cannot be sent: the reaper sends the others later."""
     queue = exploration.reference_device.queue
-    for keys in sharing.messages(exploration, evaluations):
+    for keys in task_batching.messages(exploration, evaluations):
         if not _send(evaluate, *keys, queue=queue):
             return
 

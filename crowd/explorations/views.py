@@ -8,8 +8,9 @@ from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, body, has_body, page
 from crowd.descriptions import PAGING
-from crowd.explorations import answers, leasing, selectors, watching
-from crowd.explorations.authentication import DeviceEndpoint, device_asking
+from crowd.explorations import answers, lease_api, selectors
+from crowd.explorations.measuring.authentication import DeviceEndpoint, device_asking
+from crowd.explorations.outcomes import watching
 from crowd.problems import not_found
 
 ASK_AGAIN_SECONDS = 5
@@ -60,12 +61,12 @@ class LeasesView(DeviceEndpoint):
         operation_id="lease",
         summary="Take an evaluation to measure",
         description="204 where none waits for this device or all its machines are busy: ask again later.",
-        request={"application/json": leasing.Wish},
-        responses={201: leasing.Lease, 204: None},
+        request={"application/json": lease_api.LeaseRequest},
+        responses={201: lease_api.Lease, 204: None},
     )
     def post(self, request: Request) -> HttpResponse:
         wish = body(request) if has_body(request._request) else b""
-        lease = leasing.begin(device_asking(request), wish)
+        lease = lease_api.begin(device_asking(request), wish)
         if lease is None:
             return HttpResponse(status=204, headers={"Retry-After": str(ASK_AGAIN_SECONDS)})
         return answer(lease, 201, {"Cache-Control": "no-store"})
@@ -79,10 +80,10 @@ class HeartbeatView(DeviceEndpoint):
         summary="Hold a lease for longer",
         description="410 where it is gone: stop measuring, someone else does.",
         request=None,
-        responses={200: leasing.Held},
+        responses={200: lease_api.Held},
     )
     def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
-        return answer(leasing.renew(device_asking(request), key, attempt))
+        return answer(lease_api.renew(device_asking(request), key, attempt))
 
 
 class ResultView(DeviceEndpoint):
@@ -92,8 +93,8 @@ class ResultView(DeviceEndpoint):
         operation_id="result",
         summary="Tell what was measured, why it failed, or give it back",
         description="410 where the lease is gone. The same result told again is answered as before.",
-        request={"application/json": leasing.Result},
-        responses={200: leasing.Stored},
+        request={"application/json": lease_api.Result},
+        responses={200: lease_api.Stored},
     )
     def post(self, request: Request, key: int, attempt: int) -> HttpResponse:
-        return answer(leasing.finish(device_asking(request), key, attempt, body(request)))
+        return answer(lease_api.finish(device_asking(request), key, attempt, body(request)))

@@ -10,7 +10,7 @@ from django.test import Client
 
 from crowd import first_run
 from crowd.audit.models import AuditEntry
-from crowd.explorations.measurement import Measurement
+from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.fronts import services
 from tests.browser.visitor import Visitor

@@ -17,8 +17,8 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
+from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Exploration
-from crowd.explorations.tokens import issue_token
 from crowd.limits import Attempts, Enrolments, OwnRequests, Reads, Submissions
 from crowd.openapi import document
 from crowd.results.models import Submission

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pareto
-from crowd.explorations import leases, services
-from crowd.explorations.measurement import Measurement, MeasurementError
+from crowd.explorations import services
+from crowd.explorations.measuring import leases
+from crowd.explorations.measuring.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
 SPACE = json.loads((Path(pareto.__file__).parent / "spaces" / "kfusion.json").read_text())

@@ -22,12 +22,13 @@ from crowd.dashboard.figures.explorations import (
     prediction_plane,
 )
 from crowd.dashboard.palette import LIGHT
-from crowd.explorations import leases, services
-from crowd.explorations.insights import milestone
-from crowd.explorations.measurement import MeasurementError
+from crowd.explorations import services
+from crowd.explorations.measuring import leases
+from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, ReferenceDevice
-from crowd.explorations.points import Point
-from crowd.explorations.watching import SILENT, watch
+from crowd.explorations.outcomes.insights import milestone
+from crowd.explorations.outcomes.watching import SILENT, watch
+from crowd.explorations.searching.points import Point
 from pareto.surrogates.prediction import Prediction
 from tests.dashboard.reading import read
 from tests.dashboard.searches import KNOWN, exploration, measure

@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 
 from crowd.celery import app
-from crowd.explorations import leases, services
-from crowd.explorations.measurement import Measurement, names_for, stop_above, stop_after
+from crowd.explorations import services
+from crowd.explorations.measuring import leases
+from crowd.explorations.measuring.measurement import Measurement, names_for, stop_above, stop_after
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from slam import isolated
 from slam.datasets import open_sequence

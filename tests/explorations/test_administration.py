@@ -12,9 +12,11 @@ from django.urls import reverse
 
 from crowd.audit.models import AuditEntry
 from crowd.celery import app
-from crowd.explorations import forms, publishing, services, tokens
-from crowd.explorations.measurement import MeasurementError
+from crowd.explorations import forms, services
+from crowd.explorations.measuring import tokens
+from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.explorations.outcomes import publishing
 from crowd.fronts.models import FrontVersion
 from tests.crowd.roles import browser_of
 from tests.explorations.conftest import finish, run_to_the_end
@@ -188,7 +190,7 @@ def test_a_finished_exploration_goes_on_with_a_larger_budget(
 def test_failures_are_measured_once_more(
     administrator: Client, exploration: Exploration, unread_queues: None
 ) -> None:
-    from crowd.explorations import leases
+    from crowd.explorations.measuring import leases
 
     row = services.waiting(exploration)[0]
     with leases.leased(row.pk):

@@ -13,8 +13,9 @@ from django.core.management import CommandError, call_command, load_command_clas
 from django.test import Client
 
 from crowd.audit.models import AuditEntry
-from crowd.explorations import leases, services
-from crowd.explorations.measurement import CannotMeasureHereError, Measurement
+from crowd.explorations import services
+from crowd.explorations.measuring import leases
+from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.fronts.services import publish_file
 from tests.explorations.conftest import SPACE, measurement, run_to_the_end
@@ -167,7 +168,7 @@ def test_the_command_that_the_page_shows_can_be_given(db: None, client: Client) 
     assert (options["act"], str(options["space"]), options["wait"]) == ("start", KFUSION, True)
 
 
-def test_a_search_without_limits_is_wished_in_words(
+def test_a_search_without_limits_is_asked_for_in_words(
     unsaved: Exploration, unread_queues: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     call_command(*start("--device", "bench", "--no-limits", "--objectives", "runtime,cpu_seconds"))

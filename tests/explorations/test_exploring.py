@@ -10,9 +10,11 @@ from django.db.models import Q
 from django.utils import timezone
 
 from client_kit import __version__
-from crowd.explorations import leases, reaping, search, services
-from crowd.explorations.measurement import MeasurementError
+from crowd.explorations import services
+from crowd.explorations.measuring import leases, reaping
+from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.searching import search
 from pareto.errors import ObjectiveError
 from tests.explorations.conftest import finish, measurement, run_to_the_end
 

@@ -6,8 +6,8 @@ import pytest
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
-from crowd.explorations import batches, search
 from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.searching import batches, search
 from pareto import Explorer, Space
 from tests.explorations.conftest import SPACE
 

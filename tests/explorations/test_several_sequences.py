@@ -7,10 +7,12 @@ import pytest
 from django.core.exceptions import ValidationError
 
 from crowd.dashboard.searches import yield_of
-from crowd.explorations import leases, points, ratios, search, services, warm_start
-from crowd.explorations.measurement import Measurement, MeasurementError, stop_above
+from crowd.explorations import services
+from crowd.explorations.measuring import leases
+from crowd.explorations.measuring.measurement import Measurement, MeasurementError, stop_above
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.watching import found, watch
+from crowd.explorations.outcomes.watching import found, watch
+from crowd.explorations.searching import points, ratios, search, warm_start
 from pareto.fronts.censored import Censored
 from tests.explorations.conftest import SPACE, finish, measured_on, measurement, run_to_the_end
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from django.core.exceptions import ValidationError
 
-from crowd.explorations import leases, reaping, search, services, workers
-from crowd.explorations.measurement import Measurement, MeasurementError
+from crowd.explorations import services
+from crowd.explorations.measuring import leases, reaping, workers
+from crowd.explorations.measuring.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.explorations.searching import search
 from tests.explorations.conftest import finish, measurement, run_to_the_end
 
 

@@ -8,8 +8,10 @@ from typing import Any
 from django.db import connection
 from django.utils import timezone
 
-from crowd.explorations import batches, search, services, tasks, tokens
+from crowd.explorations import services, tasks
+from crowd.explorations.measuring import tokens
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
+from crowd.explorations.searching import batches, search
 from pareto import Space
 from tests.crowd.documents import write_pack
 from tests.services.exploring import BOARD, DEVICE

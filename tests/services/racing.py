@@ -19,8 +19,9 @@ from django.db import connection
 from django.db.models import Q
 from django.utils import timezone
 
-from crowd.explorations import leases, reaping, services
-from crowd.explorations.measurement import Measurement
+from crowd.explorations import services
+from crowd.explorations.measuring import leases, reaping
+from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration
 from tests.services import explorations
 from tests.services.table import DEVICE, NOTHING, look_up

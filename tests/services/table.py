@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from django.conf import settings
 
-from crowd.explorations.measurement import Measurement, MeasurementError
+from crowd.explorations.measuring.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation
 from tests.services import notes
 from tests.services.notes import Note

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from django.test import override_settings
 
-from crowd.explorations import leases, services
+from crowd.explorations import services
+from crowd.explorations.measuring import leases
 from tests.services import explorations, exploring, notes
 from tests.services.installation import Installation
 from tests.services.program import until

@@ -22,10 +22,10 @@ from crowd.dashboard.figures.explorations import (
 )
 from crowd.dashboard.palette import Theme
 from crowd.dashboard.searches import ate_limit, growth_of
-from crowd.explorations import watching
-from crowd.explorations.insights import insight
-from crowd.explorations.points import Point
-from crowd.explorations.watching import Watch, watch
+from crowd.explorations.outcomes import watching
+from crowd.explorations.outcomes.insights import insight
+from crowd.explorations.outcomes.watching import Watch, watch
+from crowd.explorations.searching.points import Point
 from pareto.surrogates.prediction import Prediction
 
 

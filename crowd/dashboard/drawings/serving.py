@@ -23,7 +23,7 @@ from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.confirmation import private_notice
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
 from crowd.dashboard.palette import LIGHT, THEMES
-from crowd.explorations.exports import FORMULA
+from crowd.explorations.outcomes.exports import FORMULA
 from crowd.results.opendata.tables import LICENCE
 from crowd.results.reading.filters import InvalidFilterError
 from crowd.results.reading.selectors import UnknownFrontError

@@ -11,7 +11,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.figures import layout
 from crowd.dashboard.figures.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.palette import Theme
-from crowd.explorations.points import Point
+from crowd.explorations.searching.points import Point
 from pareto.surrogates.prediction import Prediction
 
 # Metres between which errors are drawn. 0 has no place on a logarithmic axis, and how far a lost camera

@@ -10,10 +10,10 @@ from django.utils import timezone
 from crowd.dashboard.answering import found, page, tagged
 from crowd.dashboard.searches import ate_limit, yield_of
 from crowd.explorations import selectors as searches
-from crowd.explorations import watching
-from crowd.explorations.insights import milestone
 from crowd.explorations.models import Evaluation
-from crowd.explorations.watching import Watch, watch
+from crowd.explorations.outcomes import watching
+from crowd.explorations.outcomes.insights import milestone
+from crowd.explorations.outcomes.watching import Watch, watch
 
 EVALUATIONS = 50
 

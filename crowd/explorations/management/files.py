@@ -5,8 +5,8 @@ from pathlib import Path
 
 from django.core.management.base import CommandError
 
-from crowd.explorations import publishing
 from crowd.explorations.models import Exploration
+from crowd.explorations.outcomes import publishing
 from crowd.fronts import contents, sequences
 
 

@@ -9,10 +9,12 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import transaction
 
 from crowd.audit.services import COMMAND_LINE
-from crowd.explorations import exports, reference_devices, report, selectors, steering, watching
+from crowd.explorations import selectors, steering
 from crowd.explorations.management import files
-from crowd.explorations.management.wishes import add_wishes, found, wished
+from crowd.explorations.management.cli_options import add_exploration_options, exploration_from, found
+from crowd.explorations.measuring import reference_devices
 from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.explorations.outcomes import exports, report, watching
 from crowd.first_run import THIS_MACHINE
 from slam.devices.device import BACKENDS
 
@@ -63,7 +65,9 @@ class Command(BaseCommand):
         device = _device(options["device"])
         with transaction.atomic():
             reference_devices.change(device, options["backend"], options["opencl"])
-            exploration = steering.start(wished(options, device, options["application"]), COMMAND_LINE)
+            exploration = steering.start(
+                exploration_from(options, device, options["application"]), COMMAND_LINE
+            )
         queue = exploration.reference_device.queue
         self._say(f"Started {exploration}; a worker on queue {queue} measures it")
         if options["wait"]:
@@ -123,7 +127,7 @@ class Command(BaseCommand):
 
 
 def _add_start(start: CommandParser) -> None:
-    add_wishes(start)
+    add_exploration_options(start)
     start.add_argument("--application", metavar="NAME", help="the system to measure (the space's name)")
     start.add_argument("--device", default=THIS_MACHINE, metavar="NAME", help="a reference device")
     start.add_argument("--backend", choices=BACKENDS, help="what computes on the device from now on")

@@ -12,12 +12,14 @@ from django.utils import timezone
 
 from crowd import first_run
 from crowd.audit.services import COMMAND_LINE
-from crowd.explorations import leases, publishing, reaping, reference_devices, services, steering
+from crowd.explorations import services, steering
 from crowd.explorations.management import files
-from crowd.explorations.management.wishes import add_wishes, command_line, wished
-from crowd.explorations.measurement import CannotMeasureHereError, evaluator
+from crowd.explorations.management.cli_options import add_exploration_options, command_line, exploration_from
+from crowd.explorations.measuring import leases, reaping, reference_devices
+from crowd.explorations.measuring.measurement import CannotMeasureHereError, evaluator
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.search import FINISHED
+from crowd.explorations.outcomes import publishing
+from crowd.explorations.searching.search import FINISHED
 from slam.protocol import VALID_BELOW
 
 LOOK_AGAIN_SECONDS = 1.0
@@ -30,7 +32,7 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: CommandParser) -> None:
-        add_wishes(parser)
+        add_exploration_options(parser)
         parser.add_argument(
             "--device", metavar="TEXT", help="a part of an OpenCL device's description (as it was before)"
         )
@@ -71,7 +73,7 @@ class Command(BaseCommand):
         with transaction.atomic():
             device = first_run.create_this_machine()
             reference_devices.change(device, None, options["device"])
-            exploration = services.create(wished(options, device, application))
+            exploration = services.create(exploration_from(options, device, application))
             steering.log(exploration, COMMAND_LINE, "started", "", str(exploration))
             return exploration
 

@@ -1,0 +1,158 @@
+"""The options of commands that create an exploration."""
+
+import shlex
+import sys
+from argparse import ArgumentTypeError
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import CommandError, CommandParser
+
+from crowd.explorations.models import Exploration, ReferenceDevice
+from crowd.explorations.objectives import RATIO
+from crowd.fronts import sequences
+from pareto.errors import ParetoError
+from pareto.search.methods import DEFAULT, METHODS, present
+from pareto.spaces.space import Space
+from slam.protocol import VALID_BELOW
+
+LIMITED = "ate_max"  # bounded by VALID_BELOW unless a command says otherwise
+NUMBERS = ("seed", "budget", "batch", "points", "repeats", "frames")
+
+
+def add_exploration_options(parser: CommandParser) -> None:
+    """The options that say what to explore; where to measure it is up to each command."""
+    parser.add_argument("--space", type=Path, required=True, metavar="FILE")
+    parser.add_argument(
+        "--sequence",
+        required=True,
+        action="append",
+        metavar="PACK",
+        help="a pack's name or folder; repeat it to learn on several: the first is the one of clients",
+    )
+    parser.add_argument(
+        "--held-out",
+        action="append",
+        default=[],
+        metavar="PACK",
+        help="a sequence, repeatable, that is not learned on: what is found is checked on it",
+    )
+    parser.add_argument(
+        "--quantile",
+        type=float,
+        default=1.0,
+        metavar="Q",
+        help="which of the errors on the sequences counts (1: the worst)",
+    )
+    parser.add_argument("--budget", type=int, required=True, help="configurations to search")
+    parser.add_argument("--random", type=int, metavar="N", help="initial random samples (the method's own)")
+    parser.add_argument("--method", type=_method, choices=list(METHODS), default=DEFAULT)
+    parser.add_argument("--batch", type=int, default=8)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--points", type=int, default=12, help="of the front, to measure again at the end")
+    parser.add_argument("--repeats", type=int, default=3, help="further measurements of each such point")
+    parser.add_argument("--frames", type=int, metavar="N", help="that the search measures (all)")
+    parser.add_argument("--objectives", type=_names, default=["ate_max", RATIO], metavar="A,B")
+    limits = parser.add_mutually_exclusive_group()
+    limits.add_argument(
+        "--limit",
+        type=_limit,
+        action="append",
+        metavar="NAME=MOST",
+        help=f"an upper bound of an objective, repeatable ({LIMITED}={VALID_BELOW})",
+    )
+    limits.add_argument("--no-limits", action="store_true", help="bound no objective")
+    parser.add_argument("--warm-start", type=int, metavar="KEY", help="an earlier exploration")
+    parser.add_argument("--asynchronous", action="store_true", help="ask before a whole batch is measured")
+    parser.add_argument("--no-recheck", action="store_true", help="never measure an outlier again")
+
+
+def exploration_from(
+    options: dict[str, Any], device: ReferenceDevice, application: str | None = None
+) -> Exploration:
+    """The exploration that OPTIONS describe, on DEVICE, not stored yet. Raises CommandError.
+
+    APPLICATION is the system to measure, that of the space's name where it is None.
+    """
+    try:
+        space = Space.load(options["space"])
+    except (ParetoError, OSError) as error:
+        raise CommandError(str(error)) from error
+    pack, *further = map(_pack, options["sequence"])
+    earlier = options["warm_start"]
+    return Exploration(
+        application=application or space.name,
+        space=space.to_dict(),
+        sequence=pack["name"],
+        sequence_sha256=pack["sha256"],
+        further_sequences=[_named(other) for other in further],
+        held_out_sequences=[_named(_pack(name)) for name in options["held_out"]],
+        error_quantile=options["quantile"],
+        reference_device=device,
+        objectives=options["objectives"],
+        limits=_limits(options),
+        method=options["method"],
+        options={} if options["random"] is None else {"initial": options["random"]},
+        warm_start_from=None if earlier is None else found(earlier),
+        synchronous=not options["asynchronous"],
+        recheck=not options["no_recheck"],
+        command=command_line(),
+        **{name: options[name] for name in NUMBERS},
+    )
+
+
+def found(key: int) -> Exploration:
+    """The exploration with that key. Raises CommandError where there is none."""
+    exploration = Exploration.objects.select_related("reference_device").filter(pk=key).first()
+    if exploration is None:
+        raise CommandError(f"no exploration {key}: manage.py exploration status lists them")
+    return exploration
+
+
+def command_line() -> str:
+    """The command that runs, as one would type it again."""
+    return f"python manage.py {shlex.join(sys.argv[1:])}"
+
+
+def _limits(options: dict[str, Any]) -> dict[str, float]:
+    if options["no_limits"]:
+        return {}
+    if options["limit"]:
+        return dict(options["limit"])
+    if LIMITED not in options["objectives"]:
+        raise CommandError(
+            f"objectives {', '.join(options['objectives'])} lack {LIMITED}, which is kept below "
+            f"{VALID_BELOW} unless you say otherwise: add it to --objectives, or give --limit NAME=MOST or "
+            "--no-limits"
+        )
+    return {LIMITED: VALID_BELOW}
+
+
+def _pack(wanted: str) -> dict[str, Any]:
+    for pack in sequences.packs():
+        description = sequences.described(pack)
+        if description["name"] == wanted or pack == Path(wanted).absolute():
+            return description
+    names = ", ".join(pack.name for pack in sequences.packs()) or "none"
+    raise CommandError(f"no pack {wanted} in the sequence folders (there: {names})")
+
+
+def _named(pack: Mapping[str, Any]) -> dict[str, str]:
+    return {"name": pack["name"], "sha256": pack["sha256"]}
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",")]
+
+
+def _method(text: str) -> str:
+    return present(text, {})[0]  # of an earlier program: what replaced it
+
+
+def _limit(text: str) -> tuple[str, float]:
+    name, _, most = text.partition("=")
+    try:
+        return name, float(most)
+    except ValueError:
+        raise ArgumentTypeError(f"{text}: give NAME=MOST, such as ate_max=0.05") from None

@@ -1,0 +1,51 @@
+"""Who asks for work: a reference device is known by the token that an administrator issued."""
+
+from drf_spectacular.extensions import OpenApiAuthenticationExtension
+from rest_framework.authentication import BaseAuthentication
+from rest_framework.request import Request
+
+from crowd.api import Endpoint
+from crowd.explorations.measuring.tokens import device_of
+from crowd.explorations.models import ReferenceDevice
+from crowd.problems import Problem
+
+
+class DeviceAuthentication(BaseAuthentication):
+    """`Authorization: Bearer TOKEN`; `request.auth` becomes the ReferenceDevice."""
+
+    def authenticate(self, request: Request) -> tuple[None, ReferenceDevice]:
+        """Raises Problem 401 without a token, or with one that is unknown or was revoked."""
+        scheme, _, token = request.headers.get("Authorization", "").partition(" ")
+        if not scheme:
+            raise Problem(
+                401, "token_missing", "send Authorization: Bearer TOKEN; an administrator issues it"
+            )
+        device = device_of(token.strip()) if scheme.lower() == "bearer" else None
+        if device is None:
+            raise Problem(
+                401, "token_invalid", "no reference device has this token: ask an administrator for a new one"
+            )
+        return None, device
+
+
+class DeviceTokenScheme(OpenApiAuthenticationExtension):
+    """The token in the OpenAPI document."""
+
+    target_class = DeviceAuthentication
+    name = "reference_device"
+
+    def get_security_definition(self, auto_schema: object) -> dict[str, str]:  # noqa: ARG002
+        return {"type": "http", "scheme": "bearer"}
+
+
+class DeviceEndpoint(Endpoint):
+    """An address that a reference device asks with its token, as often as it likes."""
+
+    authentication_classes = [DeviceAuthentication]
+    throttle_classes = []
+
+
+def device_asking(request: Request) -> ReferenceDevice:
+    """Whose request it is, at a DeviceEndpoint."""
+    assert isinstance(request.auth, ReferenceDevice)
+    return request.auth

@@ -1,0 +1,150 @@
+"""Measuring one evaluation on this machine, by slam or by whatever the settings name instead."""
+
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from django.conf import settings
+from django.utils.module_loading import import_string
+
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.objectives import without_ratios
+from crowd.explorations.searching import ratios
+from crowd.fronts import sequences
+from crowd.fronts.contents import needs_colour
+from slam import isolated
+from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
+
+Heartbeat = Callable[[], bool]
+Evaluator = Callable[[Evaluation, Heartbeat | None], Measurement]
+
+__all__ = [
+    "CannotMeasureHereError",
+    "LeaseLostError",
+    "Measurement",
+    "MeasurementError",
+    "evaluator",
+    "find_packs",
+    "is_plain",
+    "measure",
+    "names_for",
+    "outcome",
+    "packs_for",
+    "stop_above",
+    "stop_after",
+]
+
+
+def evaluator() -> Evaluator:
+    """What FRONTRUNNER_EVALUATOR names: `measure`, unless tests or another kind of system replace it."""
+    return _imported(settings.FRONTRUNNER_EVALUATOR)
+
+
+@cache
+def _imported(path: str) -> Evaluator:
+    found: Evaluator = import_string(path)
+    return found
+
+
+def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measurement:
+    """Measure EVALUATION's configuration in a fresh process; HEARTBEAT and errors as in `slam.isolated`.
+
+    Raises CannotMeasureHereError, too, where the sequence is not on this machine.
+    """
+    exploration = evaluation.exploration
+    return isolated.measure(
+        exploration.application,
+        evaluation.configuration,
+        [path for path, _ in packs_for(evaluation)],
+        perturbation=evaluation.perturbation or None,
+        stop_above=stop_above(evaluation),
+        stop_after=stop_after(evaluation),
+        device=exploration.reference_device.opencl_device,
+        backend=exploration.reference_device.backend,
+        frames=evaluation.frames,
+        heartbeat=heartbeat,
+        heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,
+        timeout=settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS,
+    )
+
+
+def names_for(evaluation: Evaluation) -> list[dict[str, str]]:
+    """Name and digest of the packs that EVALUATION runs over: a repeat also over those held out."""
+    exploration = evaluation.exploration
+    held_out = exploration.held_out_sequences if evaluation.phase == Evaluation.Phase.REPEAT else []
+    return [*exploration.learned_on, *held_out]
+
+
+def packs_for(evaluation: Evaluation) -> list[tuple[Path, dict[str, Any]]]:
+    """The folders of these packs and their descriptions. Raises CannotMeasureHereError as `find_packs`."""
+    return find_packs(evaluation.exploration, names_for(evaluation))
+
+
+def stop_above(evaluation: Evaluation) -> float | None:
+    """The largest error (m) above which EVALUATION needs no further sequence; None where all are run.
+
+    Repeats run over all, and so does the default, which others are compared with on each sequence.
+    """
+    whole = evaluation.phase == Evaluation.Phase.REPEAT or ratios.is_default(evaluation)
+    if whole or len(evaluation.exploration.learned_on) == 1:
+        return None
+    return evaluation.exploration.limits.get("ate_max")
+
+
+def stop_after(evaluation: Evaluation) -> int:
+    """How many sequences with an error above `stop_above` decide that no further one is run."""
+    return evaluation.exploration.failures_allowed + 1
+
+
+def is_plain(evaluation: Evaluation) -> bool:
+    """Whether EVALUATION runs over one sequence as it is: all that a client can do that sends no parts."""
+    return len(names_for(evaluation)) == 1 and not evaluation.perturbation
+
+
+def outcome(evaluation: Evaluation, measurement: Measurement) -> dict[str, Any]:
+    """What is stored of MEASUREMENT: objectives over the sequences learned on, the parts, and whether errors
+    are only known to be at least so large, since not all of those sequences were run.
+
+    The search needs no parts of a single sequence: they are kept of repeats, for the lost frames.
+    """
+    exploration = evaluation.exploration
+    names = [pack["name"] for pack in exploration.learned_on]
+    learned = [part for part in measurement.parts if part["sequence"] in names]
+    once = len(names) == 1 and evaluation.phase != Evaluation.Phase.REPEAT
+    if once or not learned:
+        return {"objectives": without_ratios(measurement.objectives)}
+    combined = isolated.combine(learned, exploration.failures_allowed)
+    return {
+        "objectives": without_ratios(combined),
+        "parts": list(measurement.parts),
+        "censored": len(learned) < len(names),
+    }
+
+
+def find_packs(
+    exploration: Exploration, names: Iterable[Mapping[str, str]]
+) -> list[tuple[Path, dict[str, Any]]]:
+    """The folder and the description of each pack in NAMES, with its colour's where that is needed.
+
+    Raises CannotMeasureHereError where this machine has no such pack, another name or other content, or
+    lacks its colour.
+    """
+    here: dict[tuple[str, str], Path] = {}
+    for pack in sequences.packs():
+        description = sequences.described(pack)
+        here.setdefault((description["name"], description["sha256"]), pack)
+    found = []
+    for wanted in names:
+        path = here.get((wanted["name"], wanted["sha256"]))
+        if path is None:
+            raise CannotMeasureHereError(
+                f"no pack {wanted['name']} with digest {wanted['sha256'][:12]}... on this machine: put it "
+                "into one of the sequence folders (`python -m slam datasets make all` makes those of the "
+                "synthetic scenes)"
+            )
+        try:
+            found.append((path, sequences.described(path, needs_colour(exploration.application))))
+        except sequences.SequenceError as error:
+            raise CannotMeasureHereError(str(error)) from error
+    return found

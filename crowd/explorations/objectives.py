@@ -1,0 +1,23 @@
+"""What a measurement tells of a configuration, by name. Everything is minimised."""
+
+from collections.abc import Mapping
+from typing import Any
+
+RATIO, ERROR_RATIO = "runtime_ratio", "ate_max_ratio"
+# In SI units: seconds a frame, metres, bytes.
+MEASURED = (
+    "runtime",
+    RATIO,
+    "ate_max",
+    ERROR_RATIO,
+    "ate_mean",
+    "ate_rmse",
+    "ate_rmse_aligned",
+    "cpu_seconds",
+    "peak_memory_bytes",
+)
+
+
+def without_ratios(objectives: Mapping[str, Any]) -> dict[str, Any]:
+    """OBJECTIVES as a machine reports them: the server alone knows what the default measured."""
+    return {name: value for name, value in objectives.items() if name not in (RATIO, ERROR_RATIO)}

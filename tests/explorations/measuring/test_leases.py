@@ -1,0 +1,267 @@
+"""Serving as a reference device over HTTP: leases, heartbeats, results."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.test import Client
+from django.utils import timezone
+
+from crowd.explorations import services
+from crowd.explorations.measuring import leases
+from crowd.explorations.measuring.tokens import device_of, issue_token, revoke_token
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.openapi import document as openapi
+from tests.explorations.conftest import measurement
+
+API = "/api/v1/leases"
+
+
+class Board:
+    """A machine that asks with its token."""
+
+    def __init__(self, client: Client, token: str) -> None:
+        self.client, self.headers = client, {"Authorization": f"Bearer {token}"}
+
+    def post(self, path: str, document: Any = None) -> Any:
+        return self.client.post(
+            API + path, document if document is not None else {}, "application/json", headers=self.headers
+        )
+
+    def take(self) -> dict[str, Any]:
+        response = self.post("", {"device": "bench", "worker": "board 7"})
+        assert response.status_code == 201, response.content
+        lease: dict[str, Any] = response.json()
+        return lease
+
+
+@pytest.fixture
+def board(client: Client, exploration: Exploration) -> Board:
+    """The device of an exploration whose known configurations wait."""
+    return Board(client, issue_token(exploration.reference_device))
+
+
+def done(lease: dict[str, Any]) -> dict[str, Any]:
+    found = measurement(lease["configuration"])
+    return {
+        "status": "done",
+        "objectives": found.objectives,
+        "stages": found.stages,
+        "device": found.device,
+        "software": "client_kit 0.1.0",
+    }
+
+
+def problem(response: Any) -> tuple[int, str]:
+    assert response.headers["Content-Type"] == "application/problem+json"
+    return response.status_code, response.json()["code"]
+
+
+def test_a_lease_tells_all_that_a_measurement_needs(board: Board, exploration: Exploration) -> None:
+    lease = board.take()
+
+    row = Evaluation.objects.get(state="running")
+    assert lease["id"] == f"{row.pk}-1"
+    assert (lease["application"], lease["configuration"]) == ("kfusion", row.configuration)
+    assert (lease["frames"], lease["backend"], lease["opencl_device"]) == (None, "opencl", "")
+    assert lease["sequence"]["sha256"] == exploration.sequence_sha256
+    assert board.client.get(lease["sequence"]["chunks"][0]["url"]).status_code == 200
+    assert (row.worker, row.attempt) == ("board 7", 1)
+
+
+def test_a_device_measures_one_thing_at_a_time_on_each_of_its_machines(
+    board: Board, exploration: Exploration
+) -> None:
+    first = board.take()
+    assert board.post("").status_code == 204
+
+    device = exploration.reference_device
+    device.machines = 2
+    device.save()
+    assert board.take()["id"] != first["id"]
+    assert board.post("").status_code == 204
+
+
+def test_a_result_is_stored_once_however_often_it_is_told(board: Board) -> None:
+    lease = board.take()
+
+    answers = [board.post(f"/{lease['id']}/result", done(lease)) for _ in range(2)]
+
+    assert [(answer.status_code, answer.json()) for answer in answers] == [(200, {"state": "done"})] * 2
+    row = Evaluation.objects.get(state="done")
+    assert row.objectives == measurement(lease["configuration"]).objectives
+    assert (row.software, row.attempt) == ("client_kit 0.1.0", 1)
+
+
+def test_a_result_of_another_configuration_is_not_taken_and_that_of_this_one_is(board: Board) -> None:
+    lease = board.take()  # by this id, a database that was restored had another evaluation before
+    path, mine = f"/{lease['id']}/result", {**done(lease), "configuration": lease["configuration"]}
+    other = {**mine, "configuration": {**lease["configuration"], "mu": 0.3125}}
+
+    assert problem(board.post(path, other)) == (410, "lease_gone")
+    assert board.post(path, mine).json() == {"state": "done"}
+    assert problem(board.post(path, other)) == (410, "lease_gone")
+    assert board.post(path, mine).json() == {"state": "done"}
+
+
+def test_a_failure_keeps_its_reason_and_what_is_returned_waits_again(board: Board) -> None:
+    lease = board.take()
+    board.post(f"/{lease['id']}/result", {"status": "returned"})
+    again = board.take()
+    assert again["id"] == lease["id"].replace("-1", "-2")
+
+    board.post(f"/{again['id']}/result", {"status": "failed", "error": "killed by SIGSEGV"})
+
+    row = Evaluation.objects.get(state="failed")
+    assert (row.error, row.attempt) == ("killed by SIGSEGV", 2)
+
+
+def test_a_heartbeat_holds_the_lease_and_a_lease_that_is_gone_is_told(board: Board) -> None:
+    lease = board.take()
+    soon = timezone.now() + timedelta(seconds=1)
+    Evaluation.objects.filter(state="running").update(lease_until=soon)
+
+    assert board.post(f"/{lease['id']}/heartbeat").json()["lease_seconds"] == 90
+    assert Evaluation.objects.get(state="running").lease_until > soon
+
+    Evaluation.objects.filter(state="running").update(attempt=2)  # someone else took it over
+    assert problem(board.post(f"/{lease['id']}/heartbeat")) == (410, "lease_gone")
+    assert problem(board.post(f"/{lease['id']}/result", done(lease))) == (410, "lease_gone")
+    assert not Evaluation.objects.filter(state="done").exists()
+
+
+def test_a_late_result_counts_while_nobody_else_has_begun(board: Board) -> None:
+    lease = board.take()
+    Evaluation.objects.filter(state="running").update(state="pending", lease_until=None)
+
+    assert problem(board.post(f"/{lease['id']}/heartbeat")) == (410, "lease_gone")
+    assert board.post(f"/{lease['id']}/result", done(lease)).status_code == 200
+    assert Evaluation.objects.get(state="done").attempt == 1
+
+
+GOOD = {"runtime": 0.1, "ate_max": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("result", "where", "detail"),
+    [
+        ({"status": "ready"}, "status", "ready"),
+        ({"status": "done"}, "objectives", "lack runtime, ate_max"),
+        ({"status": "done", "objectives": {"ate_max": 0.1}}, "objectives", "lack runtime"),
+        ({"status": "done", "objectives": {"runtime": 0.1}}, "objectives", "lack ate_max"),
+        ({"status": "done", "objectives": GOOD | {"runtime": "fast"}}, "objectives[...]", "`str`"),
+        ({"status": "done", "objectives": GOOD | {"runtime": -0.1}}, "objectives[...]", ">= 0"),
+        ({"status": "done", "objectives": GOOD | {"ate_max": -1}}, "objectives[...]", ">= 0"),
+        ({"status": "done", "objectives": GOOD, "stages": {"tracking": -1}}, "stages[...]", ">= 0"),
+        ({"status": "done", "objectives": GOOD, "device": {"name": ["x"]}}, "device[...]", "`array`"),
+        ({"status": "done", "objectives": GOOD, "device": {"name": "x" * 501}}, "device[...]", "<= 500"),
+        (
+            {"status": "done", "objectives": GOOD, "device": {f"fact {n}": n for n in range(33)}},
+            *("device", "<= 32"),
+        ),
+        ({"status": "failed", "error": "x" * 501}, "error", "<= 500"),
+        ([], None, "`object`"),
+    ],
+)
+def test_a_result_that_does_not_fit_is_told_where_and_changes_nothing(
+    board: Board, result: Any, where: str | None, detail: str
+) -> None:
+    lease = board.take()
+
+    answer = board.post(f"/{lease['id']}/result", result)
+
+    assert problem(answer) == (400, "invalid_field")
+    assert answer.json().get("field") == where
+    assert detail in answer.json()["detail"]
+    assert Evaluation.objects.get(state="running").attempt == 1
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999"])
+def test_a_value_that_is_not_finite_is_refused(board: Board, number: str) -> None:
+    lease = board.take()
+    body = f'{{"status": "done", "objectives": {{"runtime": {number}, "ate_max": 0.1}}}}'
+
+    answer = board.client.post(f"{API}/{lease['id']}/result", body, "application/json", headers=board.headers)
+
+    assert problem(answer) == (400, "not_finite")
+    assert Evaluation.objects.get(state="running").objectives is None
+
+
+def test_a_body_that_is_too_large_is_not_read(board: Board, settings: Any) -> None:
+    wish = {"worker": "x" * settings.FRONTRUNNER_MAX_BODY_BYTES}
+    assert problem(board.post("", wish)) == (413, "body_too_large")
+    assert not Evaluation.objects.filter(state="running").exists()
+
+
+def test_why_a_machine_gives_back_is_noted(board: Board, exploration: Exploration) -> None:
+    lease = board.take()
+
+    board.post(f"/{lease['id']}/result", {"status": "returned", "error": "no OpenCL device here"})
+
+    exploration.refresh_from_db()
+    assert exploration.note == "a machine of bench cannot measure: no OpenCL device here"
+    assert exploration.evaluations.get(attempt=1).losses == 0
+
+
+def test_an_exploration_whose_sequence_the_server_lacks_keeps_no_other_from_being_measured(
+    board: Board, exploration: Exploration
+) -> None:
+    other = services.create(services.clone(exploration))
+    Exploration.objects.filter(pk=exploration.pk).update(sequence="gone")
+
+    lease = board.take()
+    board.post(f"/{lease['id']}/result", {"status": "returned"})
+
+    assert not exploration.evaluations.exclude(attempt=0).exists()
+    assert other.evaluations.filter(attempt=1).count() == 1
+    services.cancel(other)
+    assert problem(board.post("")) == (409, "sequence_missing")
+    assert not exploration.evaluations.exclude(attempt=0).exists()
+
+
+def test_a_token_is_shown_once_and_opens_one_device_alone(
+    client: Client, exploration: Exploration, board: Board
+) -> None:
+    device = exploration.reference_device
+    assert problem(client.post(API)) == (401, "token_missing")
+    assert problem(Board(client, "guessed").post("")) == (401, "token_invalid")
+    assert problem(board.post("", {"device": "other"})) == (403, "another_device")
+
+    token = issue_token(device)
+    assert token not in str(device.__dict__)
+    assert token.isalnum(), "after --token, a token with a dash reads as an option"
+    assert device_of(token) == device
+    assert problem(board.post("")) == (401, "token_invalid")
+    revoke_token(device)
+    assert problem(Board(client, token).post("")) == (401, "token_invalid")
+
+
+def test_nothing_is_leased_of_a_paused_exploration(board: Board, exploration: Exploration) -> None:
+    services.pause(exploration)
+    assert board.post("").status_code == 204
+    assert board.post("").headers["Retry-After"] == "5"
+
+
+@pytest.mark.parametrize("change", [{"lease_until": None}, {"exploration__state": "paused"}])
+def test_what_has_changed_since_it_was_read_is_not_leased(
+    change: dict[str, Any], exploration: Exploration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    [evaluation, *_] = services.waiting(exploration)
+    Evaluation.objects.filter(pk=evaluation.pk).update(
+        state=Evaluation.State.RUNNING, lease_until=timezone.now() - timedelta(seconds=1)
+    )
+    evaluation = Evaluation.objects.select_related(leases.DEVICE).get(pk=evaluation.pk)
+    if "exploration__state" in change:
+        Exploration.objects.update(state=change["exploration__state"])
+    else:  # its holder, who was only late, has renewed the lease
+        Evaluation.objects.filter(pk=evaluation.pk).update(lease_until=timezone.now() + timedelta(minutes=1))
+
+    assert leases._lease(evaluation, "another") is None
+
+
+def test_openapi_describes_leases() -> None:
+    described = openapi()
+    assert {API, API + "/{key}-{attempt}/heartbeat", API + "/{key}-{attempt}/result"} <= set(
+        described["paths"]
+    )
+    assert {"Lease", "Result"} <= set(described["components"]["schemas"])

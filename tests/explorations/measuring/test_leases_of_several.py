@@ -1,0 +1,198 @@
+"""Leases over several sequences and of perturbed depth, and clients that are too old for them."""
+
+import re
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.explorations import services
+from crowd.explorations.measuring.tokens import issue_token
+from crowd.explorations.models import Evaluation, Exploration
+from tests.explorations.conftest import finish, measured_on, measurement, run_to_the_end
+from tests.explorations.measuring.test_leases import Board, done, problem
+
+NEW = {"lease_version": 2}
+
+
+@pytest.fixture
+def board(client: Client, several: Exploration) -> Board:
+    """The device of an exploration over tiny, desk and attic, library held out."""
+    return Board(client, issue_token(services.create(several).reference_device))
+
+
+def take(board: Board) -> dict[str, Any]:
+    response = board.post("", NEW)
+    assert response.status_code == 201, response.content
+    lease: dict[str, Any] = response.json()
+    return lease
+
+
+def result(lease: dict[str, Any], *sequences: str, **errors: float) -> dict[str, Any]:
+    """A result with parts of SEQUENCES, ERRORS by sequence where they are not the usual ones."""
+    values = measurement(lease["configuration"]).objectives
+    parts = [
+        {"sequence": name, "lost": 1, "objectives": values | {"ate_max": errors.get(name, values["ate_max"])}}
+        for name in sequences
+    ]
+    return done(lease) | {"parts": parts}
+
+
+def test_a_lease_tells_all_sequences_and_where_to_stop(board: Board) -> None:
+    lease = take(board)
+
+    assert [sequence["name"] for sequence in lease["sequences"]] == ["tiny", "desk", "attic"]
+    assert lease["sequence"] == lease["sequences"][0]
+    assert lease["perturbation"] == 0
+    assert (lease["stop_above"], lease["stop_after"]) == (None, 1)  # the default runs over all
+    for sequence in lease["sequences"]:
+        assert board.client.get(sequence["chunks"][0]["url"]).status_code == 200
+    board.post(f"/{lease['id']}/result", result(lease, "tiny", "desk", "attic"))
+    assert take(board)["stop_above"] == 0.05
+
+
+def test_a_repeat_runs_over_those_held_out_too_and_changes_depth(board: Board) -> None:
+    exploration = run_to_the_end(Exploration.objects.get())
+    services.measure_again(exploration, [(lease_default(exploration), "default")], 1)
+
+    lease = take(board)
+
+    assert [sequence["name"] for sequence in lease["sequences"]] == ["tiny", "desk", "attic", "library"]
+    assert (lease["perturbation"], lease["stop_above"]) == (2, None)
+
+
+def lease_default(exploration: Exploration) -> dict[str, Any]:
+    row = exploration.evaluations.get(number=0)
+    return dict(row.configuration)
+
+
+def test_the_parts_of_a_result_are_stored_and_its_error_is_the_worst(board: Board) -> None:
+    lease = take(board)
+
+    answer = board.post(f"/{lease['id']}/result", result(lease, "tiny", "desk", "attic", desk=0.04))
+
+    assert answer.json() == {"state": "done"}
+    row = Evaluation.objects.get(state="done")
+    assert row.objectives is not None
+    assert row.objectives["ate_max"] == 0.04
+    assert [(part["sequence"], part["lost"]) for part in row.parts or []] == [
+        *(("tiny", 1), ("desk", 1), ("attic", 1))
+    ]
+    assert not row.censored
+
+
+def test_a_result_that_ended_early_is_censored(board: Board) -> None:
+    finish(services.waiting(Exploration.objects.get())[:1])
+    lease = take(board)
+
+    answer = board.post(f"/{lease['id']}/result", result(lease, "tiny", "desk", desk=0.06))
+
+    assert answer.json() == {"state": "done"}
+    row = Evaluation.objects.get(pk=lease["id"].partition("-")[0])
+    assert row.censored
+    assert row.objectives is not None
+    assert row.objectives["ate_max"] == 0.06
+
+
+@pytest.mark.parametrize(
+    ("sequences", "errors", "complaint"),
+    [
+        ((), {}, "parts lack tiny, desk, attic: .*too old, update it"),
+        (("tiny",), {}, "parts lack desk, attic"),
+        (("tiny", "desk"), {"tiny": 0.04, "desk": 0.05}, "parts lack attic"),  # not above the limit
+        (("tiny", "desk", "attic", "library"), {}, "parts name library, which the lease does not"),
+        (("tiny", "tiny"), {}, "parts name tiny, twice: .*one part for each of tiny, desk, attic"),
+    ],
+)
+def test_parts_that_are_not_those_of_the_lease_are_refused(
+    board: Board, sequences: tuple[str, ...], errors: dict[str, float], complaint: str
+) -> None:
+    finish(services.waiting(Exploration.objects.get())[:1])
+    lease = take(board)
+
+    answer = board.post(f"/{lease['id']}/result", result(lease, *sequences, **errors))
+
+    assert problem(answer) == (400, "invalid_field")
+    assert answer.json()["field"] == "parts"
+    assert re.search(complaint, answer.json()["detail"])
+    assert Evaluation.objects.get(state="running").parts is None
+
+
+@pytest.mark.parametrize(
+    ("part", "detail"),
+    [
+        ({"lost": -1}, ">= 0"),
+        ({"objectives": {"runtime": 0.1}}, "objectives of tiny lack ate_max"),
+        ({"objectives": {"runtime": 0.1, "ate_max": -1}}, ">= 0"),
+        ({"sequence": 7}, "Expected `str`"),
+    ],
+)
+def test_a_part_that_does_not_fit_is_refused(board: Board, part: dict[str, Any], detail: str) -> None:
+    lease = take(board)
+    told = result(lease, "tiny", "desk", "attic")
+    told["parts"][0] |= part
+
+    answer = board.post(f"/{lease['id']}/result", told)
+
+    assert problem(answer) == (400, "invalid_field")
+    assert detail in answer.json()["detail"]
+
+
+def test_an_older_client_is_told_that_it_is_too_old_and_is_given_nothing(board: Board) -> None:
+    answer = board.post("")
+
+    assert problem(answer) == (409, "client_outdated")
+    assert "update it" in answer.json()["detail"]
+    assert not Evaluation.objects.exclude(attempt=0).exists()
+
+
+def test_an_older_client_serves_one_sequence_as_it_is_but_no_changed_depth(
+    client: Client, exploration: Exploration
+) -> None:
+    board = Board(client, issue_token(exploration.reference_device))
+    while lease := board.post(""):
+        if lease.status_code != 201:
+            break
+        taken = lease.json()
+        assert taken["perturbation"] == 0
+        assert board.post(f"/{taken['id']}/result", done(taken)).json() == {"state": "done"}
+        services.advance(exploration.pk)
+
+    assert problem(lease) == (409, "client_outdated")
+    left = exploration.evaluations.filter(state="pending")
+    assert set(left.values_list("phase", "perturbation")) == {("repeat", 1)}
+    again = take(board)
+    refused = board.post(f"/{again['id']}/result", done(again))
+    assert problem(refused) == (400, "invalid_field")
+    assert board.post(f"/{again['id']}/result", result(again, "tiny")).json() == {"state": "done"}
+
+
+def test_an_older_client_gets_the_other_exploration(board: Board, unsaved: Exploration) -> None:
+    plain = services.create(services.clone(unsaved, further_sequences=[], held_out_sequences=[]))
+
+    assert plain.evaluations.filter(pk=board.take()["id"].partition("-")[0]).exists()
+
+
+def test_without_a_held_out_sequence_the_search_goes_on_but_no_repeat(
+    board: Board, several: Exploration
+) -> None:
+    exploration = Exploration.objects.get()
+    Exploration.objects.update(held_out_sequences=[{"name": "cellar", "sha256": "0" * 64}])
+    assert [sequence["name"] for sequence in take(board)["sequences"]] == ["tiny", "desk", "attic"]
+    exploration.evaluations.update(state="done", objectives={"runtime": 1, "ate_max": 1}, lease_until=None)
+    services.measure_again(exploration, [(lease_default(exploration), "default")], 1)
+
+    answer = board.post("", NEW)
+
+    assert problem(answer) == (409, "sequence_missing")
+    assert "no pack cellar" in answer.json()["detail"]
+
+
+def test_what_a_worker_without_a_lease_over_http_measures_is_the_same(board: Board) -> None:
+    exploration = Exploration.objects.get()
+    row = services.waiting(exploration)[0]
+
+    finish([row])
+
+    row.refresh_from_db()
+    assert row.parts == list(measured_on(row).parts)

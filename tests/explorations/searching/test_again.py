@@ -1,0 +1,26 @@
+"""A configuration that the search proposes a second time."""
+
+from crowd.explorations import services
+from crowd.explorations.models import Exploration
+from crowd.explorations.outcomes.watching import watch
+from crowd.explorations.searching import batches, search
+from tests.explorations.conftest import finish
+
+
+def test_a_configuration_measured_again_is_told_by_itself_and_counted(exploration: Exploration) -> None:
+    finish(services.waiting(exploration))
+    first = services.advance(exploration.pk)
+    finish(first)
+    again = batches.add(exploration, [(first[0].configuration, "again", "")])
+    place = first[0].index
+
+    assert place in search.explorer(exploration, search.rows_of(exploration)).history.pending
+    finish(again)
+
+    explorer = search.explorer(exploration, search.rows_of(exploration))
+    assert place is not None
+    assert len(explorer.history.told[place]) == 2
+    assert place not in explorer.history.pending
+    seen = watch(exploration.pk)
+    assert seen is not None
+    assert (seen.searched, seen.phases["again"]) == (5, 1)

@@ -1,0 +1,179 @@
+"""A front is of one kind: over the frames that the search runs, or over the whole sequence."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.explorations import services, steering
+from crowd.explorations.measuring import leases
+from crowd.explorations.measuring.measurement import MeasurementError
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.outcomes import publishing
+from crowd.explorations.outcomes.report import markdown
+from crowd.explorations.searching import batches, points, search
+from tests.explorations.conftest import measurement, run_to_the_end
+
+FRAMES = 11
+
+
+def measure(evaluations: list[Evaluation]) -> None:
+    """Over the whole sequence everything takes twice as long and errs four times as far."""
+    for waiting in evaluations:
+        with leases.leased(waiting.pk) as evaluation:
+            assert evaluation is not None
+            told = measurement(evaluation.configuration)
+            if evaluation.frames is None:
+                factors = {"runtime": 2.0, "ate_max": 4.0}
+                values = {name: value * factors.get(name, 1) for name, value in told.objectives.items()}
+                told = replace(told, objectives=values)
+            assert leases.record(evaluation, told)
+
+
+@pytest.fixture
+def short(unsaved: Exploration) -> Exploration:
+    """An exploration whose search runs fewer frames, everything searched and nothing measured again yet."""
+    unsaved.frames, unsaved.budget, unsaved.batch = FRAMES, 30, 30
+    exploration = services.create(unsaved)
+    measure(services.waiting(exploration))
+    measure(services.advance(exploration.pk))
+    return exploration
+
+
+def rows(exploration: Exploration) -> list[Evaluation]:
+    return list(exploration.evaluations.order_by("number"))
+
+
+def finish(exploration: Exploration) -> None:
+    while waiting := services.waiting(exploration) or services.advance(exploration.pk):
+        measure(waiting)
+    exploration.refresh_from_db()
+
+
+def keys(found: list[points.Point]) -> set[str]:
+    return {batches.key(point.configuration) for point in found}
+
+
+def test_what_is_measured_again_is_chosen_by_the_searchs_front_alone(short: Exploration) -> None:
+    wanted = keys(points.worth_publishing(short, rows(short)))
+
+    finish(short)
+
+    again = [row for row in rows(short) if row.phase == "repeat"]
+    assert {row.configuration_key for row in again} == wanted
+    assert len(again) == short.repeats * len(wanted)
+    assert len({row.iteration for row in again}) == 1
+    assert keys(points.worth_publishing(short, rows(short))) == wanted
+
+
+def test_the_front_is_the_searchs_until_something_ran_over_the_whole_sequence(short: Exploration) -> None:
+    before = points.front(short, points.measured(rows(short)))
+    assert len(before) > short.points
+    assert not any(point.whole for point in before)
+
+    finish(short)
+
+    after = points.front(short, points.measured(rows(short)))
+    assert after
+    assert all(point.whole for point in after)
+    whole = [point for point in points.measured(rows(short)) if point.whole]
+    assert len(whole) < len(points.measured(rows(short)))
+    assert not any(
+        other.values["runtime"] < point.values["runtime"]
+        and other.values["ate_max"] < point.values["ate_max"]
+        for point in after
+        for other in whole
+    )
+
+
+def test_the_searchs_points_stay_to_be_chosen(short: Exploration) -> None:
+    searched = keys(points.front(short, points.measured(rows(short))))
+
+    finish(short)
+
+    found, _ = publishing.candidates(short)
+    assert searched <= {row.key for row in found}
+    assert any(not row.point.whole for row in found)
+
+
+def test_whoever_shows_a_front_says_of_which_kind_it_is(short: Exploration, client: Client) -> None:
+    def told() -> Any:
+        return client.get(f"/api/v1/explorations/{short.pk}").json()
+
+    assert {point["frames"] for point in told()["front"]} == {FRAMES}
+    assert markdown(short).count("Measured over the first 11 frames:") == 2
+
+    finish(short)
+
+    assert told()["frames"] == FRAMES
+    assert {point["frames"] for point in told()["front"]} == {None}
+    assert markdown(short).count("Measured over the first 11 frames:") == 1
+    assert "Measured over the whole sequence:" in markdown(short)
+
+
+def test_a_lucky_single_measurement_is_on_no_finished_front(exploration: Exploration, client: Client) -> None:
+    run_to_the_end(exploration)
+    again = {row.configuration_key for row in rows(exploration) if row.phase == "repeat"}
+    lucky = next(row for row in rows(exploration) if row.configuration_key not in again)
+    lucky.objectives = {"runtime": 1e-6, "ate_max": 1e-6}
+    lucky.save()
+
+    def told() -> list[dict[str, Any]]:
+        return list(client.get(f"/api/v1/explorations/{exploration.pk}").json()["front"])
+
+    front = told()
+    assert len(front) > 1
+    assert all(point["measurements"] > 1 for point in front)
+
+    services.raise_budget(exploration, exploration.budget + 1)
+
+    assert [point["configuration"] for point in told()] == [lucky.configuration]
+
+
+def test_where_the_search_runs_over_everything_nothing_is_set_apart(exploration: Exploration) -> None:
+    run_to_the_end(exploration)
+    every = points.measured(rows(exploration))
+
+    assert points.searched(exploration, rows(exploration)) == points.comparable(every) == every
+    assert "Measured over" not in markdown(exploration)
+
+
+def test_what_another_exploration_measured_is_none_of_this_ones(exploration: Exploration) -> None:
+    with leases.leased(services.waiting(exploration)[0].pk):
+        raise MeasurementError("no memory")
+    run_to_the_end(exploration)
+    assert "retry" in {step.name for step in steering.offered(exploration)}
+
+    warm = services.create(services.clone(exploration, warm_start_from=exploration))
+
+    assert warm.evaluations.filter(phase="known", state="failed").count() == 1
+    assert "retry" not in {step.name for step in steering.offered(warm)}
+    measure(services.waiting(warm))
+    phases = {point.label: point.phase for point in points.measured(rows(warm)) if point.label}
+    assert set(phases.values()) == {"given"}
+    assert "known" in {point.phase for point in points.measured(rows(warm))}
+
+
+def test_where_measurements_differ_the_recommended_are_worth_publishing(short: Exploration) -> None:
+    found = rows(short)
+    searched = points.searched(short, found)
+    chosen = [point.configuration for point in searched if not point.label][:2]
+
+    worth = points.worth_publishing(short, found, chosen)
+
+    given = [point for point in searched if point.label]
+    assert keys(worth) == keys(given) | {batches.key(configuration) for configuration in chosen}
+
+
+def test_a_search_recommends_once_its_measurements_differ(short: Exploration) -> None:
+    finish(short)
+    assert search.recommended(short, search.rows_of(short)) is None
+    row = short.evaluations.filter(phase="random", state="done").order_by("number").first()
+    assert row is not None
+    doubled = {name: 2 * value for name, value in row.objectives.items()}
+    batches.add(short, [(row.configuration, Evaluation.Phase.AGAIN, "")])
+    again = short.evaluations.latest("number")
+    measured = {"state": "done", "objectives": doubled, "finished_at": row.finished_at}
+    Evaluation.objects.filter(pk=again.pk).update(**measured)
+    assert search.recommended(short, search.rows_of(short))
