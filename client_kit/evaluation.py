@@ -150,7 +150,7 @@ class _Reference:
         """Tell a result that is kept, or measure what waits; False where there is neither."""
         kept = self.home.read(RESULTS).get(self._key)
         if kept is not None and kept["lease"] not in self.settled:
-            self.console.say(f"{kept['lease']}: its result is still to be told")
+            self.console.say(f"{kept['lease']}: its result is still to be sent")
             self._tell(kept["lease"], kept["result"])
             return True
         worker = platform.node()
@@ -264,7 +264,7 @@ class _Reference:
         except ProblemError as problem:
             self.console.say(f"{lease}: the result was not taken: {problem}")
         except KeyboardInterrupt:
-            self.console.say(f"{lease}: its result is kept here and told by the next `evaluate`")
+            self.console.say(f"{lease}: its result is kept here and sent by the next `evaluate`")
             raise
         self.settled.add(lease)
         try:
@@ -281,7 +281,7 @@ class _Reference:
         try:
             with interrupts.ignored(), self.home.only_one("results", wait=True):
                 self.home.write(RESULTS, {**self.home.read(RESULTS), self._key: kept})
-        except HomeError as error:  # it can be told all the same, but not by another process
+        except HomeError as error:  # it can be sent all the same, but not by another process
             self.console.say(str(error))
 
     @property

@@ -78,7 +78,7 @@ class EvaluationAnswer(msgspec.Struct):
 class FrontPoint(msgspec.Struct):
     """A point of the front: medians over its measurements.
 
-    `frames` tells how many each of them ran, null for the whole sequence; it is the same for all of a front.
+    `frames` is how many each of them ran, null for the whole sequence; it is the same for all of a front.
     """
 
     configuration: dict[str, Any]
@@ -95,7 +95,7 @@ class ExplorationDetail(ExplorationSummary):
     `sequences` are learned on; clients measure on the first, `sequence`. Of the errors on them the one at
     `error_quantile` counts, 1 is the worst. Only repeats run over those in `held_out`.
     Its front is that of what was measured over the whole sequence, as long as nothing was that of the search.
-    `note` tells why it was paused by itself, or why a machine cannot measure.
+    `note` says why it was paused by itself, or why a machine cannot measure.
     """
 
     space: dict[str, Any]

@@ -1,4 +1,4 @@
-"""Leases over HTTP: what a machine without Celery is told, and what it tells. Types are checked strictly.
+"""Leases over HTTP: what a machine without Celery is asked for, and what it reports. Types are strict.
 
 A client says in `lease_version` what it can do. Version 1 measures one sequence as it is. Version 2 measures
 several sequences, changes depth, stops early and sends the parts of a result.

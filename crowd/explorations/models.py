@@ -28,7 +28,7 @@ def validate_packs(value: Any) -> None:
 
 
 def validate_space(description: Any) -> None:
-    """Raise ValidationError where DESCRIPTION is no space of pareto's."""
+    """Raise ValidationError where DESCRIPTION is not a space of pareto's."""
     try:
         Space.from_dict(description)
     except ParetoError as error:
@@ -38,7 +38,7 @@ def validate_space(description: Any) -> None:
 class ReferenceDevice(models.Model):
     """A kind of machine on which explorations measure, one configuration at a time on each.
 
-    It is served by Celery workers on a queue of its own, or over HTTP by whoever holds its token, of which
+    It is served by Celery workers on a queue of its own, or over HTTP by a client with its token, of which
     only the digest is kept.
     """
 
@@ -187,8 +187,8 @@ class Exploration(models.Model):
 class Evaluation(models.Model):
     """One measurement of one configuration. The row is the truth; a message only says to look at it.
 
-    The worker that measures holds a lease and renews it while it runs. `attempt` counts the leases. It tells
-    the current holder from an earlier one that was given up for dead.
+    The worker that measures holds a lease and renews it while it runs. `attempt` counts the leases, and so
+    distinguishes the current holder from an earlier one that was given up for dead.
     """
 
     class State(models.TextChoices):

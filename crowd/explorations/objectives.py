@@ -1,4 +1,4 @@
-"""What a measurement tells of a configuration, by name. Everything is minimised."""
+"""What is measured of a configuration, by name. Everything is minimised."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -220,7 +220,7 @@ def _ask(exploration: Exploration, evaluations: Sequence[search.Row]) -> list[Ev
         present = Exploration.objects.select_for_update().get(pk=exploration.pk)
         if present.state != Exploration.State.RUNNING or present.budget != exploration.budget:
             return []
-        # A number is never given back, so that their count tells whether someone else asked meanwhile; and
+        # A number is never given back, so that their count shows whether someone else asked meanwhile; and
         # more that is unfinished than before is what failed and shall be measured once more.
         if present.evaluations.count() != len(evaluations) or unfinished_of(present).count() > unfinished:
             return []

@@ -43,7 +43,7 @@ def evaluate(*evaluation_ids: int) -> None:
 
 @shared_task
 def reap() -> None:
-    """Give back what dead workers held, and announce what no message tells of any more."""
+    """Give back what dead workers held, and announce what no message announces any more."""
     for exploration in reaping.reap():
         if not _queued(exploration.reference_device.queue):
             dispatch(exploration)
@@ -87,7 +87,7 @@ def _evaluated(evaluation_id: int) -> Evaluation | None:
 
 
 def _measured(evaluation: Evaluation) -> Measurement:
-    """Raises WorkerShutdown as soon as this process is told to end."""
+    """Raises WorkerShutdown as soon as this process has to end."""
 
     def heartbeat() -> bool:
         with graceful_shutdown.measuring.held_off():

@@ -50,8 +50,8 @@ class ExplorationView(Endpoint):
         part = page(request, selectors.numbers(seen.exploration), str, int)
         rows = selectors.evaluations(seen.exploration, part["results"])
         front = watching.found(seen).front
-        told = answers.detail(selectors.progress_of(seen), front, rows, part["next"])
-        return answer(told, headers={"ETag": etag, "Cache-Control": "public, no-cache"})
+        detail = answers.detail(selectors.progress_of(seen), front, rows, part["next"])
+        return answer(detail, headers={"ETag": etag, "Cache-Control": "public, no-cache"})
 
 
 class LeasesView(DeviceEndpoint):
@@ -92,7 +92,7 @@ class ResultView(DeviceEndpoint):
     @extend_schema(
         operation_id="result",
         summary="Tell what was measured, why it failed, or give it back",
-        description="410 where the lease is gone. The same result told again is answered as before.",
+        description="410 where the lease is gone. The same result sent again is answered as before.",
         request={"application/json": lease_api.Result},
         responses={200: lease_api.Stored},
     )

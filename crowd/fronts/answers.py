@@ -79,7 +79,7 @@ class Sequence(msgspec.Struct):
 class Manifest(msgspec.Struct):
     """What a client is asked to measure now.
 
-    Where `accepting` is false nothing is taken at present; `message` says why, null where nobody did.
+    Where `accepting` is false nothing is taken now; `message` says why, null where nobody did.
     """
 
     application: str
@@ -130,7 +130,7 @@ class FrontPage(msgspec.Struct):
 
 
 def manifest(front: Front, policy: Policy) -> Manifest:
-    """FRONT as clients are told of it under POLICY."""
+    """FRONT as clients see it under POLICY."""
     return Manifest(
         application=front.application,
         front_version=front.slug,

@@ -20,7 +20,7 @@ class Manifest:
 
 
 def current(application: str | None, policy: Policy) -> Manifest | None:
-    """What clients of APPLICATION, or of none in particular, are told now; None where no front is published.
+    """What clients of APPLICATION (None: of any) measure now; None where no front is published.
 
     One query, two more after a front or POLICY that this process has not seen: the content of a published
     front is fixed under its digest.
@@ -38,12 +38,12 @@ def _made(slug: str, digest: str, policy: Policy) -> Manifest:  # noqa: ARG001 -
 
 
 def content(front: Front, policy: Policy) -> bytes:
-    """The manifest that tells clients to measure FRONT, byte for byte."""
+    """The manifest that asks clients to measure FRONT, byte for byte."""
     return msgspec.json.encode(answers.manifest(front, policy))
 
 
 def etag(manifest: bytes) -> str:
-    """Its ETag: clients that have this one are told that nothing changed."""
+    """Its ETag: clients that have this one get 304."""
     return f'"{hashlib.sha256(manifest).hexdigest()[:32]}"'
 
 

@@ -10,7 +10,7 @@ from crowd.prepared import Query
 
 @dataclass(frozen=True)
 class Policy:
-    """What clients are told besides the front. `message` is for people, empty where there is none."""
+    """What clients learn besides the front. `message` is for people, empty where there is none."""
 
     accepting: bool
     message: str
@@ -20,7 +20,7 @@ class Policy:
     def outdates(self, app_version: str) -> bool:
         """Whether APP_VERSION is older than the minimum; what follows - or + is left aside.
 
-        Raises ValueError for a version that is none.
+        Raises ValueError for what is not a version.
         """
         return _numbers(app_version) < _numbers(self.minimum_app_version)
 

@@ -1,4 +1,4 @@
-"""A worker that is told to end gives back what it measures, instead of being killed for taking too long.
+"""A worker that has to end gives back what it measures, instead of being killed for taking too long.
 
 Celery lets a worker finish its task first, and a measurement takes longer than whoever ends it waits. It can
 be interrupted only where it is made by the process that is told (`--pool solo`): what the children of other

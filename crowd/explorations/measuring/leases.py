@@ -45,7 +45,7 @@ def leased(evaluation_id: int, worker: str = "") -> Iterator[Evaluation | None]:
 
     While the device is busy it is waited for, up to as long as a lease lasts. Any exception of the
     measurement makes it a failed evaluation with its reason. Where the process is asked to end it is given
-    back; trouble with the database leaves it to whoever finds the lease run out. A CannotMeasureHereError
+    back; trouble with the database leaves it to the reaper. A CannotMeasureHereError
     gives it back too, says so in the exploration's note, and is raised.
     """
     evaluation = _take_in_turn(evaluation_id, worker or workers.here())
@@ -145,7 +145,7 @@ def free_machines(device: ReferenceDevice) -> int:
 def renew(evaluation: Evaluation) -> bool:
     """Hold the evaluation for longer; False where the lease is lost.
 
-    While the database does not answer nothing is lost yet: whoever comes back finds out at the next renewal.
+    While the database does not answer nothing is lost yet: the next renewal shows it.
     """
     now = timezone.now()
     try:
@@ -187,7 +187,7 @@ def fail(evaluation: Evaluation, reason: str, measured_by: str = "") -> bool:
 
 
 def give_back(evaluation: Evaluation, reason: str = "") -> bool:
-    """Let another measure it; False where the lease is lost anyway. It is no loss of the evaluation's.
+    """Let another measure it; False where the lease is lost anyway. That does not count as a loss.
 
     REASON, why it cannot be measured where it was held, becomes the exploration's note.
     """

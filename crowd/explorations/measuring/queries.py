@@ -15,7 +15,7 @@ from django.db import connection, models
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 
 PENDING, RUNNING = Evaluation.State.PENDING.value, Evaluation.State.RUNNING.value
-# What a measurement reads: the rest, such as the space, is fetched by whoever asks for it.
+# What a measurement reads: the rest, such as the space, is fetched where it is needed.
 WANTED: dict[type[models.Model], set[str]] = {
     Evaluation: {
         *("id", "exploration", "number", "phase", "label", "configuration", "frames", "perturbation"),
@@ -98,9 +98,9 @@ def lease(evaluation: Evaluation, worker: str, now: datetime, until: datetime) -
 
 
 def finish(evaluation: Evaluation, now: datetime, **values: Any) -> bool:
-    """Store what became of EVALUATION, if nobody took it since: `state`, and of the others what is told."""
-    told = (values.get(name) for name in ("objectives", "stages", "device", "parts"))
-    texts = [None if value is None else json.dumps(value) for value in told]
+    """Store what became of EVALUATION, if nobody took it since: `state`, and the values given besides."""
+    given = (values.get(name) for name in ("objectives", "stages", "device", "parts"))
+    texts = [None if value is None else json.dumps(value) for value in given]
     censored = values.get("censored", False)
     row = [values["state"], *texts, censored, values["software"], values.get("error", ""), _stored(now)]
     return _changed(FINISH, [*row, evaluation.pk, evaluation.attempt])

@@ -15,7 +15,7 @@ RECENT = 20  # measurements by which the next ones are judged
 
 
 def messages(exploration: Exploration, evaluations: Sequence[Evaluation]) -> list[list[int]]:
-    """The keys of EVALUATIONS, all of EXPLORATION, by the message that tells of them, in their order."""
+    """The keys of EVALUATIONS, all of EXPLORATION, by the message that announces them, in their order."""
     size = together(len(evaluations), exploration.reference_device.machines, _seconds(exploration))
     keys = [evaluation.pk for evaluation in evaluations]
     return [keys[first : first + size] for first in range(0, len(keys), size)]

@@ -1,6 +1,6 @@
 """Every evaluation of an exploration as CSV or JSON, line by line.
 
-Everybody may read them, but for two things that only the staff is told: which process on which host measured,
+Everybody may read them, but for two things that only the staff sees: which process on which host measured,
 and the folders that a reason names.
 """
 
@@ -19,7 +19,7 @@ ABOUT = (
     *("software", "error"),
 )
 MOMENTS = ("started_at", "finished_at")
-OBJECTIVES = (*MEASURED, "energy_joules")  # the last where a machine tells it
+OBJECTIVES = (*MEASURED, "energy_joules")  # the last where a machine reports it
 EACH_SEQUENCE = ("ate_max", "lost", "runtime")  # as ate_max@office, where there are several sequences
 STAGE_SECONDS = tuple(f"{stage}_seconds" for stage in STAGES)
 AT_ONCE = 500

@@ -1,7 +1,7 @@
 """What a model makes of an exploration's measurements: which parameters matter, how well it foretells.
 
 It takes seconds, so it is done again only when the search has grown by a tenth, and always from the first
-measurements up to there: everybody is shown the same, and is told from how many.
+measurements up to there: everybody sees the same, and from how many.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ MOST_ROWS = 1000  # of which a model learns here; the answer hardly changes beyo
 class Insight:
     """By objective: the parameters' shares of the variance, and predictions of measurements unseen.
 
-    Both are None where nothing can be told (all values equal, or too few). `measurements` says of how many
+    Both are None where nothing can be said (all values equal, or too few). `measurements` says of how many
     searched configurations, failed ones included.
     """
 

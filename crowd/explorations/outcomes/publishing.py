@@ -39,7 +39,7 @@ PROTOCOL: dict[str, Any] = {
 PROBES = 40  # configurations beside the front that clients may be asked to measure
 TINY = 1e-9  # m or s: a smaller value counts as this one in ratios
 LEAST_REPEATS = 2  # further measurements of a point before its figure is published
-UNSPOKEN = "none: it was created in the administration, with what `search` tells"
+UNSPOKEN = "none: it was created in the administration, with what `search` says"
 
 
 class NothingToPublishError(ValueError):
@@ -133,7 +133,7 @@ def draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontV
         if name == BEST and (reasons := _objections(point, default, robust)):
             raise NotReadyError(f"{BEST}: {'; '.join(reasons)}")
     version = published.next_version(exploration.application)
-    # A dictionary would hide a name that is given twice; the check of the front tells it.
+    # A dictionary would hide a name that is given twice; the check of the front reports it.
     content = _document(exploration, version, evaluations, chosen)
     return fronts.create_draft(content, by, f"from exploration {exploration.pk}")
 

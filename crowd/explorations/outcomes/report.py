@@ -16,7 +16,7 @@ def markdown(exploration: Exploration) -> str:
     Of an exploration over several sequences the second has the largest error on each, also on those held out.
     Valid is what keeps all limits. Fronts of the first table are of single measurements during the search,
     the second holds medians over the measurements at its end. Where the search runs fewer frames, a line
-    tells over how many either was measured.
+    says over how many either was measured.
     """
     rows = list(exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number"))
     every = points.comparable(points.measured(rows))

@@ -1,6 +1,6 @@
-"""Reads for whoever watches an exploration: how far it is, who measures, what failed, what was found.
+"""Reads for those who watch an exploration: how far it is, who measures, what failed, what was found.
 
-`watch` is cheap, a few counts, and tells by its digests whether anything changed; `found` tells of every
+`watch` is cheap, a few counts, and shows by its digests whether anything changed; `found` has every
 measurement, and reads only what it has not read before.
 """
 
@@ -22,7 +22,7 @@ from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 
 State, Phase = Evaluation.State, Evaluation.Phase
 RECENT = 50  # measurements from which the time left is judged
-AGES_EVERY = 15  # seconds after which a page tells anew since when somebody measures
+AGES_EVERY = 15  # seconds after which a page shows again since when somebody measures
 SILENT = timedelta(minutes=2)  # a device unheard of for so long has no worker
 MOST_REASONS = 10
 
@@ -164,8 +164,8 @@ def _unserved(exploration: Exploration, waiting: int, running: Sequence[Evaluati
 
 
 def _setting(exploration: Exploration) -> list[Any]:
-    told = [exploration.pk, exploration.state, exploration.budget, exploration.note]
-    return [*told, exploration.reference_device.machines]
+    known = [exploration.pk, exploration.state, exploration.budget, exploration.note]
+    return [*known, exploration.reference_device.machines]
 
 
 def _digest(facts: list[Any]) -> str:

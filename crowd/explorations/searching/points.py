@@ -43,7 +43,7 @@ class Point:
     again at the end, in turn with the others, only those `repeats` count: what chose it may have been luck.
     `low` and `high` are the least and the greatest of what the median was taken of; `whole` says that these
     measurements ran over the whole sequence. `censored` says that a measurement ended before all sequences
-    were run: errors are at least so large. `phase` tells why it was measured, `known` where it never was
+    were run: errors are at least so large. `phase` says why it was measured, `known` where it never was
     here.
     """
 

@@ -1,6 +1,6 @@
 """The explorer as its rows tell it: nothing else is kept of a search, so that none can be restored wrongly.
 
-Equal rows give equal proposals. A synchronous exploration tells its measurements in the order of their
+Equal rows give equal proposals. A synchronous exploration reports its measurements in the order of their
 numbers, any other in the order in which they were finished.
 """
 
@@ -29,13 +29,13 @@ COPIED = ratios.COPIED  # measured by another exploration
 # has doubled since.
 FIRST_LOOK = 50
 OUTLIER_DEVIATIONS = 6.0
-LEAST_OUTLIER = 1.5  # times more or less: nearer than that is none, however well the others agree
+LEAST_OUTLIER = 1.5  # times more or less: whatever is nearer is not an outlier, however well the others agree
 MOST_OUTLIERS = 0.05  # of the measurements: where more lie far off, the forest is wrong and not they
 CHECKS = 2  # with the first measurement three, of which the median counts
 
 
 def space_of(exploration: Exploration) -> Space:
-    """The space that is searched. Raises SpaceError where the description is none."""
+    """The space that is searched. Raises SpaceError where the description is not valid."""
     return _space(json.dumps(exploration.space))
 
 
@@ -141,7 +141,7 @@ def outliers(exploration: Exploration, evaluations: Sequence[Row]) -> list[Row]:
     Far is beyond OUTLIER_DEVIATIONS robust standard deviations (1.4826 times the median absolute one) of all
     such residuals, and more than LEAST_OUTLIER times more or less; at most MOST_OUTLIERS of all, the
     farthest. Looked for once whenever the search has asked for FIRST_LOOK evaluations, twice that, four times
-    that, ...: not every batch, as it takes a second. What was asked for tells that and not what is finished,
+    that, ...: not every batch, as it takes a second. What was asked for decides that, not what is finished,
     since in an asynchronous search a look must neither be left out nor come twice. Measurements that ended
     before all sequences were run are left out: how large their errors are is not known.
     """
@@ -196,7 +196,7 @@ def _column(rows: Iterable[Row], name: str) -> np.ndarray:
 
 
 def _counts(exploration: Exploration, row: Row) -> bool:
-    """Whether the explorer is told: not what another device measured, or over other frames, nor the default
+    """Whether the explorer learns it: not what another device measured, or over other frames, nor the default
     that a round is compared with."""
     return row.phase not in (Phase.PRIOR, Phase.DEFAULT) and row.frames == exploration.frames
 
@@ -212,7 +212,7 @@ def _is_pending(row: Row, groups: Mapping[int, Sequence[Row]]) -> bool:
 
 
 def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[Any] | None]:
-    """The measurements of one configuration that the explorer is told.
+    """The measurements of one configuration that the explorer learns.
 
     Checks replace an outlier, so that the median of it and its checks is one measurement. Each measurement
     that the search asked for again, and each repeat, is one more.
@@ -226,7 +226,7 @@ def _measurements(group: Sequence[Row], objectives: Sequence[str]) -> list[list[
 def _values(group: Sequence[Row], objectives: Sequence[str]) -> list[Any] | None:
     """Of several measurements of one configuration the median counts; None where all of them failed.
 
-    An error that is only known to be at least so large is told as such.
+    An error that is only known to be at least so large is reported as such.
     """
     rows = [row for row in group if row.objectives and set(objectives) <= set(row.objectives)]
     if not rows:
@@ -254,5 +254,5 @@ def prior(exploration: Exploration, pairs: Sequence[tuple[Any, Any]]) -> dict[st
 def _prior(exploration: Exploration) -> dict[str, Any]:
     if exploration.warm_start_from_id is None:
         return {}
-    told = exploration.evaluations.filter(phase=Phase.PRIOR, index__isnull=False).order_by("number")
-    return prior(exploration, list(told.values_list("configuration", "objectives")))
+    copied = exploration.evaluations.filter(phase=Phase.PRIOR, index__isnull=False).order_by("number")
+    return prior(exploration, list(copied.values_list("configuration", "objectives")))

@@ -54,8 +54,8 @@ def check(exploration: Exploration, earlier: Exploration) -> None:
             f"{earlier} has measurements but none of the default, so that their {RATIO} is not known: "
             "choose another one to start from, or the objective runtime"
         )
-    told = [row for row in rows if row.phase == Evaluation.Phase.PRIOR and row.index is not None]
-    pairs = [(row.configuration, row.objectives) for row in told]
+    copied = [row for row in rows if row.phase == Evaluation.Phase.PRIOR and row.index is not None]
+    pairs = [(row.configuration, row.objectives) for row in copied]
     search.fresh(exploration, **search.prior(exploration, pairs))
 
 

@@ -19,8 +19,8 @@ from crowd.explorations.outcomes.report import markdown
 from crowd.openapi import document as openapi
 from tests.dashboard.reading import read
 from tests.explorations.conftest import finish, run_to_the_end
-from tests.explorations.test_administration import ADD, wish
 from tests.explorations.outcomes.test_report import rows
+from tests.explorations.test_administration import ADD, wish
 from tests.explorations.test_several_sequences import BAD, random_row
 
 KFUSION = "pareto/spaces/kfusion.json"

@@ -78,13 +78,13 @@ class Command(BaseCommand):
             for row in Exploration.objects.order_by("pk").values_list("pk", flat=True):
                 self._say(self._line(row))
             return
-        told = self._line(found(key).pk)
-        self._say(told)
+        shown = self._line(found(key).pk)
+        self._say(shown)
         while wait and Exploration.objects.get(pk=key).state in {"running", "paused"}:
             time.sleep(LOOK_AGAIN_SECONDS)
-            if (line := self._line(key)) != told:
-                told = line
-                self._say(told)
+            if (line := self._line(key)) != shown:
+                shown = line
+                self._say(line)
 
     def _line(self, key: int) -> str:
         seen = watching.watch(key)
