@@ -28,7 +28,7 @@ from slam.devices.layout import KINDS, Layout
 from slam.systems import complete
 from slam.text_files import read_text
 
-# A band is so many times the largest deviation among the OpenCL devices here, and at least this wide (m):
+# A band is so many times the largest deviation among the devices here, and at least this wide (m):
 # drivers that are not here round differently, too.
 FACTOR = 3.0
 LEAST_BAND = 0.002
@@ -66,16 +66,21 @@ def reference(
     frames: int,
     progress: Progress | None = None,
 ) -> Reference:
-    """Run CONFIGURATION of KinectFusion over the first FRAMES of SEQUENCE on every OpenCL device in every
-    layout.
+    """Run CONFIGURATION of KinectFusion over the first FRAMES of SEQUENCE on every device, as in `variants`.
 
-    PROGRESS is called after each frame. Raises NoDeviceError where there is no device.
+    A device of WebGPU whose limits it exceeds is left out. PROGRESS is called after each frame. Raises
+    NoDeviceError where there is no OpenCL device.
     """
     choose_device()
     positions = {}
     for name, device, layout in variants():
         session = open_session(device, layout)
-        report = run(configuration, sequence, frames=frames, device=session, progress=progress)
+        try:
+            report = run(configuration, sequence, frames=frames, device=session, progress=progress)
+        except DeviceError:
+            if device.backend == "opencl":
+                raise
+            continue
         positions[name] = report.poses[:, :3, 3]
     for name, found in positions.items():
         if not np.isfinite(found).all():
@@ -88,10 +93,12 @@ def reference(
 
 
 def variants() -> Iterator[tuple[str, Device, Layout]]:
-    """Each OpenCL device in each layout, with its name."""
+    """Each OpenCL device in each layout and each WebGPU device in that of browsers, with its name."""
     for device in list_devices():
         for kind in KINDS:
             yield f"{device.name} {device.driver}, {kind}", device, Layout(kind)
+    for device in list_devices("webgpu"):
+        yield f"{device.name} {device.driver}, WebGPU", device, Layout("pixels")
 
 
 def read_front(path: Path) -> dict[str, Any]:

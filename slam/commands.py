@@ -53,7 +53,7 @@ def register(subparsers: Commands[argparse.ArgumentParser]) -> None:
     parser = subparsers.add_parser(
         "reference",
         help="make a front one of protocol 2: a trajectory and a band for each configuration and probe, from "
-        "all OpenCL devices here",
+        "all devices here",
     )
     parser.add_argument("--front", type=Path, required=True, metavar="FILE", help="JSON with configurations")
     parser.add_argument("--sequence", type=Path, required=True, metavar="PATH")
