@@ -1,10 +1,13 @@
 """Fronts that say where they hold: results by sequence, the rule for best, and probes."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 from django.test import Client
 
+from crowd import first_run
 from crowd.fronts import contents, selectors, services
 from crowd.fronts.contents import InvalidFrontError
 from crowd.fronts.models import FrontVersion
@@ -134,6 +137,7 @@ def test_the_api_and_the_page_tell_where_a_front_holds(front: FrontVersion, clie
     assert detail["configurations"][1]["held_out"] == [result("workshop", 0.015)]
     assert [probe["name"] for probe in detail["probes"]] == ["probe-02", "probe-03"]
     assert "Learned on test-sequence and office; checked on workshop." in page
+    assert "true trajectory, on the worst of the sequences learned on." in page
     assert "30.00 cm 7 frames lost" in page
 
 
@@ -143,3 +147,12 @@ def test_the_page_of_an_older_front_says_that_one_sequence_is_all(
     front = services.publish_content(front_document(pack))[0]
 
     assert "Learned on test-sequence alone" in read(client, f"/fronts/{front.slug}/")
+
+
+def test_the_start_of_a_server_counts_points_without_probes(
+    db: None, pack: dict[str, Any], settings: Any, tmp_path: Path
+) -> None:
+    settings.FRONTRUNNER_FRONTS = tmp_path
+    (tmp_path / "kfusion-test.json").write_text(json.dumps(document(pack)))
+
+    assert list(first_run.publish_shipped_fronts()) == ["Published the front kfusion-test: 3 configurations"]
