@@ -84,10 +84,10 @@ def measure(
     The objectives are those of `combine` over the first LEARNED_ON sequences (all where None). The others are
     held out: if the camera is lost there, that is a result. PERTURBATION is the seed by which depth is
     changed by a unit. After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is
-    run. HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers False.
-    Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds for each
-    sequence or reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can
-    be started.
+    run. HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it
+    answers False. Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT
+    seconds for each sequence or reports no finite values, CannotMeasureHereError where DEVICE is not here or
+    no process can be started.
     """
     command = [*PROGRAM, "--system", system]
     for sequence in sequences:
