@@ -1,6 +1,8 @@
 """Fronts that say where they hold: results by sequence, the rule for best, and probes."""
 
 import json
+from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,12 @@ from crowd import first_run
 from crowd.fronts import contents, selectors, services
 from crowd.fronts.contents import InvalidFrontError
 from crowd.fronts.models import FrontVersion
+from crowd.results.reading import selectors as selectors_of_results
+from crowd.results.reading.filters import SpeedupFilters
 from tests.crowd.documents import (
     BAND,
     STANDARD,
+    device_document,
     front_document,
     run_document,
     session_document,
@@ -156,3 +161,34 @@ def test_the_start_of_a_server_counts_points_without_probes(
     (tmp_path / "kfusion-test.json").write_text(json.dumps(document(pack)))
 
     assert list(first_run.publish_shipped_fronts()) == ["Published the front kfusion-test: 3 configurations"]
+
+
+def mirrored_runs(times: dict[str, int]) -> list[dict[str, Any]]:
+    """Each configuration four times, forwards and back."""
+    names = [*times, *reversed(times)] * 2
+    return [
+        run_document(name, names[:order].count(name), order, times[name], 2)
+        for order, name in enumerate(names)
+    ]
+
+
+@pytest.mark.parametrize("period", [{}, {"since": date(2026, 11, 1)}])
+def test_probes_change_neither_the_speedup_of_best_nor_who_wins(
+    front: FrontVersion, join: Callable[[], Participant], period: dict[str, Any]
+) -> None:
+    known = {"default": 80_000, "best": 10_000, "accurate": 90_000}
+    for model, times in (
+        ("Pixel 8", known | {"probe-02": 5_000}),
+        ("Pixel 9", {"default": 80_000, "best": 10_000, "probe-02": 5_000}),
+    ):
+        session = session_document(front.slug, protocol_version=2, runs=mirrored_runs(times))
+        answer = join().submit(submission_document(session, device=device_document(model)))
+        assert answer.status_code == 202
+
+    found = selectors_of_results.winners(SpeedupFilters(**period))
+    speedups = selectors_of_results.speedups(SpeedupFilters(**period)).rows
+
+    assert [(row.device.slug, row.winner, row.best_rank) for row in found.rows] == [
+        ("google-pixel-8", "best", 1)
+    ]
+    assert [row.speedup for row in speedups] == pytest.approx([8.0, 8.0])
