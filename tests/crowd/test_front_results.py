@@ -90,6 +90,7 @@ def test_a_front_without_results_keeps_its_digest(pack: dict[str, Any]) -> None:
         ("held_out", [result("workshop", 0.017)], "more than 1.6 cm"),
         ("held_out", [result("workshop", 0.001, lost=1)], "the camera is lost in 1 frames of workshop"),
         ("held_out", [result("library", 0.001)], "the default was not measured on library"),
+        ("held_out", [], "it was not measured on workshop"),
         ("learned_on", [result("office", 0.05)], "not below 5 cm"),
     ],
 )
@@ -118,6 +119,18 @@ def test_a_wrong_probe_is_named(
     changed["probes"][0] |= change
 
     with pytest.raises(InvalidFrontError, match=complaint):
+        services.create_draft(changed)
+
+
+@pytest.mark.parametrize("member", ["sequences", "held_out"])
+@pytest.mark.parametrize("packs", [3, "living-room", ["living-room"], [{"name": "living-room"}]])
+def test_sequences_that_no_page_could_show_are_refused(
+    db: None, pack: dict[str, Any], member: str, packs: Any
+) -> None:
+    changed = document(pack)
+    changed["provenance"][member] = packs
+
+    with pytest.raises(InvalidFrontError, match=rf"provenance\.{member}: give a list"):
         services.create_draft(changed)
 
 
