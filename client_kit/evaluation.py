@@ -55,6 +55,7 @@ class Lease:
 
     `frames` None runs all frames. `perturbation` is the seed by which depth is changed, 0 for none. After
     `stop_after` sequences with a largest error above `stop_above` (m; None: never) no further one is run.
+    Those after the first `learned_on` (None: all) are held out.
     Times are in seconds, `timeout_seconds` for each sequence.
     """
 
@@ -68,6 +69,7 @@ class Lease:
     perturbation: int
     stop_above: float | None
     stop_after: int
+    learned_on: int | None
     heartbeat_seconds: float
     timeout_seconds: float
 
@@ -78,7 +80,7 @@ class Lease:
         An older server names one `sequence`, which is measured as it is.
         """
         try:
-            limit = document.get("stop_above")
+            limit, learned_on = document.get("stop_above"), document.get("learned_on")
             return cls(
                 id=str(document["id"]),
                 application=str(document["application"]),
@@ -90,6 +92,7 @@ class Lease:
                 perturbation=int(document.get("perturbation", 0)),
                 stop_above=None if limit is None else float(limit),
                 stop_after=int(document.get("stop_after", 1)),
+                learned_on=None if learned_on is None else int(learned_on),
                 heartbeat_seconds=float(document["heartbeat_seconds"]),
                 timeout_seconds=float(document["timeout_seconds"]),
             )
@@ -211,6 +214,7 @@ class _Reference:
                     perturbation=lease.perturbation or None,
                     stop_above=lease.stop_above,
                     stop_after=lease.stop_after,
+                    learned_on=lease.learned_on,
                     heartbeat=heartbeat,
                     heartbeat_seconds=lease.heartbeat_seconds,
                     timeout=lease.timeout_seconds,

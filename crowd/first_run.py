@@ -56,7 +56,8 @@ def publish_shipped_fronts() -> Iterator[str]:
             yield f"Not published: {error}"
             continue
         if new:
-            yield f"Published the front {front.slug}: {front.configurations.count()} configurations"
+            points = front.configurations.filter(probe=False).count()
+            yield f"Published the front {front.slug}: {points} configurations"
 
 
 def _in_order(path: Path) -> list[int | str]:

@@ -53,8 +53,8 @@ class LeaseLostError(RuntimeError):
 @dataclass(frozen=True)
 class Measurement:
     """`objectives`: runtime in seconds a frame, ate_* in metres. `stages`: mean seconds a frame, of those
-    known. `parts`: the objectives of each sequence that was run, with its name as `sequence`, and how many
-    frames were `lost`.
+    known. Both are over the sequences learned on. `parts`: the objectives of each sequence that was run, with
+    its name as `sequence`, and how many frames were `lost`.
     """
 
     objectives: dict[str, float]
@@ -74,18 +74,20 @@ def measure(
     perturbation: int | None = None,
     stop_above: float | None = None,
     stop_after: int = 1,
+    learned_on: int | None = None,
     heartbeat: Callable[[], bool] | None = None,
     heartbeat_seconds: float = HEARTBEAT_SECONDS,
     timeout: float = TIMEOUT_SECONDS,
 ) -> Measurement:
     """Run CONFIGURATION over the first FRAMES (all where None) of each of SEQUENCES; what was measured.
 
-    The objectives are those of `combine`. PERTURBATION is the seed by which depth is changed by a unit.
-    After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is run. HEARTBEAT is
-    called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it answers False.
-    Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT seconds for each
-    sequence or reports no finite values, CannotMeasureHereError where DEVICE is not here or no process can
-    be started.
+    The objectives are those of `combine` over the first LEARNED_ON sequences (all where None). The others are
+    held out: if the camera is lost there, that is a result. PERTURBATION is the seed by which depth is
+    changed by a unit. After STOP_AFTER sequences with a largest error above STOP_ABOVE (m) no other one is
+    run. HEARTBEAT is called every HEARTBEAT_SECONDS while it runs; LeaseLostError is raised as soon as it
+    answers False. Raises MeasurementError where the program fails, is killed, takes longer than TIMEOUT
+    seconds for each sequence or reports no finite values, CannotMeasureHereError where DEVICE is not here or
+    no process can be started.
     """
     command = [*PROGRAM, "--system", system]
     for sequence in sequences:
@@ -112,27 +114,30 @@ def measure(
         if code != 0:
             raise _failure(code, errors.read_text(errors="replace"))
         try:
-            return read_report(json.loads(report.read_text()))
+            return read_report(json.loads(report.read_text()), learned_on)
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             what = f"the report cannot be read: {type(error).__name__}: {error}"
             raise MeasurementError(one_line(what)) from error
 
 
-def read_report(report: Mapping[str, Any]) -> Measurement:
+def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Measurement:
     """The measurement in a report of `python -m slam run --json`, of one sequence or of several.
 
-    Raises MeasurementError where the trajectory error is unknown or of too few frames, no frame was run or a
-    value is not finite: nothing can be learnt from it.
+    Objectives and stages are those of the first LEARNED_ON sequences, of all where that is None. Raises
+    MeasurementError where the trajectory error is unknown or of too few frames, no frame was run, a value is
+    not finite, or the camera was lost on a sequence learned on: nothing can be learnt from it.
     """
     reports = report.get("runs", [report])
-    read = [_read_one(one) for one in reports]
+    count = len(reports) if learned_on is None else learned_on
+    read = [_read_one(one, held_out=place >= count) for place, one in enumerate(reports)]
     parts = [part for part, _ in read]
+    known = [found for _, found in read[:count]]
     stages = {
-        stage: sum(found[stage] for _, found in read) / len(read)
+        stage: sum(found[stage] for found in known) / len(known)
         for stage in STAGES
-        if all(stage in found for _, found in read)
+        if all(stage in found for found in known)
     }
-    return Measurement(combine(parts), stages, dict(reports[0]["device"]), tuple(parts))
+    return Measurement(combine(parts[:count]), stages, dict(reports[0]["device"]), tuple(parts))
 
 
 def combine(parts: Sequence[Mapping[str, Any]], ignored: int = 0) -> dict[str, float]:
@@ -157,8 +162,11 @@ def _combined(name: str, values: Sequence[float], ignored: int) -> float:
     return max(values) if name == "peak_memory_bytes" else sum(values) / len(values)
 
 
-def _read_one(report: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, float]]:
-    """The part and the stages of one sequence."""
+def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any], dict[str, float]]:
+    """The part and the stages of one sequence.
+
+    On one HELD_OUT a lost camera is a result: `lost` frames, all of them where none was tracked.
+    """
     if report["ate"] is None:
         raise MeasurementError("the sequence has no true trajectory, so the error is unknown")
     if not report["frames"]:
@@ -169,7 +177,8 @@ def _read_one(report: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, floa
     counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
     frames = len(report["frames"])
     tracked = [frame["tracked"] for frame in report["frames"]]
-    if report["ate"]["max"] < VALID_BELOW and (failure := tracking_failure(tracked)):
+    failure = tracking_failure(tracked)
+    if failure and report["ate"]["max"] < VALID_BELOW and not held_out:
         raise MeasurementError(f"{report['sequence']['name']}: {failure}")
     objectives = {
         "runtime": report["runtime"],
@@ -185,7 +194,8 @@ def _read_one(report: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, floa
     for name, value in (objectives | stages).items():
         if not math.isfinite(value):
             raise MeasurementError(f"{name} is {value}: the program measured nothing finite")
-    return {"sequence": report["sequence"]["name"], "lost": tracked.count(False), **objectives}, stages
+    lost = tracked.count(False) or (frames if failure else 0)
+    return {"sequence": report["sequence"]["name"], "lost": lost, **objectives}, stages
 
 
 def one_line(text: str) -> str:

@@ -51,8 +51,9 @@ class Lease(msgspec.Struct):
     `sequences` are measured in this order; `sequence` is the first of them. `frames` to run of each, null for
     all. `perturbation` is the seed by which each depth is changed by one unit, 0 for none. After `stop_after`
     sequences with a largest error above `stop_above` (metres) no further one is run; where `stop_above` is
-    null all are run. `opencl_device` is a part of the description of a device of `backend`. A measurement
-    fails after `timeout_seconds` for each sequence.
+    null all are run. The result's objectives and stages are those of the first `learned_on` sequences. The
+    others are held out: a camera lost there is a result, not a failure. `opencl_device` is a part of the
+    description of a device of `backend`. A measurement fails after `timeout_seconds` for each sequence.
     """
 
     id: str
@@ -66,6 +67,7 @@ class Lease(msgspec.Struct):
     perturbation: int
     stop_above: float | None
     stop_after: int
+    learned_on: int
     lease_seconds: float
     heartbeat_seconds: float
     timeout_seconds: float
@@ -281,6 +283,7 @@ def _told(evaluation: Evaluation) -> Lease:
         perturbation=evaluation.perturbation,
         stop_above=measurement.stop_above(evaluation),
         stop_after=measurement.stop_after(evaluation),
+        learned_on=len(exploration.learned_on),
         lease_seconds=settings.FRONTRUNNER_LEASE_SECONDS,
         heartbeat_seconds=settings.FRONTRUNNER_HEARTBEAT_SECONDS,
         timeout_seconds=settings.FRONTRUNNER_MEASUREMENT_TIMEOUT_SECONDS,

@@ -235,6 +235,9 @@ def _mistakes(content: Content) -> Iterator[str]:
         for place, point in enumerate(getattr(content, kind)):
             for member, reason in _point_mistakes(point, content):
                 yield f"{kind}[{place}].{member} of {point.name}: {reason}"
+    for member in ("sequences", "held_out"):
+        if not _is_packs(content.provenance.get(member, [])):
+            yield f"provenance.{member}: give a list of {{name, sha256}}"
     points = {point.name: point for point in content.configurations}
     default, best = points.get(DEFAULT), points.get(BEST)
     if default is not None and best is not None:
@@ -245,6 +248,13 @@ def _mistakes(content: Content) -> Iterator[str]:
             content.protocol.max_ate,
         ):
             yield f"configurations: {BEST}: {objection}: choose another"
+
+
+def _is_packs(value: Any) -> bool:
+    """Whether VALUE is a list of sequences by name and digest, which pages show."""
+    return isinstance(value, list) and all(
+        isinstance(pack, dict) and {"name", "sha256"} <= pack.keys() for pack in value
+    )
 
 
 def results_of(point: Point, member: str) -> list[dict[str, Any]]:

@@ -161,7 +161,8 @@ def several(pack: Pack, folder: Path) -> tuple[Lab, Pack]:
     lab = Lab(pack)
     lab.packs.append(other)
     sequences = [lab.sequence, room.manifest(other)["sequence"]]
-    lab.more = {"sequences": sequences, "perturbation": 3, "stop_above": 0.05, "stop_after": 2}
+    lab.more = {"sequences": sequences, "perturbation": 3, "stop_above": 0.05}
+    lab.more |= {"stop_after": 2, "learned_on": 1}
     return lab, other
 
 
@@ -176,6 +177,7 @@ def test_all_sequences_of_a_lease_are_downloaded_and_measured_as_it_says(
     names = [json.loads((folder / "pack.json").read_text())["name"] for folder in call["packs"]]
     assert names == ["room", "other"]
     assert (call["perturbation"], call["stop_above"], call["stop_after"]) == (3, 0.05, 2)
+    assert call["learned_on"] == 1
     asked = json.loads(
         next(request.body for request in lab.server.requests if request.path.endswith("/leases"))
     )

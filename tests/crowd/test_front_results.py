@@ -1,16 +1,24 @@
 """Fronts that say where they hold: results by sequence, the rule for best, and probes."""
 
+import json
+from collections.abc import Callable
+from datetime import date
+from pathlib import Path
 from typing import Any
 
 import pytest
 from django.test import Client
 
+from crowd import first_run
 from crowd.fronts import contents, selectors, services
 from crowd.fronts.contents import InvalidFrontError
 from crowd.fronts.models import FrontVersion
+from crowd.results.reading import selectors as selectors_of_results
+from crowd.results.reading.filters import SpeedupFilters
 from tests.crowd.documents import (
     BAND,
     STANDARD,
+    device_document,
     front_document,
     run_document,
     session_document,
@@ -82,6 +90,7 @@ def test_a_front_without_results_keeps_its_digest(pack: dict[str, Any]) -> None:
         ("held_out", [result("workshop", 0.017)], "more than 1.6 cm"),
         ("held_out", [result("workshop", 0.001, lost=1)], "the camera is lost in 1 frames of workshop"),
         ("held_out", [result("library", 0.001)], "the default was not measured on library"),
+        ("held_out", [], "it was not measured on workshop"),
         ("learned_on", [result("office", 0.05)], "not below 5 cm"),
     ],
 )
@@ -113,6 +122,18 @@ def test_a_wrong_probe_is_named(
         services.create_draft(changed)
 
 
+@pytest.mark.parametrize("member", ["sequences", "held_out"])
+@pytest.mark.parametrize("packs", [3, "living-room", ["living-room"], [{"name": "living-room"}]])
+def test_sequences_that_no_page_could_show_are_refused(
+    db: None, pack: dict[str, Any], member: str, packs: Any
+) -> None:
+    changed = document(pack)
+    changed["provenance"][member] = packs
+
+    with pytest.raises(InvalidFrontError, match=rf"provenance\.{member}: give a list"):
+        services.create_draft(changed)
+
+
 def test_clients_are_not_told_of_probes_but_may_send_them(
     front: FrontVersion, participant: Participant
 ) -> None:
@@ -134,6 +155,7 @@ def test_the_api_and_the_page_tell_where_a_front_holds(front: FrontVersion, clie
     assert detail["configurations"][1]["held_out"] == [result("workshop", 0.015)]
     assert [probe["name"] for probe in detail["probes"]] == ["probe-02", "probe-03"]
     assert "Learned on test-sequence and office; checked on workshop." in page
+    assert "true trajectory, on the worst of the sequences learned on." in page
     assert "30.00 cm 7 frames lost" in page
 
 
@@ -143,3 +165,43 @@ def test_the_page_of_an_older_front_says_that_one_sequence_is_all(
     front = services.publish_content(front_document(pack))[0]
 
     assert "Learned on test-sequence alone" in read(client, f"/fronts/{front.slug}/")
+
+
+def test_the_start_of_a_server_counts_points_without_probes(
+    db: None, pack: dict[str, Any], settings: Any, tmp_path: Path
+) -> None:
+    settings.FRONTRUNNER_FRONTS = tmp_path
+    (tmp_path / "kfusion-test.json").write_text(json.dumps(document(pack)))
+
+    assert list(first_run.publish_shipped_fronts()) == ["Published the front kfusion-test: 3 configurations"]
+
+
+def mirrored_runs(times: dict[str, int]) -> list[dict[str, Any]]:
+    """Each configuration four times, forwards and back."""
+    names = [*times, *reversed(times)] * 2
+    return [
+        run_document(name, names[:order].count(name), order, times[name], 2)
+        for order, name in enumerate(names)
+    ]
+
+
+@pytest.mark.parametrize("period", [{}, {"since": date(2026, 11, 1)}])
+def test_probes_change_neither_the_speedup_of_best_nor_who_wins(
+    front: FrontVersion, join: Callable[[], Participant], period: dict[str, Any]
+) -> None:
+    known = {"default": 80_000, "best": 10_000, "accurate": 90_000}
+    for model, times in (
+        ("Pixel 8", known | {"probe-02": 5_000}),
+        ("Pixel 9", {"default": 80_000, "best": 10_000, "probe-02": 5_000}),
+    ):
+        session = session_document(front.slug, protocol_version=2, runs=mirrored_runs(times))
+        answer = join().submit(submission_document(session, device=device_document(model)))
+        assert answer.status_code == 202
+
+    found = selectors_of_results.winners(SpeedupFilters(**period))
+    speedups = selectors_of_results.speedups(SpeedupFilters(**period)).rows
+
+    assert [(row.device.slug, row.winner, row.best_rank) for row in found.rows] == [
+        ("google-pixel-8", "best", 1)
+    ]
+    assert [row.speedup for row in speedups] == pytest.approx([8.0, 8.0])

@@ -25,7 +25,7 @@ from crowd.dashboard.palette import LIGHT
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import MeasurementError
-from crowd.explorations.models import Evaluation, ReferenceDevice
+from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes.insights import milestone
 from crowd.explorations.outcomes.watching import SILENT, watch
 from crowd.explorations.searching.points import Point
@@ -191,6 +191,13 @@ def test_the_time_left_is_judged_by_the_last_measurements(pack: dict[str, Any]) 
 
     assert seen is not None
     assert seen.seconds_left == 40 * 30.0
+    Exploration.objects.filter(pk=search.pk).update(
+        held_out_sequences=[{"name": "workshop", "sha256": "0" * 64}], points=3, repeats=2
+    )
+    whole = watch(search.pk)
+    assert whole is not None
+    # Each repeat, of three points and the known ones, runs over twice as many sequences.
+    assert whole.seconds_left == (40 + 2 * 2 * (3 + whole.phases["given"])) * 30.0
     services.pause(search)
     paused = watch(search.pk)
     assert paused is not None

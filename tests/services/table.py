@@ -47,7 +47,7 @@ def look_up(configuration: dict[str, int]) -> dict[str, float] | None:
 
 
 def measure(evaluation: Evaluation, heartbeat: Callable[[], bool] | None = None) -> Measurement:
-    """As crowd.explorations.measurement.measure does, after TABLE_SECONDS."""
+    """As crowd.explorations.measuring.measurement.measure does, after TABLE_SECONDS."""
     _note(evaluation, "begun")
     time.sleep(settings.TABLE_SECONDS)
     objectives = look_up(evaluation.configuration)

@@ -88,7 +88,7 @@ def test_a_report_of_no_frame_is_no_measurement() -> None:
 
 def test_only_the_wanted_frames_are_run(tiny_pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[dict[str, Any]] = []
-    monkeypatch.setattr(isolated, "read_report", seen.append)
+    monkeypatch.setattr(isolated, "read_report", lambda report, _: seen.append(report))
 
     measure("kfusion", FAST, [tiny_pack], frames=11)
 
@@ -156,6 +156,23 @@ def test_a_report_of_several_sequences_has_a_part_of_each() -> None:
 def test_a_failure_names_the_sequence() -> None:
     with pytest.raises(MeasurementError, match=r"^b: tracking lost in 3 of 3 frames"):
         read_report({"runs": [report("a", [True] * 3), report("b", [False] * 3)]})
+
+
+def test_a_camera_lost_on_a_held_out_sequence_is_a_result() -> None:
+    lost = report("b", [True, False, False], 0.02)
+    lost["frames"] = [frame | {"computation": 0.7} for frame in lost["frames"]]
+
+    read = read_report({"runs": [report("a", [True] * 3), lost]}, learned_on=1)
+
+    assert [(part["sequence"], part["lost"]) for part in read.parts] == [("a", 0), ("b", 2)]
+    assert read.objectives["ate_max"] == 0.01
+    assert read.stages["computation"] == pytest.approx(0.1)  # as the runtime, of those learned on
+
+
+def test_a_held_out_sequence_of_which_no_frame_is_tracked_is_lost() -> None:
+    read = read_report({"runs": [report("a", [True] * 3), report("b", [None] * 3)]}, learned_on=1)
+
+    assert read.parts[1]["lost"] == 3
 
 
 def test_each_sequence_has_the_time_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

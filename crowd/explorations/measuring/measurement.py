@@ -60,6 +60,7 @@ def measure(evaluation: Evaluation, heartbeat: Heartbeat | None = None) -> Measu
         perturbation=evaluation.perturbation or None,
         stop_above=stop_above(evaluation),
         stop_after=stop_after(evaluation),
+        learned_on=len(exploration.learned_on),
         device=exploration.reference_device.opencl_device,
         backend=exploration.reference_device.backend,
         frames=evaluation.frames,

@@ -42,9 +42,9 @@ class Watch:
 
     `phases` counts the finished measurements of each phase, failed ones too; `searched` and `budget` are
     measurements that the search chose. `waiting` is asked for and not begun. `seconds_left` is the median
-    duration of the last measurements times what is still to do (None: nothing to judge by, or it does not
-    run). `unserved` says that work waits and no worker of the device was heard of lately. `version` changes
-    with anything that a page shows, `results` with what was measured only.
+    duration a sequence of the last measurements times the sequences still to run (None: nothing to judge by,
+    or it does not run). `unserved` says that work waits and no worker of the device was heard of lately.
+    `version` changes with anything that a page shows, `results` with what was measured only.
     """
 
     exploration: Exploration
@@ -93,6 +93,8 @@ def watch(key: int) -> Watch | None:
     }
     searched = sum(phases[phase] for phase in SEARCHED)
     waiting = sum(rows for (_, state), rows in counts.items() if state == State.PENDING)
+    asked = waiting + len(running)
+    repeats = sum(counts.get((Phase.REPEAT, state), 0) for state in (State.PENDING, State.RUNNING))
     failed = sum(rows for (_, state), rows in counts.items() if state == State.FAILED)
     unserved = _unserved(exploration, waiting, running)
     # How long somebody measures and was not heard of is shown, so time alone changes a page then.
@@ -106,7 +108,7 @@ def watch(key: int) -> Watch | None:
         waiting=waiting,
         running=running,
         failures=_failures(key) if failed else (),
-        seconds_left=_seconds_left(exploration, phases, searched, waiting + len(running)),
+        seconds_left=_seconds_left(exploration, phases, searched, asked - repeats, repeats),
         unserved=unserved,
         version=_digest([*_setting(exploration), *groups, unserved, *(ages if running else [])]),
         results=_digest([*_setting(exploration), *(group for group in groups if group["last"])]),
@@ -131,16 +133,22 @@ def _failures(key: int) -> tuple[Failure, ...]:
 
 
 def _seconds_left(
-    exploration: Exploration, phases: dict[str, int], searched: int, asked: int
+    exploration: Exploration, phases: dict[str, int], searched: int, asked: int, asked_again: int
 ) -> float | None:
+    """ASKED measurements of the search and ASKED_AGAIN repeats are unfinished.
+
+    All are counted in sequences: a repeat also runs over those held out.
+    """
     if exploration.state != Exploration.State.RUNNING:
         return None
     last = Evaluation.objects.filter(exploration=exploration, started_at__isnull=False).order_by(
         F("finished_at").desc(nulls_last=True)
     )
+    learned = len(exploration.learned_on)
+    every = learned + len(exploration.held_out_sequences)
     durations = [
-        (finished - started).total_seconds()
-        for started, finished in last.values_list("started_at", "finished_at")[:RECENT]
+        (finished - started).total_seconds() / (every if phase == Phase.REPEAT else learned)
+        for phase, started, finished in last.values_list("phase", "started_at", "finished_at")[:RECENT]
         if started is not None and finished is not None
     ]
     if not durations:
@@ -148,8 +156,9 @@ def _seconds_left(
     again = (exploration.points + phases[Phase.GIVEN]) * exploration.repeats
     left = max(0, exploration.budget - searched)
     defaults = ceil(left / exploration.batch) if ratios.used(exploration) else 0
-    to_do = left + defaults + max(0, again - phases[Phase.REPEAT])
-    return median(durations) * max(to_do, asked) / exploration.reference_device.machines
+    to_do = max(left + defaults, asked) * learned
+    to_do += max(again - phases[Phase.REPEAT], asked_again) * every
+    return median(durations) * to_do / exploration.reference_device.machines
 
 
 def _unserved(exploration: Exploration, waiting: int, running: Sequence[Evaluation]) -> bool:

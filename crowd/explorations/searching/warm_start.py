@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.explorations.objectives import RATIO
+from crowd.explorations.objectives import ERROR_RATIO, RATIO
 from crowd.explorations.searching import ratios, search
 from crowd.explorations.searching.search import COPIED, FINISHED
 
@@ -49,18 +49,19 @@ def check(exploration: Exploration, earlier: Exploration) -> None:
     """Raise ParetoError where no explorer can begin with what EARLIER measured. Nothing is learnt for it."""
     rows = copies(exploration, earlier)
     measured = [row.objectives for row in rows if row.objectives]
-    if ratios.used(exploration) and not all(RATIO in objectives for objectives in measured):
-        raise ratios.NoDefaultError(
-            f"{earlier} has measurements but none of the default, so that their {RATIO} is not known: "
-            "choose another one to start from, or the objective runtime"
-        )
+    for name in (RATIO, ERROR_RATIO):
+        if name in exploration.objectives and not all(name in objectives for objectives in measured):
+            raise ratios.NoDefaultError(
+                f"{earlier} has measurements but none of the default, so that their {name} is not known: "
+                f"choose another one to start from, or the objective {name.removesuffix('_ratio')}"
+            )
     copied = [row for row in rows if row.phase == Evaluation.Phase.PRIOR and row.index is not None]
     pairs = [(row.configuration, row.objectives) for row in copied]
     search.fresh(exploration, **search.prior(exploration, pairs))
 
 
 def _ratio(row: Evaluation, found: Mapping[int, Mapping[str, float]]) -> dict[str, Any]:
-    """What the copy of ROW has beyond it: the ratios in FOUND, unless they were filled in already."""
-    if row.ratio_filled_at is not None or row.pk not in found or row.objectives is None:
+    """What the copy of ROW has beyond it: those ratios in FOUND that were not filled in already."""
+    if row.pk not in found or row.objectives is None:
         return {}
-    return {"objectives": row.objectives | found[row.pk]}
+    return {"objectives": {**found[row.pk], **row.objectives}}

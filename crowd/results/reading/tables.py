@@ -1,7 +1,7 @@
 """A front's configurations on every device that measured them, as one table: what transfer is read from."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -54,20 +54,23 @@ class Table:
 _cache: VersionedCache[Table] = VersionedCache(8)
 
 
-def table(filters: SpeedupFilters, least: int) -> Table:
+def table(filters: SpeedupFilters, least: int, probes: bool = True) -> Table:
     """The confirmed figures of every configuration under FILTERS (whatever configuration they name), of
-    devices with at least LEAST configurations, the default among them. Nine queries at most; four at most
-    where nothing changed since this process answered the same.
+    devices with at least LEAST configurations, the default among them. The front's PROBES count unless that
+    is False. Nine queries at most; four at most where nothing changed since this process answered the same.
 
     What a period's figures are made of changes together with stored figures, or waits to be worked into them.
     """
     front = filters.front or measured_front(filters.application, filters.simulated)
     filters = replace(filters, front=front or "", configuration=ALL, suspect=False)
-    return _cache.get(revision.current, (filters.query(), least), lambda: _table(filters, front, least))
+    return _cache.get(
+        revision.current, (filters.query(), least, probes), lambda: _table(filters, front, least, probes)
+    )
 
 
-def _table(filters: SpeedupFilters, front: str | None, least: int) -> Table:
-    cells = list(_of_period(filters, front) if filters.period else _stored(filters, front))
+def _table(filters: SpeedupFilters, front: str | None, least: int, probes: bool) -> Table:
+    read = _of_period if filters.period else _stored
+    cells = list(read(filters, front, {} if probes else {"probe": False}))
     chosen = _chosen((cell for cell in cells if cell.confirmed), least)
     unconfirmed = _chosen(cells, least).keys() - chosen.keys()
     names = sorted({name for row in chosen.values() for name in row.logs})
@@ -100,13 +103,14 @@ class _Row:
     sessions: int = 0
 
 
-def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
-    """Bare columns: a front has twenty configurations, and a crowd thousands of devices."""
+def _stored(filters: SpeedupFilters, front: str | None, which: Mapping[str, bool]) -> Iterable[Cell]:
+    """Of WHICH configurations. Bare columns: a front has twenty, and a crowd thousands of devices."""
     rows = DeviceSpeedup.objects.filter(
         simulated_only(filters.simulated),
         front__slug=front,
         state=State.VALID,
         sessions__gte=filters.min_sessions,
+        **{f"configuration__{name}": value for name, value in which.items()},
     ).order_by()
     found = list(
         rows.values_list(
@@ -131,13 +135,13 @@ def _stored(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
             yield Cell(device, backend, processor, configuration, baseline, log, sessions, sure)
 
 
-def _of_period(filters: SpeedupFilters, front: str | None) -> Iterable[Cell]:
+def _of_period(filters: SpeedupFilters, front: str | None, which: Mapping[str, bool]) -> Iterable[Cell]:
     """The same from the sessions of a period. Five queries."""
     cohorts = cohorts_of(filters, front)
     columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
     found = {key: (device, backend, processor, kind) for key, device, backend, processor, kind in columns}
     devices = devices_of(device for device, *_ in found.values())
-    names = dict(Configuration.objects.filter(front__slug=front).values_list("pk", "name"))
+    names = dict(Configuration.objects.filter(front__slug=front, **which).values_list("pk", "name"))
     rows = SessionSummary.objects.filter(
         configuration__in=names, cohort__in=cohorts.values("pk"), **between(filters.since, filters.until)
     )

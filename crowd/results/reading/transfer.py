@@ -18,9 +18,10 @@ NEAR = 1.1
 
 def winners(filters: SpeedupFilters) -> Winners:
     """The fastest configuration of each device that has confirmed figures of LEAST_CONFIGURATIONS or more,
-    the default among them; in the order of slugs. No query beside those of the table.
+    the default among them; in the order of slugs. Probes, which few devices measure, are not among them. No
+    query beside those of the table.
     """
-    found = table(filters, LEAST_CONFIGURATIONS)
+    found = table(filters, LEAST_CONFIGURATIONS, probes=False)
     rows = tuple(_winner(found, place, device) for place, device in enumerate(found.devices))
     regrets = [row.regret for row in rows if row.regret is not None]
     counts = Counter(row.winner for row in rows)

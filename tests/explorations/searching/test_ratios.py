@@ -156,6 +156,22 @@ def test_copies_have_the_ratio_to_their_sources_default(exploration: Exploration
     assert default.objectives["runtime_ratio"] == 1.0
 
 
+def test_copies_get_the_ratio_of_errors_beside_a_stored_ratio_of_runtimes(comparing: Exploration) -> None:
+    run(comparing)
+    for row in comparing.evaluations.filter(state="done"):  # as a former program stored them
+        row.objectives.pop("ate_max_ratio")
+        row.objectives["runtime_ratio"] *= 2
+        row.save(update_fields=["objectives"])
+
+    changes = {"objectives": ["ate_max_ratio", "runtime_ratio"], "limits": {}}
+    warm = services.create(services.clone(comparing, warm_start_from=comparing, **changes))
+
+    for copy in warm.evaluations.filter(phase="known"):
+        assert copy.copied_from is not None
+        assert copy.objectives["ate_max_ratio"] > 0
+        assert copy.objectives["runtime_ratio"] == copy.copied_from.objectives["runtime_ratio"]
+
+
 def test_a_machine_that_reports_a_ratio_is_not_believed(comparing: Exploration) -> None:
     row = services.waiting(comparing)[0]
     with leases.leased(row.pk) as evaluation:
