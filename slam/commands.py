@@ -410,12 +410,13 @@ def _reference(options: argparse.Namespace) -> None:
         raise UsageError(f"--frames {frames}: give 1 to {len(sequence)}, all that {sequence.name!r} has")
     probes = front.pop("probes", [])
     kept: list[dict[str, Any]] = []
-    for configuration in [*front["configurations"], *probes]:
+    every = [(point, False) for point in front["configurations"]] + [(probe, True) for probe in probes]
+    for configuration, is_probe in every:
         name = configuration["name"]
         found = bands.reference(configuration["parameters"], sequence, frames, progress_line(f"{name}: "))
         configuration |= {"band": found.band, "trajectory": found.trajectory.tolist()}
-        unsteady = configuration in probes and found.band > bands.WIDEST_BAND_OF_A_PROBE
-        if configuration in probes and not unsteady:
+        unsteady = is_probe and found.band > bands.WIDEST_BAND_OF_A_PROBE
+        if is_probe and not unsteady:
             kept.append(configuration)
         largest, band = 1e3 * max(found.deviations.values()), 1e3 * found.band
         note = ": left out, devices here do not agree" if unsteady else ""

@@ -241,6 +241,11 @@ def _mistakes(content: Content) -> Iterator[str]:
     points = {point.name: point for point in content.configurations}
     default, best = points.get(DEFAULT), points.get(BEST)
     if default is not None and best is not None:
+        known = [
+            {result["sequence"] for result in results_of(point, "learned_on")} for point in (default, best)
+        ]
+        if known[0] != known[1]:
+            yield f"configurations: learned_on of {BEST} must name the sequences that {DEFAULT}'s does"
         for objection in objections(
             results_of(best, "learned_on"),
             results_of(best, "held_out"),
@@ -266,6 +271,10 @@ def results_of(point: Point, member: str) -> list[dict[str, Any]]:
 def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
     """Members of POINT that are wrong, and why."""
     yield from _band_mistakes(point, content.protocol)
+    for member in ("learned_on", "held_out"):
+        names = [result["sequence"] for result in results_of(point, member)]
+        if len(set(names)) < len(names):
+            yield member, f"sequences repeat in {names}: give each one result"
     try:
         # Those of an application that is not known here are taken as they are.
         if content.application in APPLICATIONS:

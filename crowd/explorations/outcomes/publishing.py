@@ -238,7 +238,7 @@ def _document(
     colour = needs_colour(exploration.application)
     sequence = sequences.describe(exploration.sequence, exploration.sequence_sha256, colour)
     robust = robustness.of_repeats(exploration, evaluations)
-    probes = _probes(exploration, evaluations, [point for _, point in chosen])
+    probes = _probes(evaluations, [point for _, point in chosen], robust)
     return {
         "application": exploration.application,
         "version": version,
@@ -264,7 +264,7 @@ def _described(name: str, point: Point, robust: Robustness | None) -> dict[str, 
 
 
 def _probes(
-    exploration: Exploration, evaluations: Sequence[Evaluation], chosen: Sequence[Point]
+    evaluations: Sequence[Evaluation], chosen: Sequence[Point], robust: Mapping[str, Robustness]
 ) -> list[dict[str, Any]]:
     """The front's neighbourhood, for clients that are asked to measure more: up to PROBES points.
 
@@ -273,7 +273,6 @@ def _probes(
     """
     whole = [row for row in evaluations if row.frames is None and not row.censored]
     known = {batches.key(point.configuration) for point in chosen}
-    robust = robustness.of_repeats(exploration, evaluations)
     every = [
         point
         for key, point in _keyed(points.measured(whole)).items()
