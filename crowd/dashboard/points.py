@@ -55,23 +55,22 @@ class SequenceRow:
 
 def results_by_sequence(front: Front) -> tuple[tuple[SequenceColumn, ...], tuple[SequenceRow, ...]]:
     """What FRONT's points reached on each sequence; nothing where that is not known."""
-    columns = dict.fromkeys(
-        SequenceColumn(result["sequence"], held_out)
-        for point in front.points
-        for held_out, results in ((False, point.learned_on), (True, point.held_out))
-        for result in results
-    )
+    found = [_results(point) for point in front.points]
+    columns = dict.fromkeys(column for results in found for column in results)
     ordered = tuple(sorted(columns, key=lambda column: column.held_out))
-    return ordered, tuple(SequenceRow(point, _results(point, ordered)) for point in front.points)
+    rows = (
+        SequenceRow(point, tuple(map(results.get, ordered)))
+        for point, results in zip(front.points, found, strict=True)
+    )
+    return ordered, tuple(rows)
 
 
-def _results(point: Point, columns: tuple[SequenceColumn, ...]) -> tuple[Mapping[str, Any] | None, ...]:
-    found = {
-        (result["sequence"], held_out): result
+def _results(point: Point) -> dict[SequenceColumn, Mapping[str, Any]]:
+    return {
+        SequenceColumn(result["sequence"], held_out): result
         for held_out, results in ((False, point.learned_on), (True, point.held_out))
         for result in results
     }
-    return tuple(found.get((column.name, column.held_out)) for column in columns)
 
 
 def newest_figure(detail: DeviceDetail) -> Speedup | None:
