@@ -12,7 +12,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from crowd.fronts import trajectories
-from crowd.fronts.generalisation import objections
+from crowd.fronts.generalisation import Results, objections
 from crowd.fronts.protocol import MEMBERS, Metres, Protocol, disagreements
 from crowd.fronts.selectors import BEST, DEFAULT
 from slam.configuration import ConfigurationError
@@ -241,17 +241,11 @@ def _mistakes(content: Content) -> Iterator[str]:
     points = {point.name: point for point in content.configurations}
     default, best = points.get(DEFAULT), points.get(BEST)
     if default is not None and best is not None:
-        known = [
-            {result["sequence"] for result in results_of(point, "learned_on")} for point in (default, best)
-        ]
-        if known[0] != known[1]:
-            yield f"configurations: learned_on of {BEST} must name the sequences that {DEFAULT}'s does"
-        for objection in objections(
-            results_of(best, "learned_on"),
-            results_of(best, "held_out"),
-            results_of(default, "held_out"),
-            content.protocol.max_ate,
-        ):
+        own, beside = (
+            Results(results_of(point, "learned_on"), results_of(point, "held_out"))
+            for point in (best, default)
+        )
+        for objection in objections(own, beside, content.protocol.max_ate):
             yield f"configurations: {BEST}: {objection}: choose another"
 
 

@@ -216,13 +216,17 @@ def _edge(point: Point, robust: Mapping[str, Robustness]) -> str:
 def _objections(point: Point, default: Point | None, robust: Mapping[str, Robustness]) -> list[str]:
     """Why POINT may not be called best beside DEFAULT; empty where it may."""
     own = robust.get(batches.key(point.configuration))
-    if own is None:  # measured by a former program, on its one sequence
-        error = _worst_error(point)
-        return [] if error < VALID_BELOW else [f"its error of {100 * error:.1f} cm is not below 5 cm"]
     beside = robust.get(batches.key(default.configuration)) if default else None
-    on_edge = [f"a slight change of the depth decides its error on {own.edge}"] if own.edge else []
-    held_out = beside.held_out if beside else ()
-    return [*on_edge, *objections(own.learned_on, own.held_out, held_out, VALID_BELOW)]
+    found: list[str] = []
+    if own is not None and own.edge:
+        found.append(f"a slight change of the depth decides its error on {own.edge}")
+    if own is not None and beside is not None:
+        found += objections(own.results, beside.results, VALID_BELOW)
+    error = _worst_error(point)
+    # A former program measured without results by sequence.
+    if not found and not error < VALID_BELOW:
+        found.append(f"its error of {100 * error:.1f} cm is not below {100 * VALID_BELOW:g} cm")
+    return found
 
 
 def _keyed(measured: Iterable[Point]) -> dict[str, Point]:
@@ -254,7 +258,7 @@ def _document(
 
 def _described(name: str, point: Point, robust: Robustness | None) -> dict[str, Any]:
     """POINT as a front's file has it, with its results by sequence where there are several."""
-    results = {} if robust is None else {"learned_on": robust.learned_on, "held_out": robust.held_out}
+    results = {} if robust is None else robust.results._asdict()
     return {
         "name": name,
         "parameters": point.configuration,

@@ -9,20 +9,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.fronts.generalisation import bound
-
-Result = Mapping[str, Any]  # {"sequence", "ate_max" (m), "lost" (frames)}
+from crowd.fronts.generalisation import Result, Results, bound
 
 
 @dataclass(frozen=True)
 class Robustness:
-    """The largest error and the most lost frames on each sequence `learned_on` and `held_out`.
+    """`results`: the largest error and the most lost frames on each sequence.
 
     `edge` says on which sequence a slight change decides how far the error goes, empty where none does.
     """
 
-    learned_on: tuple[Result, ...]
-    held_out: tuple[Result, ...]
+    results: Results
     edge: str
 
 
@@ -42,8 +39,9 @@ def _robustness(exploration: Exploration, rows: Sequence[Evaluation]) -> Robustn
             runs.setdefault(part["sequence"], []).append(part)
     edges = [name for name, parts in runs.items() if _stands_on_edge(parts)]
     return Robustness(
-        learned_on=_results(exploration.learned_on, runs),
-        held_out=_results(exploration.held_out_sequences, runs),
+        results=Results(
+            _results(exploration.learned_on, runs), _results(exploration.held_out_sequences, runs)
+        ),
         edge=", ".join(edges),
     )
 

@@ -8,7 +8,7 @@ from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing, robustness
 from crowd.explorations.searching import batches, points
-from crowd.fronts.generalisation import bound, objections
+from crowd.fronts.generalisation import Results, bound, objections
 
 DEFAULT, QUICK, QUICKER = {"n": "default"}, {"n": "quick"}, {"n": "quicker"}
 SEQUENCES = ("tiny", "office", "workshop")  # the last is held out
@@ -108,11 +108,11 @@ def test_results_are_the_worst_of_all_repeats(several: Exploration) -> None:
 
     found = robustness.of_repeats(several, several.evaluations.all())[batches.key(QUICK)]
 
-    assert found.learned_on == (
+    assert found.results.learned_on == (
         {"sequence": "tiny", "ate_max": 0.012, "lost": 0},
         {"sequence": "office", "ate_max": 0.02, "lost": 0},
     )
-    assert found.held_out == ({"sequence": "workshop", "ate_max": 0.006, "lost": 2},)
+    assert found.results.held_out == ({"sequence": "workshop", "ate_max": 0.006, "lost": 2},)
 
 
 def test_the_front_holds_results_and_probes(several: Exploration) -> None:
@@ -149,11 +149,22 @@ def test_repeats_run_over_held_out_sequences_and_change_the_depth(exploration: E
 
 def test_objections() -> None:
     good = {"sequence": "a", "ate_max": 0.02, "lost": 0}
+    default, both = Results([good], []), Results([good], [good])
     assert bound(0.02) == pytest.approx(0.04)
-    assert list(objections([good], [good], [good], 0.05)) == []
-    [lost] = objections([good | {"lost": 3}], [], [], 0.05)
-    assert lost == "the camera is lost in 3 frames of a"
-    [large] = objections([good | {"ate_max": 0.05}], [], [], 0.05)
+    assert list(objections(both, both, 0.05)) == []
+    [lost] = objections(Results([good | {"lost": 3}], []), default, 0.05)
+    assert lost == "the camera is lost in 3 frames of a, with the default in 0"
+    [large] = objections(Results([good | {"ate_max": 0.05}], []), default, 0.05)
     assert large == "its error on a is 5.0 cm, not below 5 cm"
-    [unknown] = objections([], [good], [], 0.05)
+    [unknown] = objections(both, default, 0.05)
     assert unknown == "the default was not measured on a"
+    [missing] = objections(default, both, 0.05)
+    assert missing == "it was not measured on a"
+
+
+def test_frames_in_the_dark_are_lost_for_every_configuration() -> None:
+    dark = {"sequence": "a", "ate_max": 0.02, "lost": 14}
+
+    assert list(objections(Results([dark], []), Results([dark], []), 0.05)) == []
+    [lost] = objections(Results([dark | {"lost": 15}], []), Results([dark], []), 0.05)
+    assert lost == "the camera is lost in 15 frames of a, with the default in 14"
