@@ -30,9 +30,9 @@ AGAIN = (
     "crowd/test_admin_erasure.py",
     "crowd/test_disclosure.py",
     "crowd/test_aliases.py",
-    "explorations/test_readings.py",
+    "explorations/outcomes/test_readings.py",
     "explorations/test_several_sequences.py",
-    "explorations/test_leases_of_several.py",
+    "explorations/measuring/test_leases_of_several.py",
 )
 
 
