@@ -4,8 +4,7 @@ Runs the default and the `best` of the two newest fronts of KinectFusion (`--fro
 one) over the learned-on and the held-out scenes, and over windows of 100 frames and the whole of the real
 recording redkitchen where FRONTRUNNER_DATA names it. Each run is a process of its own, by the program as it
 is and, in turn, by that of another commit (`--base REV`, by default none). Sequences are made once under
-$FRONTRUNNER_VAR. Writes a row for each run to var/benchmarks/sequences.json, goes on where it stopped, and
-prints tables in Markdown.
+$FRONTRUNNER_VAR. Writes a row for each run to var/benchmarks/sequences.json and prints tables in Markdown.
 """
 
 from __future__ import annotations
@@ -135,15 +134,12 @@ def run(program: Path, parameters: dict[str, Any], sequence: Path) -> Row:
 def measure(
     points: dict[str, dict[str, Any]], programs: dict[str, Path], folder: Path, result: Path
 ) -> list[Row]:
-    """Run what `result` does not hold yet; a row is a configuration on a sequence by a program."""
-    rows: list[Row] = json.loads(result.read_text()) if result.exists() else []
-    done = {(row["program"], row["name"], row["sequence"]) for row in rows}
+    """Run all and write it to `result`; a row is a configuration on a sequence by a program."""
+    rows: list[Row] = []
     result.parent.mkdir(parents=True, exist_ok=True)
     for path in packs(folder):
         for name, parameters in points.items():
             for program, home in programs.items():
-                if (program, name, path.name) in done:
-                    continue
                 rows.append(
                     {"program": program, "name": name, "sequence": path.name} | run(home, parameters, path)
                 )

@@ -28,11 +28,10 @@ def add(exploration: Exploration, wanted: Sequence[Wanted], iteration: int | Non
         last = exploration.evaluations.aggregate(last=Max("iteration"))["last"]
         iteration = 1 + (last or 0)
     first = exploration.evaluations.count()
-    repeats = Counter(
-        exploration.evaluations.filter(phase=Evaluation.Phase.REPEAT).values_list(
-            "configuration_key", flat=True
-        )
-    )
+    repeats: Counter[str] = Counter()
+    if any(phase == Evaluation.Phase.REPEAT for _, phase, _ in wanted):
+        earlier = exploration.evaluations.filter(phase=Evaluation.Phase.REPEAT)
+        repeats.update(earlier.values_list("configuration_key", flat=True))
 
     def perturbation(configuration: Mapping[str, Any], phase: str) -> int:
         if phase != Evaluation.Phase.REPEAT:
