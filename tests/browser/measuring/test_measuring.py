@@ -84,6 +84,7 @@ def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) 
 
 
 def test_a_cut_network_keeps_the_session_and_sends_it_once(visitor: Visitor) -> None:
+    visitor.page.add_init_script("Math.random = () => 0.99")  # a long pause: no second try before it is asked for
     visitor.page.route("**/api/v1/submissions", lambda route: route.abort())
     page = begin(visitor)
     finished(page, "kept")
