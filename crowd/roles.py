@@ -21,6 +21,10 @@ _BOTH = {
         *("view_submission", "view_measurementsession", "view_run", "view_sessionsummary"),
         "view_devicespeedup",
     ),
+    "predictions": (
+        *("view_devicemap", "view_probeassignment", "view_recommendation"),
+        *("view_proberequest", "add_proberequest", "change_proberequest"),
+    ),
     "devices": (
         *("view_devicemodel", "view_devicedescription", "view_devicealias", "view_devicesplit"),
         *("view_catalogueentry", "view_attemptcount"),

@@ -119,6 +119,7 @@ INSTALLED_APPS = [
     "crowd.fronts",
     "crowd.devices",
     "crowd.results",
+    "crowd.predictions",
     "crowd.explorations",
     "crowd.administration.Administration",
     "django.contrib.auth",
@@ -222,6 +223,10 @@ CELERY_TIMEZONE = "UTC"
 CELERY_BEAT_SCHEDULE: dict[str, dict[str, object]] = {
     "summarise what no message reached": {"task": "crowd.results.tasks.sweep", "schedule": 30.0},
     "write the open data when it is due": {"task": "crowd.results.tasks.export", "schedule": 300.0},
+    "learn the maps of devices when they are due": {
+        "task": "crowd.predictions.tasks.rebuild",
+        "schedule": 300.0,
+    },
     "measure what no message reached": {
         "task": "crowd.explorations.tasks.reap",
         "schedule": FRONTRUNNER_REAP_SECONDS,

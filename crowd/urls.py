@@ -23,6 +23,7 @@ urlpatterns = [
     path("api/v1/", include("crowd.fronts.urls")),
     path("api/v1/", include("crowd.devices.urls")),
     path("api/v1/", include("crowd.results.api.urls")),
+    path("api/v1/", include("crowd.predictions.urls")),
     path("api/v1/", include("crowd.explorations.urls")),
     path("api/v1/openapi.json", openapi.OpenApiView.as_view(), name="openapi"),
     path("api/v1/docs", openapi.docs, name="docs"),

@@ -1,6 +1,7 @@
 """Shapes of the answers about fronts."""
 
 from collections.abc import Mapping
+from collections.abc import Sequence as Several
 from datetime import datetime
 from typing import Any
 
@@ -10,7 +11,7 @@ from msgspec import UNSET, UnsetType
 from crowd.fronts import plans
 from crowd.fronts.contents import APPLICATIONS
 from crowd.fronts.policy import Policy
-from crowd.fronts.selectors import Front, Point
+from crowd.fronts.selectors import DEFAULT, Front, Point
 
 
 class Addressed(msgspec.Struct):
@@ -141,6 +142,42 @@ def manifest(front: Front, policy: Policy) -> Manifest:
         minimum_app_version=policy.minimum_app_version,
         accepting=policy.accepting,
         message=policy.message or None,
+    )
+
+
+class Asked(msgspec.Struct):
+    """A configuration that this device in particular is asked to measure, and why."""
+
+    name: str
+    why: str
+
+
+class AssignedManifest(Manifest):
+    """The manifest of a session of probes, for one installation: `configurations` and `protocol` are those of
+    that session. Where `assigned` is empty, `assigned_message` says why, null where there is no more to say.
+    """
+
+    assigned: list[Asked]
+    assigned_message: str | None
+
+
+def assigned_manifest(
+    front: Front, policy: Policy, asked: Several[tuple[Point, str]], repeats: int, message: str | None
+) -> AssignedManifest:
+    """What clients are asked to measure after default and best: the points ASKED, each with its reason, and
+    the default, each REPEATS times. Without any it has the front's own configurations and protocol.
+    """
+    usual = manifest(front, policy)
+    chosen, protocol = usual.configurations, usual.protocol
+    if asked:
+        chosen = [one for one in chosen if one.name == DEFAULT]
+        chosen += [_configuration(front, point) for point, _ in asked]
+        protocol = protocol | {"order": [one.name for one in chosen], "repeats": repeats}
+    members = {field: getattr(usual, field) for field in usual.__struct_fields__}
+    return AssignedManifest(
+        **members | {"configurations": chosen, "protocol": protocol},
+        assigned=[Asked(point.name, why) for point, why in asked],
+        assigned_message=message,
     )
 
 

@@ -63,13 +63,15 @@ class InvalidFrontError(ValueError):
 class Predicted(msgspec.Struct):
     """What the reference device measured: seconds a frame, metres. None where the trajectory was lost.
 
-    `runtime_ratio`, where it is known, is the runtime over that of the default in the same round.
+    Where they are known, `runtime_ratio` is the runtime over that of the default in the same round, and
+    `stages` holds the seconds a frame of each stage.
     """
 
     runtime: NonNegative
     ate_max: NonNegative | None
     ate_mean: NonNegative | None
     runtime_ratio: NonNegative | UnsetType = UNSET
+    stages: dict[str, NonNegative] | UnsetType = UNSET
 
 
 class Result(msgspec.Struct):

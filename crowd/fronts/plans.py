@@ -9,7 +9,7 @@ import json
 import logging
 from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd.fronts import selectors, sequences
 from crowd.fronts.contents import APPLICATIONS
@@ -19,6 +19,9 @@ from slam.datasets.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
 
 KFUSION = "kfusion"  # the one system whose frames are planned
+
+if TYPE_CHECKING:
+    from slam.plans.plan import Plan
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +84,17 @@ def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
     return _made(sequence, tuple(parameters.items()))
 
 
+def workload(front: Front, point: Point) -> Mapping[tuple[str, str], float] | None:
+    """How much POINT of FRONT uses of each resource in each stage (`slam.kfusion.work`), over the frames that
+    count; None where it has no plan.
+    """
+    if of_point(front, point) is None:
+        return None
+    protocol = front.protocol
+    frames = (int(protocol["first_counted_frame"]), int(protocol["frames"]))
+    return _workload(front.sequence["sha256"], tuple(point.parameters.items()), *frames)
+
+
 @lru_cache(maxsize=1)
 def _of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
     """The plan of each configuration of the fronts RELEASED (slug and digest) that has one."""
@@ -93,19 +107,33 @@ def _of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
 def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
     # Imported by the first manifest: a command that only reads tables needs none of it.
     from slam.devices import webgpu
-    from slam.devices.layout import Layout
-    from slam.kfusion.configuration import Configuration
     from slam.kfusion.pipeline import FOLDERS
-    from slam.kfusion.plan import plan
     from slam.plans.declarations import shaders
-    from slam.system import scene_of
 
-    made = plan(Configuration.from_mapping(dict(parameters)), scene_of(_pack(sequence)), Layout("pixels"))
+    made = _plan(sequence, parameters)
     largest = max(buffer.planes * buffer.nbytes(made.state_type.itemsize) for buffer in made.buffers)
     fits = largest <= webgpu.LIMITS["max-storage-buffer-binding-size"]
     backends = tuple(b for b in APPLICATIONS[KFUSION].backends if fits or b != "webgpu")
     texts = json.dumps(shaders(made, FOLDERS))
     return FramePlan(_document(made.to_json()), _document(texts), backends)
+
+
+@cache
+def _workload(
+    sequence: str, parameters: tuple[tuple[str, Any], ...], first: int, frames: int
+) -> Mapping[tuple[str, str], float]:
+    from slam.kfusion.work import work
+
+    return work(_plan(sequence, parameters), range(first, frames))
+
+
+def _plan(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> "Plan":
+    from slam.devices.layout import Layout
+    from slam.kfusion.configuration import Configuration
+    from slam.kfusion.plan import plan
+    from slam.system import scene_of
+
+    return plan(Configuration.from_mapping(dict(parameters)), scene_of(_pack(sequence)), Layout("pixels"))
 
 
 def _document(content: str) -> Document:

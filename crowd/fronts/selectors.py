@@ -142,6 +142,11 @@ def front(slug: str) -> Front | None:
     return None if row is None else _front(row)
 
 
+def key_of(slug: str) -> int:
+    """The key of the front called SLUG. Raises FrontVersion.DoesNotExist."""
+    return FrontVersion.objects.values_list("pk", flat=True).get(slug=slug)
+
+
 def any_front(key: int) -> Front:
     """The front with that key in whatever state, for those who decide on it. Two queries.
 

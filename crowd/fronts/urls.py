@@ -5,7 +5,6 @@ from django.urls import path
 from crowd.fronts import views
 
 urlpatterns = [
-    path("manifest", views.ManifestView.as_view()),
     path("fronts", views.FrontsView.as_view()),
     path("fronts/<str:version>", views.FrontView.as_view()),
 ]

@@ -12,7 +12,7 @@ from django.http import (
 )
 from django.utils.cache import get_conditional_response
 from django.views.decorators.http import require_safe
-from drf_spectacular.utils import OpenApiParameter, extend_schema
+from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
 from crowd.api import Endpoint, answer, page
@@ -24,21 +24,8 @@ A_YEAR = 365 * 24 * 3600
 
 
 class ManifestView(Endpoint):
-    """What a client is asked to measure now."""
+    """What every client is asked to measure now; crowd.predictions adds what one of them alone is asked."""
 
-    @extend_schema(
-        operation_id="manifest",
-        summary="What to measure now: front, protocol, sequence",
-        description="Ask again with If-None-Match: an unchanged manifest answers 304 with no body.",
-        parameters=[
-            OpenApiParameter(
-                "application",
-                str,
-                description="where absent kfusion, or what was published first where that is not published",
-            )
-        ],
-        responses={200: answers.Manifest, 304: None},
-    )
     def get(self, request: Request) -> HttpResponseBase:
         application = request.query_params.get("application") or None
         manifest = manifests.current(application, policy.current())

@@ -237,6 +237,7 @@ def _fronts(keys: Collection[int]) -> dict[int, Front]:
             configurations=frozenset(names[key].values()),
             baseline=names[key].get(DEFAULT),
             bands=bands[key],
+            order=frozenset(names[key][name] for name in Protocol.of(protocol).order if name in names[key]),
         )
         for key, protocol in protocols.items()
     }

@@ -44,8 +44,8 @@ class Rejection:
 
 @dataclass(frozen=True)
 class Protocol:
-    """The members of a front's protocol by which the server judges runs. Every configuration runs `repeats`
-    times.
+    """The members of a front's protocol by which the server judges runs. The configurations of `order` run
+    `repeats` times.
     """
 
     version: int
@@ -53,6 +53,7 @@ class Protocol:
     first_counted_frame: int
     max_ate: float
     repeats: int
+    order: Collection[str] = ()
 
     @property
     def fixed_pairs(self) -> bool:
@@ -67,7 +68,14 @@ class Protocol:
             return UNREADABLE
         # An order such as default, best, best, default spells its repeats out.
         repeats = max(judged.repeats, judged.order.count(DEFAULT))
-        return cls(judged.version, judged.frames, judged.first_counted_frame, judged.max_ate, repeats)
+        return cls(
+            judged.version,
+            judged.frames,
+            judged.first_counted_frame,
+            judged.max_ate,
+            repeats,
+            frozenset(judged.order),
+        )
 
 
 # Of a front that was published before protocols were checked: no run can be judged by it.

@@ -18,6 +18,7 @@ from crowd.results.models import Decision, MeasurementSession, Run, State
 from crowd.results.validity import measures, rules, version
 from crowd.results.validity.decisions import Decisions
 from crowd.results.validity.rules import Rule
+from slam.protocol import PROBE_PAIRS
 
 DERIVED = ("mean_us", "fingerprint", "state", "reason")
 READ = (
@@ -52,7 +53,7 @@ class StoredRun:
 class Front:
     """The parts of a front version by which runs are judged and compared; configurations by their keys.
 
-    `bands` (m) has those of protocol 2.
+    `bands` (m) has those of protocol 2. `order` are the configurations that every session measures.
     """
 
     key: int
@@ -60,6 +61,12 @@ class Front:
     configurations: Collection[int]
     baseline: int | None  # the default configuration
     bands: Mapping[int, float] = field(default_factory=dict)
+    order: Collection[int] = ()
+
+    def planned_repeats(self, configuration: int) -> int:
+        """How many pairs a session needs of CONFIGURATION: fewer of one that not every session measures."""
+        most = self.protocol.repeats
+        return most if configuration in self.order else min(most, PROBE_PAIRS)
 
 
 @dataclass(frozen=True)

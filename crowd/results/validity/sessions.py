@@ -120,7 +120,7 @@ def _summaries(
             day=session.day,
             counted=True,  # until its day's sessions are counted
             ate_max=max((run.ate_max for run in candidate if run.ate_max is not None), default=None),
-            **_comparison(session, candidate, against, largest(key), clock_mhz, in_order),
+            **_comparison(session, key, candidate, against, largest(key), clock_mhz, in_order),
         )
         for key, candidate in by_configuration.items()
     ]
@@ -128,17 +128,19 @@ def _summaries(
 
 def _comparison(
     session: SessionInput,
+    configuration: int,
     candidate: list[StoredRun],
     against: list[StoredRun],
     drift: float | None,
     clock_mhz: Sequence[float],
     in_order: bool,
 ) -> dict[str, Any]:
-    """What a summary says of the runs CANDIDATE and those of the baseline AGAINST.
+    """What a summary says of CONFIGURATION, from its runs CANDIDATE and those of the baseline AGAINST.
 
     IN_ORDER: no two runs of the session claim the same place.
     """
     protocol, runs = session.front.protocol, [*candidate, *against]
+    planned = session.front.planned_repeats(configuration)
     counted, baseline = _counted(candidate), _counted(against)
     ratios = measures.paired_log_ratios(_times(baseline), _times(counted))
     log_ratio = float(ratios.mean()) if len(ratios) else None
@@ -149,9 +151,7 @@ def _comparison(
     else:
         broken = {
             rules.EMULATOR: session.emulated,
-            rules.INCOMPLETE_PAIRS: not measures.complete_pairs(
-                _places(baseline), _places(counted), protocol.repeats
-            ),
+            rules.INCOMPLETE_PAIRS: not measures.complete_pairs(_places(baseline), _places(counted), planned),
             rules.UNBALANCED_ORDER: not in_order
             or not measures.balanced_order(_places(baseline), _places(counted)),
             _drift_rule(drift, clock_mhz): measures.has_drifted(drift),
@@ -159,7 +159,7 @@ def _comparison(
         reasons = {run.reason for run in runs} & PASSED_ON
         reasons |= {rule.code for rule, is_broken in broken.items() if is_broken}
         rule = next((rule for rule in RULES.values() if rule.code in reasons), None)
-    interval = measures.session_interval(ratios, protocol.repeats, protocol.fixed_pairs)
+    interval = measures.session_interval(ratios, planned, protocol.fixed_pairs)
     low, high = interval or (None, None)
     return {
         "log_ratio": log_ratio,

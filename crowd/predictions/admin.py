@@ -1,0 +1,49 @@
+"""Maps to look at, wishes to write down, assignments and recommendations as they were made."""
+
+from typing import Any
+
+from django.contrib import admin
+from django.db.models import QuerySet
+from django.http import HttpRequest
+
+from crowd.fronts.models import Configuration, FrontVersion
+from crowd.predictions.models import DeviceMap, ProbeAssignment, ProbeRequest, Recommendation
+from crowd.readonly import ReadOnlyAdmin
+
+
+@admin.register(DeviceMap)
+class DeviceMapAdmin(ReadOnlyAdmin):
+    list_display = ("__str__", "simulated", "rung", "devices", "sessions", "made_at")
+    fields = (
+        "front", "backend", "processor_class", "simulated", "rung", "scale", "errors", "devices", "sessions",
+        "made_at",
+    )  # fmt: skip
+
+
+@admin.register(ProbeRequest)
+class ProbeRequestAdmin(admin.ModelAdmin):
+    list_display = ("configuration", "chip", "sessions", "reason", "active", "created_at")
+    list_filter = ("active",)
+
+    def get_queryset(self, request: HttpRequest) -> QuerySet[ProbeRequest]:
+        return super().get_queryset(request).select_related("configuration__front")
+
+    def formfield_for_foreignkey(self, db_field: Any, request: Any, **kwargs: Any) -> Any:
+        """Configurations of the fronts that are measured now."""
+        if db_field.name == "configuration":
+            kwargs["queryset"] = Configuration.objects.filter(
+                front__state=FrontVersion.State.PUBLISHED
+            ).select_related("front")
+        return super().formfield_for_foreignkey(db_field, request, **kwargs)
+
+
+@admin.register(ProbeAssignment)
+class ProbeAssignmentAdmin(ReadOnlyAdmin):
+    list_display = ("configuration", "processor", "backend", "why", "assigned_at")
+    list_select_related = ("configuration__front",)
+
+
+@admin.register(Recommendation)
+class RecommendationAdmin(ReadOnlyAdmin):
+    list_display = ("device", "front", "backend", "configuration", "rung", "log_ratio", "made_at")
+    list_select_related = ("device", "front", "configuration__front")

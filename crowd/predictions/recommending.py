@@ -1,0 +1,143 @@
+"""Which configuration to use on a device, and how good such advice turned out to be."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from crowd.devices.models import DeviceModel
+from crowd.fronts.models import Configuration
+from crowd.fronts.selectors import BEST, Front
+from crowd.predictions.devices import Expectation, Expected, Learned, expect
+from crowd.predictions.models import Recommendation
+from crowd.predictions.tables import CrowdTable, Group
+from crowd.results.models import DeviceSpeedup, State
+from slam.protocol import VALID_BELOW
+
+
+class NothingKeepsLimitsError(LookupError):
+    """No configuration keeps the limits; the message names the nearest value."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A recommendation that the device measured later.
+
+    `regret`: how many times slower it is than the fastest point within the limit that was measured there, 1
+    or more; `best_regret` the same of the published best, None where that was not measured.
+    """
+
+    recommendation: Recommendation
+    ratio: float
+    regret: float
+    best_regret: float | None
+    within_interval: bool
+
+
+def choose(expected: Expectation, max_ate: float = VALID_BELOW, max_seconds: float | None = None) -> Expected:
+    """The fastest point with an error of at most MAX_ATE (m); where MAX_SECONDS a frame are enough, the most
+    accurate that keeps both limits.
+
+    The published best is kept unless another one wins by more than its interval. Probes, which were never
+    checked on held-out sequences, are not recommended. Raises NothingKeepsLimitsError.
+    """
+    points = [point for point in expected.points if not point.probe and point.ate_max is not None]
+    exact = [point for point in points if _error(point) <= max_ate]
+    if not exact:
+        least = min(points, key=_error)
+        raise NothingKeepsLimitsError(
+            f"no configuration has an error of at most {max_ate:g} m: the least is {_error(least):.4f} m, "
+            f"by {least.configuration}"
+        )
+    if max_seconds is not None:
+        if expected.seconds is None:
+            raise NothingKeepsLimitsError("nobody measured how long a frame takes on it: leave out max_ms")
+        quick = [point for point in exact if expected.seconds / point.ratio <= max_seconds]
+        if not quick:
+            fastest = expected.seconds / max(point.ratio for point in exact)
+            raise NothingKeepsLimitsError(
+                f"no configuration takes at most {1e3 * max_seconds:g} ms a frame: the fastest within the "
+                f"error takes {1e3 * fastest:.3g} ms"
+            )
+        return min(quick, key=_error)
+    fastest_point = max(exact, key=lambda point: point.ratio)
+    published = next((point for point in exact if point.configuration == BEST), None)
+    if published is None or fastest_point.low > published.ratio:
+        return fastest_point
+    return published
+
+
+def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> None:
+    """Note what is recommended for each device of TABLE, where that is new and not measured there yet."""
+    newest: dict[tuple[int, str], str] = {}
+    rows = Recommendation.objects.filter(
+        front=group.front, backend=group.backend, processor_class=group.processor_class
+    )
+    for device, processor, name in rows.order_by("pk").values_list(
+        "device", "processor", "configuration__name"
+    ):
+        newest[device, processor] = name
+    names = {name: key for key, name in _configurations(group.front)}
+    made = []
+    for row in table.rows.itertuples():
+        family = str(table.known.families[row.Index])
+        try:
+            point = choose(expect(front, table, learned, str(row.Index), family))
+        except NothingKeepsLimitsError:
+            continue
+        if point.measured or newest.get((row.device, row.processor)) == point.configuration:
+            continue
+        made.append(
+            Recommendation(
+                device_id=row.device,
+                front_id=group.front,
+                backend=group.backend,
+                processor=row.processor,
+                processor_class=group.processor_class,
+                configuration_id=names[point.configuration],
+                rung=learned.rung,
+                log_ratio=math.log(point.ratio),
+                low=math.log(point.low),
+                high=math.log(point.high),
+            )
+        )
+    Recommendation.objects.bulk_create(made, batch_size=500)
+
+
+def forget_devices_without_figures() -> None:
+    """Delete recommendations for devices of which nothing is stored any more."""
+    Recommendation.objects.exclude(device__in=DeviceSpeedup.objects.values("device")).delete()
+
+
+def judged(front: str, simulated: bool = False) -> list[Judged]:
+    """Every recommendation of FRONT (slug) that the device measured since, oldest first. Two queries."""
+    kind = DeviceModel.Kind.SIMULATED
+    rows = Recommendation.objects.filter(front__slug=front).select_related("device", "configuration")
+    rows = rows.filter(device__kind=kind) if simulated else rows.exclude(device__kind=kind)
+    advice = list(rows.order_by("pk"))
+    keys = ("device_id", "backend", "processor", "processor_class")
+    figures = DeviceSpeedup.objects.filter(
+        front__slug=front, state=State.VALID, configuration__probe=False,
+        device__in={one.device_id for one in advice},
+    ).filter(ate_max__lte=VALID_BELOW)  # fmt: skip
+    measured: dict[tuple[object, ...], dict[str, float]] = {}
+    for *key, name, speedup in figures.order_by().values_list(*keys, "configuration__name", "speedup"):
+        measured.setdefault(tuple(key), {})[name] = speedup
+    found = []
+    for one in advice:
+        there = measured.get(tuple(getattr(one, key) for key in keys), {})
+        ratio = there.get(one.configuration.name)
+        if ratio is None:
+            continue
+        most, best = max(there.values()), there.get(BEST)
+        within = one.low <= math.log(ratio) <= one.high
+        found.append(Judged(one, ratio, most / ratio, best and most / best, within))
+    return found
+
+
+def _error(point: Expected) -> float:
+    assert point.ate_max is not None  # the others were left out
+    return point.ate_max
+
+
+def _configurations(front: int) -> Iterable[tuple[int, str]]:
+    return Configuration.objects.filter(front=front).values_list("pk", "name")

@@ -1,0 +1,256 @@
+"""The crowd's figures and stage times as the tables that models learn from: a row for each cohort of devices.
+
+Devices that measured one front with one backend and one class of processor are in one table: times of others
+say nothing of theirs. Simulated devices are never in one table with those that people have.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from django.db.models import Count, F, Max
+
+from crowd.fronts import plans
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
+from crowd.results.figures.confirmation import confirmed
+from crowd.results.intake import packing
+from crowd.results.models import DeviceSpeedup, Run, SessionSummary, State
+from crowd.results.reading.figures import simulated_only
+from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
+from pareto.devices.prediction import Observation
+from pareto.devices.rungs import observations
+from slam.system import STAGES
+
+SESSION = (DEFAULT, BEST)  # what every session measures, with its stages
+# Standard errors of logarithms: of one session that has no interval of its own, of the stages of a session,
+# and what is added where no quorum agrees with a figure.
+ONE_SESSION, STAGE, UNCONFIRMED = 0.05, 0.05, 0.05
+NORMAL_95 = 1.959964
+FIGURE = ("row", "device", "processor", "quantity", "ratio", "error", "ate_max", "sessions")
+# Of four pairs. Two alone give an interval so wide that it says nothing, so an error has an end.
+STUDENT_95, MOST_ERROR = 3.182, 0.1
+MOST_NEAR = 40  # devices of a series that a prediction looks at
+# A chip's family: its name up to the first digit, which tells series apart ("Adreno 6", "Mali-G7").
+SERIES = re.compile(r"^\D*\d?")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Which devices are in one table."""
+
+    front: int
+    backend: str
+    processor_class: str
+    simulated: bool
+
+
+@dataclass(frozen=True)
+class CrowdTable:
+    """`known`: what the devices of a group measured; its rows are named by `row_name`. `rows` (the same
+    index): device (key), processor, sessions, seconds (of a frame of the default, NaN where unknown).
+    `ate_max` (the shape of `known.ratios`): errors that a device measured itself, m, NaN where it did not.
+    """
+
+    known: DeviceMap
+    rows: pd.DataFrame
+    ate_max: pd.DataFrame
+
+    @cached_property
+    def seen(self) -> dict[str, Observation]:
+        """What each row measured, stages too."""
+        return dict(zip(self.known.ratios.index, observations(self.known), strict=True))
+
+    @cached_property
+    def configurations_seen(self) -> dict[str, Observation]:
+        """The same without stages."""
+        whole = np.array([SEPARATOR not in name for name in self.known.ratios.columns], dtype=bool)
+        return {
+            name: Observation(one.places[kept], one.values[kept], one.errors[kept])
+            for name, one in self.seen.items()
+            for kept in [whole[one.places]]
+        }
+
+    @cached_property
+    def series(self) -> dict[str, list[str]]:
+        """The rows of each family, those with most measurements first."""
+        found: dict[str, list[str]] = {}
+        for name in sorted(self.seen, key=lambda name: (-len(self.seen[name]), name)):
+            found.setdefault(str(self.known.families[name]), []).append(name)
+        return found
+
+
+def row_name(device: int, processor: str) -> str:
+    """The row of the cohort of DEVICE whose chip PROCESSOR computed."""
+    return f"{device} {processor}"
+
+
+def family(processor: str) -> str:
+    """The series of a chip: its name up to its first digit."""
+    found = SERIES.match(processor)
+    return found.group().strip() if found else processor
+
+
+def reference_of(front: Front) -> pd.Series:
+    """Log ratios of every configuration and stage on the reference device; stages are NaN where unknown."""
+    every = [*front.points, *front.probes]
+    default = next(point for point in every if point.name == DEFAULT)
+    found: dict[str, float] = {}
+    for point in every:
+        ratio = predicted_speedup(default.predicted, point.predicted)
+        if ratio and point.name != DEFAULT:
+            found[point.name] = math.log(ratio)
+    for name in SESSION:
+        for stage in STAGES:
+            found[stage_quantity(name, stage)] = _stage_ratio(default, _named(every, name), stage)
+    return pd.Series(found, dtype=float)
+
+
+def work_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
+    """How much each configuration of FRONT among QUANTITIES computes; None for a system without plans."""
+    wanted = {DEFAULT, *quantities}
+    loads = {
+        point.name: plans.workload(front, point)
+        for point in (*front.points, *front.probes)
+        if point.name in wanted
+    }
+    if any(load is None for load in loads.values()):
+        return None
+    table = pd.DataFrame({name: pd.Series(dict(load or {})) for name, load in loads.items()}).T
+    return table.fillna(0.0)
+
+
+def groups() -> list[Group]:
+    """Every group that has a figure of a published front. One query."""
+    rows = DeviceSpeedup.objects.filter(front__state="published").order_by()
+    found = rows.values_list("front_id", "backend", "processor_class", "device__kind").distinct()
+    return sorted(
+        {Group(front, backend, kind, device == "simulated") for front, backend, kind, device in found},
+        key=lambda group: (group.front, group.backend, group.processor_class, group.simulated),
+    )
+
+
+def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> CrowdTable:
+    """What the devices of GROUP measured of FRONT; of DEVICES (keys) alone where they are given. Four queries
+    and, the first time, the plans of all configurations.
+    """
+    reference = reference_of(front)
+    figures, stages = _figures(group, devices), _stages(front, group, devices)
+    measured = pd.concat([figures, stages[stages.row.isin(figures.row)]], ignore_index=True)
+    measured = measured[measured.quantity.isin(reference.index)]
+
+    def table(values: str) -> pd.DataFrame:
+        wide = measured.pivot(index="row", columns="quantity", values=values)
+        return wide.reindex(index=rows.index, columns=reference.index).astype(float)
+
+    rows = figures.groupby("row").agg(
+        device=("device", "first"), processor=("processor", "first"), sessions=("sessions", "max")
+    )
+    rows["seconds"] = stages.groupby("row").seconds.first().reindex(rows.index)
+    families = rows.processor.map(family).astype(object)
+    known = DeviceMap(table("ratio"), table("error"), families, reference, work_of(front, reference.index))
+    return CrowdTable(known, rows, table("ate_max"))
+
+
+def neighbourhood(group: Group, processor: str, device: int | None = None) -> list[int]:
+    """The keys of DEVICE and of the devices of GROUP with chips of the series of PROCESSOR, MOST_NEAR at
+    most. One query.
+    """
+    rows = DeviceSpeedup.objects.filter(
+        simulated_only(group.simulated),
+        front=group.front,
+        backend=group.backend,
+        processor_class=group.processor_class,
+        processor__startswith=family(processor),
+    )
+    near = rows.order_by().values("device").annotate(count=Count("pk")).order_by("-count", "device")
+    own = [] if device is None else [device]
+    return [*own, *(key for key in near.values_list("device", flat=True)[:MOST_NEAR] if key != device)]
+
+
+def _named(points: Sequence[Point], name: str) -> Point | None:
+    return next((point for point in points if point.name == name), None)
+
+
+def _stage_ratio(default: Point, point: Point | None, stage: str) -> float:
+    time = (point.predicted.get("stages") or {}).get(stage) if point else None
+    return math.log(default.predicted["runtime"] / time) if time else math.nan
+
+
+def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
+    """A line for each valid figure: row, device, processor, quantity, ratio, error, ate_max, sessions."""
+    found = DeviceSpeedup.objects.filter(
+        simulated_only(group.simulated),
+        front=group.front,
+        backend=group.backend,
+        processor_class=group.processor_class,
+        state=State.VALID,
+    )
+    if devices is not None:
+        found = found.filter(device__in=devices)
+    agreed = set(found.filter(confirmed()).order_by().values_list("pk", flat=True))
+    lines = [
+        (
+            *(row_name(row.device_id, row.processor), row.device_id, row.processor, row.name),
+            *(math.log(row.speedup), _error(row, row.pk in agreed), row.ate_max, row.sessions),
+        )
+        for row in found.order_by().annotate(name=F("configuration__name"))
+    ]
+    return pd.DataFrame(lines, columns=list(FIGURE))
+
+
+def _error(row: DeviceSpeedup, agreed: bool) -> float:
+    """The standard error of a figure's logarithm; larger where no quorum AGREED with it."""
+    if row.deviation is not None and row.units > 1:
+        own = row.deviation / math.sqrt(row.units)
+    elif row.session_low and row.session_high:
+        own = min((math.log(row.session_high) - math.log(row.session_low)) / (2 * STUDENT_95), MOST_ERROR)
+    else:
+        own = ONE_SESSION
+    return own if agreed else math.hypot(own, UNCONFIRMED)
+
+
+def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
+    """A line for each stage of the default and best in the newest session of each row that counts: row,
+    quantity, ratio, error, and the seconds of a frame of the default.
+    """
+    first = int(front.protocol["first_counted_frame"])
+    newest = SessionSummary.objects.filter(
+        cohort__front=group.front,
+        cohort__backend=group.backend,
+        cohort__processor_class=group.processor_class,
+        configuration__name=BEST,
+        state=State.VALID,
+    )
+    if devices is not None:
+        newest = newest.filter(cohort__device__in=devices)
+    keys = newest.order_by().values("cohort").annotate(newest=Max("session")).values("newest")
+    runs = Run.objects.filter(
+        session__in=keys, configuration__name__in=SESSION, status=Run.Status.OK, state=State.VALID
+    )
+    columns = (
+        "session__device",
+        "session__processor",
+        "configuration__name",
+        "mean_us",
+        "stages",
+        "stages_us",
+    )
+    times: list[tuple[str, str, float]] = []
+    for device, processor, name, mean_us, stages, packed in runs.order_by().values_list(*columns):
+        row = row_name(device, processor)
+        times.append((row, name, mean_us / 1e6))
+        for stage, series in packing.unpack_stages(stages, packed).items():
+            if stage in STAGES:
+                times.append((row, stage_quantity(name, stage), float(series[first:].mean()) / 1e6))
+    mean = pd.DataFrame(times, columns=["row", "quantity", "time"]).groupby(["row", "quantity"]).time.mean()
+    default = mean[mean.index.get_level_values("quantity") == DEFAULT].droplevel("quantity")
+    found = mean[mean > 0].reset_index()
+    found["seconds"] = found.row.map(default)
+    found = found[found.quantity.str.contains(SEPARATOR, regex=False) | (found.quantity == DEFAULT)]
+    found["ratio"] = np.log(found.seconds / found.time)
+    found["error"] = STAGE
+    return found.drop(columns="time")

@@ -1,0 +1,169 @@
+"""The ladder: three ways to learn a belief about a device from those that were measured before.
+
+1. `power`: the reference's ratios to a power, times a factor.
+2. `stages`: besides, every resource (a pixel filtered, a voxel fused, a launch, ...) may cost more or less
+   than on the reference device; the times of stages tell which.
+3. `devices`: besides, what devices have in common beyond that, learned from the devices themselves and
+   shrunk towards the rung below, and what devices of one family share. It needs many families.
+
+Each is a Gaussian belief, so all of them give intervals, take any measurements, and can say which further
+one would teach most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from pareto.devices.device_map import SEPARATOR, DeviceMap
+from pareto.devices.prediction import Belief, Observation
+from pareto.devices.work import WorkModel
+
+Array = NDArray[np.float64]
+
+MOST_FITTED = 200  # devices, those with most measurements: more do not change what is learned
+LEAST_FAMILIES = 16  # of the rung `devices`
+LEAST_ERROR = 0.02  # of a measured ratio: what a session cannot know about the next one
+# Standard deviations of the logarithms before anything was measured, and how sure these guesses are (the
+# standard deviation of their own logarithms).
+GUESSES = {"power": 0.15, "factor": 0.15, "cost": 0.4, "rest": 0.12, "stage": 0.3}
+SURENESS = 1.0
+STRENGTH = 20.0  # devices that the rung below is worth
+ROUNDS = 5  # of expectation and maximisation
+
+
+@dataclass(frozen=True)
+class Components:
+    """What a belief's covariance is made of: (quantities, quantities) matrices, by the name of a guess."""
+
+    mean: Array
+    parts: dict[str, Array]
+
+    def belief(self, logs: Array) -> Belief:
+        """With these logarithms of the standard deviations, in the order of `parts`."""
+        weights = np.exp(2.0 * logs)
+        covariance = sum(weight * part for weight, part in zip(weights, self.parts.values(), strict=True))
+        return Belief(self.mean, np.asarray(covariance))
+
+
+def observations(known: DeviceMap) -> list[Observation]:
+    """What each device of KNOWN measured, in the order of its rows."""
+    values, errors = known.ratios.to_numpy(float), known.errors.to_numpy(float)
+    found = []
+    for row, error in zip(values, errors, strict=True):
+        places = np.flatnonzero(~np.isnan(row))
+        found.append(Observation(places, row[places], np.maximum(error[places], LEAST_ERROR)))
+    return found
+
+
+def power(known: DeviceMap) -> Belief:
+    """The first rung, from the devices of KNOWN; stages tell it nothing."""
+    return _fitted(_components(known, None), known)
+
+
+def stages(known: DeviceMap) -> Belief:
+    """The second rung, from the devices of KNOWN. Raises ValueError where their work is unknown."""
+    if known.work is None:
+        raise ValueError("the work of the configurations is unknown: only the other rungs can be used")
+    return _fitted(_components(known, WorkModel.fit(known.work, known.reference)), known)
+
+
+def devices(known: DeviceMap) -> Belief:
+    """The third rung, from the devices of KNOWN."""
+    below = stages(known) if known.work is not None else power(known)
+    chosen = _most_measured(known)
+    seen = observations(chosen)
+    mean, covariance = below.mean, below.covariance
+    for _ in range(ROUNDS):
+        beliefs = [Belief(mean, covariance).after(one) for one in seen]
+        means = np.array([belief.mean for belief in beliefs])
+        weights = _weights(chosen)
+        share = weights.sum() / (weights.sum() + 1.0)
+        mean = (1 - share) * below.mean + share * np.average(means, axis=0, weights=weights)
+        spread = means - mean
+        moments = np.einsum("d,dq,dr->qr", weights, spread, spread)
+        moments += np.einsum("d,dqr->qr", weights, np.array([belief.covariance for belief in beliefs]))
+        covariance = (STRENGTH * below.covariance + moments) / (STRENGTH + weights.sum())
+    return Belief(mean, covariance, _relation(Belief(mean, covariance), known))
+
+
+RUNGS: dict[str, Callable[[DeviceMap], Belief]] = {"power": power, "stages": stages, "devices": devices}
+
+
+def _components(known: DeviceMap, work: WorkModel | None) -> Components:
+    """Without WORK, those of the first rung: there stages are independent of everything else."""
+    whole = np.array([SEPARATOR not in name for name in known.ratios.columns])
+    reference = known.reference.to_numpy(float)
+    unknown = np.isnan(reference)
+    modelled = np.full(len(reference), reference[whole].mean()) if work is None else work.ratios
+    mean = np.where(unknown, np.where(np.isfinite(modelled), modelled, 0.0), reference)
+    shape = mean * whole if work is None else mean
+    parts = {
+        "power": np.outer(shape, shape),
+        "factor": np.outer(whole, whole).astype(float),
+        "rest": np.diag(whole.astype(float)),
+        # What the reference did not measure is known less well.
+        "stage": np.diag(np.where(whole, 0.0, np.where(unknown, 4.0, 1.0))),
+    }
+    if work is not None:
+        parts["cost"] = work.sensitivities @ work.sensitivities.T
+    return Components(mean, parts)
+
+
+def _fitted(components: Components, known: DeviceMap) -> Belief:
+    """The belief whose standard deviations suit what was measured best (with a prior around GUESSES)."""
+    guesses = np.log([GUESSES[name] for name in components.parts])
+    chosen = _most_measured(known)
+    seen, weights = observations(chosen), _weights(chosen)
+    if not seen:
+        return components.belief(guesses)
+
+    def badness(logs: Array) -> float:
+        belief = components.belief(logs)
+        likelihood = sum(
+            weight * _log_likelihood(belief, one) for weight, one in zip(weights, seen, strict=True)
+        )
+        return float(((logs - guesses) ** 2).sum() / (2 * SURENESS**2) - likelihood)
+
+    return components.belief(minimize(badness, guesses, method="L-BFGS-B", options={"maxiter": 30}).x)
+
+
+def _log_likelihood(belief: Belief, seen: Observation) -> float:
+    if not len(seen):
+        return 0.0
+    covariance = belief.covariance[np.ix_(seen.places, seen.places)] + np.diag(seen.errors**2)
+    left = seen.values - belief.mean[seen.places]
+    lower = np.linalg.cholesky(covariance)
+    scaled = np.linalg.solve(lower, left)
+    return float(-0.5 * scaled @ scaled - np.log(np.diag(lower)).sum())
+
+
+def _most_measured(known: DeviceMap) -> DeviceMap:
+    counts = known.ratios.notna().sum(axis=1).sort_values(ascending=False, kind="stable")
+    return known.of(counts.index[counts > 0][:MOST_FITTED])
+
+
+def _weights(known: DeviceMap) -> Array:
+    """Of a family of n devices each counts 1 / sqrt(n): many alike teach less than as many different ones."""
+    sizes = known.families.map(known.families.value_counts())
+    return np.asarray(1.0 / np.sqrt(sizes.to_numpy(float)))
+
+
+def _relation(belief: Belief, known: DeviceMap) -> float:
+    """How alike devices of one family are, beyond what all have in common: 0, not at all, to 0.95.
+
+    The mean product of the standardised residuals of two devices of a family in one quantity.
+    """
+    left = (known.ratios - belief.mean) / np.sqrt(
+        belief.deviation**2 + known.errors.clip(lower=LEAST_ERROR) ** 2
+    )
+    products, pairs = 0.0, 0
+    for _, rows in left.groupby(known.families):
+        count, total = rows.notna().sum(), rows.sum()
+        products += float((total**2 - (rows**2).sum()).sum())
+        pairs += int((count * (count - 1)).sum())
+    return float(np.clip(products / pairs, 0.0, 0.95)) if pairs else 0.0

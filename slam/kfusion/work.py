@@ -1,0 +1,46 @@
+"""How much a configuration computes in a frame, from its plan: what a prediction of its time starts from."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable
+
+from slam.plans.plan import Dispatch, Plan
+
+RESOURCES = {
+    "preprocessing": "filtered pixels",
+    "tracking": "tracked pixels",
+    "integration": "voxels",
+    "raycasting": "rays",
+}
+FRAMES, LAUNCHES, STEPS = "frames", "launches", "ray steps"
+OTHER = "other"  # what belongs to no stage
+
+Work = dict[tuple[str, str], float]
+
+
+def work(plan: Plan, frames: Iterable[int]) -> Work:
+    """Units of each (stage, resource) that PLAN uses in a frame, on average over the numbers FRAMES.
+
+    A unit is a work-item of the layout by pixels: a pixel filtered (once for each kernel that does so), a
+    pixel tracked (once an iteration, as if none ended early), a voxel, a ray. A ray has as many steps as
+    reach through a metre of empty space. A launch and a frame cost time of their own.
+    """
+    numbers = list(frames)
+    found: dict[tuple[str, str], float] = defaultdict(float)
+    found[OTHER, FRAMES] = 1.0
+    for dispatch in plan.dispatches:
+        share = sum(dispatch.takes_place(number) for number in numbers) / len(numbers)
+        items = share * _items(dispatch)
+        found[dispatch.stage, LAUNCHES] += share
+        found[dispatch.stage, RESOURCES[dispatch.stage]] += items
+        if "large_step" in dispatch.arguments:
+            found[dispatch.stage, STEPS] += items / float(str(dispatch.arguments["large_step"]))
+    return dict(found)
+
+
+def _items(dispatch: Dispatch) -> float:
+    """Work-items; those that walk through the volume count each voxel on their way."""
+    depth = dispatch.arguments["resolution"] if dispatch.kernel == "integrate" else 1
+    return math.prod(dispatch.size) * float(str(depth))
