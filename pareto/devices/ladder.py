@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 
 FOLDS = 8  # families are left out in so many groups at most
 WORTH = 0.97  # a higher rung is taken where its error is at most this part of the lower one's
-LEAST_RESIDUALS = 20  # from which on they say how wide intervals must be
+LEAST_RESIDUALS = 100  # from which on they say how wide intervals must be
+LEAST_SCALE = 0.5
 LEAST_HELD_OUT = 3  # families with a measurement beyond the session that everybody does
 QUANTILE_95 = 1.959964
 COLUMNS = ("rung", "device", "family", "configuration", "predicted", "measured", "deviation")
@@ -113,8 +114,8 @@ def _predicted(
 
 
 def _scale(residuals: pd.DataFrame) -> float:
-    """By how much intervals must be wider to hold 95 % of the residuals; never narrower than believed."""
+    """By how much intervals must be wider, or narrower, than believed to hold 95 % of the residuals."""
     if len(residuals) < LEAST_RESIDUALS:
         return 1.0
     standardised = np.abs(residuals.predicted - residuals.measured) / residuals.deviation
-    return max(1.0, float(np.quantile(standardised, 0.95)) / QUANTILE_95)
+    return max(LEAST_SCALE, float(np.quantile(standardised, 0.95)) / QUANTILE_95)

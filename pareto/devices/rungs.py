@@ -28,9 +28,11 @@ Array = NDArray[np.float64]
 MOST_FITTED = 200  # devices, those with most measurements: more do not change what is learned
 LEAST_FAMILIES = 16  # of the rung `devices`
 LEAST_ERROR = 0.02  # of a measured ratio: what a session cannot know about the next one
-# Standard deviations of the logarithms before anything was measured, and how sure these guesses are (the
-# standard deviation of their own logarithms).
-GUESSES = {"power": 0.15, "factor": 0.15, "cost": 0.4, "rest": 0.12, "stage": 0.3}
+# Standard deviations of the logarithms before anything was measured, as sixteen test devices had them
+# (docs/research/device-map.md), and how sure these guesses are: the standard deviation of their logarithms.
+GUESSES = {"power": 0.15, "factor": 0.15, "cost": 0.4, "rest": 0.08, "stage": 0.3, "alike": 0.1}
+REST_WITHOUT_WORK = 0.2  # in place of "rest", "cost" and "alike"
+ALIKE = 1.0  # distance of logarithms of work over which ratios are alike
 SURENESS = 1.0
 STRENGTH = 20.0  # devices that the rung below is worth
 ROUNDS = 5  # of expectation and maximisation
@@ -111,12 +113,24 @@ def _components(known: DeviceMap, work: WorkModel | None) -> Components:
     }
     if work is not None:
         parts["cost"] = work.sensitivities @ work.sensitivities.T
+        parts["alike"] = np.outer(whole, whole) * _alikeness(known)
     return Components(mean, parts)
+
+
+def _alikeness(known: DeviceMap) -> Array:
+    """How alike the work of quantities is, (quantities, quantities), 1 for the same."""
+    assert known.work is not None
+    names = [name.partition(SEPARATOR)[0] for name in known.ratios.columns]
+    resources = known.work.columns.get_level_values(1)
+    logs = np.log1p(known.work.T.groupby(resources).sum().T.loc[names].to_numpy())
+    apart = ((logs[:, None] - logs[None]) ** 2).sum(axis=2)
+    return np.asarray(np.exp(-apart / (2 * ALIKE**2)))
 
 
 def _fitted(components: Components, known: DeviceMap) -> Belief:
     """The belief whose standard deviations suit what was measured best (with a prior around GUESSES)."""
-    guesses = np.log([GUESSES[name] for name in components.parts])
+    rest = {} if "cost" in components.parts else {"rest": REST_WITHOUT_WORK}
+    guesses = np.log([(GUESSES | rest)[name] for name in components.parts])
     chosen = _most_measured(known)
     seen, weights = observations(chosen), _weights(chosen)
     if not seen:

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class WorkModel:
-    """`ratios` (quantities,): the logarithms that costs and work give on the reference device, -inf for a
-    stage without work. `sensitivities` (quantities, resources): the share of each resource in the time of the
+    """`ratios` (quantities,): the logarithms that costs and work give on the reference device, infinite for
+    a stage without work. `sensitivities` (quantities, resources): the share of each resource in the time of the
     default less its share in the quantity's own time.
     """
 
