@@ -100,7 +100,9 @@ def _of_reference(slug: str, digest: str) -> Belief:  # noqa: ARG001 - the diges
     reference = tables.reference_of(front)
     nothing = pd.DataFrame(columns=reference.index, dtype=float)
     work = tables.work_of(front, reference.index)
-    return climb(KnownDevices(nothing, nothing, pd.Series(dtype=object), reference, work), [BEST]).belief
+    stages = tables.stage_times_of(front, reference.index)
+    known = KnownDevices(nothing, nothing, pd.Series(dtype=object), reference, work, stages)
+    return climb(known, [BEST]).belief
 
 
 def find(group: Group) -> DeviceMap | None:

@@ -123,6 +123,20 @@ def work_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
     return table.fillna(0.0)
 
 
+def stage_times_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
+    """The stages of the default and of each configuration of FRONT among QUANTITIES on the reference device,
+    in units of the time of its default; None where one is unknown.
+    """
+    every = {point.name: point.predicted for point in (*front.points, *front.probes)}
+    wanted = [DEFAULT, *(name for name in quantities if name in every and name != DEFAULT)]
+    stages = {name: every[name].get("stages") for name in wanted}
+    if not all(stages.values()):
+        return None
+    table = pd.DataFrame({name: pd.Series(found) for name, found in stages.items()}).T
+    table = table.reindex(columns=list(STAGES)) / every[DEFAULT]["runtime"]
+    return None if table.isna().any(axis=None) else table
+
+
 def groups() -> list[Group]:
     """Every group that has a figure of a published front. One query."""
     rows = DeviceSpeedup.objects.filter(front__state="published").order_by()
@@ -151,7 +165,14 @@ def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> Cr
     )
     rows["seconds"] = stages.groupby("row").seconds.first().reindex(rows.index)
     families = rows.processor.map(family).astype(object)
-    known = DeviceMap(table("ratio"), table("error"), families, reference, work_of(front, reference.index))
+    known = DeviceMap(
+        table("ratio"),
+        table("error"),
+        families,
+        reference,
+        work_of(front, reference.index),
+        stage_times_of(front, reference.index),
+    )
     return CrowdTable(known, rows, table("ate_max"))
 
 

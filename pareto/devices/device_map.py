@@ -32,6 +32,8 @@ class DeviceMap:
     such as a maker's chips. `reference` (quantities): the same logarithms on the reference device, NaN where
     they are unknown. `work` (default and configurations x (stage, resource)): how much of each resource a
     frame uses in each stage, in any unit that is the same in one resource; None where it is unknown.
+    `stage_times` (default and configurations x stages): times on the reference device, in units of the time
+    of its default; None where they are unknown.
     """
 
     ratios: pd.DataFrame
@@ -39,6 +41,7 @@ class DeviceMap:
     families: pd.Series
     reference: pd.Series
     work: pd.DataFrame | None = None
+    stage_times: pd.DataFrame | None = None
 
     def __post_init__(self) -> None:
         for table, name in ((self.errors, "errors"),):

@@ -30,7 +30,7 @@ LEAST_FAMILIES = 16  # of the rung `devices`
 LEAST_ERROR = 0.02  # of a measured ratio: what a session cannot know about the next one
 # Standard deviations of the logarithms before anything was measured, as sixteen test devices had them
 # (docs/research/device-map.md), and how sure these guesses are: the standard deviation of their logarithms.
-GUESSES = {"power": 0.15, "factor": 0.15, "cost": 0.4, "rest": 0.08, "stage": 0.3, "alike": 0.1}
+GUESSES = {"power": 0.1, "factor": 0.1, "cost": 0.4, "rest": 0.08, "stage": 0.1, "alike": 0.1}
 REST_WITHOUT_WORK = 0.2  # in place of "rest", "cost" and "alike"
 ALIKE = 1.0  # distance of logarithms of work over which ratios are alike
 SURENESS = 1.0
@@ -71,7 +71,7 @@ def stages(known: DeviceMap) -> Belief:
     """The second rung, from the devices of KNOWN. Raises ValueError where their work is unknown."""
     if known.work is None:
         raise ValueError("the work of the configurations is unknown: only the other rungs can be used")
-    return _fitted(_components(known, WorkModel.fit(known.work, known.reference)), known)
+    return _fitted(_components(known, WorkModel.fit(known.work, known.reference, known.stage_times)), known)
 
 
 def devices(known: DeviceMap) -> Belief:
@@ -109,7 +109,7 @@ def _components(known: DeviceMap, work: WorkModel | None) -> Components:
         "factor": np.outer(whole, whole).astype(float),
         "rest": np.diag(whole.astype(float)),
         # What the reference did not measure is known less well.
-        "stage": np.diag(np.where(whole, 0.0, np.where(unknown, 4.0, 1.0))),
+        "stage": np.diag(np.where(whole, 0.0, np.where(unknown, 9.0, 1.0))),
     }
     if work is not None:
         parts["cost"] = work.sensitivities @ work.sensitivities.T

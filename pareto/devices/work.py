@@ -1,8 +1,9 @@
 """Times from work: what a unit of each resource costs on the reference device.
 
 Time = sum over resources of cost x work. The work of a configuration is known exactly. The costs on the
-reference device follow from its times, by non-negative least squares of the relative errors. On a device
-whose costs differ by factors exp(d), ratios differ to first order by `sensitivities` @ d.
+reference device follow from its times, by non-negative least squares of the relative errors: stage by stage
+where the times of its stages are known, else from its whole times. On a device whose costs differ by factors
+exp(d), ratios differ to first order by `sensitivities` @ d.
 """
 
 from __future__ import annotations
@@ -17,38 +18,66 @@ from scipy.optimize import nnls
 from pareto.devices.device_map import DEFAULT, SEPARATOR
 
 Array = NDArray[np.float64]
+LEAST = 1e-9  # of the time of the default: a shorter one counts as this
 
 
 @dataclass(frozen=True)
 class WorkModel:
     """`ratios` (quantities,): the logarithms that costs and work give on the reference device, infinite for
-    a stage without work. `sensitivities` (quantities, resources): the share of each resource in the time of the
-    default less its share in the quantity's own time.
+    a stage without work. `sensitivities` (quantities, resources): the share of each resource in the time of
+    the default less its share in the quantity's own time. Where the times of stages are known, a launch in
+    one stage is another resource than one in another.
     """
 
     ratios: Array
     sensitivities: Array
 
     @classmethod
-    def fit(cls, work: pd.DataFrame, reference: pd.Series) -> WorkModel:
-        """WORK and REFERENCE as in `DeviceMap`."""
-        resources = work.columns.get_level_values(1)
-        total = work.T.groupby(resources).sum().T
+    def fit(
+        cls, work: pd.DataFrame, reference: pd.Series, stage_times: pd.DataFrame | None = None
+    ) -> WorkModel:
+        """WORK, REFERENCE and STAGE_TIMES as in `DeviceMap`."""
         configurations = [name for name in reference.index if SEPARATOR not in name]
         seconds = np.exp(-reference[configurations])  # in units of the time of the default
         seconds[DEFAULT] = 1.0
-        cost = pd.Series(_costs(total.loc[seconds.index], seconds), total.columns)
-        whole = total.loc[DEFAULT] * cost
+        work = work.loc[seconds.index]
+        times = (
+            _from_totals(work, seconds) if stage_times is None else _from_stages(work, seconds, stage_times)
+        )
+        whole = times.loc[DEFAULT]
         ratios, sensitivities = [], []
         for quantity in reference.index:
             configuration, _, stage = quantity.partition(SEPARATOR)
-            used = total.loc[configuration] * cost
+            used = times.loc[configuration]
             if stage:
-                of_stage = work.loc[configuration, stage]
-                used = (of_stage * cost[of_stage.index]).reindex(total.columns, fill_value=0.0)
+                used = used.where(used.index.get_level_values(0) == stage, 0.0)
             ratios.append(_log(whole.sum()) - _log(used.sum()))
             sensitivities.append(_shares(whole) - _shares(used))
-        return cls(np.array(ratios), np.array(sensitivities))
+        table = pd.DataFrame(sensitivities)
+        if stage_times is None:  # a resource costs the same in every stage
+            table = table.T.groupby(level=1).sum().T
+        return cls(np.array(ratios), table.to_numpy())
+
+
+def _from_totals(work: pd.DataFrame, seconds: pd.Series) -> pd.DataFrame:
+    """The time of each (stage, resource) in each configuration; a resource costs the same in every stage."""
+    resources = work.columns.get_level_values(1)
+    total = work.T.groupby(resources).sum().T
+    costs = pd.Series(_costs(total, seconds), total.columns)
+    return work * costs[resources].to_numpy()
+
+
+def _from_stages(work: pd.DataFrame, seconds: pd.Series, stage_times: pd.DataFrame) -> pd.DataFrame:
+    """The same, so that the times of each stage are as measured; what no stage has belongs to the others."""
+    known = stage_times.loc[seconds.index]
+    found = []
+    for stage in dict.fromkeys(work.columns.get_level_values(0)):
+        own = work.loc[:, [stage]]
+        measured = known[stage] if stage in known else seconds - known.sum(axis=1)
+        measured = measured.clip(lower=LEAST)
+        modelled = own * _costs(own, measured)
+        found.append(modelled.mul(measured / modelled.sum(axis=1).clip(lower=LEAST), axis=0))
+    return pd.concat(found, axis=1)
 
 
 def _costs(work: pd.DataFrame, seconds: pd.Series) -> Array:
@@ -59,9 +88,9 @@ def _costs(work: pd.DataFrame, seconds: pd.Series) -> Array:
     return np.asarray(found / scale.to_numpy())
 
 
-def _shares(seconds: pd.Series) -> Array:
-    total = float(seconds.sum())
-    return np.asarray(seconds / total if total > 0 else seconds)
+def _shares(times: pd.Series) -> pd.Series:
+    total = float(times.sum())
+    return times / total if total > 0 else times
 
 
 def _log(seconds: float) -> float:

@@ -1,0 +1,48 @@
+"""The front that ships with probes, and participants whose devices have costs of their own for each stage."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.services import publish_content
+from crowd.predictions import maps
+from tests.crowd.conftest import join
+from tests.crowd.participant import Participant
+from tests.predictions.measured import MALI, Measured
+
+__all__ = ["join"]
+
+FIXTURES = Path(__file__).parents[2] / "fixtures"
+
+
+@pytest.fixture(scope="session")
+def document() -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((FIXTURES / "fronts" / "kfusion-4.json").read_text())
+    return found
+
+
+@pytest.fixture
+def front(db: None, settings: Any, document: dict[str, Any]) -> FrontVersion:
+    settings.FRONTRUNNER_SEQUENCES = [FIXTURES / "sequences"]
+    maps._of_reference.cache_clear()
+    return publish_content(document)[0]
+
+
+@pytest.fixture
+def measured(
+    front: FrontVersion,
+    join: Callable[[], Participant],
+    document: dict[str, Any],
+) -> Any:
+    """One more participant, whose DEVICE with CHIP measures default, best and PROBES."""
+
+    def made(device: str = "Pixel 8", chip: str = MALI, **changes: Any) -> Measured:
+        one = Measured(join(), document, device, chip, **changes)
+        one.send()
+        return one
+
+    return made

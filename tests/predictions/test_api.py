@@ -1,0 +1,136 @@
+"""The addresses of predictions, as outside programs call them."""
+
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.fronts.models import FrontVersion
+from crowd.predictions import maps
+from crowd.predictions.models import ProbeAssignment
+from tests.crowd.participant import API
+from tests.predictions.measured import ADRENO
+
+
+def recommendation(client: Client, query: str = "", **headers: str) -> Any:
+    return client.get(f"{API}/recommendation{query}", headers=headers)
+
+
+def test_without_a_crowd_the_reference_says_what_to_use(client: Client, front: FrontVersion) -> None:
+    found = recommendation(client).json()
+
+    assert (found["configuration"], found["state"], found["about"]) == ("best", "predicted", "any device")
+    assert found["basis"] == {"rung": "reference", "sessions": 0, "devices": 0, "nearest": []}
+    assert found["predicted"]["low"] < found["predicted"]["ratio"] < found["predicted"]["high"]
+    assert (found["application"], found["front_version"]) == ("kfusion", "kfusion-4")
+    assert found["default_seconds"] is None
+    assert len(found["front"]) == 13
+    assert found["parameters"]["volume_resolution"] == 128
+
+
+def test_a_token_asks_for_its_own_device(client: Client, measured: Any) -> None:
+    device = measured()
+    maps.rebuild()
+
+    found = recommendation(client, **device.participant.headers)
+
+    assert found["Cache-Control"] == "private, no-store"
+    body = found.json()
+    assert (body["configuration"], body["state"], body["about"]) == ("best", "measured", "Google Pixel 8")
+    assert body["default_seconds"] == pytest.approx(device.seconds("default"), rel=0.01)
+    assert body["basis"]["rung"] == "stages"
+
+
+def test_devices_are_found_by_name_chip_and_soc(client: Client, measured: Any) -> None:
+    measured("Pixel 8")
+    measured("Pixel 4", ADRENO)
+    maps.rebuild()
+
+    for query, slug in (("?gpu=Adreno+740", "google-pixel-4"), ("?gpu=mali", "google-pixel-8")):
+        assert recommendation(client, query).json()["basis"]["nearest"] == [slug]
+    assert recommendation(client, "?model=pixel+8").json()["about"] == "Google Pixel 8"
+    assert recommendation(client, "?soc=tensor&model=pixel+4").json()["state"] == "measured"
+    by_chip = recommendation(client, "?gpu=Adreno+740").json()
+    assert (by_chip["state"], by_chip["about"]) == ("predicted", "a device like “Adreno 740”")
+    unknown = recommendation(client, "?gpu=Adreno+650").json()
+    assert unknown["about"] == "a device with Adreno 650 that nobody measured"
+
+
+def test_limits_are_kept(client: Client, front: FrontVersion) -> None:
+    exact = recommendation(client, "?max_ate=0.009").json()
+
+    assert (exact["configuration"], exact["ate_max"] <= 0.009) == ("accurate", True)
+
+
+@pytest.mark.parametrize(
+    ("query", "status", "words"),
+    [
+        ("?model=Nokia", 404, "nobody measured a device called 'Nokia'"),
+        ("?gpu=zzz", 404, "no known chip is called 'zzz'"),
+        ("?max_ate=0.0001", 404, "the least is 0.0087 m, by accurate"),
+        ("?max_ms=20", 404, "leave out max_ms"),
+        ("?application=tetris", 404, "no front of 'tetris' is published here"),
+        ("?max_ate=-1", 400, "max_ate=-1: give a number above 0"),
+        ("?max_ms=nan", 400, "give a number above 0"),
+        ("?gpu=" + "x" * 101, 400, "gpu: at most 100 characters"),
+    ],
+)
+def test_what_cannot_be_answered_says_why(
+    client: Client, front: FrontVersion, query: str, status: int, words: str
+) -> None:
+    found = recommendation(client, query)
+
+    assert found.status_code == status
+    assert words in found.json()["detail"]
+
+
+def test_a_token_that_is_none_is_refused(client: Client, front: FrontVersion) -> None:
+    assert recommendation(client, authorization="Bearer nobody").status_code == 401
+
+
+def test_the_manifest_of_a_session_of_probes(client: Client, measured: Any) -> None:
+    device = measured()
+
+    usual = client.get(f"{API}/manifest").json()
+    answer = client.get(f"{API}/manifest?minutes=2", headers=device.participant.headers)
+
+    assert answer.status_code == 200
+    assert answer["Cache-Control"] == "private, no-store"
+    found = answer.json()
+    asked = [one["name"] for one in found["assigned"]]
+    assert len(asked) == 3
+    assert all(one["why"] for one in found["assigned"])
+    assert [one["name"] for one in found["configurations"]] == ["default", *asked]
+    assert found["protocol"] == usual["protocol"] | {"order": ["default", *asked], "repeats": 2}
+    assert all(one["plan"] and one["trajectory"] and one["band"] for one in found["configurations"])
+    for member in ("application", "front_version", "sequence", "consent_version"):
+        assert found[member] == usual[member]
+    assert "assigned" not in usual
+
+    device.submit_probes(asked)
+    again = client.get(f"{API}/manifest?minutes=2", headers=device.participant.headers).json()
+    assert not set(asked) & {one["name"] for one in again["assigned"]}
+    assert ProbeAssignment.objects.count() == 6
+
+
+def test_nothing_assigned_is_the_usual_manifest_with_a_reason(
+    client: Client, front: FrontVersion, join: Any
+) -> None:
+    participant = join()
+
+    found = client.get(f"{API}/manifest?minutes=2", headers=participant.headers).json()
+
+    assert (found["assigned"], found["assigned_message"]) == ([], "Measure default and best first.")
+    assert found["protocol"]["order"] == ["default", "best", "best", "default"]
+
+
+@pytest.mark.parametrize(
+    ("query", "token", "status"),
+    [("?minutes=2", False, 401), ("?minutes=0", True, 400), ("?minutes=x", True, 400), ("", False, 200)],
+)
+def test_minutes_need_a_token_and_a_number(
+    client: Client, front: FrontVersion, join: Any, query: str, token: bool, status: int
+) -> None:
+    headers = join().headers if token else {}
+
+    assert client.get(f"{API}/manifest{query}", headers=headers).status_code == status

@@ -1,0 +1,128 @@
+"""What an installation is asked to measure besides default and best."""
+
+import hashlib
+from typing import Any
+
+import pytest
+
+from crowd.devices.models import Installation
+from crowd.fronts.models import Configuration, FrontVersion
+from crowd.predictions import assigning, maps
+from crowd.predictions.models import ProbeAssignment, ProbeRequest
+from pareto.devices.probes import NEARLY_BEST
+from tests.crowd.participant import Participant
+from tests.predictions.measured import Measured
+from tests.predictions.test_recommending import RECOMMENDED
+
+
+def assign(device: Measured, minutes: float = 2.0) -> assigning.Assignment:
+    installation = Installation.objects.get(pk=device.participant.installation_id)
+    found = assigning.assign(installation, "kfusion", minutes)
+    assert found is not None
+    return found
+
+
+def names(assignment: assigning.Assignment) -> list[str]:
+    return [one.point.name for one in assignment.probes]
+
+
+def test_three_that_teach_most_are_assigned_with_reasons_and_noted(measured: Any) -> None:
+    device = measured()
+
+    found = assign(device)
+
+    assert len(set(names(found))) == 3
+    assert not {"default", "best"} & set(names(found))
+    assert all(one.why == assigning.TEACHES for one in found.probes)
+    rows = list(ProbeAssignment.objects.order_by("pk"))
+    assert [row.configuration.name for row in rows] == names(found)
+
+
+def test_a_choice_can_be_made_again_from_its_row(measured: Any) -> None:
+    device = measured()
+    assign(device)
+
+    for row in ProbeAssignment.objects.all():
+        seed = hashlib.sha256(f"{device.participant.installation_id} 2".encode()).digest()[:6]
+        assert row.seed == int.from_bytes(seed, "big")
+        most = max(row.gains.values())
+        assert row.gains[row.configuration.name] >= NEARLY_BEST * most
+
+
+def test_asked_again_the_same_is_answered_until_it_is_measured(measured: Any) -> None:
+    device = measured()
+    first = names(assign(device))
+
+    assert names(assign(device)) == first
+    device.submit_probes(first[:2])
+    assert names(assign(device)) == first[2:]
+    device.submit_probes(first[2:])
+    again = names(assign(device))
+
+    assert len(again) == 3
+    assert not set(again) & set(first)
+
+
+def test_before_a_session_nothing_is_assigned(front: FrontVersion, join: Any) -> None:
+    participant: Participant = join()
+    found = assigning.assign(Installation.objects.get(pk=participant.installation_id), "kfusion", 2.0)
+
+    assert found is not None
+    assert (found.probes, found.message) == ((), assigning.NO_SESSION)
+    assert assigning.assign(Installation.objects.get(), "elasticfusion", 2.0) is None
+
+
+def test_a_device_that_slows_down_is_left_to_cool(measured: Any) -> None:
+    found = assign(measured(slower_at_the_end=1.5))
+
+    assert (found.probes, found.message) == ((), assigning.TOO_HOT)
+
+
+def test_no_more_than_the_minutes_hold(measured: Any) -> None:
+    device = measured(costs=dict.fromkeys(("preprocessing", "tracking", "integration", "raycasting"), 40.0))
+    default = device.seconds("default") * 210 / 60  # minutes: two runs of 100 frames and the warm-up
+
+    assert len(names(assign(device, 2.5 * default))) == 3
+    ProbeAssignment.objects.all().delete()
+    some = assign(device, 1.6 * default)
+    ProbeAssignment.objects.all().delete()
+    none = assign(device, 0.9 * default)
+
+    assert 0 < len(names(some)) < 3
+    assert ProbeAssignment.objects.count() == 0
+    assert (none.probes, none.message) == ((), assigning.TOO_SLOW)
+
+
+def test_what_administrators_ask_for_comes_first_on_such_chips_until_it_is_there(measured: Any) -> None:
+    mali, adreno = measured("Pixel 8"), measured("Galaxy", "QUALCOMM Adreno(TM) 740")
+    fast3 = Configuration.objects.get(name="fast3")
+    ProbeRequest.objects.create(configuration=fast3, chip="mali", sessions=1, reason="fast3 on Mali")
+
+    first = assign(mali)
+    assert (names(first)[0], first.probes[0].why) == ("fast3", "The administrators ask for it: fast3 on Mali")
+    assert len(names(first)) == 3
+    assert "administrators" not in str(assign(adreno).probes)
+    mali.submit_probes(["fast3"])
+    assert "administrators" not in str(assign(measured("Pixel 7")).probes)
+
+
+def test_what_is_recommended_is_confirmed_first(measured: Any) -> None:
+    device = measured(costs=RECOMMENDED)
+    maps.rebuild()
+
+    found = assign(device)
+
+    assert found.probes[0].why == assigning.CONFIRMS
+    assert found.probes[0].point.name not in ("default", "best")
+
+
+@pytest.mark.parametrize("sent", [0, 2])
+def test_erasure_takes_the_assignments_too(measured: Any, sent: int) -> None:
+    device = measured()
+    chosen = names(assign(device))
+    if sent:
+        device.submit_probes(chosen[:sent])
+
+    assert device.participant.delete("/me").status_code in (200, 204)
+
+    assert not ProbeAssignment.objects.exists()

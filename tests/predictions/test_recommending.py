@@ -1,0 +1,98 @@
+"""What to use on a device, and how good such advice turned out to be."""
+
+from typing import Any
+
+import pytest
+
+from crowd.predictions import maps, recommending
+from crowd.predictions.devices import Expectation, Expected
+from crowd.predictions.models import Recommendation
+from crowd.predictions.recommending import NothingKeepsLimitsError, choose
+
+RECOMMENDED = {"integration": 100.0}
+
+
+def point(
+    name: str, ratio: float, ate_max: float | None = 0.02, low: float | None = None, **more: Any
+) -> Expected:
+    low = 0.9 * ratio if low is None else low
+    return Expected(
+        name, {}, ate_max, ratio, low, 1.1 * ratio, more.get("measured", False), more.get("probe", False)
+    )
+
+
+def expectation(*points: Expected, seconds: float | None = None) -> Expectation:
+    return Expectation((point("default", 1.0, 0.01), *points), (), seconds, "stages", 3, 5)
+
+
+@pytest.mark.parametrize(
+    ("points", "chosen"),
+    [
+        ([point("best", 10.0), point("front-01", 10.5)], "best"),  # within the interval
+        ([point("best", 10.0), point("front-01", 12.0)], "front-01"),  # beyond it
+        ([point("best", 10.0), point("front-01", 12.0, 0.06)], "best"),  # not exact enough
+        ([point("best", 10.0), point("probe-01", 20.0, probe=True)], "best"),  # never checked elsewhere
+        ([point("best", 10.0), point("front-01", 12.0, None)], "best"),  # nobody knows its error
+        ([point("best", 10.0, 0.06), point("front-01", 8.0), point("front-02", 7.0)], "front-01"),
+    ],
+)
+def test_best_is_kept_unless_another_wins_by_more_than_its_interval(
+    points: list[Expected], chosen: str
+) -> None:
+    assert choose(expectation(*points)).configuration == chosen
+
+
+def test_where_a_time_is_enough_the_most_accurate_is_chosen() -> None:
+    expected = expectation(point("best", 10.0, 0.03), point("accurate", 4.0, 0.012), seconds=0.1)
+
+    assert choose(expected, 0.05, 0.03).configuration == "accurate"
+    assert choose(expected, 0.05, 0.02).configuration == "best"
+    with pytest.raises(NothingKeepsLimitsError, match="the fastest within the error takes 10 ms"):
+        choose(expected, 0.05, 0.005)
+
+
+def test_what_cannot_be_kept_is_named() -> None:
+    with pytest.raises(NothingKeepsLimitsError, match=r"the least is 0.0100 m, by default"):
+        choose(expectation(point("best", 10.0)), 0.001)
+    with pytest.raises(NothingKeepsLimitsError, match="leave out max_ms"):
+        choose(expectation(point("best", 10.0)), 0.05, 0.03)
+
+
+def test_a_recommendation_is_noted_once_and_judged_when_it_was_measured(measured: Any) -> None:
+    # Integration alone costs anything here: what integrates least often wins.
+    device = measured(costs=RECOMMENDED)
+    maps.rebuild()
+    maps.rebuild()
+
+    [advice] = Recommendation.objects.all()
+    name = advice.configuration.name
+    assert name not in ("default", "best")
+    assert recommending.judged("kfusion-4") == []
+
+    device.submit_probes([name])
+    [judged] = recommending.judged("kfusion-4")
+
+    assert judged.recommendation == advice
+    assert judged.regret == 1.0
+    assert judged.best_regret == pytest.approx(device.seconds("best") / device.seconds(name), rel=0.05)
+    assert judged.best_regret > 1.2
+    assert judged.within_interval
+
+
+def test_where_best_is_best_nothing_is_noted(measured: Any) -> None:
+    measured()
+
+    maps.rebuild()
+
+    assert not Recommendation.objects.exists()
+
+
+def test_recommendations_of_erased_devices_are_forgotten(measured: Any) -> None:
+    device = measured(costs=RECOMMENDED)
+    maps.rebuild()
+    assert Recommendation.objects.exists()
+
+    device.participant.delete("/me")
+    maps.rebuild()
+
+    assert not Recommendation.objects.exists()

@@ -1,0 +1,104 @@
+"""Figures and stage times as the tables that models learn from."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crowd.fronts import selectors as fronts
+from crowd.predictions import tables
+from crowd.predictions.tables import Group
+from tests.predictions.measured import ADRENO
+
+
+def read(**changes: Any) -> tables.CrowdTable:
+    [group] = tables.groups()
+    return tables.read(fronts.any_front(group.front), group, **changes)
+
+
+def test_a_row_has_the_figures_and_the_stages_of_its_session(measured: Any) -> None:
+    one = measured(costs={"raycasting": 5.0}, probes=["probe-20"])
+
+    table = read()
+
+    [row] = table.rows.index
+    ratios = table.known.ratios.loc[row]
+    assert ratios["best"] == pytest.approx(one.log_ratio("best"), abs=0.01)
+    assert ratios["probe-20"] == pytest.approx(one.log_ratio("probe-20"), abs=0.01)
+    assert math.isnan(ratios["knee"])
+    stage = math.log(one.seconds("default") / one.stages("best")["raycasting"])
+    assert ratios["best:raycasting"] == pytest.approx(stage, abs=0.02)
+    assert table.rows.seconds[row] == pytest.approx(one.seconds("default"), rel=0.01)
+    assert (table.rows.processor[row], table.known.families[row]) == ("Mali-G715", "Mali-G7")
+    assert table.ate_max.loc[row, "best"] == 0.012
+
+
+def test_the_reference_and_the_work_are_those_of_the_front(measured: Any, document: dict[str, Any]) -> None:
+    measured()
+
+    known = read().known
+
+    [best] = [point for point in document["configurations"] if point["name"] == "best"]
+    default = document["configurations"][0]["predicted"]
+    assert known.reference["best"] == pytest.approx(-math.log(best["predicted"]["runtime_ratio"]))
+    expected = math.log(default["runtime"] / best["predicted"]["stages"]["tracking"])
+    assert known.reference["best:tracking"] == pytest.approx(expected)
+    assert known.work is not None
+    assert known.work.loc["default", ("integration", "voxels")] == pytest.approx(256**3 / 2, rel=0.01)
+    assert set(known.work.index) == {"default", *known.configurations}
+
+
+def test_groups_keep_backends_classes_and_simulated_devices_apart(measured: Any) -> None:
+    measured()
+    measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
+
+    found = {(group.backend, group.processor_class, group.simulated) for group in tables.groups()}
+
+    assert found == {("opencl", "gpu", False), ("opencl", "cpu", False)}
+
+
+def test_a_device_is_read_with_its_relatives_alone(measured: Any) -> None:
+    measured("Pixel 8")
+    measured("Pixel 7", "Mali-G710")
+    measured("Galaxy", ADRENO)
+    [group] = tables.groups()
+
+    near = tables.neighbourhood(group, "Mali-G715")
+
+    assert set(read(devices=near).rows.processor) == {"Mali-G715", "Mali-G710"}
+
+
+@pytest.mark.parametrize(
+    ("chip", "series"),
+    [
+        ("Adreno 740", "Adreno 7"),
+        ("Mali-G715", "Mali-G7"),
+        ("NVIDIA GeForce RTX 3060", "NVIDIA GeForce RTX 3"),
+        ("Apple M2", "Apple M2"),
+        ("Samsung Xclipse", "Samsung Xclipse"),
+        ("", ""),
+    ],
+)
+def test_the_series_of_a_chip(chip: str, series: str) -> None:
+    assert tables.family(chip) == series
+
+
+def test_figures_that_nobody_confirmed_are_less_sure(measured: Any, settings: Any) -> None:
+    measured()
+    sure = read().known.errors
+    settings.FRONTRUNNER_QUORUM = 3
+
+    unsure = read().known.errors
+
+    assert (unsure["best"] > sure["best"]).all()
+
+
+def test_an_empty_group_has_an_empty_table(front: Any) -> None:
+    group = Group(front.pk, "opencl", "gpu", simulated=False)
+
+    table = tables.read(fronts.any_front(front.pk), group)
+
+    assert table.rows.empty
+    assert table.known.ratios.shape == (0, len(table.known.reference))
+    assert not np.isnan(table.known.reference).any()
