@@ -17,7 +17,7 @@ from slam.protocol import VALID_BELOW
 
 if TYPE_CHECKING:
     from client_kit.choice import Point
-    from client_kit.participation import Measured
+    from client_kit.session_recorder import Measured
 
 # What `send(wait=True)` sleeps at most before it looks again: clocks may be set meanwhile.
 LONGEST_SLEEP_SECONDS = 60.0
@@ -84,8 +84,10 @@ class Client:
         return run(wishes, self.home, self.console)
 
     def status(self) -> list[Item]:
-        """Every session that was measured here, oldest first, with its state and the server's reason."""
-        return self.spool.items()
+        """Every session that was measured here, oldest first, with its state and the server's reason; then
+        those that are in progress or were killed."""
+        spool = self.spool
+        return spool.items() + spool.drafts()
 
     def send(self, *, wait: bool = False, pause: Callable[[float], None] = time.sleep) -> Delivery:
         """Send what waits; with `wait`, go on with pauses until nothing waits. The last pass is returned.
@@ -116,7 +118,7 @@ class Client:
                 "server": item.server,
                 "payload": spool.payload(item),
             }
-            for item in spool.items()
+            for item in self.status()
         ]
         remote: dict[str, Any] = {}
         for known in enrolment.known(self.home):

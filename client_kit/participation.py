@@ -12,31 +12,27 @@ from client_kit import (
     delivery,
     device,
     device_choice,
-    interrupts,
     manifest,
-    measurement,
     preflight,
     reference_trajectories,
     requirements,
-    result_pages,
     sensors,
     sequences,
     session,
-    summary,
 )
 from client_kit.console import Console
 from client_kit.errors import CannotMeasureError, UsageError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
 from client_kit.server import Server
-from client_kit.session import Run, Session
-from client_kit.spool import ACCEPTED, DUPLICATE, Item, Spool
+from client_kit.session import Session
+from client_kit.session_recorder import Measured, SessionRecorder
+from client_kit.spool import Spool
 from slam.devices.choice import NAMES
 from slam.devices.device import Device
 
 # A device that has just measured is hot: so often, and for so long, it may cool before the next session.
 COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
-WITHDRAWN = "your agreement was withdrawn meanwhile: what was measured is not kept"
 
 
 @dataclass(frozen=True)
@@ -61,14 +57,6 @@ class Wishes:
     backend: str | None = None
 
 
-@dataclass(frozen=True)
-class Measured:
-    """A session that was measured, and what the spool knows of it."""
-
-    session: Session
-    item: Item
-
-
 def run(
     wishes: Wishes,
     home: Home,
@@ -80,8 +68,9 @@ def run(
     """Measure `wishes.sessions` sessions and send them; what cannot be sent now stays in the spool.
 
     More configurations than one session holds make several; a device that does not cool between them ends
-    with those that are done. Raises ClientError, with the exit code of its kind, when nothing can be
-    measured, and KeyboardInterrupt after what was finished is kept.
+    with those that are done. Raises
+    ClientError, with the exit code of its kind, when nothing can be measured, and KeyboardInterrupt after
+    what was finished is kept.
     """
     server, spool = Server(wishes.server), Spool(home.spool)
     console.lines(delivery.deliver(spool, home).lines())
@@ -109,10 +98,7 @@ def run(
     processor = f"{identity['opencl_device']} ({identity['opencl_platform']})"
     console.say(f"Device: {processor} over {NAMES[chosen.backend]}")
 
-    def agreed() -> None:
-        if not consent.given(home, server.url, asked.consent_version):
-            raise CannotMeasureError(WITHDRAWN)
-
+    recorder = SessionRecorder(server, home, spool, console, chosen, identity, wishes.show_model, pause, root)
     measured: list[Measured] = []
     planned = plans * wishes.sessions
     for number, plan in enumerate(planned):
@@ -120,29 +106,8 @@ def run(
             pause(asked.protocol.rest_seconds)
             if not _ready_again(wishes, home, console, pause, root):
                 console.say(f"{number} of {len(planned)} sessions are done.")
-                break
-        console.say(f"Order: {', '.join(plan)}, {asked.protocol.frames} frames each")
-        done = _measure(path, asked, plan, chosen, home, console, pause, root)
-        payload = session.payload(done, asked, identity, wishes.show_model)
-        with interrupts.ignored():
-            item = spool.put(server.url, payload, agreed)
-        if done.interrupted:
-            console.say(f"Stopped: the {len(done.runs)} finished runs are kept.")
-            raise KeyboardInterrupt
-        delivered = delivery.deliver(spool, home)
-        console.lines(summary.stages(done, asked.protocol))
-        console.lines(summary.figures(done, asked.protocol))
-        console.lines(delivered.lines())
-        kept = spool.find(item.id)
-        if kept is None:
-            raise CannotMeasureError(WITHDRAWN)
-        measured.append(Measured(done, kept))
-        if measured[-1].item.state in (ACCEPTED, DUPLICATE):
-            result_pages.show(server, home, done, kept, asked, console, pause)
-        if delivered.outdated is not None:
-            raise delivered.outdated
-        if all(one.status == "failed" for one in done.runs):
-            raise CannotMeasureError(f"no configuration runs here: {done.runs[0].failure}")
+                return measured
+        measured.append(recorder.record(path, asked, plan))
     return measured
 
 
@@ -162,42 +127,6 @@ def consent_text(
     requirements.require(asked.application, root)
     chosen, identity = _device(device, backend, asked.application, root)
     return _consent_text(connection, asked, chosen, identity)
-
-
-def _measure(
-    path: Path,
-    asked: Manifest,
-    plan: tuple[str, ...],
-    chosen: Device,
-    home: Home,
-    console: Console,
-    pause: Callable[[float], None],
-    root: Path,
-) -> Session:
-    planned = [asked.configurations[name] for name in plan]
-    parameters = {configuration.name: configuration.parameters for configuration in planned}
-    backends = {configuration.name: configuration.backends for configuration in planned}
-    impossible = preflight.too_large(parameters, chosen, root)
-    impossible |= preflight.unsupported(backends, chosen.backend)
-
-    def on_run(run: Run) -> None:
-        console.lines(summary.run_lines(run, asked.protocol))
-
-    with home.only_one("measurement") as alone:
-        if not alone:
-            raise CannotMeasureError("another client measures on this device: wait until it is done")
-        return measurement.measure(
-            path,
-            asked,
-            plan,
-            device=chosen,
-            references=reference_trajectories.read(asked, home),
-            impossible=impossible,
-            on_run=on_run,
-            on_frame=lambda label, done, total, left: console.bar(label, done, total, left=left),
-            rest=pause,
-            root=root,
-        )
 
 
 def _that_fit(names: tuple[str, ...], asked: Manifest, backend: str, console: Console) -> tuple[str, ...]:
@@ -246,16 +175,21 @@ def _ready(wishes: Wishes, home: Home, console: Console, root: Path, download: i
 
 
 def _ready_again(
-    wishes: Wishes, home: Home, console: Console, pause: Callable[[float], None], root: Path
+    wishes: Wishes,
+    home: Home,
+    console: Console,
+    pause: Callable[[float], None],
+    root: Path,
+    most_pauses: int = COOLING_PAUSES,
 ) -> bool:
     """Whether another session can be measured after one, once the device has cooled; the load that the one
     before has left says nothing."""
-    for pauses in range(COOLING_PAUSES + 1):
+    for pauses in range(most_pauses + 1):
         found = [concern for concern in preflight.concerns(home, root) if concern.name != preflight.LOAD]
         stopping = [concern for concern in found if concern.stops and concern.name not in wishes.ignored]
         if not stopping:
             return True
-        if pauses == COOLING_PAUSES or stopping[0].name != preflight.THROTTLING:
+        if pauses == most_pauses or stopping[0].name != preflight.THROTTLING:
             break
         console.say(f"{stopping[0].text}; again in {COOLING_SECONDS:.0f} s")
         pause(COOLING_SECONDS)
@@ -277,11 +211,16 @@ def _consent(
         return
     console.say(_consent_text(server, asked, chosen, identity, wishes.show_model))
     if not wishes.yes:
-        if console.silent or not sys.stdin.isatty():
+        if not _somebody_is_here(console):
             raise UsageError("nobody is here to agree: read the text above, then add --yes")
         if not console.ask("Do you agree?"):
             raise CannotMeasureError("nothing was measured or sent: you did not agree")
     consent.remember(home, server.url, version)
+
+
+def _somebody_is_here(console: Console) -> bool:
+    """Whether a question would be seen and answered."""
+    return not console.silent and sys.stdin.isatty()
 
 
 def _consent_text(
