@@ -52,6 +52,7 @@ def _run(options: argparse.Namespace, console: Console) -> None:
         show_model=options.show_model,
         application=options.application,
         backend=options.backend,
+        probes=options.probes,
     )
 
 

@@ -64,9 +64,10 @@ class Client:
         show_model: bool | None = None,
         application: str | None = None,
         backend: str | None = None,
+        probes: bool | None = None,
     ) -> "list[Measured]":
         """Measure and send. `agree` says that the participant has read the consent text and agrees; the
-        other arguments are those of `participation.Wishes`."""
+        other arguments are those of `participation.Wishes`. A session of probes is the last one."""
         from client_kit.participation import Wishes, run
 
         wishes = Wishes(
@@ -80,6 +81,7 @@ class Client:
             show_model=show_model,
             application=application,
             backend=backend,
+            probes=probes,
         )
         return run(wishes, self.home, self.console)
 

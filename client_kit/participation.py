@@ -12,8 +12,10 @@ from client_kit import (
     delivery,
     device,
     device_choice,
+    enrolment,
     manifest,
     preflight,
+    probes,
     reference_trajectories,
     requirements,
     sensors,
@@ -21,7 +23,7 @@ from client_kit import (
     session,
 )
 from client_kit.console import Console
-from client_kit.errors import CannotMeasureError, UsageError
+from client_kit.errors import CannotMeasureError, ClientError, UsageError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
 from client_kit.server import Server
@@ -30,6 +32,7 @@ from client_kit.session_recorder import Measured, SessionRecorder
 from client_kit.spool import Spool
 from slam.devices.choice import NAMES
 from slam.devices.device import Device
+from slam.protocol import FIXED_PAIRS
 
 # A device that has just measured is hot: so often, and for so long, it may cool before the next session.
 COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
@@ -43,6 +46,7 @@ class Wishes:
     protocol 1 may repeat its runs, None for as long as the server asks. `show_model` is whether a rare
     device's model may be shown in public, None to leave that as it is. `application` is what to measure,
     None for what the server has clients measure. `backend` is what drives the device, None for the fastest.
+    `probes` is whether to measure what the server assigns to this device afterwards, None to be asked.
     """
 
     server: str
@@ -55,6 +59,7 @@ class Wishes:
     show_model: bool | None = None
     application: str | None = None
     backend: str | None = None
+    probes: bool | None = None
 
 
 def run(
@@ -68,7 +73,7 @@ def run(
     """Measure `wishes.sessions` sessions and send them; what cannot be sent now stays in the spool.
 
     More configurations than one session holds make several; a device that does not cool between them ends
-    with those that are done. Raises
+    with those that are done. A session of probes may follow, where the participant wants one. Raises
     ClientError, with the exit code of its kind, when nothing can be measured, and KeyboardInterrupt after
     what was finished is kept.
     """
@@ -108,6 +113,8 @@ def run(
                 console.say(f"{number} of {len(planned)} sessions are done.")
                 return measured
         measured.append(recorder.record(path, asked, plan))
+    if _may_probe(wishes, console, asked, measured[-1]):
+        measured += _probes(wishes, recorder, asked, measured[-1].session)
     return measured
 
 
@@ -127,6 +134,68 @@ def consent_text(
     requirements.require(asked.application, root)
     chosen, identity = _device(device, backend, asked.application, root)
     return _consent_text(connection, asked, chosen, identity)
+
+
+def _may_probe(wishes: Wishes, console: Console, asked: Manifest, last: Measured) -> bool:
+    """Whether probes may follow the session LAST: the participant wants them, or is here to be asked."""
+    ordinary = asked.protocol.version == FIXED_PAIRS and not wishes.configurations and last.accepted
+    if wishes.probes is None:
+        return ordinary and _somebody_is_here(console)
+    return ordinary and wishes.probes
+
+
+def _probes(wishes: Wishes, recorder: SessionRecorder, asked: Manifest, ordinary: Session) -> list[Measured]:
+    """Measure the probes that the server assigns after the session ORDINARY, if the participant agrees.
+
+    What keeps the client from asking, or the server from answering, is told in a line: the ordinary session
+    is complete without probes.
+    """
+    console = recorder.console
+    default = probes.default_seconds(ordinary, asked.protocol)
+    # Who is here to be asked is not kept waiting for a device to cool.
+    pauses = COOLING_PAUSES if wishes.probes else 0
+    if default is None or not _ready_again(
+        wishes, recorder.home, console, recorder.pause, recorder.root, pauses
+    ):
+        return []
+    try:
+        prepared = _prepared_probes(wishes, recorder, asked.application, default)
+    except ClientError as error:
+        console.say(f"No further configurations are measured: {error}")
+        return []
+    if prepared is None:
+        return []
+    path, assigned, names = prepared
+    measured = recorder.record(path, assigned, assigned.plan(names), with_pages=False)
+    console.say(probes.thanks(measured.session))
+    return [measured]
+
+
+def _prepared_probes(
+    wishes: Wishes, recorder: SessionRecorder, application: str, default: float
+) -> tuple[Path, Manifest, tuple[str, ...]] | None:
+    """The sequence, the manifest and the probes to measure, all at hand; None where there are none, or the
+    participant does not want them. Raises ClientError where they cannot be prepared."""
+    server, home, console = recorder.server, recorder.home, recorder.console
+    token = enrolment.present(home, server)
+    if token is None:  # erased meanwhile
+        return None
+    assigned = probes.fetch(server, token, application)
+    assigned.require_this_version()
+    assigned.require_accepting()
+    if not assigned.assigned:
+        if assigned.assigned_message:
+            console.say(f"No further configurations to measure: {assigned.assigned_message}")
+        return None
+    if not consent.given(home, server.url, assigned.consent_version):
+        raise CannotMeasureError("the consent text has changed, and the next `run` asks you to agree to it")
+    names = probes.that_fit(assigned, default)
+    console.lines(probes.lines(assigned, names))
+    if not names or not (wishes.probes or console.ask(probes.question(names))):
+        return None
+    path = sequences.at_hand(assigned, home) or _download(server, assigned, home, console, fresh=True)
+    reference_trajectories.fetch(server, assigned, home)
+    return path, assigned, names
 
 
 def _that_fit(names: tuple[str, ...], asked: Manifest, backend: str, console: Console) -> tuple[str, ...]:
