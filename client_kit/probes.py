@@ -67,7 +67,9 @@ def thanks(session: Session) -> str:
     ran = dict.fromkeys(
         run.configuration for run in session.runs if run.status == "ok" and run.configuration != DEFAULT
     )
-    return f"Thank you: {', '.join(ran)} now count for the map of devices." if ran else "No probe ran here."
+    if not ran:
+        return "No probe ran here."
+    return f"Thank you: the map of devices now knows {', '.join(ran)} on this device."
 
 
 def _time_ratio(asked: Manifest, name: str) -> float:

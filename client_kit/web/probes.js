@@ -94,6 +94,6 @@ export function probesOf({ runs, probes = [] }, ok = false) {
 export function thank(session) {
   const names = probesOf(session, true);
   const words = names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names.at(-1)}` : names[0];
-  thanks.textContent = words ? `Thank you: ${words} on this device now count for the map.` : "No probe ran on this device.";
+  thanks.textContent = words ? `Thank you: the map of devices now knows ${words} on this device.` : "No probe ran on this device.";
   thanks.hidden = false;
 }

@@ -87,7 +87,7 @@ def test_who_agrees_at_the_terminal_measures_what_is_assigned(
     assert orders(counting) == [ORDINARY, PROBES]
     assert "fine: few devices have measured it" in out
     assert "Measure 2 more configurations?" in out
-    assert out.splitlines()[-1] == "Thank you: fine, rare now count for the map of devices."
+    assert out.splitlines()[-1] == "Thank you: the map of devices now knows fine, rare on this device."
     [asked] = [request for request in server.requests if "minutes=" in request.path]
     assert asked.path == "/api/v1/manifest?application=kfusion&minutes=2"
     assert asked.headers["authorization"] == "Bearer secret"

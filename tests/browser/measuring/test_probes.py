@@ -45,6 +45,13 @@ def offered(page: Any) -> Any:
     return button
 
 
+def assert_accessible(page: Any) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+    assert [rule["id"] for rule in found if rule["impact"] in {"serious", "critical"}] == []
+
+
 def configurations(session: MeasurementSession) -> list[str]:
     return list(session.runs.order_by("order").values_list("configuration__name", flat=True))
 
@@ -54,8 +61,9 @@ def test_who_presses_the_button_measures_what_is_assigned(visitor: Visitor, aske
     speedup = finished(page).get_attribute("data-speedup")
     button = offered(page)
     rows = page.locator("#assigned li").all_inner_texts()
+    assert_accessible(page)
     button.click()
-    page.get_by_text("Thank you: probe-1 and probe-2 on this device now count for the map.").wait_for()
+    page.get_by_text("Thank you: the map of devices now knows probe-1 and probe-2 on this device.").wait_for()
 
     assert rows == [f"probe-1: {WHY}", f"probe-2: {WHY}"]
     ordinary, probes = MeasurementSession.objects.order_by("id")
@@ -100,7 +108,7 @@ def test_another_tab_leaves_the_probes_in_progress_alone(visitor: Visitor, asked
     other.goto(f"{visitor.server}/measure/")
     other.locator("#start").wait_for()
     page.bring_to_front()
-    page.get_by_text("Thank you: probe-1 and probe-2").wait_for()
+    page.get_by_text("Thank you: the map of devices now knows probe-1 and probe-2").wait_for()
 
     assert [len(configurations(one)) for one in MeasurementSession.objects.order_by("id")] == [8, 6]
 
