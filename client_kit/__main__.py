@@ -52,6 +52,7 @@ def _run(options: argparse.Namespace, console: Console) -> None:
         show_model=options.show_model,
         application=options.application,
         backend=options.backend,
+        probes=options.probes,
     )
 
 
@@ -136,11 +137,16 @@ def _choose(options: argparse.Namespace, console: Console) -> None:
             "runtime": point.runtime,
             "ate_max": point.ate_max,
             "source": point.source,
+            "low": point.low,
+            "high": point.high,
         }
         console.say(json.dumps(document | ({"run": report.to_dict()} if report else {})))
         return
     console.say(f"{point.name} of front {front.application} {front.front_version}")
-    console.say(f"  {1000 * point.runtime:.2f} ms a frame ({point.source})")
+    interval = ""
+    if point.low is not None and point.high is not None:
+        interval = f", 95 % interval {1000 * point.low:.2f} to {1000 * point.high:.2f} ms"
+    console.say(f"  {1000 * point.runtime:.2f} ms a frame ({point.source}{interval})")
     console.say(f"  largest trajectory error {100 * point.ate_max:.2f} cm")
     for name, value in point.parameters.items():
         console.say(f"  {name} = {value}")

@@ -1,24 +1,28 @@
 """Which configuration of the published front to run on this device: the paper's run-time adaptation."""
 
+import math
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
 from client_kit.errors import CannotMeasureError
 from client_kit.manifest import Manifest
+from client_kit.server import NotFrontrunnerError
 from pareto.fronts import front
 
-MEASURED, SCALED = "measured here", "scaled from the reference device"
+MEASURED, PREDICTED = "measured here", "predicted by the crowd"
+SCALED = "scaled from the reference device"
 
 
 @dataclass(frozen=True)
 class Point:
     """A configuration with its time (s a frame) and largest trajectory error (m) on this device.
 
-    `source` tells whether it was measured here, or is the reference device's time multiplied by the ratio
-    of this device's default to the reference's.
+    `source` tells whether it was measured here, was predicted from the measurements of other devices, or is
+    the reference device's time multiplied by the ratio of this device's default to the reference's. A
+    prediction has its 95 % interval, from `low` to `high`.
     """
 
     name: str
@@ -26,16 +30,34 @@ class Point:
     runtime: float
     ate_max: float
     source: str
+    low: float | None = None
+    high: float | None = None
 
 
-def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Point]:
-    """Every configuration of the front with what is known of it here.
+@dataclass(frozen=True)
+class Prediction:
+    """A configuration's speedup over the default on this device, as a server predicts it from the crowd's
+    measurements. `low` and `high` bound it with 95 % confidence; they and `ate_max` (m) may be unknown."""
+
+    name: str
+    parameters: Mapping[str, Any]
+    ratio: float
+    low: float | None
+    high: float | None
+    ate_max: float | None
+
+
+def points(
+    manifest: Manifest, payloads: Iterable[Mapping[str, Any]], predictions: Sequence[Prediction] = ()
+) -> list[Point]:
+    """Every configuration of the front, and of PREDICTIONS, with what is known of it here.
 
     `payloads` are the sessions that this device has measured; those of other fronts are disregarded. A
-    configuration that was measured here has the mean of its runs and its worst error; the others have the
-    reference's error and scaled time, and are left out while nothing was measured here to scale by. One of
-    which half of the runs failed here, or more, is left out too. A run outside its configuration's band has
-    failed: this device computes something else.
+    configuration that was measured here has the mean of its runs and its worst error. The others have the
+    default's time here divided by the predicted speedup, or the reference's error and scaled time where
+    nothing is predicted. They are left out while no default was measured here. One of which half of the runs
+    failed here, or more, is left out too. A run outside its configuration's band has failed: this device
+    computes something else.
     """
     times: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}
@@ -49,20 +71,39 @@ def points(manifest: Manifest, payloads: Iterable[Mapping[str, Any]]) -> list[Po
         times.setdefault(name, []).append(fmean(counted) / 1e6)
         errors.setdefault(name, []).append(run["ate_max"])
     reference = manifest.configurations["default"].predicted.get("runtime")
-    scale = fmean(times["default"]) / reference if "default" in times and reference else None
+    default = fmean(times["default"]) if "default" in times else None
+    crowd = {one.name: one for one in predictions}
+    parameters = {one.name: one.parameters for one in predictions}
+    parameters |= {name: configuration.parameters for name, configuration in manifest.configurations.items()}
     found = []
-    for name, configuration in manifest.configurations.items():
-        predicted = configuration.predicted
+    for name, values in parameters.items():
+        configuration, prediction = manifest.configurations.get(name), crowd.get(name)
+        predicted = configuration.predicted if configuration else {}
         if failures[name] and failures[name] >= len(times.get(name, ())):
             continue
         if name in times:
-            here = Point(name, configuration.parameters, fmean(times[name]), max(errors[name]), MEASURED)
-            found.append(here)
+            found.append(Point(name, values, fmean(times[name]), max(errors[name]), MEASURED))
+        elif default is None:
             continue
-        runtime, ate_max = predicted.get("runtime"), predicted.get("ate_max")
-        if scale and runtime is not None and ate_max is not None:
-            found.append(Point(name, configuration.parameters, runtime * scale, ate_max, SCALED))
+        # A newer front may have other parameters under a name than the one that is kept here.
+        elif prediction and prediction.parameters == values:
+            ate_max = predicted.get("ate_max") if prediction.ate_max is None else prediction.ate_max
+            if ate_max is not None:
+                found.append(_predicted_point(prediction, default, ate_max))
+        elif reference:
+            runtime, ate_max = predicted.get("runtime"), predicted.get("ate_max")
+            if runtime is not None and ate_max is not None:
+                found.append(Point(name, values, runtime * default / reference, ate_max, SCALED))
     return found
+
+
+def predictions(recommendation: Mapping[str, Any]) -> list[Prediction]:
+    """The predictions in a server's answer of GET /recommendation. Raises NotFrontrunnerError where it is not
+    understood."""
+    try:
+        return [_prediction(described) for described in recommendation["front"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise NotFrontrunnerError(f"the server's recommendation is not understood: {error!r}") from error
 
 
 def of_one_device(payloads: Iterable[Mapping[str, Any]], text: str | None = None) -> list[Mapping[str, Any]]:
@@ -95,6 +136,36 @@ def device_of(payload: Mapping[str, Any]) -> tuple[str, str]:
     """Name and platform of the device that PAYLOAD was measured on."""
     device = payload["device"]
     return str(device.get("opencl_device")), str(device.get("opencl_platform"))
+
+
+def _prediction(described: Mapping[str, Any]) -> Prediction:
+    ratio, low, high = (
+        None if described[member] is None else float(described[member]) for member in ("ratio", "low", "high")
+    )
+    if ratio is None or not all(value is None or 0 < value < math.inf for value in (ratio, low, high)):
+        raise ValueError(f"{described['configuration']} has the ratios {low}, {ratio}, {high}")
+    ate_max = described["ate_max"]
+    return Prediction(
+        str(described["configuration"]),
+        dict(described["parameters"]),
+        ratio,
+        low,
+        high,
+        None if ate_max is None else float(ate_max),
+    )
+
+
+def _predicted_point(prediction: Prediction, default: float, ate_max: float) -> Point:
+    """PREDICTION on a device whose default takes DEFAULT seconds a frame."""
+    return Point(
+        prediction.name,
+        prediction.parameters,
+        default / prediction.ratio,
+        ate_max,
+        PREDICTED,
+        low=None if prediction.high is None else default / prediction.high,
+        high=None if prediction.low is None else default / prediction.low,
+    )
 
 
 def _deviates(manifest: Manifest, run: Mapping[str, Any]) -> bool:

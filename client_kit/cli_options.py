@@ -69,6 +69,16 @@ def parser() -> argparse.ArgumentParser:
         help="show this device's model in public though few people measured it",
     )
     shown.add_argument("--hide-model", dest="show_model", action="store_false", help="no longer show it")
+    further = run.add_mutually_exclusive_group()
+    further.add_argument(
+        "--probes",
+        action="store_true",
+        default=None,
+        help="also measure what the server assigns to this device (up to two minutes), without being asked",
+    )
+    further.add_argument(
+        "--no-probes", dest="probes", action="store_false", help="do not ask for such measurements"
+    )
     kept = "stopped; finished runs and sessions are kept and go with the next `send`"
     run.set_defaults(when_stopped=kept)
 

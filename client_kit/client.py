@@ -16,8 +16,8 @@ from client_kit.spool import Item, Spool
 from slam.protocol import VALID_BELOW
 
 if TYPE_CHECKING:
-    from client_kit.choice import Point
-    from client_kit.participation import Measured
+    from client_kit.choice import Point, Prediction
+    from client_kit.session_recorder import Measured
 
 # What `send(wait=True)` sleeps at most before it looks again: clocks may be set meanwhile.
 LONGEST_SLEEP_SECONDS = 60.0
@@ -64,9 +64,10 @@ class Client:
         show_model: bool | None = None,
         application: str | None = None,
         backend: str | None = None,
+        probes: bool | None = None,
     ) -> "list[Measured]":
         """Measure and send. `agree` says that the participant has read the consent text and agrees; the
-        other arguments are those of `participation.Wishes`."""
+        other arguments are those of `participation.Wishes`. A session of probes is the last one."""
         from client_kit.participation import Wishes, run
 
         wishes = Wishes(
@@ -80,12 +81,15 @@ class Client:
             show_model=show_model,
             application=application,
             backend=backend,
+            probes=probes,
         )
         return run(wishes, self.home, self.console)
 
     def status(self) -> list[Item]:
-        """Every session that was measured here, oldest first, with its state and the server's reason."""
-        return self.spool.items()
+        """Every session that was measured here, oldest first, with its state and the server's reason; then
+        those that are in progress or were killed."""
+        spool = self.spool
+        return spool.items() + spool.drafts()
 
     def send(self, *, wait: bool = False, pause: Callable[[float], None] = time.sleep) -> Delivery:
         """Send what waits; with `wait`, go on with pauses until nothing waits. The last pass is returned.
@@ -116,7 +120,7 @@ class Client:
                 "server": item.server,
                 "payload": spool.payload(item),
             }
-            for item in spool.items()
+            for item in self.status()
         ]
         remote: dict[str, Any] = {}
         for known in enrolment.known(self.home):
@@ -167,10 +171,19 @@ class Client:
         application: str | None = None,
     ) -> "Point":
         """The configuration to use on this device: the fastest whose largest trajectory error stays within
-        `max_ate` metres or, with a time `max_ms` a frame that is enough, the most accurate within both."""
+        `max_ate` metres or, with a time `max_ms` a frame that is enough, the most accurate within both.
+
+        For what was not measured here the server is asked what it predicts; without an answer the reference
+        device's times are scaled.
+        """
         from client_kit import choice
 
-        known = choice.points(self.front(application), self._measured_on(device))
+        server, front = self._kept_front(application)
+        measured = self._measured_on(device)
+        # The server knows the device that was measured last by this client's token.
+        is_last = measured[-1:] == self._measured_on(None)[-1:]
+        predictions = self._predictions(server, front, max_ate, max_ms) if measured and is_last else []
+        known = choice.points(front, measured, predictions)
         return choice.choose(known, max_ate, None if max_ms is None else max_ms / 1000)
 
     def chosen_device(self, device: str | None = None) -> tuple[str, str] | None:
@@ -182,6 +195,10 @@ class Client:
 
     def front(self, application: str | None = None) -> Manifest:
         """The published front as of the last visit. Raises UsageError where there is none, or several."""
+        return self._kept_front(application)[1]
+
+    def _kept_front(self, application: str | None) -> tuple[str, Manifest]:
+        """The address of the server whose front that is, and the front."""
         manifests = {
             (url, name): kept
             for (url, name), kept in kept_manifests(self.home).items()
@@ -196,7 +213,21 @@ class Client:
         if len(applications) > 1:
             names = ", ".join(applications)
             raise UsageError(f"several applications were measured, name one (--application): {names}")
-        return next(iter(manifests.values()))
+        [((server, _), manifest)] = manifests.items()
+        return server, manifest
+
+    def _predictions(
+        self, address: str, front: Manifest, max_ate: float, max_ms: float | None
+    ) -> "list[Prediction]":
+        """What the server predicts for this device; nothing where it does not answer."""
+        from client_kit import choice
+
+        server = Server(address)
+        token = enrolment.present(self.home, server)
+        try:
+            return choice.predictions(server.recommendation(front.application, max_ate, max_ms, token))
+        except (ServerError, OutdatedError):
+            return []
 
     def _measured_on(self, device: str | None) -> list[Mapping[str, Any]]:
         from client_kit import choice

@@ -18,6 +18,8 @@ What happens
     No camera, no microphone and no file of yours is used.
   - It computes for some minutes and gets warm; on battery that costs charge.
   - The times, and what the device says of its make, are sent to {server}.
+  - It may then offer to measure a few more configurations. You are asked each time, and the same kinds of
+    data are sent.
 
 What is sent, with the values of this device
 {sample}

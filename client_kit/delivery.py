@@ -55,7 +55,8 @@ def deliver(
     connect: Callable[[str], Server] = Server,
     clock: Callable[[], float] = time.time,
 ) -> Delivery:
-    """Send every session that is due, oldest first, and every erasure that still waits.
+    """Send every session that is due, oldest first, and every erasure that still waits. What a killed client
+    has finished of a session is sent, too.
 
     A session that the server rejects is marked with its reason and the next one goes on. A server that
     cannot be reached, or asks to wait, is left alone until the next pass; other servers are still served.
@@ -67,7 +68,7 @@ def deliver(
         if not alone:
             delivery.busy = True
             return delivery
-        spool.recover()
+        _recover(spool, home)
         held = {server for server, left in pauses(waiting(spool), clock(), eager=eager).items() if left}
         _deliver_erasures(spool, home, connect, delivery, held, clock)
         for item in waiting(spool):
@@ -113,7 +114,7 @@ def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
     """
     run = run_id(run)
     with home.only_one("delivery", wait=True):
-        spool.recover()
+        _recover(spool, home)
         item = spool.holding(run)
         erased = []
         for known in enrolment.known(home):
@@ -188,6 +189,16 @@ def pauses(items: Iterable[Item], now: float, *, eager: bool = False) -> dict[st
 def waiting(spool: Spool) -> list[Item]:
     """The sessions that no server has answered for yet."""
     return [item for item in spool.items() if item.state in WAITING]
+
+
+def _recover(spool: Spool, home: Home) -> None:
+    """Queue what processes that have died were sending or measuring. Only the process that holds the lock
+    "delivery" may call this."""
+    spool.recover()
+    if spool.drafts():
+        with home.only_one("measurement") as nobody_measures:
+            if nobody_measures:
+                spool.queue_drafts()
 
 
 def _deliver_erasures(

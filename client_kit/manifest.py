@@ -89,10 +89,20 @@ class Chunk:
 
 
 @dataclass(frozen=True)
+class Assigned:
+    """A configuration that the server asks this device to measure; `why` is a sentence for people."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True)
 class Manifest:
     """One answer of GET /manifest, checked. `document` is the answer itself.
 
     `chunks` are those of the sequence's depth, `colour` those of its colour: none where it is not needed.
+    `assigned` are the configurations besides the default where this is a manifest for one device; without
+    any, `assigned_message` may say why.
     """
 
     application: str
@@ -105,6 +115,8 @@ class Manifest:
     consent_version: str | int
     minimum_app_version: str
     accepting: bool
+    assigned: tuple[Assigned, ...]
+    assigned_message: str | None
     document: Mapping[str, Any]
 
     @classmethod
@@ -249,8 +261,20 @@ def _parse(document: Mapping[str, Any]) -> Manifest:
         consent_version=document["consent_version"],
         minimum_app_version=str(document["minimum_app_version"]),
         accepting=document["accepting"] is True,
+        assigned=_assigned(document.get("assigned") or (), by_name),
+        assigned_message=line(document.get("assigned_message")),
         document=document,
     )
+
+
+def _assigned(
+    described: Sequence[Mapping[str, Any]], configurations: Mapping[str, Configuration]
+) -> tuple[Assigned, ...]:
+    found = tuple(Assigned(str(one["name"]), line(one["why"]) or "") for one in described)
+    unknown = [one.name for one in found if one.name not in configurations]
+    if unknown:
+        raise ValueError(f"assigned names {unknown[0]!r}, which configurations lacks")
+    return found
 
 
 def _configuration(described: Mapping[str, Any], version: int) -> Configuration:

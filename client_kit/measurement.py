@@ -31,6 +31,7 @@ def measure(
     references: Mapping[str, Positions] | None = None,
     impossible: Mapping[str, str] | None = None,
     on_run: Callable[[Run], None] | None = None,
+    keep: Callable[[Session], None] | None = None,
     on_frame: OnFrame | None = None,
     rest: Callable[[float], None] = time.sleep,
     root: Path = Path("/"),
@@ -45,8 +46,8 @@ def measure(
     A configuration that fails on this device is recorded with its reason and the others go on, even where it
     ends or hangs the process that measures; those in `impossible`, with their reasons, are not even tried.
     Where nothing can be measured any more what is left fails with that reason, and the finished runs stay.
-    Ctrl-C ends the session, which keeps its finished runs. `on_run` hears of every finished run; neither it
-    nor `on_frame` is called within the measured time of a frame.
+    Ctrl-C ends the session, which keeps its finished runs. After every finished run `keep` gets the session
+    so far, then `on_run` the run. Neither they nor `on_frame` are called within the measured time of a frame.
 
     Raises CannotMeasureError when no device can compute, or the sequence cannot serve, from the beginning,
     and KeyboardInterrupt when no run was finished.
@@ -62,6 +63,7 @@ def measure(
             "the server's manifest is wrong"
         )
     started_at, began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), time.monotonic()
+    session_id = str(uuid.uuid4())
     runs: list[Run] = []
     interrupted = False
     empty_frame_us = None
@@ -72,6 +74,19 @@ def measure(
 
     with WorkerClient(manifest.application, sequence, device.label, device.backend, on_layout) as worker:
         runner = SessionRunner(worker, manifest, plan, references or {}, impossible or {}, on_frame, root)
+
+        def session() -> Session:
+            return Session(
+                session_id,
+                started_at,
+                device.backend,
+                tuple(runs),
+                tuple(runner.sampler.samples),
+                interrupted,
+                runner.stage_clock,
+                empty_frame_us,
+            )
+
         try:
             if protocol.version == FIXED_PAIRS:
                 empty_frame_us = runner.empty_frame_us()
@@ -84,6 +99,8 @@ def measure(
                     if runs:
                         rest(protocol.rest_seconds)
                     runs.append(runner.run(name, runs))
+                    if keep is not None:
+                        keep(session())
                     if on_run is not None:
                         on_run(runs[-1])
                 now = time.monotonic()
@@ -93,16 +110,7 @@ def measure(
             if not runs:
                 raise
             interrupted = True
-    return Session(
-        str(uuid.uuid4()),
-        started_at,
-        device.backend,
-        tuple(runs),
-        tuple(runner.sampler.samples),
-        interrupted,
-        runner.stage_clock,
-        empty_frame_us,
-    )
+        return session()
 
 
 def _not_shown(_label: str, _done: int, _total: int, _left: float | None) -> None:

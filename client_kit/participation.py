@@ -12,31 +12,30 @@ from client_kit import (
     delivery,
     device,
     device_choice,
-    interrupts,
+    enrolment,
     manifest,
-    measurement,
     preflight,
+    probes,
     reference_trajectories,
     requirements,
-    result_pages,
     sensors,
     sequences,
     session,
-    summary,
 )
 from client_kit.console import Console
-from client_kit.errors import CannotMeasureError, UsageError
+from client_kit.errors import CannotMeasureError, ClientError, UsageError
 from client_kit.home import Home
 from client_kit.manifest import Manifest
 from client_kit.server import Server
-from client_kit.session import Run, Session
-from client_kit.spool import ACCEPTED, DUPLICATE, Item, Spool
+from client_kit.session import Session
+from client_kit.session_recorder import Measured, SessionRecorder
+from client_kit.spool import Spool
 from slam.devices.choice import NAMES
 from slam.devices.device import Device
+from slam.protocol import FIXED_PAIRS
 
 # A device that has just measured is hot: so often, and for so long, it may cool before the next session.
 COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
-WITHDRAWN = "your agreement was withdrawn meanwhile: what was measured is not kept"
 
 
 @dataclass(frozen=True)
@@ -47,6 +46,7 @@ class Wishes:
     protocol 1 may repeat its runs, None for as long as the server asks. `show_model` is whether a rare
     device's model may be shown in public, None to leave that as it is. `application` is what to measure,
     None for what the server has clients measure. `backend` is what drives the device, None for the fastest.
+    `probes` is whether to measure what the server assigns to this device afterwards, None to be asked.
     """
 
     server: str
@@ -59,14 +59,7 @@ class Wishes:
     show_model: bool | None = None
     application: str | None = None
     backend: str | None = None
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A session that was measured, and what the spool knows of it."""
-
-    session: Session
-    item: Item
+    probes: bool | None = None
 
 
 def run(
@@ -80,8 +73,9 @@ def run(
     """Measure `wishes.sessions` sessions and send them; what cannot be sent now stays in the spool.
 
     More configurations than one session holds make several; a device that does not cool between them ends
-    with those that are done. Raises ClientError, with the exit code of its kind, when nothing can be
-    measured, and KeyboardInterrupt after what was finished is kept.
+    with those that are done. A session of probes may follow, where the participant wants one. Raises
+    ClientError, with the exit code of its kind, when nothing can be measured, and KeyboardInterrupt after
+    what was finished is kept.
     """
     server, spool = Server(wishes.server), Spool(home.spool)
     console.lines(delivery.deliver(spool, home).lines())
@@ -109,10 +103,7 @@ def run(
     processor = f"{identity['opencl_device']} ({identity['opencl_platform']})"
     console.say(f"Device: {processor} over {NAMES[chosen.backend]}")
 
-    def agreed() -> None:
-        if not consent.given(home, server.url, asked.consent_version):
-            raise CannotMeasureError(WITHDRAWN)
-
+    recorder = SessionRecorder(server, home, spool, console, chosen, identity, wishes.show_model, pause, root)
     measured: list[Measured] = []
     planned = plans * wishes.sessions
     for number, plan in enumerate(planned):
@@ -120,29 +111,10 @@ def run(
             pause(asked.protocol.rest_seconds)
             if not _ready_again(wishes, home, console, pause, root):
                 console.say(f"{number} of {len(planned)} sessions are done.")
-                break
-        console.say(f"Order: {', '.join(plan)}, {asked.protocol.frames} frames each")
-        done = _measure(path, asked, plan, chosen, home, console, pause, root)
-        payload = session.payload(done, asked, identity, wishes.show_model)
-        with interrupts.ignored():
-            item = spool.put(server.url, payload, agreed)
-        if done.interrupted:
-            console.say(f"Stopped: the {len(done.runs)} finished runs are kept.")
-            raise KeyboardInterrupt
-        delivered = delivery.deliver(spool, home)
-        console.lines(summary.stages(done, asked.protocol))
-        console.lines(summary.figures(done, asked.protocol))
-        console.lines(delivered.lines())
-        kept = spool.find(item.id)
-        if kept is None:
-            raise CannotMeasureError(WITHDRAWN)
-        measured.append(Measured(done, kept))
-        if measured[-1].item.state in (ACCEPTED, DUPLICATE):
-            result_pages.show(server, home, done, kept, asked, console, pause)
-        if delivered.outdated is not None:
-            raise delivered.outdated
-        if all(one.status == "failed" for one in done.runs):
-            raise CannotMeasureError(f"no configuration runs here: {done.runs[0].failure}")
+                return measured
+        measured.append(recorder.record(path, asked, plan))
+    if _may_probe(wishes, console, asked, measured[-1]):
+        measured += _probes(wishes, recorder, asked, measured[-1].session)
     return measured
 
 
@@ -164,40 +136,66 @@ def consent_text(
     return _consent_text(connection, asked, chosen, identity)
 
 
-def _measure(
-    path: Path,
-    asked: Manifest,
-    plan: tuple[str, ...],
-    chosen: Device,
-    home: Home,
-    console: Console,
-    pause: Callable[[float], None],
-    root: Path,
-) -> Session:
-    planned = [asked.configurations[name] for name in plan]
-    parameters = {configuration.name: configuration.parameters for configuration in planned}
-    backends = {configuration.name: configuration.backends for configuration in planned}
-    impossible = preflight.too_large(parameters, chosen, root)
-    impossible |= preflight.unsupported(backends, chosen.backend)
+def _may_probe(wishes: Wishes, console: Console, asked: Manifest, last: Measured) -> bool:
+    """Whether probes may follow the session LAST: the participant wants them, or is here to be asked."""
+    ordinary = asked.protocol.version == FIXED_PAIRS and not wishes.configurations and last.accepted
+    if wishes.probes is None:
+        return ordinary and _somebody_is_here(console)
+    return ordinary and wishes.probes
 
-    def on_run(run: Run) -> None:
-        console.lines(summary.run_lines(run, asked.protocol))
 
-    with home.only_one("measurement") as alone:
-        if not alone:
-            raise CannotMeasureError("another client measures on this device: wait until it is done")
-        return measurement.measure(
-            path,
-            asked,
-            plan,
-            device=chosen,
-            references=reference_trajectories.read(asked, home),
-            impossible=impossible,
-            on_run=on_run,
-            on_frame=lambda label, done, total, left: console.bar(label, done, total, left=left),
-            rest=pause,
-            root=root,
-        )
+def _probes(wishes: Wishes, recorder: SessionRecorder, asked: Manifest, ordinary: Session) -> list[Measured]:
+    """Measure the probes that the server assigns after the session ORDINARY, if the participant agrees.
+
+    What keeps the client from asking, or the server from answering, is told in a line: the ordinary session
+    is complete without probes.
+    """
+    console = recorder.console
+    default = probes.default_seconds(ordinary, asked.protocol)
+    # Who is here to be asked is not kept waiting for a device to cool.
+    pauses = COOLING_PAUSES if wishes.probes else 0
+    if default is None or not _ready_again(
+        wishes, recorder.home, console, recorder.pause, recorder.root, pauses
+    ):
+        return []
+    try:
+        prepared = _prepared_probes(wishes, recorder, asked.application, default)
+    except ClientError as error:
+        console.say(f"No further configurations are measured: {error}")
+        return []
+    if prepared is None:
+        return []
+    path, assigned, names = prepared
+    measured = recorder.record(path, assigned, assigned.plan(names), with_pages=False)
+    console.say(probes.thanks(measured.session))
+    return [measured]
+
+
+def _prepared_probes(
+    wishes: Wishes, recorder: SessionRecorder, application: str, default: float
+) -> tuple[Path, Manifest, tuple[str, ...]] | None:
+    """The sequence, the manifest and the probes to measure, all at hand; None where there are none, or the
+    participant does not want them. Raises ClientError where they cannot be prepared."""
+    server, home, console = recorder.server, recorder.home, recorder.console
+    token = enrolment.present(home, server)
+    if token is None:  # erased meanwhile
+        return None
+    assigned = probes.fetch(server, token, application)
+    assigned.require_this_version()
+    assigned.require_accepting()
+    if not assigned.assigned:
+        if assigned.assigned_message:
+            console.say(f"No further configurations to measure: {assigned.assigned_message}")
+        return None
+    if not consent.given(home, server.url, assigned.consent_version):
+        raise CannotMeasureError("the consent text has changed, and the next `run` asks you to agree to it")
+    names = probes.that_fit(assigned, default)
+    console.lines(probes.lines(assigned, names))
+    if not names or not (wishes.probes or console.ask(probes.question(names))):
+        return None
+    path = sequences.at_hand(assigned, home) or _download(server, assigned, home, console, fresh=True)
+    reference_trajectories.fetch(server, assigned, home)
+    return path, assigned, names
 
 
 def _that_fit(names: tuple[str, ...], asked: Manifest, backend: str, console: Console) -> tuple[str, ...]:
@@ -246,16 +244,21 @@ def _ready(wishes: Wishes, home: Home, console: Console, root: Path, download: i
 
 
 def _ready_again(
-    wishes: Wishes, home: Home, console: Console, pause: Callable[[float], None], root: Path
+    wishes: Wishes,
+    home: Home,
+    console: Console,
+    pause: Callable[[float], None],
+    root: Path,
+    most_pauses: int = COOLING_PAUSES,
 ) -> bool:
     """Whether another session can be measured after one, once the device has cooled; the load that the one
     before has left says nothing."""
-    for pauses in range(COOLING_PAUSES + 1):
+    for pauses in range(most_pauses + 1):
         found = [concern for concern in preflight.concerns(home, root) if concern.name != preflight.LOAD]
         stopping = [concern for concern in found if concern.stops and concern.name not in wishes.ignored]
         if not stopping:
             return True
-        if pauses == COOLING_PAUSES or stopping[0].name != preflight.THROTTLING:
+        if pauses == most_pauses or stopping[0].name != preflight.THROTTLING:
             break
         console.say(f"{stopping[0].text}; again in {COOLING_SECONDS:.0f} s")
         pause(COOLING_SECONDS)
@@ -277,11 +280,16 @@ def _consent(
         return
     console.say(_consent_text(server, asked, chosen, identity, wishes.show_model))
     if not wishes.yes:
-        if console.silent or not sys.stdin.isatty():
+        if not _somebody_is_here(console):
             raise UsageError("nobody is here to agree: read the text above, then add --yes")
         if not console.ask("Do you agree?"):
             raise CannotMeasureError("nothing was measured or sent: you did not agree")
     consent.remember(home, server.url, version)
+
+
+def _somebody_is_here(console: Console) -> bool:
+    """Whether a question would be seen and answered."""
+    return not console.silent and sys.stdin.isatty()
 
 
 def _consent_text(

@@ -119,6 +119,20 @@ class Server:
         headers = {"If-None-Match": etag} if etag else {}
         return self._call("GET", f"/manifest{query}", headers=headers)
 
+    def assigned_manifest(self, token: str, application: str, minutes: float) -> dict[str, Any]:
+        """A manifest of the configurations that this installation is asked to measure in MINUTES."""
+        query = urllib.parse.urlencode({"application": application, "minutes": f"{minutes:g}"})
+        return self._call("GET", f"/manifest?{query}", token=token).json()
+
+    def recommendation(
+        self, application: str, max_ate: float, max_ms: float | None = None, token: str | None = None
+    ) -> dict[str, Any]:
+        """What the crowd's measurements say of this device: the configuration to use, and the whole front.
+        Raises ProblemError 404 where nothing can be said."""
+        limits = {"max_ate": max_ate} | ({} if max_ms is None else {"max_ms": max_ms})
+        query = urllib.parse.urlencode({"application": application, **limits})
+        return self._call("GET", f"/recommendation?{query}", token=token).json()
+
     def enrol(self, consent_version: str | int) -> tuple[str, str]:
         """A new anonymous installation: its id and its token, which the server shows only once."""
         body = {"app": APP, "app_version": __version__, "consent_version": consent_version}

@@ -16,6 +16,7 @@ from client_kit.errors import HomeError
 
 QUEUED, SENDING, ACCEPTED, DUPLICATE = "queued", "sending", "accepted", "duplicate"
 REJECTED, EXPIRED = "rejected", "expired"
+DRAFT = "draft"
 WAITING = (QUEUED, SENDING)
 
 FIRST_PAUSE_SECONDS = 30.0
@@ -40,10 +41,22 @@ CREATE TABLE IF NOT EXISTS session (
     submission_id TEXT
 )
 """
+# A table of its own: earlier versions of the client share the file, and know no such state.
+_DRAFTS = """
+CREATE TABLE IF NOT EXISTS draft (
+    id TEXT PRIMARY KEY,
+    server TEXT NOT NULL,
+    idempotency_key TEXT NOT NULL UNIQUE,
+    body BLOB NOT NULL,
+    bytes INTEGER NOT NULL,
+    created REAL NOT NULL
+)
+"""
 _COLUMNS = (
     "id, server, idempotency_key, bytes, state, attempts, created, not_before, asked_to_wait, reason, "
     "submission_id"
 )
+_DRAFT_COLUMNS = f"id, server, idempotency_key, bytes, '{DRAFT}', 0, created, 0, 0, NULL, NULL"
 
 
 @dataclass(frozen=True)
@@ -93,11 +106,46 @@ class Spool:
         self._jitter = jitter
         with self._transaction() as connection:
             connection.execute(_SCHEMA)
+            connection.execute(_DRAFTS)
+
+    def keep_draft(
+        self, server: str, payload: Mapping[str, Any], allowed: Callable[[], None] = lambda: None
+    ) -> None:
+        """Keep the finished runs of a session in progress, in place of its last draft; on disk when this
+        returns. It is not sent: `put` or `queue_drafts` makes a session of it. `allowed` is as in `put`.
+        """
+        session_id = payload["sessions"][0]["id"]
+        body = _packed(payload)
+        with self._transaction() as connection:
+            allowed()
+            connection.execute(
+                "INSERT INTO draft (id, server, idempotency_key, body, bytes, created) "
+                "VALUES (?, ?, ?, ?, ?, ?) "
+                "ON CONFLICT (id) DO UPDATE SET body = excluded.body, bytes = excluded.bytes",
+                (session_id, server, str(uuid.uuid4()), body, len(body), self._clock()),
+            )
+            _keep_quota(connection, session_id)
+
+    def drafts(self) -> list[Item]:
+        """The sessions in progress, and those whose client was killed before it could queue them."""
+        with self._transaction() as connection:
+            rows = connection.execute(f"SELECT {_DRAFT_COLUMNS} FROM draft ORDER BY rowid").fetchall()
+        return [_item(row) for row in rows]
+
+    def queue_drafts(self) -> None:
+        """Queue the sessions of clients that were killed. Call it only while no other one measures."""
+        with self._transaction() as connection:
+            connection.execute(
+                "INSERT INTO session (id, server, idempotency_key, body, bytes, state, created) "
+                "SELECT id, server, idempotency_key, body, bytes, 'queued', created FROM draft ORDER BY rowid"
+            )
+            connection.execute("DELETE FROM draft")
 
     def put(
         self, server: str, payload: Mapping[str, Any], allowed: Callable[[], None] = lambda: None
     ) -> Item:
-        """Keep a submission of one session for `server`; it is on disk when this returns.
+        """Keep a submission of one session for `server`; it is on disk when this returns. Its draft, if there
+        is one, goes in the same transaction, and leaves its idempotency key.
 
         The body is packed once, here: whatever happens later, the same bytes travel under the same key.
         `allowed` is called while nobody else can change the spool; what it raises keeps the session out.
@@ -106,10 +154,15 @@ class Spool:
         body = _packed(payload)
         with self._transaction() as connection:
             allowed()
+            draft = connection.execute(
+                "SELECT idempotency_key FROM draft WHERE id = ?", (session_id,)
+            ).fetchone()
+            key = draft[0] if draft else str(uuid.uuid4())
+            connection.execute("DELETE FROM draft WHERE id = ?", (session_id,))
             connection.execute(
                 "INSERT INTO session (id, server, idempotency_key, body, bytes, state, created) "
                 "VALUES (?, ?, ?, ?, ?, 'queued', ?)",
-                (session_id, server, str(uuid.uuid4()), body, len(body), self._clock()),
+                (session_id, server, key, body, len(body), self._clock()),
             )
             _keep_quota(connection, session_id)
         return self.item(session_id)
@@ -137,7 +190,8 @@ class Spool:
     def body(self, item: Item) -> bytes | None:
         """What is sent of a session: gzipped JSON; None when the quota took it."""
         with self._transaction() as connection:
-            row = connection.execute("SELECT body FROM session WHERE id = ?", (item.id,)).fetchone()
+            table = "draft" if item.state == DRAFT else "session"
+            row = connection.execute(f"SELECT body FROM {table} WHERE id = ?", (item.id,)).fetchone()
         return row[0] if row else None
 
     def payload(self, item: Item) -> dict[str, Any] | None:
@@ -216,9 +270,10 @@ class Spool:
             )
 
     def clear(self) -> int:
-        """Forget every session, sent or not; how many there were."""
+        """Forget every session, sent or not, and every draft; how many there were."""
         with self._transaction() as connection:
-            return connection.execute("DELETE FROM session").rowcount
+            drafts = connection.execute("DELETE FROM draft").rowcount
+            return drafts + connection.execute("DELETE FROM session").rowcount
 
     @contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
@@ -248,15 +303,18 @@ def _item(row: tuple[Any, ...]) -> Item:
 
 def _keep_quota(connection: sqlite3.Connection, newest: str) -> None:
     """Stay below the quota: what the server has answered goes first, then the oldest unsent sessions
-    expire, and never the newest. A body is dropped, its row stays to tell what became of it."""
+    expire, and never the newest or a draft. A body is dropped, its row stays to tell what became of it."""
     rows = connection.execute(
         "SELECT id, bytes, state IN ('queued', 'sending') FROM session WHERE body IS NOT NULL AND id != ? "
         "ORDER BY state IN ('queued', 'sending'), rowid",
         (newest,),
     ).fetchall()
-    size = connection.execute("SELECT coalesce(sum(bytes), 0) FROM session WHERE body IS NOT NULL")
-    excess_bytes = size.fetchone()[0] - LARGEST_BYTES
-    excess_items = len(rows) + 1 - MOST_ITEMS
+    size, items = connection.execute(
+        "SELECT coalesce(sum(bytes), 0), count(*) FROM "
+        "(SELECT bytes FROM session WHERE body IS NOT NULL UNION ALL SELECT bytes FROM draft)"
+    ).fetchone()
+    excess_bytes = size - LARGEST_BYTES
+    excess_items = items - MOST_ITEMS
     for session_id, nbytes, unsent in rows:
         if excess_bytes <= 0 and excess_items <= 0:
             return

@@ -5,7 +5,8 @@ import * as database from "./database.js";
 import * as delivery from "./delivery.js";
 import { browserOf, identify, isHandheld } from "./device.js";
 import { element } from "./elements.js";
-import { showResult, showSessions } from "./results.js";
+import * as probes from "./probes.js";
+import { showRecommendation, showResult, showSessions } from "./results.js";
 import { plannedRuns } from "./schedule.js";
 import { DamagedError, Refusal, UnreachableError, askJson, countAttempt, download, downloadJson, readManifest } from "./server.js";
 import * as sessions from "./sessions.js";
@@ -85,11 +86,7 @@ async function prepare() {
 async function showConsent() {
   if (!ready) return;
   const { manifest, adapter } = ready;
-  const missing = manifest.configurations.find(
-    ({ name, plan, shaders, trajectory }) =>
-      manifest.protocol.order.includes(name) && !(plan && shaders && trajectory),
-  );
-  if (manifest.protocol.version !== 2 || missing) {
+  if (!isMeasurable(manifest)) {
     return say("Nothing to measure in a browser", "The published front is for the native client.");
   }
   if (!manifest.accepting) {
@@ -103,11 +100,23 @@ async function showConsent() {
   element("stated", HTMLElement).hidden = !isHandheld(device) || (Boolean(device.model) && !stated);
   agree.checked = await consent.isGiven(manifest);
   start.disabled = !agree.checked;
-  const open = await sessions.resumable(manifest);
+  const open = (await sessions.isMeasuring()) ? null : await sessions.resumable(manifest);
   const runs = plannedRuns(manifest.protocol).length;
   const fresh = element("result", HTMLElement).hidden ? "Start" : "Measure again";
   start.textContent = open ? `Continue: ${open.runs.length} of ${runs} runs are done` : fresh;
   asking.hidden = false;
+}
+
+/**
+ * Whether a browser can measure what MANIFEST asks for.
+ * @param {Manifest} manifest
+ * @returns {boolean}
+ */
+function isMeasurable({ configurations, protocol }) {
+  const missing = configurations.some(
+    ({ name, plan, shaders, trajectory }) => protocol.order.includes(name) && !(plan && shaders && trajectory),
+  );
+  return protocol.version === 2 && !missing;
 }
 
 /**
@@ -161,14 +170,39 @@ async function noteConsent(given) {
 
 start.addEventListener("click", () => {
   start.disabled = true; // before anything is awaited: a second press starts nothing
-  navigator.locks
-    .request("frontrunner-measuring", { ifAvailable: true }, async (lock) => {
-      if (lock) await measure();
-      else say("Another tab measures already", "Two measurements would disturb each other.");
-    })
-    .catch(showError)
-    .finally(showConsent);
+  if (ready) measureAlone(ready.manifest).catch(showError);
 });
+
+/**
+ * Measure what MANIFEST asks for, unless another tab measures, and offer probes after an accepted session.
+ * @param {Manifest} manifest
+ */
+async function measureAlone(manifest) {
+  /** @type {Session | null} */
+  let accepted = null;
+  try {
+    accepted = await navigator.locks.request(sessions.LOCK, { ifAvailable: true }, async (lock) => {
+      if (lock) return measure(manifest);
+      say("Another tab measures already", "Two measurements would disturb each other.");
+      return null;
+    });
+  } catch (error) {
+    showError(error);
+  }
+  await showConsent();
+  if (accepted) await offerProbes(accepted);
+}
+
+/**
+ * Show what the server assigns to this device after SESSION.
+ * @param {Session} session
+ */
+async function offerProbes({ manifest: { application } }) {
+  if (document.visibilityState === "hidden") return;
+  const manifest = await probes.assignedManifest(application);
+  if (!manifest?.accepting || !isMeasurable(manifest) || !(await consent.isGiven(manifest))) return;
+  if (running.hidden) probes.offer(manifest, () => void measureAlone(manifest).catch(showError));
+}
 
 stop.addEventListener("click", () => worker?.postMessage({ type: "stop" }));
 document.addEventListener("visibilitychange", () => {
@@ -176,24 +210,31 @@ document.addEventListener("visibilitychange", () => {
   if (document.visibilityState === "hidden") worker?.postMessage({ type: "stop" });
 });
 
-async function measure() {
-  if (!ready) return;
-  const { manifest, adapter } = ready;
+/**
+ * Measure what MANIFEST asks for. While probes are measured, the result before them stays.
+ * @param {Manifest} manifest
+ * @returns {Promise<Session | null>} the ordinary session, where it ended well and the server has accepted it
+ */
+async function measure(manifest) {
+  if (!ready) return null;
+  const { adapter } = ready;
+  const ordinary = !manifest.assigned?.length;
   notice.hidden = true;
-  element("result", HTMLElement).hidden = true;
+  probes.reset();
+  if (ordinary) element("result", HTMLElement).hidden = true;
   asking.hidden = true;
   running.hidden = false;
   progress.removeAttribute("value");
   running.scrollIntoView({ block: "nearest" });
-  count("began");
+  if (ordinary) count("began");
   const wake = await navigator.wakeLock?.request("screen").catch(() => null);
   try {
     await navigator.storage?.persist?.();
     const order = await orderOf(manifest);
     const stated = await database.read("settings", "stated");
-    const session =
-      (await sessions.resumable(manifest)) ?? (await sessions.begin(manifest, await identify(adapter, stated ?? null)));
-    await measureIn(session, { ...order, done: session.runs, session: session.clock });
+    const open = ordinary ? await sessions.resumable(manifest) : null;
+    const session = open ?? (await sessions.begin(manifest, await identify(adapter, stated ?? null)));
+    return await measureIn(session, { ...order, done: session.runs, session: session.clock });
   } finally {
     running.hidden = true;
     await wake?.release().catch(() => {});
@@ -231,6 +272,7 @@ async function orderOf(manifest) {
  * Have the worker measure ORDER, and keep what it finishes in SESSION.
  * @param {Session} session
  * @param {any} order
+ * @returns {Promise<Session | null>} the ordinary session, where it ended well and the server has accepted it
  */
 async function measureIn(session, order) {
   const last = await new Promise((resolve, reject) => {
@@ -257,18 +299,27 @@ async function measureIn(session, order) {
     worker?.terminate();
     worker = null;
   });
-  if (last.type === "failed") {
+  const ordinary = !session.probes?.length;
+  const failed = last.type === "failed";
+  if (failed) {
     await sessions.end(session);
     fail(last.code === "cannot_resume" ? "error" : last.code, last.detail);
   } else if (last.interrupted) {
-    if (!session.runs.length) await sessions.end(session);
+    if (!session.runs.length || !ordinary) await sessions.end(session);
     say("The measurement was interrupted", "What was finished is kept. Keep this page visible while it measures.");
-    count("failed", "hidden");
+    if (ordinary) count("failed", "hidden");
   } else {
     await sessions.end(session);
-    count("finished");
+    if (ordinary) count("finished");
   }
-  if (session.state === "queued") await deliver(session);
+  if (session.state !== "queued") return null;
+  if (ordinary) {
+    const accepted = await deliver(session);
+    return failed ? null : accepted;
+  }
+  await sendWaiting();
+  probes.thank(session);
+  return null;
 }
 
 /**
@@ -311,13 +362,15 @@ function draw({ width, height, pixels }) {
 /**
  * Show the result of SESSION, send it, and show what the server made of it.
  * @param {Session} session
+ * @returns {Promise<Session | null>} the session, where the server has accepted it
  */
 async function deliver(session) {
   showResult(session, null, null);
+  showRecommendation(null);
   await sendWaiting();
   const sent = (await sessions.all()).find(({ id }) => id === session.id) ?? session;
   showResult(sent, null, null);
-  if (!sent.answer) return;
+  if (!sent.answer) return null;
   try {
     const state = await delivery.summaryOf(sent);
     const { application, front_version } = sent.manifest;
@@ -325,9 +378,11 @@ async function deliver(session) {
       `/speedups?${new URLSearchParams({ application, front: front_version, configuration: "best" })}`,
     );
     showResult(sent, state, crowd.results);
+    if (state) showRecommendation(await probes.recommendation(application));
   } catch (error) {
     if (!(error instanceof Refusal || error instanceof UnreachableError)) throw error;
   }
+  return sent.state === "rejected" ? null : sent;
 }
 
 let nextSending = 0;
@@ -382,6 +437,7 @@ async function save() {
 async function erase() {
   await delivery.erase();
   element("result", HTMLElement).hidden = true;
+  probes.reset();
   showSessions(await sessions.all());
   await showConsent();
 }

@@ -1,6 +1,7 @@
 /** What a session came to, on the page: for its owner at once, whatever the server makes of it later. */
 
 import { element } from "./elements.js";
+import { probesOf } from "./probes.js";
 import { meanSeconds, speedupOf, stageSeconds } from "./speedup.js";
 
 /** @typedef {import("./sessions.js").Session} Session */
@@ -62,6 +63,22 @@ export function showResult(session, state, crowd) {
   element("links", HTMLElement).replaceChildren(...linksOf(state));
   result.hidden = false;
   if (first) result.focus();
+}
+
+/**
+ * Say what the server recommends for this device; nothing where that is null.
+ * @param {any} recommendation
+ */
+export function showRecommendation(recommendation) {
+  const line = element("recommendation", HTMLElement);
+  line.hidden = !recommendation;
+  if (!recommendation) return;
+  const { configuration, predicted: { ratio, low, high }, state } = recommendation;
+  const interval = state === "predicted" && low && high ? `, 95 % interval ${digits(low)}× to ${digits(high)}×` : "";
+  line.replaceChildren(
+    `Best for this device within 5 cm: ${configuration}, ${digits(ratio)}× (${state}${interval}). `,
+    link("/recommend/", "Recommendations for other devices"),
+  );
 }
 
 /**
@@ -191,6 +208,19 @@ async function shared(button, address) {
 }
 
 /**
+ * @param {Session} session
+ * @returns {string} what SESSION came to, in a word or two
+ */
+function valueOf(session) {
+  if (session.probes?.length) {
+    const { length } = probesOf(session);
+    return length === 1 ? "1 probe" : `${length} probes`;
+  }
+  const speedup = speedupOf(session.runs, "best", session.manifest.protocol, session.bands);
+  return speedup ? `${digits(speedup.value)}×` : "no pair";
+}
+
+/**
  * List what was measured here.
  * @param {Session[]} all
  */
@@ -198,10 +228,9 @@ export function showSessions(all) {
   const rows = all
     .filter(({ state }) => state !== "measuring")
     .map((session) => {
-      const speedup = speedupOf(session.runs, "best", session.manifest.protocol, session.bands);
       const when = made("time", "", new Date(session.startedAt).toLocaleString());
       when.setAttribute("datetime", session.startedAt);
-      const value = made("span", "value", speedup ? `${digits(speedup.value)}×` : "no pair");
+      const value = made("span", "value", valueOf(session));
       const reason = session.state === "accepted" || !session.reason ? "" : `: ${session.reason}`;
       return made("li", "", when, value, made("small", "", `${session.manifest.front_version}, ${STATES[session.state]}${reason}`));
     });

@@ -102,6 +102,7 @@ function secondsOf(header) {
  * @property {string} minimum_app_version
  * @property {boolean} accepting
  * @property {string | null} message
+ * @property {{name: string, why: string}[]} [assigned] what this device is to measure, in a manifest for it alone
  */
 
 /**

@@ -4,9 +4,12 @@
  */
 
 import * as database from "./database.js";
+import { plannedRuns } from "./schedule.js";
 import { VERSION } from "./version.js";
 
 const SCHEMA_VERSION = 1;
+/** The lock of the tab that measures. */
+export const LOCK = "frontrunner-measuring";
 // A device that rested for longer is in another state than the one that the first runs saw.
 const RESUMABLE_MS = 30 * 60 * 1000;
 
@@ -18,7 +21,8 @@ const RESUMABLE_MS = 30 * 60 * 1000;
 
 /**
  * `manifest` holds what of it a result page needs. `body` and `key` are what is sent, unchanged until there is an
- * answer. `changedAt` is when it was kept last (milliseconds since 1970). `answer` is what the server said.
+ * answer. `changedAt` is when it was kept last (milliseconds since 1970). `answer` is what the server said. `probes`
+ * names the configurations that the server assigned; sessions of earlier versions of this page lack it.
  * @typedef {object} Session
  * @property {string} id
  * @property {string} startedAt
@@ -26,6 +30,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  * @property {Pick<Manifest, "application" | "front_version" | "protocol" | "consent_version">} manifest
  * @property {Record<string, number>} bands
  * @property {Identity} device
+ * @property {string[]} [probes]
  * @property {SessionClock | null} clock
  * @property {Run[]} runs
  * @property {string | null} body
@@ -52,6 +57,7 @@ export async function begin(manifest, device) {
     manifest: { application, front_version, protocol, consent_version },
     bands,
     device,
+    probes: (manifest.assigned ?? []).map(({ name }) => name),
     clock: null,
     runs: [],
     body: null,
@@ -83,8 +89,17 @@ export async function all() {
 }
 
 /**
- * The session in progress that can go on under MANIFEST, or null. Others in progress are ended:
- * their finished runs are queued.
+ * Whether a tab of this browser measures now.
+ * @returns {Promise<boolean>}
+ */
+export async function isMeasuring() {
+  const { held = [] } = await navigator.locks.query();
+  return held.some(({ name }) => name === LOCK);
+}
+
+/**
+ * The session in progress that can go on under MANIFEST, or null: the same front, and the same runs. Others in
+ * progress are ended: their finished runs are queued. Call it only while no other tab measures.
  * @param {Manifest} manifest
  * @returns {Promise<Session | null>}
  */
@@ -92,11 +107,21 @@ export async function resumable(manifest) {
   let found = null;
   for (const session of (await all()).filter(({ state }) => state === "measuring")) {
     const young = Date.now() - session.changedAt < RESUMABLE_MS;
-    const same = session.manifest.front_version === manifest.front_version;
+    const same = session.manifest.front_version === manifest.front_version && sameRuns(session.manifest, manifest);
     if (!found && young && same && session.clock && session.runs.length) found = session;
     else await end(session);
   }
   return found;
+}
+
+/**
+ * @param {Pick<Manifest, "protocol">} one
+ * @param {Pick<Manifest, "protocol">} other
+ * @returns {boolean} whether both ask for the same runs in the same order
+ */
+function sameRuns(one, other) {
+  const [here, there] = [one, other].map(({ protocol }) => JSON.stringify(plannedRuns(protocol)));
+  return here === there;
 }
 
 /**

@@ -4,14 +4,16 @@
 in forked children, each with a home of its own, killed STRIDE lines later than the one before, and after
 each a second `run`, of one session, that nobody disturbs. It prints, as JSON, how many lines there are and
 for each kill the line's place and what the spool held after the kill and at the end. Measuring is canned: it
-is what comes before and after that may lose or double a session. No OpenCL is touched, which does not
-survive a fork.
+is what comes before, after and between the runs that may lose or double a session. No OpenCL is touched,
+which does not survive a fork.
 """
 
 import json
 import os
 import signal
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType, SimpleNamespace
 from typing import Any
@@ -80,12 +82,20 @@ def forked(home: Home, server: str, sessions: int, last: int | None = None) -> i
 
 
 def states(home: Home) -> list[str]:
-    """The states of the sessions in a home's spool; none where it does not exist yet."""
-    return [item.state for item in Spool(home.spool).items()] if home.path.is_dir() else []
+    """The states of the sessions in a home's spool, drafts last; none where it does not exist yet."""
+    if not home.path.is_dir():
+        return []
+    spool = Spool(home.spool)
+    return [item.state for item in spool.items() + spool.drafts()]
 
 
-def ready(_sequence: Any, asked: Manifest, plan: tuple[str, ...], **_: Any) -> Session:
-    return canned.measured(asked, plan)
+def ready(
+    _sequence: Any, asked: Manifest, plan: tuple[str, ...], keep: Callable[[Session], None], **_: Any
+) -> Session:
+    whole = canned.measured(asked, plan)
+    for finished in range(1, len(whole.runs) + 1):
+        keep(replace(whole, runs=whole.runs[:finished]))
+    return whole
 
 
 def main(folder: Path, server: str, stride: int) -> None:

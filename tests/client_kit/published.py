@@ -1,5 +1,6 @@
 """A front that a real server publishes over the small room."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from crowd.fronts import services
@@ -9,9 +10,13 @@ VERSION = "test"
 
 
 def publish(
-    settings: Any, pack: Pack, protocol: dict[str, Any], configurations: list[dict[str, Any]]
+    settings: Any,
+    pack: Pack,
+    protocol: dict[str, Any],
+    configurations: list[dict[str, Any]],
+    probes: Sequence[dict[str, Any]] = (),
 ) -> None:
-    """Publish CONFIGURATIONS under PROTOCOL as version VERSION, and serve PACK."""
+    """Publish CONFIGURATIONS and PROBES under PROTOCOL as version VERSION, and serve PACK."""
     settings.FRONTRUNNER_SEQUENCES = [pack._chunks.folder.parent]
     services.publish_content(
         {
@@ -21,6 +26,7 @@ def publish(
             "sequence": {"name": pack.name, "sha256": pack.sha256},
             # A server refuses a configuration that does not fit the sequence's camera.
             "configurations": [each for each in configurations if each["name"] != "indivisible"],
+            "probes": list(probes),
             "provenance": {"note": "made for a test"},
         }
     )

@@ -1,6 +1,8 @@
 """Choosing a configuration for this device from the published front and its own measurements."""
 
+import json
 import re
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,13 +10,15 @@ import pytest
 
 from client_kit import __main__ as command_line
 from client_kit import adaptation, device, device_choice
-from client_kit.choice import MEASURED, SCALED, choose, of_one_device, points
+from client_kit.choice import MEASURED, PREDICTED, SCALED, choose, of_one_device, points, predictions
 from client_kit.errors import CannotMeasureError
 from client_kit.home import ENVIRONMENT, Home
 from client_kit.manifest import Manifest
+from client_kit.server import NotFrontrunnerError
 from client_kit.spool import Spool
 from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
+from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 from tests.client_kit.test_manifest import protocol_2
 from tests.slam.shipped import LIVING_ROOM
 
@@ -71,6 +75,140 @@ def test_what_leaves_its_band_here_is_never_chosen(deviation: float, counts: boo
 
 def test_measurements_of_another_front_are_disregarded() -> None:
     assert points(FRONT, [session(run("default", 200, 0.011), front_version="0")]) == []
+
+
+def recommended(name: str, parameters: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    """A row of the front in a server's recommendation."""
+    row = {
+        "configuration": name,
+        "parameters": parameters,
+        "ate_max": 0.02,
+        "ratio": 4.0,
+        "low": 2.0,
+        "high": 5.0,
+    }
+    return row | {"state": "predicted"} | changes
+
+
+def recommendation(*rows: dict[str, Any]) -> dict[str, Any]:
+    best = {"ratio": 4.0, "low": 2.0, "high": 5.0}
+    return {"configuration": "fine", "parameters": {"mu": 0.2}, "predicted": best, "front": list(rows)}
+
+
+def test_the_crowds_predictions_count_for_what_was_not_measured_here() -> None:
+    crowd = predictions(
+        recommendation(
+            recommended("best", {"mu": 0.4}, ratio=9.0),
+            recommended("fine", {"mu": 0.2}, ate_max=None),
+            recommended("probe", {"mu": 0.3}, low=None, high=None),
+        )
+    )
+
+    known = {
+        point.name: point
+        for point in points(FRONT, [session(run("default", 200, 0.011), run("best", 40, 0.03))], crowd)
+    }
+
+    assert (known["best"].runtime, known["best"].source, known["best"].low) == (0.04, MEASURED, None)
+    fine, probe = known["fine"], known["probe"]
+    assert (fine.runtime, fine.low, fine.high, fine.ate_max) == (0.05, 0.04, 0.1, 0.008)
+    assert (probe.runtime, probe.low, probe.high, probe.ate_max) == (0.05, None, None, 0.02)
+    assert (fine.source, probe.source, probe.parameters) == (PREDICTED, PREDICTED, {"mu": 0.3})
+
+
+def test_a_prediction_for_other_parameters_or_without_a_default_here_does_not_count() -> None:
+    other = predictions(recommendation(recommended("fine", {"mu": 0.9})))
+
+    [fine] = [
+        one for one in points(FRONT, [session(run("default", 200, 0.011))], other) if one.name == "fine"
+    ]
+    assert (fine.source, fine.parameters) == (SCALED, {"mu": 0.2})
+    assert points(FRONT, [], predictions(recommendation(recommended("fine", {"mu": 0.2})))) == []
+
+
+def test_what_failed_here_is_not_chosen_for_its_prediction() -> None:
+    crowd = predictions(recommendation(recommended("fine", {"mu": 0.2})))
+    failed = run("fine", 1, None, status="failed", frame_us=[])
+
+    known = points(FRONT, [session(run("default", 200, 0.011), failed)], crowd)
+
+    assert "fine" not in [point.name for point in known]
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [{}, {"front": None}, {"front": [{}]}, {"front": [recommended("fine", {}, ratio=0)]},
+     {"front": [recommended("fine", {}, low="low")]}, {"front": [recommended("fine", {}, ratio=None)]}],
+)  # fmt: skip
+def test_a_recommendation_that_is_not_understood_is_refused(answer: dict[str, Any]) -> None:
+    with pytest.raises(NotFrontrunnerError, match="recommendation is not understood"):
+        predictions(answer)
+
+
+@pytest.fixture
+def chosen(
+    home: Home,
+    spool: Spool,
+    serve: Callable[..., ScriptedServer],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> Callable[..., tuple[str, list[Request]]]:
+    """What `choose` prints after a session of the default, by how the server answers, and what it asks."""
+    monkeypatch.setenv(ENVIRONMENT, str(home.path))
+
+    def choosing(answer: Reply, *options: str, others: tuple[str, ...] = ()) -> tuple[str, list[Request]]:
+        server = serve(lambda _: answer)
+        home.write("manifest-1.json", {"server": server.url, "manifest": documents.manifest()})
+        known = {"installation_id": "me", "token": "secret", "erase": False}
+        home.write("installations.json", {server.url: known})
+        for name in (*others, "this device"):
+            measured = session(run("default", 200, 0.011))
+            spool.put(server.url, measured | {"device": {"opencl_device": name}})
+        assert command_line.main(["choose", *options]) == 0
+        return capsys.readouterr().out, server.requests
+
+    return choosing  # fmt: skip
+
+
+def test_choose_asks_the_server_and_shows_the_interval(chosen: Callable[..., Any]) -> None:
+    answer = Reply(200, recommendation(recommended("fine", {"mu": 0.2}), recommended("best", {"mu": 0.4})))
+
+    out, [asked] = chosen(answer, "--max-ate", "0.03", "--max-ms", "90")
+
+    assert asked.path == "/api/v1/recommendation?application=kfusion&max_ate=0.03&max_ms=90.0"
+    assert asked.headers["authorization"] == "Bearer secret"
+    assert "50.00 ms a frame (predicted by the crowd, 95 % interval 40.00 to 100.00 ms)" in out
+
+
+def test_the_json_has_the_interval_in_seconds(chosen: Callable[..., Any]) -> None:
+    out, _ = chosen(Reply(200, recommendation(recommended("best", {"mu": 0.4}))), "--json")
+
+    told = json.loads(out)
+    assert (told["runtime"], told["low"], told["high"]) == (0.05, 0.04, 0.1)
+    assert (told["configuration"], told["source"]) == ("best", PREDICTED)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [problem(404, "not_found", "nothing is known"), problem(503, "busy", "later"), Reply(200, {"front": 7}),
+     problem(426, "outdated", "update"), Reply(200, raw=b"a hotel's log-in page")],
+)  # fmt: skip
+def test_without_a_recommendation_the_reference_is_scaled(answer: Reply, chosen: Callable[..., Any]) -> None:
+    out, requests = chosen(answer, "--json")
+
+    told = json.loads(out)
+    assert len(requests) == 1
+    assert (told["configuration"], told["source"]) == ("best", SCALED)
+    assert (told["low"], told["high"]) == (None, None)
+
+
+def test_the_server_is_not_asked_about_another_device_than_the_last(chosen: Callable[..., Any]) -> None:
+    answer = Reply(200, recommendation(recommended("best", {"mu": 0.4})))
+
+    out, requests = chosen(answer, "--device", "older", "--json", others=("older",))
+
+    assert requests == []
+    assert json.loads(out)["source"] == SCALED
 
 
 def test_the_fastest_within_the_error_is_chosen() -> None:
@@ -144,17 +282,22 @@ def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytes
 
 
 def test_the_choice_runs_over_the_shipped_sequence(
-    home: Home, spool: Spool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    home: Home,
+    spool: Spool,
+    closed_port: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    server = f"http://127.0.0.1:{closed_port}"
     configurations = [
         {"name": name, "parameters": parameters, "predicted": documents.point(0.1, 0.01)}
         for name, parameters in room.CONFIGURATIONS.items()
     ]
     front = documents.manifest(configurations=configurations)
-    home.write("manifest-1.json", {"server": documents.SERVER, "manifest": front})
+    home.write("manifest-1.json", {"server": server, "manifest": front})
     here = device.opencl_identity(choose_device().handle)
     measured = session(run("default", 200, 0.011), run("best", 40, 0.03))
-    spool.put(documents.SERVER, measured | {"device": here})
+    spool.put(server, measured | {"device": here})
     monkeypatch.setenv(ENVIRONMENT, str(home.path))
 
     code = command_line.main(["choose", "--max-ate", "0.05", "--run", str(LIVING_ROOM), "--frames", "12"])

@@ -240,6 +240,33 @@ def test_while_another_process_sends_nothing_is_sent_twice(serve: Serve, home: H
     assert scripted.requests == []
 
 
+def test_a_draft_is_sent_once_and_only_when_nobody_measures_any_more(
+    serve: Serve, home: Home, spool: Spool
+) -> None:
+    scripted = serve(accepting)
+    spool.keep_draft(scripted.url, documents.payload())
+    [draft] = spool.drafts()
+
+    with home.only_one("measurement") as alone:
+        delivery.deliver(spool, home)
+    assert alone
+    assert (scripted.requests, spool.drafts()) == ([], [draft])
+    delivery.deliver(spool, home)
+    delivery.deliver(spool, home)
+
+    [sent] = submissions(scripted)
+    assert sent.headers["idempotency-key"] == draft.idempotency_key
+    assert spool.item(draft.id).state == "accepted"
+
+
+def test_erasing_forgets_a_draft(serve: Serve, home: Home, spool: Spool) -> None:
+    spool.keep_draft(serve(accepting).url, documents.payload())
+
+    assert delivery.erase(spool, home) == (1, [])
+
+    assert spool.drafts() == []
+
+
 def test_what_became_of_the_sessions_is_told_in_plain_lines(
     home: Home, spool: Spool, closed_port: int
 ) -> None:

@@ -123,6 +123,27 @@ def test_erased_while_it_measures_nothing_is_kept_or_sent(
     assert not [path for path in server.paths() if "enrol" in path or "submissions" in path]
 
 
+def test_erased_between_two_runs_the_session_ends_at_once(
+    client: Terminal, serve: Serve, counting: Counting, home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def erasing(_: Any, asked: Manifest, plan: tuple[str, ...], keep: Any, **__: Any) -> Session:
+        whole = canned.measured(asked, plan)
+        keep(whole)
+        assert [draft.id for draft in Spool(home.spool).drafts()] == [whole.id]
+        assert Client(home=home.path).erase()
+        keep(whole)
+        raise AssertionError("the session went on")
+
+    monkeypatch.setattr(measurement, "measure", erasing)
+
+    code, _, error = client("run", "--yes", "--server", serve(counting).url)
+
+    assert code == 3
+    assert "your agreement was withdrawn meanwhile" in error
+    assert Spool(home.spool).items() + Spool(home.spool).drafts() == []
+    assert counting.sessions == {}
+
+
 def test_erased_while_it_sends_what_arrived_is_erased_there_too(
     client: Terminal, serve: Serve, counting: Counting, home: Home
 ) -> None:

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from client_kit import delivery, preflight
+from client_kit import choice, delivery, preflight
 from client_kit import session as record
 from client_kit.device import FIELDS
-from client_kit.manifest import Manifest
+from client_kit.manifest import Assigned, Manifest
 from slam.datasets.pack import Pack
 from tests.client_kit import canned, room
 from tests.client_kit.published import VERSION, publish
@@ -146,3 +146,14 @@ def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() 
     assert defaults[1] == ", ".join(map(str, told))
     assert EXAMPLES["submission"]["schema_version"] == record.SCHEMA_VERSION
     assert all(name in PAGE for name in ("low battery", "power saving", "throttling")), preflight.IGNORABLE
+
+
+def test_this_client_reads_what_the_page_says_of_probes() -> None:
+    asked = EXAMPLES["manifest"]
+    [assigned] = EXAMPLES["assigned"]["assigned"]
+    probe = {**asked["configurations"][1], "name": assigned["name"]}
+    document = {**asked, **EXAMPLES["assigned"], "configurations": [*asked["configurations"], probe]}
+
+    assert Manifest.parse(document).assigned == (Assigned(assigned["name"], assigned["why"]),)
+    [best] = choice.predictions(EXAMPLES["recommendation"])
+    assert (best.name, best.ratio, best.low, best.high) == ("best", 9.1, 8.2, 10.1)

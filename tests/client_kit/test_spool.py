@@ -150,3 +150,62 @@ def test_the_quota_goes_by_what_came_first_whatever_the_clock_says(
 
     assert [item.id for item in spool.items()] == [item.id for item in items]
     assert [item.state for item in spool.items()] == ["expired", "queued", "queued"]
+
+
+def test_a_draft_becomes_its_session_under_the_same_key(spool: Spool) -> None:
+    sent = payload(runs=[1, 2])
+    session_id = sent["sessions"][0]["id"]
+    for runs in ([1], [1, 2]):
+        spool.keep_draft(SERVER, {**sent, "sessions": [{"id": session_id, "runs": runs}]})
+    [draft] = spool.drafts()
+    assert (draft.id, draft.state, spool.payload(draft)) == (session_id, "draft", sent)
+    assert spool.items() == []
+
+    item = spool.put(SERVER, sent)
+
+    assert (item.state, item.idempotency_key) == ("queued", draft.idempotency_key)
+    assert (spool.drafts(), len(spool.items())) == ([], 1)
+
+
+def test_drafts_are_queued_as_they_are(spool: Spool) -> None:
+    contents = [payload(runs=[1]), payload(runs=[2])]
+    for content in contents:
+        spool.keep_draft(SERVER, content)
+    keys = [draft.idempotency_key for draft in spool.drafts()]
+
+    spool.queue_drafts()
+
+    assert spool.drafts() == []
+    assert [(item.state, item.idempotency_key) for item in spool.items()] == [("queued", key) for key in keys]
+    assert [spool.payload(item) for item in spool.items()] == contents
+
+
+def test_a_draft_is_kept_only_while_that_is_allowed(spool: Spool) -> None:
+    def withdrawn() -> None:
+        raise HomeError("withdrawn")
+
+    with pytest.raises(HomeError, match="withdrawn"):
+        spool.keep_draft(SERVER, payload(), withdrawn)
+
+    assert spool.drafts() == []
+
+
+def test_clearing_takes_drafts_too(spool: Spool) -> None:
+    spool.put(SERVER, payload())
+    spool.keep_draft(SERVER, payload())
+
+    assert spool.clear() == 2
+    assert spool.items() + spool.drafts() == []
+
+
+def test_the_quota_counts_drafts_and_never_drops_them(home: Home, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spool_module, "MOST_ITEMS", 2)
+    spool = Spool(home.spool)
+    first, second = spool.put(SERVER, payload()), spool.put(SERVER, payload())
+
+    spool.keep_draft(SERVER, payload())
+    assert [spool.item(item.id).state for item in (first, second)] == ["expired", "queued"]
+    spool.put(SERVER, payload())
+
+    assert spool.item(second.id).state == "expired"
+    assert len(spool.drafts()) == 1

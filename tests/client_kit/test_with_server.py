@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import urllib.error
@@ -52,17 +53,22 @@ def server(live_server: Any, settings: Any, pack: Pack) -> str:
     return str(live_server.url)
 
 
-def client(home: Home, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
+def start(home: Home, *arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
         [sys.executable, "-m", "client_kit", *arguments],
         cwd=PROJECT,
         env={**os.environ, "FRONTRUNNER_HOME": str(home.path)},
         stdin=subprocess.DEVNULL,
-        capture_output=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        timeout=120,
-        check=False,
     )
+
+
+def client(home: Home, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    process = start(home, *arguments)
+    out, error = process.communicate(timeout=120)
+    return subprocess.CompletedProcess(arguments, process.returncode, out, error)
 
 
 def test_a_measured_session_becomes_a_speedup_with_a_page(server: str, home: Home) -> None:
@@ -139,6 +145,33 @@ def test_answers_lost_on_the_way_lead_to_one_session_each(
 
     assert [item.state for item in spool.items()] == ["accepted"] * 3
     assert (MeasurementSession.objects.count(), Run.objects.count()) == (3, 12)
+
+
+def test_killed_in_its_second_session_a_client_loses_no_finished_run(
+    live_server: Any, settings: Any, pack: Pack, home: Home
+) -> None:
+    manifest = room.manifest(pack)
+    protocol = manifest["protocol"] | {"repeats": 20, "max_repeats": 20}
+    publish(settings, pack, protocol, manifest["configurations"])
+    server = str(live_server.url)
+
+    with start(home, "run", "--server", server, "--yes", "--sessions", "2") as process:
+        assert process.stdout is not None
+        third_runs = (line for line in process.stdout if line.startswith("  3. "))
+        assert [next(third_runs) for _ in range(2)]
+        process.send_signal(signal.SIGKILL)
+    assert process.returncode == -signal.SIGKILL
+    [draft] = Spool(home.spool).drafts()
+    assert "draft" in client(home, "status").stdout
+    for _ in range(2):
+        assert client(home, "send").returncode == 0
+
+    whole, part = MeasurementSession.objects.order_by("id")
+    assert (whole.runs.count(), str(part.uuid)) == (40, draft.id)
+    orders = [run.order for run in part.runs.order_by("order")]
+    assert 3 <= len(orders) < 40
+    assert orders == list(range(len(orders)))
+    assert [item.state for item in Spool(home.spool).items()] == ["accepted"] * 2
 
 
 def test_export_shows_and_erase_removes_what_the_server_keeps(

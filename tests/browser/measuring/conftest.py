@@ -26,6 +26,7 @@ DEFAULT = STANDARD | {
     "pyramid_iterations_fine": 6, "pyramid_iterations_middle": 2, "pyramid_iterations_coarse": 0,
 }  # fmt: skip
 BEST = DEFAULT | {"pyramid_iterations_fine": 2, "pyramid_iterations_middle": 1, "tracking_rate": 2}
+PROBES = {"probe-1": BEST | {"pyramid_iterations_fine": 3}, "probe-2": BEST | {"integration_rate": 2}}
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,9 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
         "configurations": [
             {"name": "default", "parameters": DEFAULT, "predicted": slow},
             {"name": "best", "parameters": BEST, "predicted": fast},
+        ],
+        "probes": [
+            {"name": name, "parameters": parameters, "predicted": fast} for name, parameters in PROBES.items()
         ],
         "provenance": {"note": "made up for testing", "evaluations": 0},
     }  # fmt: skip

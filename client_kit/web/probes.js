@@ -1,0 +1,99 @@
+/** Probes: configurations that the server assigns to this device after an ordinary session. */
+
+import * as database from "./database.js";
+import { element } from "./elements.js";
+import { Refusal, UnreachableError, askJson } from "./server.js";
+
+const MINUTES = 2;
+
+const section = element("probes", HTMLElement);
+const button = element("measure-probes", HTMLButtonElement);
+const thanks = element("thanks", HTMLElement);
+
+/** @typedef {import("./server.js").Manifest} Manifest */
+/** @typedef {import("./sessions.js").Session} Session */
+
+/**
+ * The answer of PATH for this browser's installation; null where there is none, or the server does not answer.
+ * @param {string} path
+ * @param {Record<string, string>} query
+ * @returns {Promise<any>}
+ */
+async function askAsInstallation(path, query) {
+  const installation = await database.read("settings", "installation");
+  if (!installation) return null;
+  try {
+    return await askJson(`${path}?${new URLSearchParams(query)}`, { token: installation.token });
+  } catch (error) {
+    if (error instanceof Refusal || error instanceof UnreachableError) return null;
+    throw error;
+  }
+}
+
+/**
+ * The manifest of what the server assigns to this device; null where it assigns nothing. It is not kept.
+ * @param {string} application
+ * @returns {Promise<Manifest | null>}
+ */
+export async function assignedManifest(application) {
+  const manifest = await askAsInstallation("/manifest", { application, minutes: String(MINUTES) });
+  return manifest?.assigned?.length ? manifest : null;
+}
+
+/**
+ * What the server recommends for this device; null where it has nothing to say.
+ * @param {string} application
+ * @returns {Promise<any>}
+ */
+export function recommendation(application) {
+  return askAsInstallation("/recommendation", { application });
+}
+
+/**
+ * Show what is assigned, with the reasons. PRESSED is called once, when the visitor wants it measured.
+ * @param {Manifest} manifest
+ * @param {() => void} pressed
+ */
+export function offer({ assigned = [] }, pressed) {
+  const rows = assigned.map(({ name, why }) => {
+    const row = document.createElement("li");
+    const title = document.createElement("strong");
+    title.textContent = name;
+    row.append(title, `: ${why}`);
+    return row;
+  });
+  element("assigned", HTMLElement).replaceChildren(...rows);
+  button.textContent = `Measure ${assigned.length} more`;
+  button.onclick = () => {
+    section.hidden = true;
+    pressed();
+  };
+  section.hidden = false;
+}
+
+/** Another measurement begins: nothing is offered, and no thanks are shown. */
+export function reset() {
+  section.hidden = true;
+  thanks.hidden = true;
+}
+
+/**
+ * The probes that SESSION has runs of.
+ * @param {Session} session
+ * @param {boolean} [ok] whether only runs count that did not fail
+ * @returns {string[]} their names
+ */
+export function probesOf({ runs, probes = [] }, ok = false) {
+  return probes.filter((name) => runs.some((run) => run.configuration === name && (!ok || run.status === "ok")));
+}
+
+/**
+ * Say thanks for a session of probes.
+ * @param {Session} session
+ */
+export function thank(session) {
+  const names = probesOf(session, true);
+  const words = names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names.at(-1)}` : names[0];
+  thanks.textContent = words ? `Thank you: the map of devices now knows ${words} on this device.` : "No probe ran on this device.";
+  thanks.hidden = false;
+}

@@ -1,0 +1,143 @@
+"""After a session the page offers what the server assigns to this device, and measures it when asked to."""
+
+import re
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.results.models import MeasurementSession, Run
+from tests.browser.measuring.conftest import PROBES
+from tests.browser.measuring.test_measuring import any_speed, arrived, assert_counted, begin, finished
+from tests.browser.visitor import Visitor
+
+__all__ = ["any_speed"]
+
+ASSIGNED = re.compile(r"/api/v1/manifest\?application=kfusion&minutes=2$")
+RECOMMENDATION = re.compile(r"/api/v1/recommendation\?application=kfusion$")
+TIMES = "\N{MULTIPLICATION SIGN}"
+WHY = "No other device with this GPU has measured it."
+
+
+@pytest.fixture
+def asked(visitor: Visitor, client: Client) -> list[str | None]:
+    """The server assigns both probes of its front; the tokens that asked for them."""
+    manifest = client.get("/api/v1/manifest").json()
+    probes = client.get(f"/api/v1/fronts/{manifest['front_version']}").json()["probes"]
+    manifest["configurations"] = [manifest["configurations"][0], *probes]
+    manifest["protocol"] |= {"order": ["default", *PROBES], "repeats": 2}
+    manifest["assigned"] = [{"name": name, "why": WHY} for name in PROBES]
+    tokens: list[str | None] = []
+
+    def answer(route: Any) -> None:
+        tokens.append(route.request.headers.get("authorization"))
+        route.fulfill(json=manifest)
+
+    visitor.page.route(ASSIGNED, answer)
+    visitor.page.route(RECOMMENDATION, lambda route: route.fulfill(status=404, json={"code": "not_found"}))
+    return tokens
+
+
+def offered(page: Any) -> Any:
+    """The button that measures what is assigned, as soon as it is there."""
+    button = page.get_by_role("button", name="Measure 2 more")
+    button.wait_for()
+    return button
+
+
+def assert_accessible(page: Any) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+    assert [rule["id"] for rule in found if rule["impact"] in {"serious", "critical"}] == []
+
+
+def configurations(session: MeasurementSession) -> list[str]:
+    return list(session.runs.order_by("order").values_list("configuration__name", flat=True))
+
+
+def test_who_presses_the_button_measures_what_is_assigned(visitor: Visitor, asked: list[str | None]) -> None:
+    page = begin(visitor)
+    speedup = finished(page).get_attribute("data-speedup")
+    button = offered(page)
+    rows = page.locator("#assigned li").all_inner_texts()
+    assert_accessible(page)
+    button.click()
+    page.get_by_text("Thank you: the map of devices now knows probe-1 and probe-2 on this device.").wait_for()
+
+    assert rows == [f"probe-1: {WHY}", f"probe-2: {WHY}"]
+    ordinary, probes = MeasurementSession.objects.order_by("id")
+    assert len(configurations(ordinary)) == 8
+    assert configurations(probes) == ["default", *PROBES, *reversed(PROBES), "default"]
+    assert set(probes.runs.values_list("status", flat=True)) == {"ok"}
+    assert page.locator("#result").get_attribute("data-speedup") == speedup
+    assert page.locator("#probes").is_hidden()
+    assert page.locator("#recommendation").is_hidden()
+    assert arrived(page).count() == 2
+    assert page.locator("#sessions").get_by_text("2 probes", exact=True).count() == 1
+    assert len(asked) == 1
+    assert (asked[0] or "").startswith("Bearer ")
+    assert_counted("began", "finished", "opened")
+
+
+def test_a_page_that_is_loaded_again_in_the_middle_sends_the_finished_runs(
+    visitor: Visitor, asked: list[str | None]
+) -> None:
+    page = begin(visitor)
+    finished(page)
+    offered(page).click()
+    page.get_by_text(re.compile("^probe-[12], run [3-5] of 6$")).wait_for()
+    page.reload()
+    page.get_by_role("button", name="Start", exact=True).wait_for()
+    arrived(page).nth(1).wait_for()
+
+    probes = MeasurementSession.objects.latest("id")
+    made = configurations(probes)
+    assert 2 <= len(made) < 6
+    assert made == ["default", *PROBES, *reversed(PROBES), "default"][: len(made)]
+    assert Run.objects.count() == 8 + len(made)
+    assert page.locator("#sessions").get_by_text(re.compile("^[12] probes?$")).count() == 1
+
+
+def test_another_tab_leaves_the_probes_in_progress_alone(visitor: Visitor, asked: list[str | None]) -> None:
+    page = begin(visitor)
+    finished(page)
+    offered(page).click()
+    page.get_by_text(re.compile("^probe-[12], run [2-5] of 6$")).wait_for()
+    other = visitor.context.new_page()
+    other.goto(f"{visitor.server}/measure/")
+    other.locator("#start").wait_for()
+    page.bring_to_front()
+    page.get_by_text("Thank you: the map of devices now knows probe-1 and probe-2").wait_for()
+
+    assert [len(configurations(one)) for one in MeasurementSession.objects.order_by("id")] == [8, 6]
+
+
+def test_where_nothing_is_assigned_nothing_is_offered(visitor: Visitor, client: Client) -> None:
+    manifest = client.get("/api/v1/manifest").json()
+    visitor.page.route(ASSIGNED, lambda route: route.fulfill(json=manifest | {"assigned": []}))
+    visitor.page.route(RECOMMENDATION, lambda route: route.fulfill(status=404, json={"code": "not_found"}))
+    with visitor.page.expect_response(ASSIGNED):
+        page = begin(visitor)
+    finished(page)
+    page.get_by_role("button", name="Measure again").wait_for()
+
+    assert page.locator("#probes").is_hidden()
+
+
+@pytest.mark.parametrize(
+    ("state", "basis"),
+    [("predicted", f"predicted, 95 % interval 3.10{TIMES} to 5.20{TIMES}"), ("measured", "measured")],
+)
+def test_the_result_ends_with_what_is_best_for_this_device(
+    visitor: Visitor, asked: list[str | None], state: str, basis: str
+) -> None:
+    best = {"configuration": "best", "predicted": {"ratio": 4.0, "low": 3.1, "high": 5.2}, "state": state}
+    visitor.page.route(RECOMMENDATION, lambda route: route.fulfill(json=best))
+    page = begin(visitor)
+    finished(page)
+
+    line = page.locator("#recommendation")
+    line.wait_for()
+    assert line.inner_text().startswith(f"Best for this device within 5 cm: best, 4.00{TIMES} ({basis}). ")
+    assert line.get_by_role("link").get_attribute("href") == "/recommend/"
