@@ -33,7 +33,7 @@ LEAST_ERROR = 0.02  # of a measured ratio: what a session cannot know about the 
 GUESSES = {"power": 0.1, "factor": 0.1, "cost": 0.4, "rest": 0.08, "stage": 0.1, "alike": 0.1}
 REST_WITHOUT_WORK = 0.2  # in place of "rest", "cost" and "alike"
 ALIKE = 1.0  # distance of logarithms of work over which ratios are alike
-SURENESS = 1.0
+SURENESS, FARTHEST = 1.0, float(np.log(4.0))  # a single strange device must not change them beyond that
 STRENGTH = 20.0  # devices that the rung below is worth
 ROUNDS = 5  # of expectation and maximisation
 
@@ -143,7 +143,9 @@ def _fitted(components: Components, known: DeviceMap) -> Belief:
         )
         return float(((logs - guesses) ** 2).sum() / (2 * SURENESS**2) - likelihood)
 
-    return components.belief(minimize(badness, guesses, method="L-BFGS-B", options={"maxiter": 30}).x)
+    near = [(guess - FARTHEST, guess + FARTHEST) for guess in guesses]
+    found = minimize(badness, guesses, method="L-BFGS-B", bounds=near, options={"maxiter": 30})
+    return components.belief(found.x)
 
 
 def _log_likelihood(belief: Belief, seen: Observation) -> float:

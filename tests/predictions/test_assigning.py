@@ -12,7 +12,7 @@ from crowd.predictions.models import ProbeAssignment, ProbeRequest
 from pareto.devices.probes import NEARLY_BEST
 from tests.crowd.participant import Participant
 from tests.predictions.measured import Measured
-from tests.predictions.test_recommending import RECOMMENDED
+from tests.predictions.test_recommending import DIFFERENT
 
 
 def assign(device: Measured, minutes: float = 2.0) -> assigning.Assignment:
@@ -107,7 +107,7 @@ def test_what_administrators_ask_for_comes_first_on_such_chips_until_it_is_there
 
 
 def test_what_is_recommended_is_confirmed_first(measured: Any) -> None:
-    device = measured(costs=RECOMMENDED)
+    device = measured(**DIFFERENT)
     maps.rebuild()
 
     found = assign(device)
