@@ -19,6 +19,7 @@ from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedu
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.intake import packing
 from crowd.results.models import DeviceSpeedup, Run, SessionSummary, State
+from crowd.results.models.derived import standard_error
 from crowd.results.reading.figures import simulated_only
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
 from pareto.devices.prediction import Observation
@@ -26,13 +27,10 @@ from pareto.devices.rungs import observations
 from slam.system import STAGES
 
 SESSION = (DEFAULT, BEST)  # what every session measures, with its stages
-# Standard errors of logarithms: of one session that has no interval of its own, of the stages of a session,
-# and what is added where no quorum agrees with a figure.
-ONE_SESSION, STAGE, UNCONFIRMED = 0.05, 0.05, 0.05
+# Standard errors of logarithms: of the stages of a session, and what is added where no quorum agrees.
+STAGE, UNCONFIRMED = 0.05, 0.05
 NORMAL_95 = 1.959964
 FIGURE = ("row", "device", "processor", "quantity", "ratio", "error", "ate_max", "sessions")
-# Of four pairs. Two alone give an interval so wide that it says nothing, so an error has an end.
-STUDENT_95, MOST_ERROR = 3.182, 0.1
 MOST_NEAR = 40  # devices of a series that a prediction looks at
 # A chip's family: its name up to the first digit, which tells series apart ("Adreno 6", "Mali-G7").
 SERIES = re.compile(r"^\D*\d?")
@@ -225,12 +223,7 @@ def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
 
 def _error(row: DeviceSpeedup, agreed: bool) -> float:
     """The standard error of a figure's logarithm; larger where no quorum AGREED with it."""
-    if row.deviation is not None and row.units > 1:
-        own = row.deviation / math.sqrt(row.units)
-    elif row.session_low and row.session_high:
-        own = min((math.log(row.session_high) - math.log(row.session_low)) / (2 * STUDENT_95), MOST_ERROR)
-    else:
-        own = ONE_SESSION
+    own = standard_error(row.deviation, row.units, row.session_low, row.session_high)
     return own if agreed else math.hypot(own, UNCONFIRMED)
 
 

@@ -126,3 +126,13 @@ def test_erasure_takes_the_assignments_too(measured: Any, sent: int) -> None:
     assert device.participant.delete("/me").status_code in (200, 204)
 
     assert not ProbeAssignment.objects.exists()
+
+
+def test_a_participant_can_read_its_assignments(measured: Any) -> None:
+    device = measured()
+    chosen = names(assign(device))
+
+    found = device.participant.own_data()["assignments"]
+
+    assert [row["configuration"] for row in found] == chosen
+    assert {(row["front_version"], row["why"]) for row in found} == {("kfusion-4", assigning.TEACHES)}

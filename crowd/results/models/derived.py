@@ -1,5 +1,7 @@
 """What tasks derive from measurements: all of it can be deleted and computed again."""
 
+import math
+
 from django.db import models
 
 from crowd.devices.models import DeviceModel, Installation, ProcessorClass
@@ -95,6 +97,24 @@ class SessionSummary(models.Model):
 
     def __str__(self) -> str:
         return f"{self.session_id} {self.configuration_id}"
+
+
+# Of the logarithm of a ratio: where a session has no interval of its own, and at most.
+ONE_SESSION_ERROR, MOST_ERROR = 0.05, 0.1
+# A session's interval is Student's t, of four pairs as a rule. That of two says nothing, so an error has an
+# end.
+STUDENT_95 = 3.182
+
+
+def standard_error(
+    deviation: float | None, units: int, session_low: float | None, session_high: float | None
+) -> float:
+    """That of the logarithm of a speedup, from the columns of its figure."""
+    if deviation is not None and units > 1:
+        return deviation / math.sqrt(units)
+    if session_low and session_high:
+        return min(math.log(session_high / session_low) / (2 * STUDENT_95), MOST_ERROR)
+    return ONE_SESSION_ERROR
 
 
 class DeviceSpeedup(models.Model):

@@ -24,6 +24,7 @@ from crowd.fronts.models import Configuration, FrontVersion
 from crowd.results.intake import packing
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
+from crowd.results.models.derived import standard_error
 
 AT_ONCE = 5_000
 # Most bytes of packed series, or of samples as text, in one block. A single larger row is a block by itself.
@@ -143,12 +144,17 @@ def figures(scope: Scope) -> Iterator[Block]:
     plain = (
         *("backend", "processor", "processor_class", "speedup", "low", "high", "session_low"),
         *("session_high", "repeat_low", "repeat_high", "sessions", "installations", "witnesses"),
-        *("chip_witnesses", "ate_max", "state", "algorithm"),
+        *("chip_witnesses", "ate_max", "state", "algorithm", "deviation", "units"),
     )
     for block in _blocks(rows, "device_id", "configuration_id", "baseline_id", "last_session_at", *plain):
         witnesses = [max(pair) for pair in zip(block["witnesses"], block["chip_witnesses"], strict=True)]
+        spread = zip(
+            *(block[name] for name in ("deviation", "units", "session_low", "session_high")), strict=True
+        )
         yield block | {
             "device": [devices[key].slug for key in block["device_id"]],
+            "log_ratio": [math.log(speedup) for speedup in block["speedup"]],
+            "standard_error": [standard_error(*columns) for columns in spread],
             "witnesses": witnesses,
             "confirmed": [count >= settings.FRONTRUNNER_QUORUM for count in witnesses],
             "front": [names[key][0] for key in block["configuration_id"]],

@@ -35,6 +35,8 @@ def own_data(installation: Installation) -> Iterator[bytes]:
     yield b'{"installation":' + msgspec.json.encode(_rest(installation, *TOKENS, "description"))
     yield from _list("submissions", map(_submission, submissions))
     yield from _list("sessions", map(_session, sessions))
+    assignments = installation.assignments.select_related("configuration__front").order_by("pk")
+    yield from _list("assignments", map(_assignment, assignments.iterator()))
     yield b"}"
 
 
@@ -94,6 +96,16 @@ def _summary(summary: SessionSummary) -> dict[str, Any]:
         "configuration": summary.configuration.name,
         "baseline": summary.baseline.name,
         **_rest(summary, "id", "session", "installation", "configuration", "baseline"),
+    }
+
+
+def _assignment(assignment: Model) -> dict[str, Any]:
+    """What the installation was asked to measure. The model is of crowd.predictions, a layer above."""
+    configuration = assignment.configuration  # type: ignore[attr-defined]
+    return {
+        "front_version": configuration.front.slug,
+        "configuration": configuration.name,
+        **_rest(assignment, "id", "installation", "configuration", "request"),
     }
 
 
