@@ -29,6 +29,14 @@ class TokenAuthentication(BaseAuthentication):
         return None, installation
 
 
+class OptionalToken(TokenAuthentication):
+    """Anyone may ask; whoever sends a token is known by it."""
+
+    def authenticate(self, request: Request) -> tuple[None, Installation] | None:  # type: ignore[override]
+        """Raises Problem 401 for a token that is unknown or revoked."""
+        return super().authenticate(request) if "Authorization" in request.headers else None
+
+
 class RightsAuthentication(TokenAuthentication):
     """As TokenAuthentication, and a revoked token counts as well: participants keep access to their own data
     and may always erase it.
@@ -45,6 +53,16 @@ class TokenScheme(OpenApiAuthenticationExtension):
 
     def get_security_definition(self, auto_schema: object) -> dict[str, str]:  # noqa: ARG002
         return {"type": "http", "scheme": "bearer"}
+
+
+class OptionalScheme(TokenScheme):
+    """The token, where there is one."""
+
+    target_class = OptionalToken
+    name = "installation"
+
+    def get_security_requirement(self, auto_schema: object) -> list[dict[str, list[str]]]:  # noqa: ARG002
+        return [{}, {self.name: []}]
 
 
 class RightsScheme(TokenScheme):

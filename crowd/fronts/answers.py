@@ -77,10 +77,19 @@ class Sequence(msgspec.Struct):
     colour: Colour | None
 
 
+class Asked(msgspec.Struct):
+    """A configuration that this device in particular is asked to measure, and why."""
+
+    name: str
+    why: str
+
+
 class Manifest(msgspec.Struct):
     """What a client is asked to measure now.
 
     Where `accepting` is false nothing is taken now; `message` says why, null where nobody did.
+    Only where an installation asks what it shall measure besides: `assigned`, and `assigned_message` where
+    that is empty for a reason. Then `configurations` and `protocol` are those of that session.
     """
 
     application: str
@@ -92,6 +101,8 @@ class Manifest(msgspec.Struct):
     minimum_app_version: str
     accepting: bool
     message: str | None
+    assigned: list[Asked] | UnsetType = UNSET
+    assigned_message: str | UnsetType | None = UNSET
 
 
 class FrontSummary(msgspec.Struct):
@@ -145,40 +156,21 @@ def manifest(front: Front, policy: Policy) -> Manifest:
     )
 
 
-class Asked(msgspec.Struct):
-    """A configuration that this device in particular is asked to measure, and why."""
-
-    name: str
-    why: str
-
-
-class AssignedManifest(Manifest):
-    """The manifest of a session of probes, for one installation: `configurations` and `protocol` are those of
-    that session. Where `assigned` is empty, `assigned_message` says why, null where there is no more to say.
-    """
-
-    assigned: list[Asked]
-    assigned_message: str | None
-
-
 def assigned_manifest(
     front: Front, policy: Policy, asked: Several[tuple[Point, str]], repeats: int, message: str | None
-) -> AssignedManifest:
-    """What clients are asked to measure after default and best: the points ASKED, each with its reason, and
+) -> Manifest:
+    """What one client is asked to measure after default and best: the points ASKED, each with its reason, and
     the default, each REPEATS times. Without any it has the front's own configurations and protocol.
     """
-    usual = manifest(front, policy)
-    chosen, protocol = usual.configurations, usual.protocol
+    found = manifest(front, policy)
+    found.assigned = [Asked(point.name, why) for point, why in asked]
+    found.assigned_message = message
     if asked:
-        chosen = [one for one in chosen if one.name == DEFAULT]
-        chosen += [_configuration(front, point) for point, _ in asked]
-        protocol = protocol | {"order": [one.name for one in chosen], "repeats": repeats}
-    members = {field: getattr(usual, field) for field in usual.__struct_fields__}
-    return AssignedManifest(
-        **members | {"configurations": chosen, "protocol": protocol},
-        assigned=[Asked(point.name, why) for point, why in asked],
-        assigned_message=message,
-    )
+        default = [one for one in found.configurations if one.name == DEFAULT]
+        found.configurations = default + [_configuration(front, point) for point, _ in asked]
+        order = [one.name for one in found.configurations]
+        found.protocol = found.protocol | {"order": order, "repeats": repeats}
+    return found
 
 
 def sequence(pack: Mapping[str, Any]) -> Sequence:

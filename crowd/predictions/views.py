@@ -8,7 +8,7 @@ from rest_framework.request import Request
 
 from crowd import limits
 from crowd.api import Endpoint, answer
-from crowd.devices.authentication import TokenAuthentication, installation_asking
+from crowd.devices.authentication import OptionalToken, installation_asking
 from crowd.fronts import answers as front_answers
 from crowd.fronts import policy
 from crowd.fronts.views import ManifestView
@@ -20,14 +20,6 @@ from slam.protocol import PROBE_PAIRS, VALID_BELOW
 LONGEST = 100
 TEXT = {"type": "string", "maxLength": LONGEST}
 POSITIVE = {"type": "number", "exclusiveMinimum": 0}
-
-
-class OptionalToken(TokenAuthentication):
-    """Anybody may ask; who sends a token is known by it."""
-
-    def authenticate(self, request: Request) -> tuple[None, object] | None:  # type: ignore[override]
-        """Raises Problem 401 for a token that is unknown or revoked."""
-        return super().authenticate(request) if "Authorization" in request.headers else None
 
 
 class AssignedManifestView(ManifestView):
@@ -51,7 +43,7 @@ class AssignedManifestView(ManifestView):
             ),
             OpenApiParameter("minutes", POSITIVE, description="how long another session may take"),
         ],
-        responses={200: front_answers.AssignedManifest, 304: None},
+        responses={200: front_answers.Manifest, 304: None},
     )
     def get(self, request: Request) -> HttpResponseBase:
         if "minutes" not in request.query_params:

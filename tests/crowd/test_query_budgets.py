@@ -25,7 +25,7 @@ READS = {
     "/openapi.json": 0,
     "/docs": 0,
 }
-OWN = {"/me": 1, "/submissions/{submission}": 4, "/me/data": 9}
+OWN = {"/me": 1, "/submissions/{submission}": 4, "/me/data": 10}
 # A transaction's begin and end count too; 50 runs take two statements.
 SUBMISSION, VALIDATION, ENROLMENT, ATTEMPT = 10, 5, 2, 2
 
