@@ -59,7 +59,7 @@ class OptionalScheme(TokenScheme):
     """The token, where there is one."""
 
     target_class = OptionalToken
-    name = "installation"
+    name = "installation_where_known"
 
     def get_security_requirement(self, auto_schema: object) -> list[dict[str, list[str]]]:  # noqa: ARG002
         return [{}, {self.name: []}]

@@ -70,6 +70,7 @@ def tokens(
     yield {
         "installation": participant.token,
         "installation_also_revoked": participant.token,
+        "installation_where_known": participant.token,
         "reference_device": reference,
     }
     for signal in (request_started, request_finished):
@@ -107,6 +108,8 @@ def test_real_answers_are_as_described(tokens: dict[str, str], exploration: Expl
     own = {"Authorization": f"Bearer {tokens['installation']}"}
     for path, places, query in (
         ("/manifest", {}, {}),
+        ("/manifest", {}, {"minutes": "2"}),
+        ("/recommendation", {}, {}),
         ("/fronts", {}, {}),
         ("/fronts/{version}", {"version": "kfusion-test"}, {}),
         ("/speedups", {}, {"configuration": "all"}),
