@@ -15,7 +15,7 @@ from crowd.predictions import maps, tables
 from crowd.predictions.devices import Expectation, belief_of, expect, expect_of
 from crowd.predictions.models import DeviceMap
 from crowd.predictions.tables import CrowdTable, Group
-from crowd.results.models import DeviceSpeedup, MeasurementSession, State
+from crowd.results.models import Cohort, MeasurementSession
 from crowd.results.reading.figures import devices_of, simulated_only
 from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import measured_front
@@ -80,10 +80,9 @@ def of_device(
     model, front = find(slug), fronts.front(front_slug)
     if model is None or front is None:
         return None
-    key = DeviceSpeedup.objects.filter(front__slug=front_slug).values_list("front_id", flat=True).first()
-    if key is None:
-        return None
-    group = Group(key, backend, processor_class, model.kind == DeviceModel.Kind.SIMULATED)
+    group = Group(
+        fronts.key_of(front_slug), backend, processor_class, model.kind == DeviceModel.Kind.SIMULATED
+    )
     return _of_row(front, group, model.pk, processor)
 
 
@@ -177,13 +176,11 @@ def _front(application: str | None, simulated: bool) -> Front:
 
 def _fitting(front: Front, question: Question) -> list[tuple[Group, int, str]]:
     """Group, device and processor of all rows that fit QUESTION, of the group with most of them."""
-    rows = DeviceSpeedup.objects.filter(
-        simulated_only(question.simulated), front__slug=front.slug, state=State.VALID
-    )
+    rows = Cohort.objects.filter(simulated_only(question.simulated), front__slug=front.slug)
     if question.backend:
         rows = rows.filter(backend=question.backend)
     columns = ("front_id", "backend", "processor_class", "device_id", "processor")
-    found = list(rows.order_by(*columns).values_list(*columns).distinct())
+    found = list(rows.order_by(*columns).values_list(*columns))
     devices = devices_of(device for *_, device, _ in found)
     groups: dict[Group, list[tuple[Group, int, str]]] = {}
     for key, backend, kind, device, processor in found:

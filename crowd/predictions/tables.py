@@ -12,13 +12,15 @@ from functools import cached_property
 
 import numpy as np
 import pandas as pd
-from django.db.models import Count, F, Max
+from django.db.models import Count, F, Max, QuerySet
 
+from crowd.devices.models import DeviceModel
 from crowd.fronts import plans
+from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.figures.confirmation import confirmed
 from crowd.results.intake import packing
-from crowd.results.models import DeviceSpeedup, Run, SessionSummary, State
+from crowd.results.models import Cohort, DeviceSpeedup, Run, SessionSummary, State
 from crowd.results.models.derived import standard_error
 from crowd.results.reading.figures import simulated_only
 from pareto.devices.device_map import SEPARATOR, DeviceMap, stage_quantity
@@ -136,11 +138,14 @@ def stage_times_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | No
 
 
 def groups() -> list[Group]:
-    """Every group that has a figure of a published front. One query."""
-    rows = DeviceSpeedup.objects.filter(front__state="published").order_by()
+    """Every group that measured a published front. One query."""
+    rows = Cohort.objects.filter(front__state=FrontVersion.State.PUBLISHED).order_by()
     found = rows.values_list("front_id", "backend", "processor_class", "device__kind").distinct()
     return sorted(
-        {Group(front, backend, kind, device == "simulated") for front, backend, kind, device in found},
+        {
+            Group(front, backend, kind, device == DeviceModel.Kind.SIMULATED)
+            for front, backend, kind, device in found
+        },
         key=lambda group: (group.front, group.backend, group.processor_class, group.simulated),
     )
 
@@ -175,19 +180,26 @@ def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> Cr
 
 
 def neighbourhood(group: Group, processor: str, device: int | None = None) -> list[int]:
-    """The keys of DEVICE and of the devices of GROUP with chips of the series of PROCESSOR, MOST_NEAR at
-    most. One query.
+    """The keys of DEVICE and of the devices of GROUP with chips of the series of PROCESSOR: those with most
+    figures, MOST_NEAR at most. One query.
     """
-    rows = DeviceSpeedup.objects.filter(
+    series = cohorts(group).filter(processor__startswith=family(processor))
+    figures = DeviceSpeedup.objects.filter(
+        front=group.front, backend=group.backend, device__in=series.values("device")
+    )
+    near = figures.order_by().values("device").annotate(count=Count("pk")).order_by("-count", "device")
+    own = [] if device is None else [device]
+    return [*own, *(key for key in near.values_list("device", flat=True)[:MOST_NEAR] if key != device)]
+
+
+def cohorts(group: Group) -> QuerySet[Cohort]:
+    """The cohorts of GROUP."""
+    return Cohort.objects.filter(
         simulated_only(group.simulated),
         front=group.front,
         backend=group.backend,
         processor_class=group.processor_class,
-        processor__startswith=family(processor),
     )
-    near = rows.order_by().values("device").annotate(count=Count("pk")).order_by("-count", "device")
-    own = [] if device is None else [device]
-    return [*own, *(key for key in near.values_list("device", flat=True)[:MOST_NEAR] if key != device)]
 
 
 def _named(points: Sequence[Point], name: str) -> Point | None:
