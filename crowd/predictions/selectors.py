@@ -80,9 +80,8 @@ def of_device(
     model, front = find(slug), fronts.front(front_slug)
     if model is None or front is None:
         return None
-    group = Group(
-        fronts.key_of(front_slug), backend, processor_class, model.kind == DeviceModel.Kind.SIMULATED
-    )
+    simulated = model.kind == DeviceModel.Kind.SIMULATED
+    group = Group(fronts.key_of(front_slug), backend, processor_class, simulated)
     return _of_row(front, group, model.pk, processor)
 
 
@@ -101,8 +100,8 @@ def ask(question: Question, application: str | None) -> Answer:
     """What to expect of a device that fits QUESTION. Raises NoFrontError, UnknownDeviceError."""
     front = _front(application, question.simulated)
     found = _fitting(front, question)
-    if found and not question.anything:
-        return _pooled(front, question, found)
+    if found and not question.anything and (answer := _pooled(front, question, found)):
+        return answer
     if question.model or (question.soc and not question.gpu):
         raise UnknownDeviceError(
             f"nobody measured a device called {question.model or question.soc!r:.60}: ask for its graphics "
@@ -133,16 +132,21 @@ def _of_row(front: Front, group: Group, device: int, processor: str) -> Answer |
     return Answer(front, group, shown, shown.title, expectation, _relatives(table, expectation))
 
 
-def _pooled(front: Front, question: Question, found: Sequence[tuple[Group, int, str]]) -> Answer:
-    """The answer of the rows FOUND, of one group: of their one device, or what they have in common."""
+def _pooled(front: Front, question: Question, found: Sequence[tuple[Group, int, str]]) -> Answer | None:
+    """The answer of the rows FOUND, of one group: of their one device, or what they have in common.
+
+    None where none of them has a valid figure.
+    """
     group = found[0][0]
-    rows = [(device, processor) for _, device, processor in found]
+    rows = [(device, processor) for _, device, processor in found[:MOST_POOLED]]
     if len(rows) == 1 and question.model:
         answer = _of_row(front, group, *rows[0])
         if answer is not None:
             return answer
     table = tables.read(front, group, [device for device, _ in rows])
-    names = [name for row in rows if (name := tables.row_name(*row)) in table.rows.index][:MOST_POOLED]
+    names = [name for row in rows if (name := tables.row_name(*row)) in table.rows.index]
+    if not names:
+        return None
     learned = maps.learned(maps.find(group), front)
     belief = _pool([belief_of(table, learned, name, str(table.known.families[name])) for name in names])
     seconds = [float(value) for value in table.rows.seconds[names].dropna()]
