@@ -65,7 +65,8 @@ def _rebuilt(group: Group) -> DeviceMap:
             "made_at": timezone.now(),
         },
     )
-    recommending.record(front, group, table, learned(row, front))
+    row.other_recommended = recommending.record(front, group, table, learned(row, front))
+    row.save(update_fields=["other_recommended"])
     log.info("map of %s: rung %s from %d devices", row, row.rung, row.devices)
     return row
 

@@ -23,6 +23,9 @@ class DeviceMap(models.Model):
     belief = models.BinaryField(help_text="mean, covariance and relation, an .npz file")
     devices = models.PositiveIntegerField()
     sessions = models.PositiveIntegerField()
+    other_recommended = models.PositiveIntegerField(
+        null=True, help_text="devices for which another configuration than the published best is recommended"
+    )
     made_at = models.DateTimeField()
 
     class Meta:

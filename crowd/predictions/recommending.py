@@ -66,8 +66,11 @@ def choose(expected: Expectation, max_ate: float = VALID_BELOW, max_seconds: flo
     return published
 
 
-def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> None:
-    """Note what is recommended for each device of TABLE, where that is new and not measured there yet."""
+def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> int:
+    """Note what is recommended for each device of TABLE, where that is new and not measured there yet.
+
+    Returns for how many of them that is another configuration than the published best.
+    """
     newest: dict[tuple[int, str], str] = {}
     rows = Recommendation.objects.filter(
         front=group.front, backend=group.backend, processor_class=group.processor_class
@@ -77,6 +80,7 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> N
     ):
         newest[device, processor] = name
     names = {name: key for key, name in _configurations(group.front)}
+    others = 0
     made = []
     for row in table.rows.itertuples():
         family = str(table.known.families[row.Index])
@@ -84,6 +88,7 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> N
             point = choose(expect(front, table, learned, str(row.Index), family))
         except NothingKeepsLimitsError:
             continue
+        others += point.configuration != BEST
         if point.measured or newest.get((row.device, row.processor)) == point.configuration:
             continue
         made.append(
@@ -101,6 +106,7 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> N
             )
         )
     Recommendation.objects.bulk_create(made, batch_size=500)
+    return others
 
 
 def forget_devices_without_figures() -> None:
