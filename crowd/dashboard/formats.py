@@ -188,6 +188,20 @@ def unit_column(objective: str) -> str:
     return _UNIT_COLUMNS.get(objective, objective)
 
 
+# What predicts the ratios of a device, by the rung of its map.
+MODELS = {
+    "power": "power law",
+    "stages": "stage model",
+    "devices": "devices model",
+    "reference": "reference alone",
+}
+
+
+def model(rung: str) -> str:
+    """The model that predicts, as pages call it."""
+    return MODELS.get(rung, rung)
+
+
 def duration(seconds: float | None) -> str:
     """A time to wait, as coarse as it is uncertain: 40 s, 12 min, 3 h 20 min."""
     if seconds is None:

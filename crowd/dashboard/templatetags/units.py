@@ -36,6 +36,7 @@ FORMATS: dict[str, Callable[..., str]] = {
     "words": formats.words,
     "objective": formats.objective,
     "application": formats.application,
+    "model": formats.model,
     "duration": formats.duration,
     "public": public,
     "hour": formats.hour,

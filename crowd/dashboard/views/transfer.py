@@ -8,11 +8,14 @@ from django.shortcuts import render
 from crowd.dashboard.drawings.transfer import kind_of
 from crowd.dashboard.figures.transfer import correlation_height, winners_height
 from crowd.dashboard.filtering import Filtering, filtered
+from crowd.dashboard.judgements import judgements, maps_of
 from crowd.dashboard.transfer import KINDS, alike, ordered, pairs
 from crowd.results.reading import correlations
 from crowd.results.reading import selectors as results
 
 PAGE = 50
+JUDGED = 50  # recommendations in the table
+RUNGS = ("power", "stages", "devices")  # of the ladder, the simplest first
 
 
 @filtered
@@ -38,5 +41,10 @@ def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "median": float(np.median(every)) if len(every) else None,
             "height": correlation_height(len(matrix.devices)),
             "winners_height": winners_height(len(found.counts)),
+            "judged": judgements(found.front, asked.filters.simulated) if found.front else None,
+            "judged_rows": JUDGED,
+            "judged_slice": f":{JUDGED}",
+            "rungs": RUNGS,
+            "maps": maps_of(found.front, asked.filters.simulated) if found.front else None,
         },
     )
