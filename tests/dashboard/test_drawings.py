@@ -177,7 +177,7 @@ def test_figures_of_a_simulated_device_say_so(client: Client, participant: Parti
     DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
     run = session["runs"][0]["id"]
     paths = [
-        *(f"devices/google-pixel-8/{name}" for name in ("configurations", "crowd", "history")),
+        *(f"devices/google-pixel-8/{name}" for name in ("configurations", "crowd", "front", "history")),
         *(f"sessions/{session['id']}/{name}" for name in ("drift", "sensors", "frames", "stages")),
         f"runs/{run}/stages",
     ]

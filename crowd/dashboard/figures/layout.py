@@ -179,8 +179,12 @@ def limit_line(figure: go.Figure, centimetres: float, theme: Theme, log: bool = 
     upright_line(figure, centimetres, f"valid below {centimetres:g} cm", theme.limit, log=log)
 
 
-def upright_line(figure: go.Figure, x: float, words: str, colour: str, log: bool = False) -> None:
-    """A dashed line over the whole height at X, with WORDS above it; LOG: the x axis is logarithmic."""
+def upright_line(
+    figure: go.Figure, x: float, words: str, colour: str, log: bool = False, anchor: str = "center"
+) -> None:
+    """A dashed line over the whole height at X, with WORDS above it; LOG: the x axis is logarithmic. ANCHOR
+    is the part of WORDS that is at X.
+    """
     figure.add_shape(
         type="line",
         x0=x,
@@ -193,6 +197,7 @@ def upright_line(figure: go.Figure, x: float, words: str, colour: str, log: bool
     figure.add_annotation(
         # On a logarithmic axis plotly places shapes by value and annotations by exponent.
         x=float(np.log10(x)) if log else x,
+        xanchor=anchor,
         yref="paper",
         y=1,
         yanchor="bottom",

@@ -22,7 +22,7 @@ register = template.Library()
 CAPTION = 170
 # Whose measurements of what a page shows: going on to another one keeps it.
 CROWD = ("application", "simulated")
-FILTERED = frozenset({"Devices", "Transfer"})
+FILTERED = frozenset({"Devices", "What to use", "Transfer"})
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,7 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
     names = {
         "Measure": "measure",
         "Devices": "devices",
+        "What to use": "recommend",
         "Fronts": "fronts",
         "Transfer": "transfer",
         "Explorations": "explorations",

@@ -1,9 +1,12 @@
 """Devices: the list, one of them, several side by side."""
 
+from urllib.parse import urlencode
+
 from django.core.paginator import Paginator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
+from crowd.dashboard.advice import Advice, Limits, of_device
 from crowd.dashboard.answering import page
 from crowd.dashboard.choosing import measured, named, onward, query
 from crowd.dashboard.comparison import InvalidComparisonError
@@ -21,6 +24,7 @@ from crowd.dashboard.standing import standing
 from crowd.dashboard.views.sessions import of_session
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
+from crowd.results.reading.filters import InvalidFilterError
 
 PAGE = 100
 
@@ -58,6 +62,12 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
     crowd = crowd_of(detail, figure)
     here = standing(detail, figure)
     history = results.history(slug, application=shown.application)
+    known = of_device(figure)
+    try:
+        limits, problem = Limits.of(request.GET), ""
+    except InvalidFilterError as error:
+        limits, problem = Limits(), str(error)
+    front_query = {"application": shown.application} if query(shown) else {}
     return render(
         request,
         "dashboard/device.html",
@@ -76,6 +86,9 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "rank": rank_of(crowd, slug),
             "fared": attempts_of(crowd, slug, figure),
             "standing": here,
+            "advice": Advice.of(known, limits) if known else None,
+            "advice_query": urlencode(front_query | limits.parameters()),
+            "problem": problem,
             "configurations_height": configurations_height(len(here.rows) if here else 0),
             "others": [row for row in detail.speedups if here is None or row not in here.rows],
             "backends": results.side_by_side(slug, detail.speedups, figure.front) if figure else (),
@@ -83,6 +96,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "releases_height": releases_height(len(history.releases) if history else 0),
             **of_session(detail.latest),
         },
+        status=400 if problem else 200,
     )
 
 

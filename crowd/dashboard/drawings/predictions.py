@@ -1,0 +1,92 @@
+"""A front on one device: on one that measured, or on one that somebody asks for."""
+
+from django.http import Http404, HttpRequest
+from django.urls import reverse
+
+from crowd.dashboard import advice, formats
+from crowd.dashboard.advice import Advice, Asked, Limits
+from crowd.dashboard.answering import found
+from crowd.dashboard.choosing import measured
+from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.figures.predictions import device_plane
+from crowd.dashboard.points import newest_figure
+from crowd.predictions.selectors import NoFrontError, UnknownDeviceError
+
+DEFINITION = (
+    "Each configuration of a front on one device: its largest trajectory error and its time a frame, or its "
+    "speedup over the default where no time is known. Discs were measured on the device. Rings are "
+    "predicted, with their 95 % intervals. Pale: probes, which are not recommended. Square: recommended "
+    "within the limits."
+)
+
+
+def read_device(request: HttpRequest, slug: str) -> Advice:
+    """The front on the device SLUG. Raises Http404 where nothing is known, InvalidFilterError."""
+    figure = newest_figure(measured(slug, request.GET.get("application", "")).detail)
+    return Advice.of(found(advice.of_device(figure)), Limits.of(request.GET))
+
+
+def read_asked(request: HttpRequest) -> Advice:
+    """The front on the device that is asked for. Raises Http404, InvalidFilterError as `read_device`."""
+    asked = Asked.of(request.GET)
+    try:
+        return Advice.of(advice.ask(asked), asked.limits)
+    except (NoFrontError, UnknownDeviceError) as error:
+        raise Http404(str(error)) from error
+
+
+def points_table(shown: Advice) -> Table:
+    """A row for each configuration, probes last."""
+    chosen = shown.chosen.configuration if shown.chosen else None
+    return Table(
+        (
+            "configuration", "state", "probe", "recommended", "speedup", "low", "high", "ate_max_m",
+            "runtime_s",
+        ),
+        [
+            (
+                point.configuration, "measured" if point.measured else "predicted", point.probe,
+                point.configuration == chosen, point.ratio, point.low, point.high, point.ate_max,
+                shown.seconds(point),
+            )
+            for point in shown.answer.expectation.points
+        ],
+    )  # fmt: skip
+
+
+def _title(shown: Advice) -> str:
+    return f"Front {shown.answer.front.slug} on {shown.answer.about}"
+
+
+def _n(shown: Advice) -> str:
+    points = shown.answer.expectation.points
+    here = sum(point.measured for point in points)
+    return f"{formats.plural(len(points), 'configuration')}, {here} of them measured on the device"
+
+
+DRAWINGS = (
+    Drawing(
+        name="device-front",
+        path="devices/<slug:slug>/front",
+        definition=DEFINITION,
+        read=read_device,
+        draw=device_plane,
+        table=points_table,
+        title=_title,
+        n=_n,
+        page=lambda slug: reverse("dashboard:device", args=[slug]),
+        simulated=lambda shown: shown.answer.group.simulated,
+    ),
+    Drawing(
+        name="recommendation",
+        path="recommend",
+        definition=DEFINITION,
+        read=read_asked,
+        draw=device_plane,
+        table=points_table,
+        title=_title,
+        n=_n,
+        page=lambda: reverse("dashboard:recommend"),
+        simulated=lambda shown: shown.answer.group.simulated,
+    ),
+)

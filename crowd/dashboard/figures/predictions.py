@@ -1,0 +1,176 @@
+"""A front on one device, as measured there or predicted, in the plane of error and time."""
+
+from collections.abc import Sequence
+from math import log10
+from typing import Any
+
+from plotly import graph_objects as go
+
+from crowd.dashboard import formats
+from crowd.dashboard.advice import Advice
+from crowd.dashboard.figures import layout
+from crowd.dashboard.palette import Theme
+from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.predictions.devices import Expected
+
+HEIGHT = 480
+PROBE_OPACITY = 0.45
+SIDE = 0.7  # of the width, from where on texts are on the left of what they name
+NAME_SHIFT = 14  # pixels, beyond the square
+
+
+def device_plane(advice: Advice, theme: Theme) -> go.Figure:
+    """The configurations of a front in the plane (largest error, time a frame); where the time of the default
+    is unknown, (largest error, speedup). The second axis is logarithmic.
+
+    Measured ones are discs, predicted ones rings with their 95 % intervals, probes small and pale. The
+    recommended one has a square around it. Points without an error are left out.
+    """
+    figure = layout.blank(theme, HEIGHT)
+    drawn = [point for point in advice.answer.expectation.points if point.ate_max is not None]
+    for probe in (True, False):
+        for measured in (False, True):
+            own = [point for point in drawn if (point.probe, point.measured) == (probe, measured)]
+            default = [point for point in own if point.configuration == DEFAULT and not measured]
+            for part in ([point for point in own if point not in default], default):
+                if part:
+                    figure.add_trace(_marks(part, advice, theme))
+    if advice.chosen is not None:
+        figure.add_trace(_chosen(advice, advice.chosen, theme))
+    limit = advice.limits.max_ate * 100
+    most = max([limit, *(_centimetres(point) for point in drawn)]) * 1.12
+    layout.upright_line(
+        figure,
+        limit,
+        f"at most {limit:g} cm",
+        theme.limit,
+        anchor="right" if limit > SIDE * most else "center",
+    )
+    for point in drawn:
+        if point.configuration in {DEFAULT, BEST} or point == advice.chosen:
+            _name(figure, point, advice, most, theme)
+    timed = advice.answer.expectation.seconds is not None
+    title = "ms a frame on this device (log)" if timed else "times as fast as the default (log)"
+    ends = [end for point in drawn for end in _ends(point, advice)]
+    return figure.update_layout(
+        xaxis={"title": {"text": "largest trajectory error, cm"}, "range": [0, most]},
+        yaxis=layout.log_axis(title, ends),
+        showlegend=True,
+        legend={"y": 1.07, "itemclick": False, "itemdoubleclick": False},
+        margin={"t": 84},
+    )
+
+
+def _marks(points: Sequence[Expected], advice: Advice, theme: Theme) -> go.Scatter:
+    """POINTS, which are all measured or all predicted, all probes or none, as one trace. The default has no
+    interval: the others are compared with it.
+    """
+    colours = {DEFAULT: theme.default, BEST: theme.best}
+    # The legend has the colour of the first.
+    points = sorted(points, key=lambda point: point.configuration in colours)
+    measured, probe = points[0].measured, points[0].probe
+    exact = measured or points[0].configuration == DEFAULT
+    words = "measured here" if measured else "predicted, 95 % interval"
+    return go.Scatter(
+        x=layout.rounded([_centimetres(point) for point in points]),
+        y=layout.rounded([_value(point, advice) for point in points]),
+        mode="markers",
+        name=f"probe, {words.partition(',')[0]}" if probe else words,
+        marker={
+            "symbol": "circle" if measured else "circle-open",
+            "size": 7 if probe else 12,
+            "opacity": PROBE_OPACITY if probe else 1,
+            "color": [colours.get(point.configuration, theme.series[0]) for point in points],
+            # The colour of a disc's edge; that of a ring is its own.
+            "line": {"width": 1 if probe else 2} | ({"color": theme.surface} if measured else {}),
+        },
+        showlegend=measured or not exact,
+        legendrank=1001 if probe else 1000,
+        error_y=None if exact else _interval(points, advice, theme.line if probe else theme.muted),
+        customdata=[_detail(point, advice) for point in points],
+        hovertemplate="%{customdata}<extra></extra>",
+    )
+
+
+def _interval(points: Sequence[Expected], advice: Advice, colour: str) -> dict[str, Any]:
+    values = [_value(point, advice) for point in points]
+    ends = [_ends(point, advice) for point in points]
+    return {
+        "type": "data",
+        "symmetric": False,
+        "array": layout.rounded([high - value for value, (_, high) in zip(values, ends, strict=True)]),
+        "arrayminus": layout.rounded([value - low for value, (low, _) in zip(values, ends, strict=True)]),
+        "color": colour,
+        "thickness": 1.25,
+        "width": 3,
+    }
+
+
+def _chosen(advice: Advice, point: Expected, theme: Theme) -> go.Scatter:
+    return go.Scatter(
+        x=layout.rounded([_centimetres(point)]),
+        y=layout.rounded([_value(point, advice)]),
+        mode="markers",
+        name="recommended",
+        marker={
+            "symbol": "square-open",
+            "size": 24,
+            "color": theme.ink,
+            "line": {"width": 2},
+        },
+        hoverinfo="skip",
+    )
+
+
+def _name(figure: go.Figure, point: Expected, advice: Advice, most: float, theme: Theme) -> None:
+    """The name of POINT beside it, on the side where there is room."""
+    left = _centimetres(point) > SIDE * most
+    figure.add_annotation(
+        x=_centimetres(point),
+        # On a logarithmic axis plotly places annotations by exponent.
+        y=log10(_value(point, advice)),
+        xanchor="right" if left else "left",
+        xshift=-NAME_SHIFT if left else NAME_SHIFT,
+        text=layout.text(point.configuration),
+        font={"color": theme.ink, "size": 13},
+        bgcolor=theme.surface,
+        opacity=0.9,
+        borderpad=1,
+        showarrow=False,
+    )
+
+
+def _centimetres(point: Expected) -> float:
+    return (point.ate_max or 0.0) * 100
+
+
+def _value(point: Expected, advice: Advice) -> float:
+    """Where POINT lies on the second axis: its ms a frame, or its speedup."""
+    seconds = advice.seconds(point)
+    return point.ratio if seconds is None else seconds * 1e3
+
+
+def _ends(point: Expected, advice: Advice) -> tuple[float, float]:
+    """Both ends of the interval of POINT on the second axis, the lower one first."""
+    seconds = advice.answer.expectation.seconds
+    return (
+        (point.low, point.high)
+        if seconds is None
+        else (seconds / point.high * 1e3, seconds / point.low * 1e3)
+    )
+
+
+def _detail(point: Expected, advice: Advice) -> str:
+    state = "measured here" if point.measured else "predicted"
+    seconds = advice.seconds(point)
+    ratio = f"{formats.speedup(point.ratio)} over the default, {state}"
+    if point.configuration != DEFAULT:
+        ratio += f", 95 % interval {formats.interval(point.low, point.high)}"
+    time = "" if seconds is None else f"{formats.milliseconds(seconds)} a frame, "
+    return layout.lines(
+        [
+            f"<b>{layout.text(point.configuration)}</b>",
+            ratio,
+            f"{time}largest error {formats.centimetres(point.ate_max)}",
+        ]
+    )

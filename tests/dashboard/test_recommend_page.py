@@ -1,0 +1,164 @@
+"""What to use: on the page of a device, and on the page that anybody asks; with the front that ships."""
+
+from typing import Any
+
+import pytest
+from django.test import Client
+
+from crowd.devices.models import DeviceModel, Installation
+from crowd.fronts.models import FrontVersion
+from crowd.predictions import maps
+from tests.dashboard.reading import read, text
+from tests.predictions.conftest import document, front, measured
+from tests.predictions.measured import ADRENO
+
+__all__ = ["document", "front", "measured"]
+
+pytestmark = pytest.mark.django_db
+
+PHONE = "/devices/google-pixel-8/"
+
+
+def plain(client: Client, address: str) -> str:
+    return read(client, address).replace("\N{NO-BREAK SPACE}", " ").replace("\N{NARROW NO-BREAK SPACE}", " ")
+
+
+def test_without_a_crowd_the_reference_device_answers(client: Client, front: FrontVersion) -> None:
+    page = plain(client, "/recommend/?max_ate=0.012")
+
+    assert "For any device" in page
+    assert "knee : 4.26x (predicted, 95 % interval" in page
+    assert "No device has measured yet. This is what the reference device predicts." in page
+    assert "volume resolution 128" in page
+    assert "client_kit choose \\ --server http://testserver \\ --max-ate 0.012" in page
+    document = client.get("/tables/recommend.json?max_ate=0.012").json()
+    assert [row["configuration"] for row in document["rows"] if row["recommended"]] == ["knee"]
+    assert {row["state"] for row in document["rows"]} == {"predicted"}
+
+
+def test_a_device_has_its_own_front_measured_and_predicted(client: Client, measured: Any) -> None:
+    measured("Pixel 8")
+    measured("Pixel 7", probes=["probe-02"])
+    (row,) = maps.rebuild()
+
+    page = plain(client, PHONE)
+
+    assert "Best for you within 5.00 cm best :" in page
+    assert "(measured here)" in page
+    assert "Google Pixel 7 : its chip is of the series Mali-G7" in page
+    assert "which learned from 2 devices in 2 sessions with OpenCL on graphics chips" in page
+    assert "Measured configurations are the figures of the table below." in page
+    assert f"from the map of {row.made_at:%Y-%m-%d}" in page
+    rows = client.get("/tables/devices/google-pixel-8/front.json").json()["rows"]
+    states = {row["configuration"]: row["state"] for row in rows}
+    assert (states["best"], states["knee"], states["probe-02"]) == ("measured", "predicted", "predicted")
+
+
+def test_the_limit_of_the_error_decides_what_is_best(client: Client, measured: Any) -> None:
+    measured("Pixel 8")
+
+    page = plain(client, f"{PHONE}?max_ate=0.012")
+    markup = client.get(f"{PHONE}?max_ate=0.012").content.decode()
+
+    assert "Best for you within 1.20 cm knee :" in page
+    assert "(predicted, 95 % interval" in page
+    assert 'min="0.009" max="0.05" step="0.0005" value="0.012"' in markup
+    assert 'data-figure="/figures/devices/google-pixel-8/front.json?max_ate=0.012"' in markup
+
+
+def test_a_limit_that_cannot_be_understood_is_named_on_both_pages(client: Client, measured: Any) -> None:
+    measured("Pixel 8")
+
+    for address in (f"{PHONE}?max_ate=much", "/recommend/?max_ate=much"):
+        response = client.get(address)
+        assert response.status_code == 400
+        assert "Not understood: max_ate=much: give a number above 0" in text(response)
+    assert client.get("/figures/recommend.json?max_ate=much").status_code == 400
+
+
+def test_a_device_without_a_valid_figure_has_no_front_of_its_own(client: Client, measured: Any) -> None:
+    measured("Pixel 8", slower_at_the_end=2.0)
+
+    assert "Its own front" not in read(client, PHONE)
+    assert client.get("/figures/devices/google-pixel-8/front.json").status_code == 404
+
+
+def test_what_nobody_measured_is_said_with_what_to_do(client: Client, front: FrontVersion) -> None:
+    page = plain(client, "/recommend/?model=Foo+9&max_ate=0.02")
+
+    assert "Nothing found: nobody measured a device called 'Foo 9'" in page
+    assert 'href="?max_ate=0.02"' in client.get("/recommend/?model=Foo+9&max_ate=0.02").content.decode()
+    assert client.get("/figures/recommend.json?model=Foo+9").status_code == 404
+    assert "no front of 'other' is published" in plain(client, "/recommend/?application=other")
+
+
+def test_limits_that_nothing_keeps_are_named_with_the_nearest_value(
+    client: Client, front: FrontVersion
+) -> None:
+    page = plain(client, "/recommend/?max_ate=0.001")
+
+    assert "Nothing keeps these limits: no configuration has an error of at most 0.001 m" in page
+    assert "Leave the time empty, or name a model" in plain(client, "/recommend/?max_ms=20")
+
+
+def test_an_instance_without_a_front_says_how_to_publish_one(client: Client, db: None) -> None:
+    assert "No front has been published here yet." in read(client, "/recommend/")
+
+
+def test_a_chip_and_a_model_are_found(client: Client, measured: Any) -> None:
+    measured("Pixel 8")
+    measured("Xperia 1", ADRENO)
+    maps.rebuild()
+
+    assert "a device with Adreno 650 that nobody measured" in plain(client, "/recommend/?gpu=Adreno+650")
+    model = plain(client, "/recommend/?model=Pixel+8")
+    assert "For Google Pixel 8" in model
+    assert "are the figures of the page of the device" in model
+
+
+def test_a_form_without_a_script_leads_to_the_shortest_address(client: Client, front: FrontVersion) -> None:
+    answer = client.get("/recommend/?model=&gpu=&soc=&max_ate=0.02&max_ms=")
+    by_script = client.get(
+        "/recommend/?model=&gpu=&soc=&max_ate=0.02&max_ms=", headers={"HX-Request": "true"}
+    )
+
+    assert (answer.status_code, answer["Location"]) == (302, "/recommend/?max_ate=0.02")
+    assert by_script["HX-Push-Url"] == "/recommend/?max_ate=0.02"
+
+
+def test_rare_devices_keep_their_masks(client: Client, measured: Any, settings: Any) -> None:
+    settings.FRONTRUNNER_RARE_BELOW = 5
+    measured("Pixel 8")
+    measured("Pixel 7")
+    maps.rebuild()
+    public = client.get("/api/v1/devices").json()["results"]
+
+    addresses = [f"/devices/{row['slug']}/" for row in public]
+    pages = [read(client, address) for address in (*addresses, "/recommend/?gpu=Mali-G715", "/transfer/")]
+
+    assert len(addresses) == 2
+    assert "Its own front" in pages[0]
+    assert not any("Pixel" in page for page in pages)
+    assert "nobody measured" in read(client, "/recommend/?model=Pixel+8")
+
+
+def test_simulated_devices_answer_for_themselves_alone(client: Client, measured: Any) -> None:
+    measured("Pixel 8")
+    Installation.objects.update(simulated=True)
+    DeviceModel.objects.update(kind=DeviceModel.Kind.SIMULATED)
+    maps.rebuild()
+
+    people, simulated = plain(client, "/recommend/"), plain(client, "/recommend/?simulated=1")
+
+    assert "No device has measured yet." in people
+    assert "Simulated." not in people
+    assert "Simulated. Nobody measured these devices" in simulated
+    assert "which learned from 1 device" in simulated
+    assert client.get("/tables/recommend.json?simulated=1").json()["simulated"] is True
+
+
+def test_home_and_every_page_lead_to_it(client: Client, front: FrontVersion) -> None:
+    home = client.get("/").content.decode()
+
+    assert home.count('href="/recommend/"') == 2
+    assert "What to use on your device" in read(client, "/")
