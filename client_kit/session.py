@@ -9,7 +9,7 @@ from typing import Any
 from client_kit import __version__
 from client_kit.manifest import Manifest, Protocol
 from client_kit.sensors import Sample
-from slam.protocol import FIXED_PAIRS, NO_STAGES
+from slam.protocol import FIXED_PAIRS, LEAST_PAIRS, NO_STAGES
 
 SCHEMA_VERSION = 1
 MOST_SAMPLES = 5_000
@@ -76,7 +76,7 @@ class Speedup:
     """How many times faster than the baseline; `low` and `high` bound it with 95 % confidence.
 
     The interval is over the session's `pairs` of runs: how well this session repeats, on this device today.
-    None for one pair.
+    None for too few pairs.
     """
 
     value: float
@@ -151,8 +151,8 @@ def speedup_of(
     if not logs:
         return None
     centre = fmean(logs)
-    if len(logs) < 2:
-        return Speedup(math.exp(centre), None, None, 1)
+    if len(logs) < (LEAST_PAIRS if protocol.version == FIXED_PAIRS else 2):
+        return Speedup(math.exp(centre), None, None, len(logs))
     quantile = T_QUANTILES[min(len(logs) - 1, len(T_QUANTILES)) - 1]
     half = quantile * stdev(logs) / math.sqrt(len(logs))
     return Speedup(math.exp(centre), math.exp(centre - half), math.exp(centre + half), len(logs))

@@ -105,9 +105,9 @@ def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
         return [f"No speedup for {name}: no pair of runs ran through and stayed within the limits."]
     counted = protocol.frames - protocol.first_counted_frame
     slower = "" if speedup.value >= 1 else " (slower)"
-    interval = "one pair of runs"
+    interval = "one pair of runs" if speedup.pairs == 1 else f"{speedup.pairs} pairs of runs"
     if speedup.low is not None and speedup.high is not None:
-        interval = f"{speedup.pairs} pairs of runs, 95 % interval {speedup.low:.2f} to {speedup.high:.2f}"
+        interval += f", 95 % interval {speedup.low:.2f} to {speedup.high:.2f}"
     return [
         f"Speedup of {name} over default: {speedup.value:.2f}{slower}, mean over {counted} frames a run; "
         f"{interval}.",

@@ -15,6 +15,7 @@ DECODED_AHEAD = 100  # frames that are decoded before they are measured: 61 MB o
 ADAPTIVE, FIXED_PAIRS = 1, 2
 PAIRS = 4  # of default and best in a session of version 2
 PROBE_PAIRS = 2  # of the default and each configuration that a device is asked for besides
+LEAST_PAIRS = 3  # for an interval in version 2: that of two pairs is so wide that it says nothing
 ONLY_ADAPTIVE = ("max_repeats", "precision", "max_seconds")  # members of a protocol of version 1
 NO_STAGES = "none"  # the `stage_clock` where nothing measured the stages
 

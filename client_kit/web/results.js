@@ -91,7 +91,7 @@ function intervalOf({ runs }, speedup) {
     const failed = runs.find(({ failure }) => failure);
     return failed ? `${failed.configuration}: ${failed.failure}` : "No pair of runs is complete.";
   }
-  if (speedup.low === null || speedup.high === null) return "One pair of runs: too few for an interval.";
+  if (speedup.low === null || speedup.high === null) return "Too few pairs of runs for an interval.";
   return `95 % interval of this session: ${digits(speedup.low)}× to ${digits(speedup.high)}×, from ${speedup.pairs} pairs of runs.`;
 }
 

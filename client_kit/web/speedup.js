@@ -1,6 +1,7 @@
 /** What the runs of a session come to (client_kit/session.py), computed as the server computes it. */
 
 const MICROSECONDS = 1e6;
+const LEAST_PAIRS = 3; // for an interval: that of two pairs is so wide that it says nothing
 // Student's t, two-sided 95 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
 const T_QUANTILES = [
   12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
@@ -21,7 +22,7 @@ const T_QUANTILES = [
 
 /**
  * How many times faster than the baseline. `low` and `high` bound it with 95 % confidence: how well this session
- * repeats, on this device today. They are null for one pair of runs.
+ * repeats, on this device today. They are null for too few pairs of runs.
  * @typedef {{value: number, low: number | null, high: number | null, pairs: number}} Speedup
  */
 
@@ -85,7 +86,8 @@ export function speedupOf(runs, configuration, protocol, bands, baseline = "defa
   }
   if (!logs.length) return null;
   const centre = mean(logs);
-  if (logs.length < 2) return { value: Math.exp(centre), low: null, high: null, pairs: 1 };
+  const pairs = logs.length;
+  if (pairs < LEAST_PAIRS) return { value: Math.exp(centre), low: null, high: null, pairs };
   const quantile = T_QUANTILES[Math.min(logs.length - 1, T_QUANTILES.length) - 1];
   const variance = logs.reduce((sum, log) => sum + (log - centre) ** 2, 0) / (logs.length - 1);
   const half = quantile * Math.sqrt(variance / logs.length);
@@ -93,7 +95,7 @@ export function speedupOf(runs, configuration, protocol, bands, baseline = "defa
     value: Math.exp(centre),
     low: Math.exp(centre - half),
     high: Math.exp(centre + half),
-    pairs: logs.length,
+    pairs,
   };
 }
 

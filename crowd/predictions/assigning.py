@@ -27,8 +27,8 @@ MOST = 3
 MOST_MINUTES = 10.0
 KEPT = timedelta(days=1)  # an assignment that was not measured is repeated for so long
 HOT = frozenset({rules.THROTTLING.code, rules.DRIFT.code})
-CONFIRMS = "It is predicted to be the best for this device: a measurement confirms it or not."
-TEACHES = "Of what is not known yet of this device and its relatives, it tells most."
+CONFIRMS = "It is predicted to be best for this device. Measuring it shows whether that is true."
+TEACHES = "Its time tells most about this device and devices like it."
 TOO_HOT = "This device slowed down while it measured: let it cool first."
 TOO_SLOW = "One more configuration would take longer than that on this device."
 NO_SESSION = "Measure default and best first."
@@ -66,7 +66,7 @@ def assign(installation: Installation, application: str | None, minutes: float) 
     ).first()  # the newest
     if session is None:
         return Assignment(front, (), NO_SESSION)
-    if SessionSummary.objects.filter(session=session, reason__in=HOT).exists():
+    if SessionSummary.objects.filter(session=session, reason__in=HOT, drift__gt=1).exists():
         return Assignment(front, (), TOO_HOT)
     done = set(
         Run.objects.filter(session__installation=installation, session__front=session.front_id)

@@ -86,14 +86,18 @@ def of_device(
 
 
 def of_installation(installation: Installation, application: str | None) -> Answer | None:
-    """What to expect of the device of INSTALLATION, by its newest session; None before the first."""
+    """What to expect of the device of INSTALLATION, by its newest session; None before the first. Without a
+    valid figure it is what to expect of its chip.
+    """
     front = _front(application, simulated=False)
     session = MeasurementSession.objects.filter(installation=installation, front__slug=front.slug).first()
     if session is None:
         return None
     simulated = session.device.kind == DeviceModel.Kind.SIMULATED
     group = Group(session.front_id, session.backend, session.processor_class, simulated)
-    return _of_row(front, group, session.device_id, session.processor)
+    return _of_row(front, group, session.device_id, session.processor) or _of_chip(
+        front, group, session.processor
+    )
 
 
 def ask(question: Question, application: str | None) -> Answer:
@@ -113,10 +117,14 @@ def ask(question: Question, application: str | None) -> Answer:
             f"no known chip is called {question.gpu!r:.60}: give its name, as Adreno 650"
         )
     group = _largest_group(front, question)
+    return _of_chip(front, group, chip)
+
+
+def _of_chip(front: Front, group: Group, chip: str) -> Answer:
+    """What to expect of a device with CHIP that has no valid figure; "": of any device."""
     table = tables.read(front, group, tables.neighbourhood(group, chip) if chip else [])
     learned = maps.learned(maps.find(group), front)
-    series = tables.family(chip) if chip else ""
-    expectation = expect(front, table, learned, None, series)
+    expectation = expect(front, table, learned, None, tables.family(chip))
     about = f"a device with {chip} that nobody measured" if chip else "any device"
     return Answer(front, group, None, about, expectation, _relatives(table, expectation))
 

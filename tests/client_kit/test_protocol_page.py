@@ -104,6 +104,14 @@ def test_what_a_client_reads_and_writes_by_the_page_is_what_the_server_does(serv
     assert state["summarised"] is True
     assert_described(EXAMPLES["state"], state, "state")
     assert state["sessions"][0]["speedups"]
+
+    status, advice = call(server, "GET", "/recommendation?application=kfusion&max_ate=0.05", None, token)
+    assert status == 200, advice
+    assert_described(EXAMPLES["recommendation"], advice, "recommendation")
+    status, asked = call(server, "GET", "/manifest?application=kfusion&minutes=2", None, token)
+    assert status == 200
+    assert_described(EXAMPLES["assigned"], asked, "assigned")
+    assert_described(EXAMPLES["manifest"], asked, "manifest")
     assert call(server, "DELETE", "/me", None, token)[0] == 204
 
 

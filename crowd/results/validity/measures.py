@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slam.protocol import FIRST_COUNTED_FRAME, MAX_DRIFT
+from slam.protocol import FIRST_COUNTED_FRAME, LEAST_PAIRS, MAX_DRIFT
 
 CONFIDENCE = 0.95
 # Two speedups agree that differ by no more than two repeats may.
@@ -150,15 +150,15 @@ def t_quantile(degrees: int, alpha: float) -> float:
 def session_interval(
     log_ratios: ArrayLike, planned_repeats: int, fixed_pairs: bool = False
 ) -> tuple[float, float] | None:
-    """A session's own 95 % interval (low, high) of its mean log ratio over its pairs (n,); None for one.
+    """A session's own 95 % interval (low, high) of its mean log ratio over its pairs (n,); None for too few.
 
-    FIXED_PAIRS, as in protocol 2: Student's t interval. Without it a client repeats until its interval is
-    narrow: it may stop after PLANNED_REPEATS pairs and after every two more. Each of these looks is another
-    chance to be wrong, so alpha is divided by their number plus one (Bonferroni; divided by their number
-    alone the interval covers the truth in 93.3 % at worst).
+    FIXED_PAIRS, as in protocol 2: Student's t interval, from LEAST_PAIRS on. Without it a client repeats
+    until its interval is narrow: it may stop after PLANNED_REPEATS pairs and after every two more. Each of
+    these looks is another chance to be wrong, so alpha is divided by their number plus one (Bonferroni;
+    divided by their number alone the interval covers the truth in 93.3 % at worst).
     """
     values = np.asarray(log_ratios, dtype=np.float64)
-    if values.size < 2:
+    if values.size < (LEAST_PAIRS if fixed_pairs else 2):
         return None
     alpha = 1 - CONFIDENCE
     if not fixed_pairs:

@@ -95,7 +95,7 @@ def test_random_sessions_come_to_what_python_computes(web_page: Any) -> None:
             if run.frame_us:
                 assert seconds == pytest.approx(run.mean_seconds(PROTOCOL), rel=1e-12)
                 assert stages == pytest.approx(run.stage_seconds(PROTOCOL), rel=1e-12)
-    assert intervals > 20
+    assert intervals >= 20
 
 
 def test_runs_without_stage_times_have_none(web_page: Any) -> None:
