@@ -6,18 +6,19 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
+from django.db.models import Q
 from django.utils import timezone
 
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts import plans
 from crowd.fronts import selectors as fronts
 from crowd.fronts.models import Configuration
-from crowd.fronts.selectors import BEST, Front, Point
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
 from crowd.predictions import maps, recommending, tables
 from crowd.predictions.devices import Expectation, Learned, belief_of, expect, relatives
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
 from crowd.predictions.tables import CrowdTable, Group
-from crowd.results.models import MeasurementSession, Run, SessionSummary
+from crowd.results.models import MeasurementSession, Run, SessionSummary, State
 from crowd.results.validity import rules
 from pareto.devices import probes
 from pareto.devices.device_map import SEPARATOR
@@ -68,11 +69,7 @@ def assign(installation: Installation, application: str | None, minutes: float) 
         return Assignment(front, (), NO_SESSION)
     if SessionSummary.objects.filter(session=session, reason__in=HOT, drift__gt=1).exists():
         return Assignment(front, (), TOO_HOT)
-    done = set(
-        Run.objects.filter(session__installation=installation, session__front=session.front_id)
-        .order_by()
-        .values_list("configuration__name", flat=True)
-    )
+    done = _done(session)
     device = _Device.of(front, session)
     pending = _pending(front, session, done)
     rows = [] if pending else _choose(device, done)
@@ -109,6 +106,18 @@ class _Device:
         row, series = tables.row_name(session.device_id, session.processor), tables.family(session.processor)
         expected = expect(front, table, learned, row, series)
         return cls(front, session, table, learned, made_at, row, series, expected)
+
+
+def _done(session: MeasurementSession) -> set[str]:
+    """The configurations that the installation of SESSION need not be asked for: those with a valid figure of
+    its own, those that failed there, and those of sessions that are not worked through yet.
+    """
+    own = {"session__installation": session.installation_id, "session__front": session.front_id}
+    valid = SessionSummary.objects.filter(**own, state=State.VALID)
+    tried = Run.objects.filter(
+        Q(status=Run.Status.FAILED) | Q(session__summary_algorithm=None), **own
+    ).values_list("configuration__name", flat=True)
+    return {DEFAULT, *valid.values_list("configuration__name", flat=True), *tried}
 
 
 def _pending(front: Front, session: MeasurementSession, done: set[str]) -> list[Assigned]:

@@ -63,6 +63,15 @@ def test_asked_again_the_same_is_answered_until_it_is_measured(measured: Any) ->
     assert not set(again) & set(first)
 
 
+def test_what_a_killed_client_left_half_done_is_asked_for_again(measured: Any) -> None:
+    device = measured()
+    first = names(assign(device))
+
+    device.submit(["default", *first])  # one pair of each
+
+    assert names(assign(device)) == first
+
+
 def test_before_a_session_nothing_is_assigned(front: FrontVersion, join: Any) -> None:
     participant: Participant = join()
     found = assigning.assign(Installation.objects.get(pk=participant.installation_id), "kfusion", 2.0)
