@@ -13,7 +13,7 @@ from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts import plans
 from crowd.fronts import selectors as fronts
 from crowd.fronts.models import Configuration
-from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
+from crowd.fronts.selectors import BEST, Front, Point
 from crowd.predictions import maps, recommending, tables
 from crowd.predictions.devices import Expectation, Learned, belief_of, expect, relatives
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
@@ -117,7 +117,7 @@ def _done(session: MeasurementSession) -> set[str]:
     tried = Run.objects.filter(
         Q(status=Run.Status.FAILED) | Q(session__summary_algorithm=None), **own
     ).values_list("configuration__name", flat=True)
-    return {DEFAULT, *valid.values_list("configuration__name", flat=True), *tried}
+    return {*tables.SESSION, *valid.values_list("configuration__name", flat=True), *tried}
 
 
 def _pending(front: Front, session: MeasurementSession, done: set[str]) -> list[Assigned]:
