@@ -15,6 +15,8 @@ RESOURCES = {
     "raycasting": "rays",
 }
 FRAMES, LAUNCHES, STEPS = "frames", "launches", "ray steps"
+# By the kernel: the arguments whose product is what its work-items walk through.
+WALKED = {"integrate": ("resolution",) * 3, "track": ("width", "height")}
 OTHER = "other"  # what belongs to no stage
 
 Work = dict[tuple[str, str], float]
@@ -41,6 +43,6 @@ def work(plan: Plan, frames: Iterable[int]) -> Work:
 
 
 def _items(dispatch: Dispatch) -> float:
-    """Work-items; those that walk through the volume count each voxel on their way."""
-    depth = dispatch.arguments["resolution"] if dispatch.kernel == "integrate" else 1
-    return math.prod(dispatch.size) * float(str(depth))
+    """Work-items, or what they walk through: the voxels of a column, the pixels that are summed."""
+    walked = [float(str(dispatch.arguments[name])) for name in WALKED.get(dispatch.kernel, ())]
+    return math.prod(walked) if walked else float(math.prod(dispatch.size))

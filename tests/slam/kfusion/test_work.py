@@ -14,7 +14,7 @@ COUNTED = range(10, 100)
 
 
 def of(**changes: float) -> Work:
-    configuration = Configuration.from_mapping(changes)
+    configuration = Configuration.from_mapping({"compute_size_ratio": 2} | changes)
     return work(plan(configuration, SCENE, Layout("pixels")), COUNTED)
 
 
