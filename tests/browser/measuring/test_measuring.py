@@ -59,13 +59,6 @@ def assert_counted(*expected: str) -> None:
 
 
 def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) -> None:
-    # Whether the crowd can say something of a device is not this test's matter: 404 would be a complaint.
-    best = {
-        "configuration": "best",
-        "predicted": {"ratio": 2.0, "low": 1.0, "high": 3.0},
-        "state": "measured",
-    }
-    visitor.page.route(re.compile("/api/v1/recommendation"), lambda route: route.fulfill(json=best))
     page = visitor.open("/")
     page.get_by_role("link", name="Measure this device", exact=True).click()
     page.locator("#agree").click()
