@@ -92,15 +92,15 @@ def show_progress(done: int, total: int) -> None:
     sys.stderr.flush()
 
 
-def progress_line(label: str = "") -> Callable[[int, int], None] | None:
-    """A progress line that also tells the rate and what remains; None where nobody looks, as in a pipe."""
+def progress_line(label: str = "", unit: str = "frame") -> Callable[[int, int], None] | None:
+    """A progress line that tells the rate and what remains, too; None where nobody looks, as in a pipe."""
     if not sys.stderr.isatty():
         return None
     began = time.monotonic()
 
     def show(done: int, total: int) -> None:
         rate = done / max(time.monotonic() - began, 1e-9)
-        text = f"{label}frame {done}/{total}, {rate:.1f} a second, {(total - done) / rate:.0f} s left"
+        text = f"{label}{unit} {done}/{total}, {rate:.1f} a second, {(total - done) / rate:.0f} s left"
         sys.stderr.write(f"\r{text}\x1b[K" + ("\n" if done == total else ""))
         sys.stderr.flush()
 

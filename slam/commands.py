@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from slam import bands, compare, mesh, report, report_log, report_page, surface
+from slam import bands, compare, mesh, reference_times, report, report_log, report_page, surface
 from slam.arguments import (
     UsageError,
     four_numbers,
@@ -58,6 +58,13 @@ def register(subparsers: Commands[argparse.ArgumentParser]) -> None:
     parser.add_argument("--front", type=Path, required=True, metavar="FILE", help="JSON with configurations")
     parser.add_argument("--sequence", type=Path, required=True, metavar="PATH")
     parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: the front's protocol)")
+    parser.add_argument(
+        "--rounds",
+        type=int,
+        default=reference_times.ROUNDS,
+        metavar="N",
+        help="in which each is timed beside the default; 0: none (default: %(default)s)",
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="FILE")
     parser.set_defaults(execute=_reference)
 
@@ -425,7 +432,20 @@ def _reference(options: argparse.Namespace) -> None:
         front["probes"] = kept
     if "protocol" in front:
         front["protocol"] = fixed_pairs(front["protocol"])
+    if options.rounds > 0:
+        _add_times([*front["configurations"], *kept], options.sequence, frames, options.rounds)
     options.out.write_text(bands.front_text(front), encoding="utf-8")
+
+
+def _add_times(points: list[dict[str, Any]], sequence: Path, frames: int, rounds: int) -> None:
+    """Give each of POINTS its times on SEQUENCE, beside those of the default."""
+    parameters = {point["name"]: point["parameters"] for point in points}
+    if reference_times.DEFAULT not in parameters:
+        raise UsageError("--front: no configuration is called default to time others beside: give --rounds 0")
+    progress = progress_line("times: ", "run")
+    times = reference_times.on_sequence(parameters, sequence, frames, rounds, progress)
+    for point in points:
+        point.setdefault("predicted", {})["on_sequence"] = times[point["name"]]
 
 
 def _devices(_: argparse.Namespace) -> None:

@@ -60,18 +60,25 @@ class InvalidFrontError(ValueError):
     """Not a valid front; the message names the member and what would be right."""
 
 
+class OnSequence(msgspec.Struct):
+    """Times over the runtime of the default in the same round: of a frame, and of each of its stages."""
+
+    runtime_ratio: Annotated[float, msgspec.Meta(gt=0)]
+    stages: dict[str, NonNegative]
+
+
 class Predicted(msgspec.Struct):
     """What the reference device measured: seconds a frame, metres. None where the trajectory was lost.
 
-    Where they are known, `runtime_ratio` is the runtime over that of the default in the same round, and
-    `stages` holds the seconds a frame of each stage.
+    `runtime_ratio`, where it is known, is the runtime over that of the default in the same round.
+    `on_sequence`: the same on the sequence that clients measure.
     """
 
     runtime: NonNegative
     ate_max: NonNegative | None
     ate_mean: NonNegative | None
     runtime_ratio: NonNegative | UnsetType = UNSET
-    stages: dict[str, NonNegative] | UnsetType = UNSET
+    on_sequence: OnSequence | UnsetType = UNSET
 
 
 class Result(msgspec.Struct):

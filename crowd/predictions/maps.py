@@ -101,7 +101,7 @@ def _of_reference(slug: str, digest: str) -> Belief:  # noqa: ARG001 - the diges
     reference = tables.reference_of(front)
     nothing = pd.DataFrame(columns=reference.index, dtype=float)
     work = tables.work_of(front, reference.index)
-    stages = tables.stage_times_of(front, reference.index)
+    stages = tables.stage_times_of(front)
     known = KnownDevices(nothing, nothing, pd.Series(dtype=object), reference, work, stages)
     return climb(known, [BEST]).belief
 

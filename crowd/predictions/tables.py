@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -95,18 +96,33 @@ def family(processor: str) -> str:
 
 
 def reference_of(front: Front) -> pd.Series:
-    """Log ratios of every configuration and stage on the reference device; stages are NaN where unknown."""
+    """Log ratios of every configuration and stage on the reference device; stages are NaN where unknown.
+
+    They are those of the clients' sequence where the front has them for each point and probe; else those of
+    its exploration, which may be over other sequences.
+    """
     every = [*front.points, *front.probes]
-    default = next(point for point in every if point.name == DEFAULT)
+    times = _on_sequence(every)
     found: dict[str, float] = {}
-    for point in every:
-        ratio = predicted_speedup(default.predicted, point.predicted)
-        if ratio and point.name != DEFAULT:
-            found[point.name] = math.log(ratio)
+    if times is None:
+        default = next(point for point in every if point.name == DEFAULT)
+        for point in every:
+            ratio = predicted_speedup(default.predicted, point.predicted)
+            if ratio and point.name != DEFAULT:
+                found[point.name] = math.log(ratio)
+    else:
+        found = {name: -math.log(one["runtime_ratio"]) for name, one in times.items() if name != DEFAULT}
     for name in SESSION:
+        stages = {} if times is None or name not in times else times[name]["stages"]
         for stage in STAGES:
-            found[stage_quantity(name, stage)] = _stage_ratio(default, _named(every, name), stage)
+            found[stage_quantity(name, stage)] = -math.log(stages[stage]) if stages.get(stage) else math.nan
     return pd.Series(found, dtype=float)
+
+
+def _on_sequence(points: Iterable[Point]) -> dict[str, dict[str, Any]] | None:
+    """The times of POINTS on the clients' sequence, by name; None where one has none."""
+    found = {point.name: point.predicted.get("on_sequence") for point in points}
+    return None if None in found.values() else {name: dict(one or {}) for name, one in found.items()}
 
 
 def work_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
@@ -123,17 +139,15 @@ def work_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
     return table.fillna(0.0)
 
 
-def stage_times_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
-    """The stages of the default and of each configuration of FRONT among QUANTITIES on the reference device,
-    in units of the time of its default; None where one is unknown.
+def stage_times_of(front: Front) -> pd.DataFrame | None:
+    """The stages of each point and probe of FRONT on the reference device, in units of the time of its
+    default; None where one is unknown.
     """
-    every = {point.name: point.predicted for point in (*front.points, *front.probes)}
-    wanted = [DEFAULT, *(name for name in quantities if name in every and name != DEFAULT)]
-    stages = {name: every[name].get("stages") for name in wanted}
-    if not all(stages.values()):
+    times = _on_sequence([*front.points, *front.probes])
+    if times is None:
         return None
-    table = pd.DataFrame({name: pd.Series(found) for name, found in stages.items()}).T
-    table = table.reindex(columns=list(STAGES)) / every[DEFAULT]["runtime"]
+    table = pd.DataFrame({name: pd.Series(one["stages"], dtype=float) for name, one in times.items()}).T
+    table = table.reindex(columns=list(STAGES))
     return None if table.isna().any(axis=None) else table
 
 
@@ -174,7 +188,7 @@ def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> Cr
         families,
         reference,
         work_of(front, reference.index),
-        stage_times_of(front, reference.index),
+        stage_times_of(front),
     )
     return CrowdTable(known, rows, table("ate_max"))
 
@@ -200,15 +214,6 @@ def cohorts(group: Group) -> QuerySet[Cohort]:
         backend=group.backend,
         processor_class=group.processor_class,
     )
-
-
-def _named(points: Sequence[Point], name: str) -> Point | None:
-    return next((point for point in points if point.name == name), None)
-
-
-def _stage_ratio(default: Point, point: Point | None, stage: str) -> float:
-    time = (point.predicted.get("stages") or {}).get(stage) if point else None
-    return math.log(default.predicted["runtime"] / time) if time else math.nan
 
 
 def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:

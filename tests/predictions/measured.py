@@ -8,6 +8,7 @@ from typing import Any
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import Participant
 
+DEFAULT_SECONDS = 0.01  # of a frame on the reference device
 MALI, ADRENO = "Mali-G715", "QUALCOMM Adreno(TM) 740"
 
 
@@ -28,12 +29,12 @@ class Measured:
     def stages(self, configuration: str) -> dict[str, float]:
         """Seconds a frame."""
         times: Mapping[str, float] = self._reference(configuration)["stages"]
-        return {stage: time * self.costs.get(stage, 2.0) for stage, time in times.items()}
+        return {stage: time * DEFAULT_SECONDS * self.costs.get(stage, 2.0) for stage, time in times.items()}
 
     def seconds(self, configuration: str) -> float:
         """Of a frame."""
         reference = self._reference(configuration)
-        between = max(reference["runtime"] - sum(reference["stages"].values()), 0.0)
+        between = max(reference["runtime_ratio"] - sum(reference["stages"].values()), 0.0) * DEFAULT_SECONDS
         return sum(self.stages(configuration).values()) + 2.0 * between
 
     def log_ratio(self, configuration: str) -> float:
@@ -66,7 +67,7 @@ class Measured:
 
     def _reference(self, configuration: str) -> Mapping[str, Any]:
         points = [*self.front["configurations"], *self.front["probes"]]
-        return next(one["predicted"] for one in points if one["name"] == configuration)
+        return next(one["predicted"]["on_sequence"] for one in points if one["name"] == configuration)
 
     def _run(self, name: str, repeat: int, order: int) -> dict[str, Any]:
         frame_us = round(1e6 * self.seconds(name))

@@ -47,7 +47,7 @@ def wrong_by_the_reference(expected: Expectation, device: Measured) -> float:
     for point in expected.points:
         if not point.measured:
             predicted = next(
-                one["predicted"]
+                one["predicted"]["on_sequence"]
                 for one in (*device.front["configurations"], *device.front["probes"])
                 if one["name"] == point.configuration
             )

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
 from slam.protocol import VALID_BELOW
-from slam.system import STAGES
 
 PREDICTED = ("runtime", "ate_max", "ate_mean")
 PROTOCOL: dict[str, Any] = {
@@ -244,20 +242,15 @@ def _document(
     colour = needs_colour(exploration.application)
     sequence = sequences.describe(exploration.sequence, exploration.sequence_sha256, colour)
     robust = robustness.of_repeats(exploration, evaluations)
-    stages = _stages(evaluations)
-    described = [
-        _described(name, point, robust.get(batches.key(point.configuration))) for name, point in chosen
-    ]
     probes = _probes(evaluations, [point for _, point in chosen], robust)
-    for point in (*described, *probes):
-        if found := stages.get(batches.key(point["parameters"])):
-            point["predicted"]["stages"] = found
     return {
         "application": exploration.application,
         "version": version,
         "protocol": PROTOCOL | {"frames": min(PROTOCOL["frames"], sequence["frames"])},
         "sequence": published.reference(sequence),
-        "configurations": described,
+        "configurations": [
+            _described(name, point, robust.get(batches.key(point.configuration))) for name, point in chosen
+        ],
         "provenance": _provenance(exploration, evaluations, [point for _, point in chosen]),
         **({"probes": probes} if probes else {}),
     }
@@ -310,27 +303,6 @@ def _predicted(point: Point) -> dict[str, float]:
         | {f"{name}_high": point.high[name] for name in names}
         | {"measurements": point.measurements}
     )
-
-
-def _stages(evaluations: Iterable[Evaluation]) -> dict[str, dict[str, float]]:
-    """Median seconds a frame of each stage, by the key of the configuration.
-
-    Where it was measured again, only those measurements count, as for its runtime.
-    """
-    groups: dict[str, list[Evaluation]] = {}
-    for row in evaluations:
-        if row.state == Evaluation.State.DONE and row.phase != Evaluation.Phase.PRIOR and row.stages:
-            groups.setdefault(row.configuration_key, []).append(row)
-    found = {}
-    for key, group in groups.items():
-        again = [row for row in group if row.phase == Evaluation.Phase.REPEAT] or group
-        times = [row.stages for row in again if row.stages]
-        found[key] = {
-            stage: median(one[stage] for one in times)
-            for stage in STAGES
-            if all(stage in one for one in times)
-        }
-    return found
 
 
 def _provenance(
