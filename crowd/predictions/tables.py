@@ -6,7 +6,7 @@ say nothing of theirs. Simulated devices are never in one table with those that 
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -112,15 +112,16 @@ def reference_of(front: Front) -> pd.Series:
 def work_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
     """How much each configuration of FRONT among QUANTITIES computes; None for a system without plans."""
     wanted = {DEFAULT, *quantities}
-    loads = {
-        point.name: plans.workload(front, point)
-        for point in (*front.points, *front.probes)
-        if point.name in wanted
-    }
-    if any(load is None for load in loads.values()):
-        return None
-    table = pd.DataFrame({name: pd.Series(dict(load or {})) for name, load in loads.items()}).T
-    return table.fillna(0.0)
+    loads: dict[str, Mapping[tuple[str, str], float]] = {}
+    for point in (*front.points, *front.probes):
+        if point.name in wanted:
+            load = plans.workload(front, point)
+            if load is None:
+                return None
+            loads[point.name] = load
+    columns = sorted({key for load in loads.values() for key in load})
+    units = [[load.get(key, 0.0) for key in columns] for load in loads.values()]
+    return pd.DataFrame(units, index=list(loads), columns=pd.MultiIndex.from_tuples(columns))
 
 
 def stage_times_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
