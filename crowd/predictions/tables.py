@@ -9,10 +9,11 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from django.db.models import Count, F, Max, QuerySet
+from django.db.models import BooleanField, Count, ExpressionWrapper, Max, QuerySet
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts import plans
@@ -48,6 +49,16 @@ class Group:
     simulated: bool
 
 
+class Figure(NamedTuple):
+    """What a device measured of a configuration: `log_ratio` with its standard error, and `ate_max` (m), None
+    where it did not tell.
+    """
+
+    log_ratio: float
+    error: float
+    ate_max: float | None
+
+
 @dataclass(frozen=True)
 class CrowdTable:
     """`known`: what the devices of a group measured; its rows are named by `row_name`. `rows` (the same
@@ -58,6 +69,22 @@ class CrowdTable:
     known: DeviceMap
     rows: pd.DataFrame
     ate_max: pd.DataFrame
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """The place of each quantity."""
+        return {name: place for place, name in enumerate(self.known.ratios.columns)}
+
+    def figures(self, row: str) -> dict[str, Figure]:
+        """What ROW measured, by configuration."""
+        place = self.known.ratios.index.get_loc(row)
+        frames = (self.known.ratios, self.known.errors, self.ate_max)
+        values = zip(self.places, *(frame.to_numpy()[place].tolist() for frame in frames), strict=True)
+        return {
+            name: Figure(log, error, None if math.isnan(ate_max) else ate_max)
+            for name, log, error, ate_max in values
+            if not math.isnan(log) and SEPARATOR not in name
+        }
 
     @cached_property
     def seen(self) -> dict[str, Observation]:
@@ -152,7 +179,7 @@ def groups() -> list[Group]:
 
 
 def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> CrowdTable:
-    """What the devices of GROUP measured of FRONT; of DEVICES (keys) alone where they are given. Four queries
+    """What the devices of GROUP measured of FRONT; of DEVICES (keys) alone where they are given. Three queries
     and, the first time, the plans of all configurations.
     """
     reference = reference_of(front)
@@ -223,20 +250,22 @@ def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
     )
     if devices is not None:
         found = found.filter(device__in=devices)
-    agreed = set(found.filter(confirmed()).order_by().values_list("pk", flat=True))
+    read = found.order_by().annotate(agreed=ExpressionWrapper(confirmed(), BooleanField()))
     lines = [
-        (
-            *(row_name(row.device_id, row.processor), row.device_id, row.processor, row.name),
-            *(math.log(row.speedup), _error(row, row.pk in agreed), row.ate_max, row.sessions),
-        )
-        for row in found.order_by().annotate(name=F("configuration__name"))
+        (row_name(device, chip), device, chip, name, math.log(speedup), _error(*uncertain), ate_max, sessions)
+        for device, chip, name, speedup, ate_max, sessions, *uncertain in read.values_list(
+            *("device", "processor", "configuration__name", "speedup", "ate_max", "sessions"),
+            *("deviation", "units", "session_low", "session_high", "agreed"),
+        ).iterator()
     ]
     return pd.DataFrame(lines, columns=list(FIGURE))
 
 
-def _error(row: DeviceSpeedup, agreed: bool) -> float:
+def _error(
+    deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool
+) -> float:
     """The standard error of a figure's logarithm; larger where no quorum AGREED with it."""
-    own = standard_error(row.deviation, row.units, row.session_low, row.session_high)
+    own = standard_error(deviation, units, low, high)
     return own if agreed else math.hypot(own, UNCONFIRMED)
 
 
@@ -267,7 +296,7 @@ def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.Dat
         "stages_us",
     )
     times: list[tuple[str, str, float]] = []
-    for device, processor, name, mean_us, stages, packed in runs.order_by().values_list(*columns):
+    for device, processor, name, mean_us, stages, packed in runs.order_by().values_list(*columns).iterator():
         row = row_name(device, processor)
         times.append((row, name, mean_us / 1e6))
         for stage, series in packing.unpack_stages(stages, packed).items():
