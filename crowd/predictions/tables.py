@@ -179,8 +179,8 @@ def groups() -> list[Group]:
 
 
 def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> CrowdTable:
-    """What the devices of GROUP measured of FRONT; of DEVICES (keys) alone where they are given. Three queries
-    and, the first time, the plans of all configurations.
+    """What the devices of GROUP measured of FRONT; of DEVICES (keys) alone where they are given. Three
+    queries and, the first time, the plans of all configurations.
     """
     reference = reference_of(front)
     figures, stages = _figures(group, devices), _stages(front, group, devices)
@@ -261,9 +261,7 @@ def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
     return pd.DataFrame(lines, columns=list(FIGURE))
 
 
-def _error(
-    deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool
-) -> float:
+def _error(deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool) -> float:
     """The standard error of a figure's logarithm; larger where no quorum AGREED with it."""
     own = standard_error(deviation, units, low, high)
     return own if agreed else math.hypot(own, UNCONFIRMED)
