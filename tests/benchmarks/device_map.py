@@ -16,13 +16,14 @@ import argparse
 import json
 import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pareto.devices.device_map import DEFAULT, DeviceMap, log_ratios, stage_quantity
+from pareto.devices.device_map import DEFAULT, SEPARATOR, DeviceMap, log_ratios, stage_quantity
 from slam.datasets.pack import Pack
 from slam.devices.layout import Layout
 from slam.kfusion.configuration import Configuration
@@ -44,8 +45,12 @@ def fixture(say: Callable[[str], Any]) -> None:
     measured = pd.read_csv(RESULT)
     front = json.loads(FRONT.read_text())
     points, others = (_exact(front[kind]) for kind in ("configurations", "probes"))
-    for backend, title in (("opencl", "OpenCL"), ("webgpu", "WebGPU")):
-        known = device_map(measured, front, backend)
+    opencl, webgpu = (device_map(measured, front, backend) for backend in ("opencl", "webgpu"))
+    for title, known in (
+        ("OpenCL", opencl),
+        ("OpenCL, the front's own times as the reference", published(opencl, front)),
+        ("WebGPU", webgpu),
+    ):
         say(f"\n### {title}: {len(known.ratios)} devices of {known.families.nunique()} drivers\n")
         say(comparison.report(list(comparison.predictions(known, LEAST)), points, others))
 
@@ -57,11 +62,26 @@ def device_map(measured: pd.DataFrame, front: Mapping[str, Any], backend: str) -
     names = list(dict.fromkeys(of_backend.configuration))
     ratios = _ratios(of_backend, names)
     errors = ratios.copy()
-    errors[:] = np.where([":" in name for name in ratios.columns], STAGE_ERROR, ERROR)
+    errors[:] = np.where([SEPARATOR in name for name in ratios.columns], STAGE_ERROR, ERROR)
     families = of_backend.groupby("device").family.first().reindex(ratios.index)
     known = _ratios(reference.reset_index(), names).iloc[0]
     stage_times = reference.loc[names, list(STAGES)] / reference.seconds[DEFAULT]
     return DeviceMap(ratios, errors, families, known, _work(front, names, FRAMES[backend]), stage_times)
+
+
+def published(known: DeviceMap, front: Mapping[str, Any]) -> DeviceMap:
+    """KNOWN with what FRONT says of the reference device, as servers take it."""
+    predicted = {point["name"]: point["predicted"] for point in (*front["configurations"], *front["probes"])}
+    default = predicted[DEFAULT]["runtime"]
+    seconds = {
+        name: predicted[configuration]["stages"][stage] if stage else predicted[configuration]["runtime"]
+        for name in known.reference.index
+        for configuration, _, stage in [name.partition(SEPARATOR)]
+    }
+    assert known.stage_times is not None
+    stages = pd.DataFrame({name: predicted[name]["stages"] for name in known.stage_times.index}).T
+    reference = np.log(default / pd.Series(seconds))
+    return replace(known, reference=reference, stage_times=stages[list(STAGES)] / default)
 
 
 def _ratios(measured: pd.DataFrame, names: list[str]) -> pd.DataFrame:
