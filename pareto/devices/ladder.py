@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pareto.devices.device_map import SEPARATOR, DeviceMap
 from pareto.devices.prediction import Belief, Observation
@@ -52,12 +51,6 @@ def climb(known: DeviceMap, session: Sequence[str]) -> Ladder:
     SESSION and its stages. Where fewer than LEAST_HELD_OUT families measured others, the stages decide where
     the work is known, else the power.
     """
-    # Matrices this small: threads of BLAS would only wait for each other.
-    with threadpool_limits(limits=1, user_api="blas"):
-        return _climb(known, session)
-
-
-def _climb(known: DeviceMap, session: Sequence[str]) -> Ladder:
     candidates = [name for name in RUNGS if _possible(name, known)]
     residuals = held_out(known, session, candidates)
     if residuals.family.nunique() < LEAST_HELD_OUT:
