@@ -13,7 +13,7 @@ from crowd.results.simulation.stages import STAGES, stage_shares
 
 # What a stage costs, over what it costs on the reference device, differs by so much between makers, between
 # chips of one and between devices with one chip: standard deviations of the logarithm. Measured devices
-# differ from the reference by about 0.4 together (docs/research/device-map.md).
+# differ by 0.2 to 0.7 together (docs/research/device-map.md).
 FAMILY_COST, CHIP_COST, DEVICE_COST = 0.3, 0.2, 0.1
 # What stages do not explain of a configuration's time, in a family and on a device; and installations of one
 # model.
