@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 export FRONTRUNNER_PORT := $(PORT)
 export FRONTRUNNER_VAR := $(abspath $(DATA))
 
-.PHONY: install run serve test check bench bench-slam bench-pareto bench-crowd lock clean
+.PHONY: install run serve test check bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
 
 install: $(VENV)/.installed
 
@@ -49,9 +49,9 @@ check: $(VENV)/.installed-development
 	    *) echo "Dependency audit: nothing known";; \
 	esac
 
-bench: bench-slam bench-pareto bench-crowd
+bench: bench-slam bench-pareto bench-crowd bench-device_map
 
-bench-slam bench-pareto bench-crowd: bench-%: $(VENV)/.installed-development
+bench-slam bench-pareto bench-crowd bench-device_map: bench-%: $(VENV)/.installed-development
 	$(BIN)/python -m tests.benchmarks.$* $(ARGS)
 
 # Addresses of package indexes stay out of the locks; the hashes decide what is installed.

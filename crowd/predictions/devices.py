@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from crowd.fronts.selectors import DEFAULT, Front
+from crowd.fronts.selectors import DEFAULT, Front, Point
 from crowd.predictions import tables
-from crowd.predictions.tables import CrowdTable
+from crowd.predictions.tables import CrowdTable, Figure
 from pareto.devices.ladder import interval
 from pareto.devices.prediction import Belief, Observation
 
@@ -120,39 +120,31 @@ def _expectation(
     seconds: float | None,
 ) -> Expectation:
     low, high = interval(belief, learned.scale)
+    own = {} if row is None else table.figures(row)
     points = []
     for point in (*front.points, *front.probes):
+        probe = point in front.probes
         if point.name == DEFAULT:
             one = Expected(DEFAULT, point.parameters, point.ate_max, 1.0, 1.0, 1.0, row is not None, False)
-        elif point.name not in table.known.ratios.columns:
+        elif point.name not in table.places:
             continue
+        elif point.name in own:
+            one = _measured(point, own[point.name], probe)
         else:
-            place = int(table.known.ratios.columns.get_loc(point.name))
+            place = table.places[point.name]
             mean, least, most = (math.exp(float(logs[place])) for logs in (belief.mean, low, high))
-            probe = point in front.probes
             one = Expected(point.name, point.parameters, point.ate_max, mean, least, most, False, probe)
-            if row is not None:
-                one = _measured(table, row, one)
         points.append(one)
     return Expectation(tuple(points), tuple(near), seconds, learned.rung, learned.devices, learned.sessions)
 
 
-def _measured(table: CrowdTable, row: str, expected: Expected) -> Expected:
-    """EXPECTED with what ROW measured itself, where it did."""
-    log = float(table.known.ratios.loc[row, expected.configuration])
-    if math.isnan(log):
-        return expected
-    half = tables.NORMAL_95 * float(table.known.errors.loc[row, expected.configuration])
-    there = float(table.ate_max.loc[row, expected.configuration])
-    known = [error for error in (expected.ate_max, there) if error is not None and not math.isnan(error)]
-    return replace(
-        expected,
-        ratio=math.exp(log),
-        low=math.exp(log - half),
-        high=math.exp(log + half),
-        ate_max=max(known, default=None),
-        measured=True,
-    )
+def _measured(point: Point, figure: Figure, probe: bool) -> Expected:
+    """POINT with what the device measured itself."""
+    half = tables.NORMAL_95 * figure.error
+    known = [error for error in (point.ate_max, figure.ate_max) if error is not None]
+    low, high = math.exp(figure.log_ratio - half), math.exp(figure.log_ratio + half)
+    ratio, largest = math.exp(figure.log_ratio), max(known, default=None)
+    return Expected(point.name, point.parameters, largest, ratio, low, high, True, probe)
 
 
 def nearest(table: CrowdTable, row: str | None, family: str) -> Sequence[Near]:
@@ -160,12 +152,17 @@ def nearest(table: CrowdTable, row: str | None, family: str) -> Sequence[Near]:
     names = relatives(table, row, family)
     if row is None or row not in table.known.ratios.index:
         return [Near(name, f"its chip is of the series {family}") for name in names[:NEAREST]]
-    apart = (table.known.ratios.loc[names] - table.known.ratios.loc[row]).abs()
+    ratios = table.known.ratios.to_numpy()
+    places = table.known.ratios.index.get_indexer([row, *names])
+    apart = np.abs(ratios[places[1:]] - ratios[places[0]])
+    common = (~np.isnan(apart)).sum(axis=1)
+    with np.errstate(invalid="ignore"):
+        differences = np.nansum(apart, axis=1) / common  # NaN, which comes last, where nothing is common
     found = []
-    for name, difference in apart.mean(axis=1).sort_values(kind="stable").head(NEAREST).items():
-        common = int(apart.loc[str(name)].notna().sum())
+    for number in np.argsort(differences, kind="stable")[:NEAREST]:
         why = f"its chip is of the series {family}"
-        if common:
-            why += f"; {common} of its times differ by {100 * math.expm1(difference):.0f} % on average"
-        found.append(Near(str(name), why))
+        if common[number]:
+            percent = 100 * math.expm1(differences[number])
+            why += f"; {common[number]} of its times differ by {percent:.0f} % on average"
+        found.append(Near(names[number], why))
     return found

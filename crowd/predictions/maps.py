@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from django.utils import timezone
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from crowd.fronts import selectors as fronts
 from crowd.fronts.selectors import BEST, Front
@@ -39,7 +40,8 @@ def rebuild_if_due() -> bool:
 
 def rebuild() -> list[DeviceMap]:
     """Learn every map again from what is stored now. What was erased since has no influence on them."""
-    made = [_rebuilt(group) for group in tables.groups()]
+    with threadpool_limits(limits=1, user_api="blas"):  # threads would only wait for each other
+        made = [_rebuilt(group) for group in tables.groups()]
     DeviceMap.objects.exclude(pk__in=[row.pk for row in made]).delete()
     recommending.forget_devices_without_figures()
     return made

@@ -6,14 +6,14 @@ say nothing of theirs. Simulated devices are never in one table with those that 
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from django.db.models import Count, F, Max, QuerySet
+from django.db.models import BooleanField, Count, ExpressionWrapper, Max, QuerySet
 
 from crowd.devices.models import DeviceModel
 from crowd.fronts import plans
@@ -49,6 +49,16 @@ class Group:
     simulated: bool
 
 
+class Figure(NamedTuple):
+    """What a device measured of a configuration: `log_ratio` with its standard error, and `ate_max` (m), None
+    where it did not tell.
+    """
+
+    log_ratio: float
+    error: float
+    ate_max: float | None
+
+
 @dataclass(frozen=True)
 class CrowdTable:
     """`known`: what the devices of a group measured; its rows are named by `row_name`. `rows` (the same
@@ -59,6 +69,22 @@ class CrowdTable:
     known: DeviceMap
     rows: pd.DataFrame
     ate_max: pd.DataFrame
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """The place of each quantity."""
+        return {name: place for place, name in enumerate(self.known.ratios.columns)}
+
+    def figures(self, row: str) -> dict[str, Figure]:
+        """What ROW measured, by configuration."""
+        place = self.known.ratios.index.get_loc(row)
+        frames = (self.known.ratios, self.known.errors, self.ate_max)
+        values = zip(self.places, *(frame.to_numpy()[place].tolist() for frame in frames), strict=True)
+        return {
+            name: Figure(log, error, None if math.isnan(ate_max) else ate_max)
+            for name, log, error, ate_max in values
+            if not math.isnan(log) and SEPARATOR not in name
+        }
 
     @cached_property
     def seen(self) -> dict[str, Observation]:
@@ -128,15 +154,16 @@ def _on_sequence(points: Iterable[Point]) -> dict[str, dict[str, Any]] | None:
 def work_of(front: Front, quantities: Iterable[str]) -> pd.DataFrame | None:
     """How much each configuration of FRONT among QUANTITIES computes; None for a system without plans."""
     wanted = {DEFAULT, *quantities}
-    loads = {
-        point.name: plans.workload(front, point)
-        for point in (*front.points, *front.probes)
-        if point.name in wanted
-    }
-    if any(load is None for load in loads.values()):
-        return None
-    table = pd.DataFrame({name: pd.Series(dict(load or {})) for name, load in loads.items()}).T
-    return table.fillna(0.0)
+    loads: dict[str, Mapping[tuple[str, str], float]] = {}
+    for point in (*front.points, *front.probes):
+        if point.name in wanted:
+            load = plans.workload(front, point)
+            if load is None:
+                return None
+            loads[point.name] = load
+    columns = sorted({key for load in loads.values() for key in load})
+    units = [[load.get(key, 0.0) for key in columns] for load in loads.values()]
+    return pd.DataFrame(units, index=list(loads), columns=pd.MultiIndex.from_tuples(columns))
 
 
 def stage_times_of(front: Front) -> pd.DataFrame | None:
@@ -165,8 +192,8 @@ def groups() -> list[Group]:
 
 
 def read(front: Front, group: Group, devices: Sequence[int] | None = None) -> CrowdTable:
-    """What the devices of GROUP measured of FRONT; of DEVICES (keys) alone where they are given. Four queries
-    and, the first time, the plans of all configurations.
+    """What the devices of GROUP measured of FRONT; of DEVICES (keys) alone where they are given. Three
+    queries and, the first time, the plans of all configurations.
     """
     reference = reference_of(front)
     figures, stages = _figures(group, devices), _stages(front, group, devices)
@@ -227,20 +254,20 @@ def _figures(group: Group, devices: Sequence[int] | None) -> pd.DataFrame:
     )
     if devices is not None:
         found = found.filter(device__in=devices)
-    agreed = set(found.filter(confirmed()).order_by().values_list("pk", flat=True))
+    read = found.order_by().annotate(agreed=ExpressionWrapper(confirmed(), BooleanField()))
     lines = [
-        (
-            *(row_name(row.device_id, row.processor), row.device_id, row.processor, row.name),
-            *(math.log(row.speedup), _error(row, row.pk in agreed), row.ate_max, row.sessions),
-        )
-        for row in found.order_by().annotate(name=F("configuration__name"))
+        (row_name(device, chip), device, chip, name, math.log(speedup), _error(*uncertain), ate_max, sessions)
+        for device, chip, name, speedup, ate_max, sessions, *uncertain in read.values_list(
+            *("device", "processor", "configuration__name", "speedup", "ate_max", "sessions"),
+            *("deviation", "units", "session_low", "session_high", "agreed"),
+        ).iterator()
     ]
     return pd.DataFrame(lines, columns=list(FIGURE))
 
 
-def _error(row: DeviceSpeedup, agreed: bool) -> float:
+def _error(deviation: float | None, units: int, low: float | None, high: float | None, agreed: bool) -> float:
     """The standard error of a figure's logarithm; larger where no quorum AGREED with it."""
-    own = standard_error(row.deviation, row.units, row.session_low, row.session_high)
+    own = standard_error(deviation, units, low, high)
     return own if agreed else math.hypot(own, UNCONFIRMED)
 
 
@@ -271,7 +298,7 @@ def _stages(front: Front, group: Group, devices: Sequence[int] | None) -> pd.Dat
         "stages_us",
     )
     times: list[tuple[str, str, float]] = []
-    for device, processor, name, mean_us, stages, packed in runs.order_by().values_list(*columns):
+    for device, processor, name, mean_us, stages, packed in runs.order_by().values_list(*columns).iterator():
         row = row_name(device, processor)
         times.append((row, name, mean_us / 1e6))
         for stage, series in packing.unpack_stages(stages, packed).items():

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from pareto.devices.device_map import SEPARATOR, DeviceMap
-from pareto.devices.prediction import Belief, Observation
+from pareto.devices.prediction import Belief, Observation, Places
 from pareto.devices.work import WorkModel
 
 Array = NDArray[np.float64]
@@ -131,31 +132,64 @@ def _fitted(components: Components, known: DeviceMap) -> Belief:
     """The belief whose standard deviations suit what was measured best (with a prior around GUESSES)."""
     rest = {} if "cost" in components.parts else {"rest": REST_WITHOUT_WORK}
     guesses = np.log([(GUESSES | rest)[name] for name in components.parts])
-    chosen = _most_measured(known)
-    seen, weights = observations(chosen), _weights(chosen)
-    if not seen:
+    batches = _batches(_most_measured(known))
+    if not batches:
         return components.belief(guesses)
 
-    def badness(logs: Array) -> float:
+    def badness(logs: Array) -> tuple[float, Array]:
         belief = components.belief(logs)
-        likelihood = sum(
-            weight * _log_likelihood(belief, one) for weight, one in zip(weights, seen, strict=True)
-        )
-        return float(((logs - guesses) ** 2).sum() / (2 * SURENESS**2) - likelihood)
+        slopes = np.zeros_like(belief.covariance)
+        value = sum(batch.badness(belief, slopes) for batch in batches)
+        each = np.array([(slopes * part).sum() for part in components.parts.values()])
+        apart = (logs - guesses) / SURENESS
+        return float(value + apart @ apart / 2), 2.0 * np.exp(2.0 * logs) * each + apart / SURENESS
 
     near = [(guess - FARTHEST, guess + FARTHEST) for guess in guesses]
-    found = minimize(badness, guesses, method="L-BFGS-B", bounds=near, options={"maxiter": 30})
-    return components.belief(found.x)
+    settings: dict[str, Any] = {"method": "L-BFGS-B", "bounds": near, "options": {"maxiter": 30}}
+    return components.belief(minimize(badness, guesses, jac=True, **settings).x)
 
 
-def _log_likelihood(belief: Belief, seen: Observation) -> float:
-    if not len(seen):
-        return 0.0
-    covariance = belief.covariance[np.ix_(seen.places, seen.places)] + np.diag(seen.errors**2)
-    left = seen.values - belief.mean[seen.places]
-    lower = np.linalg.cholesky(covariance)
-    scaled = np.linalg.solve(lower, left)
-    return float(-0.5 * scaled @ scaled - np.log(np.diag(lower)).sum())
+@dataclass(frozen=True)
+class _Batch:
+    """Devices that measured the same quantities, those at `places`: `values` and `errors` (devices, places)
+    and `weights` (devices,).
+    """
+
+    places: Places
+    values: Array
+    errors: Array
+    weights: Array
+
+    def badness(self, belief: Belief, slopes: Array) -> float:
+        """The weighted negative log likelihood; its derivative by the covariance is added to SLOPES.
+
+        Rasmussen & Williams 2006, eq. 5.8 and 5.9.
+        """
+        block = np.ix_(self.places, self.places)
+        covariance = belief.covariance[block] + self.errors[:, :, None] ** 2 * np.eye(len(self.places))
+        inverse = np.linalg.inv(covariance)
+        left = self.values - belief.mean[self.places]
+        scaled = np.einsum("dij,dj->di", inverse, left)
+        slopes[block] += 0.5 * np.tensordot(self.weights, inverse, 1)
+        slopes[block] -= 0.5 * (scaled * self.weights[:, None]).T @ scaled
+        each = (left * scaled).sum(axis=1) + np.linalg.slogdet(covariance)[1]
+        return float(0.5 * self.weights @ each)
+
+
+def _batches(known: DeviceMap) -> list[_Batch]:
+    seen, weights = observations(known), _weights(known)
+    groups: dict[bytes, list[int]] = {}
+    for number, one in enumerate(seen):
+        groups.setdefault(one.places.tobytes(), []).append(number)
+    return [
+        _Batch(
+            seen[group[0]].places,
+            np.array([seen[number].values for number in group]),
+            np.array([seen[number].errors for number in group]),
+            weights[group],
+        )
+        for group in groups.values()
+    ]
 
 
 def _most_measured(known: DeviceMap) -> DeviceMap:

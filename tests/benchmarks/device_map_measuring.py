@@ -1,4 +1,4 @@
-"""python -m tests.benchmarks.device_map_measuring: the probe pool of a front on several devices of one machine.
+"""python -m tests.benchmarks.device_map_measuring: a front's probe pool on several devices of one machine.
 
 A device is a driver, a layout of the kernels and a number of processor cores. All of one machine, they still
 differ widely in what a stage costs. Every configuration of the front runs in a process of its own, twice, and
@@ -109,13 +109,11 @@ def measure(device: TestDevice, configurations: dict[str, dict[str, Any]]) -> It
             "cores": device.cores,
             "configuration": name,
             "frames": FRAMES[device.backend],
-        } | {
-            key: f"{value:.7f}" for key, value in row.items()
-        }
+        } | {key: f"{value:.7f}" for key, value in row.items()}
 
 
 def webgpu_pool(configurations: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The default, best and every so manieth other one."""
+    """The default, best and others at equal steps."""
     first = {name: configurations[name] for name in ("default", "best")}
     others = [name for name in configurations if name not in first]
     step = len(others) / (WEBGPU_CONFIGURATIONS - len(first))

@@ -12,15 +12,25 @@ from crowd.audit.models import AuditEntry
 from crowd.devices import permits
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.devices.normalisation import identify
+from crowd.devices.processors import processor_of
 from crowd.devices.recognition import recognise
 from crowd.devices.vendors import VENDORS
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content
+from crowd.predictions.models import ProbeAssignment
+from crowd.predictions.tables import family
 from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.simulation import devices as made_up
 from crowd.results.simulation import sessions as made_up_sessions
+from crowd.results.simulation.stages import STAGES, frame_stages, stage_shares
 from crowd.results.validity import version
-from tests.crowd.documents import STANDARD, device_document, front_document, submission_document
+from tests.crowd.documents import (
+    STANDARD,
+    device_document,
+    front_document,
+    submission_document,
+    trajectory,
+)
 from tests.crowd.participant import API, Participant
 
 PACK = {"name": "test-sequence", "sha256": "0" * 64}
@@ -53,12 +63,7 @@ def test_the_crowd_of_another_front_has_the_same_devices(
 
 def test_devices_of_one_family_scale_alike(configurations: tuple[made_up.Configuration, ...]) -> None:
     """What a configuration gains differs more between families than within one."""
-    wide = [
-        made_up.Configuration(
-            str(n), STANDARD | {"mu": 0.1 * 2**n, "volume_resolution": 64 << (n % 4)}, 0.02, 0.01
-        )
-        for n in range(8)
-    ]
+    wide = [made_up.Configuration(str(n), STANDARD, 0.02, 0.01, stages=stages_of(n)) for n in range(8)]
     gains: dict[str, list[Any]] = {}
     for device in made_up.devices(200, wide, 3):
         logs = np.log(device.seconds.mean(axis=(0, 1)))
@@ -67,6 +72,44 @@ def test_devices_of_one_family_scale_alike(configurations: tuple[made_up.Configu
     within = np.mean([np.var(rows, axis=0).mean() for rows in gains.values() if len(rows) > 2])
     between = np.var([np.mean(rows, axis=0) for rows in gains.values()], axis=0).mean()
     assert between > within > 0
+
+
+def stages_of(number: int) -> dict[str, float]:
+    """Each stage longer than the others by turns."""
+    return {
+        name: 0.01 if place == number % len(STAGES) else 0.002 * (1 + number // len(STAGES))
+        for place, name in enumerate(STAGES)
+    }
+
+
+def test_times_follow_from_what_each_stage_costs_on_a_device() -> None:
+    """Where one stage takes nearly all the time, two configurations with it gain alike on every device."""
+    alone = dict.fromkeys(STAGES, 1e-5) | {"tracking": 0.02}
+    mixed = dict.fromkeys(STAGES, 0.005)
+    front = [
+        made_up.Configuration(str(n), STANDARD, 0.02, 0.01, stages=stages)
+        for n, stages in enumerate([alone, alone, mixed])
+    ]
+
+    logs = np.log([device.seconds.mean(axis=(0, 1)) for device in made_up.devices(200, front, 3)])
+
+    assert (logs[:, 0] - logs[:, 1]).std() < 0.1 < (logs[:, 0] - logs[:, 2]).std()
+
+
+def test_shares_of_stages_differ_between_devices_and_leave_a_rest(
+    configurations: tuple[made_up.Configuration, ...],
+) -> None:
+    shares = np.array([device.shares[0] for device in made_up.devices(30, configurations, 0)])
+
+    assert (shares.std(axis=0) > 0.01).all()
+    assert (shares.sum(axis=1) < 1).all()
+
+
+def test_a_crowd_of_83_has_chips_of_many_series(configurations: tuple[made_up.Configuration, ...]) -> None:
+    crowd = made_up.devices(83, configurations, 0)
+    chips = [processor_of(device.descriptions[0]) for device in crowd]
+
+    assert len({family(chip.name) for chip in chips if chip.kind == "gpu"}) >= 20
 
 
 def test_every_description_is_recognised_as_its_familys_chip(
@@ -81,17 +124,28 @@ def test_every_description_is_recognised_as_its_familys_chip(
 
 
 def test_a_stage_that_comes_every_nth_frame_makes_it_dear() -> None:
-    stages = made_up_sessions.frame_stages(STANDARD | {"integration_rate": 4}, 0.02, 100)
+    stages = frame_stages(STANDARD | {"integration_rate": 4}, np.array([0.004, 0.004, 0.004, 0.008]), 100)
     frames = stages.sum(axis=0)
 
     assert frames.mean() == pytest.approx(0.02)
     assert set(np.flatnonzero(frames > 1.2 * np.median(frames))) == set(range(0, 100, 4))
 
 
+def test_without_stages_a_stage_that_comes_rarely_has_a_smaller_share() -> None:
+    often, rarely = (stage_shares(STANDARD | {"integration_rate": rate}, None) for rate in (1, 16))
+
+    assert often == pytest.approx(list(STAGES.values()))
+    assert rarely.sum() == pytest.approx(1)
+    assert rarely[2] / rarely[0] == pytest.approx(often[2] / often[0] / 4)
+
+
 def test_a_session_of_every_configuration_comes_back_the_way_it_went(
     configurations: tuple[made_up.Configuration, ...],
 ) -> None:
-    names = made_up_sessions.plan(front_document(PACK)["protocol"], configurations, every=True)
+    probe = made_up.Configuration("probe", STANDARD, 0.02, 0.01, probe=True)
+    front = (*configurations, probe)
+
+    names = made_up_sessions.plan(front_document(PACK)["protocol"], front, every=True)
 
     assert names == ["default", "best", "accurate", "accurate", "best", "default"]
 
@@ -159,7 +213,7 @@ def test_a_crowd_measures_by_the_protocol_of_the_front(
 ) -> None:
     publish_content(front_document(pack, protocol_version=2))
 
-    call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4")
+    call_command("simulate_crowd", "--devices", "3", "--sessions", "2", "--seed", "4", "--probes", "0")
 
     assert set(MeasurementSession.objects.values_list("protocol_version", "stage_clock")) == {(2, "wall")}
     assert set(SessionSummary.objects.values_list("pairs", "reason")) == {(4, "")}
@@ -192,6 +246,49 @@ def test_a_crowd_is_simulated_and_removed(
     assert [MeasurementSession.objects.count(), Run.objects.count()] == [1, 4]
     assert (Cohort.objects.count(), DeviceSpeedup.objects.count()) == (1, 1)
     assert not Tombstone.objects.exists()
+
+
+@pytest.mark.django_db(transaction=True)  # its requests close their connections
+def test_installations_measure_the_probes_that_they_are_asked_for(
+    client: Client, db: None, pack: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = front_document(pack, protocol_version=2)
+    for point in document["configurations"]:
+        point["predicted"] |= {"runtime": point["predicted"]["runtime"] / 20}  # two minutes are enough
+    probe = document["configurations"][2] | {
+        "name": "probe-01",
+        "parameters": STANDARD | {"mu": 0.2},
+        "trajectory": trajectory(0.02),
+    }
+    publish_content(document | {"probes": [probe]})
+
+    call_command("simulate_crowd", "--devices", "2", "--sessions", "1", "--seed", "4", "--probes", "1")
+
+    assert "2 of 2 devices, 2 sessions of probes" in capsys.readouterr().out
+    asked = set(ProbeAssignment.objects.values_list("installation", "configuration__name"))
+    probes = Run.objects.exclude(configuration__name__in=["default", "best"])
+    measured = probes.filter(repeat=0).values_list("session__installation", "configuration__name")
+    assert {name for _, name in asked} >= {"probe-01"}
+    assert asked <= set(measured)
+    summaries = SessionSummary.objects.filter(configuration__name="probe-01")
+    assert set(summaries.values_list("pairs", "state")) == {(2, "valid")}
+    assert set(DeviceSpeedup.objects.values_list("device__kind", flat=True)) == {"simulated"}
+
+
+@pytest.mark.django_db(transaction=True)  # its requests close their connections
+def test_nothing_is_sent_where_nothing_is_asked_for(client: Client, db: None, pack: dict[str, Any]) -> None:
+    document = front_document(pack)
+    publish_content(document | {"configurations": document["configurations"][:2]})
+
+    call_command("simulate_crowd", "--devices", "2", "--sessions", "1", "--seed", "4", "--probes", "1")
+
+    assert MeasurementSession.objects.count() == 2
+
+
+@pytest.mark.parametrize("share", ["-0.1", "1.5", "nan"])
+def test_the_share_of_probes_is_a_share(db: None, share: str) -> None:
+    with pytest.raises(CommandError, match="from 0 to 1"):
+        call_command("simulate_crowd", f"--probes={share}")
 
 
 def test_a_permit_that_is_printed_is_logged(db: None, capsys: pytest.CaptureFixture[str]) -> None:

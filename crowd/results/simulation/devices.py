@@ -8,22 +8,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd.fronts.selectors import DEFAULT
 from crowd.results.simulation.families import FAMILIES, Family
+from crowd.results.simulation.stages import STAGES, stage_shares
 
-# What a parameter does to the time differs by so much between families, between devices of one, and between
-# installations of one model: standard deviations of the logarithm, for a step of one deviation of it.
-FAMILY_TASTE, DEVICE_TASTE, INSTALLATION = 0.05, 0.03, 0.03
+# What a stage costs, over what it costs on the reference device, differs by so much between makers, between
+# chips of one and between devices with one chip: standard deviations of the logarithm. Measured devices
+# differ by 0.2 to 0.7 together (docs/research/device-map.md).
+FAMILY_COST, CHIP_COST, DEVICE_COST = 0.3, 0.2, 0.1
+# What stages do not explain of a configuration's time, in a family and on a device; and installations of one
+# model.
+FAMILY_RESIDUAL, DEVICE_RESIDUAL, INSTALLATION = 0.03, 0.03, 0.03
 FIXED = 0.35  # standard deviation of the logarithm of what no configuration saves, within a family
 MOST_INSTALLATIONS = 4
 FAILING = 0.08  # of the devices, at one configuration each
 RELEASE_GAIN = 0.05  # standard deviation of what a new driver does to a configuration
+YOUNGER = 0.25  # by how much the logarithm of a time falls from one chip of a family to the next
 MAKER = "Simulated"
+KINDS = (("configurations", False), ("probes", True))
+USUAL_SECONDS = 0.02
 
 
 @dataclass(frozen=True)
 class Configuration:
     """A configuration of the front as the manifest has it: reference seconds a frame, reference ATE (m), and
-    the band (m) around its reference trajectory in protocol 2.
+    the band (m) around its reference trajectory in protocol 2. `stages`: reference times of each in one unit,
+    None where the front has none. A `probe` is measured only where it is asked for.
     """
 
     name: str
@@ -31,16 +41,21 @@ class Configuration:
     seconds: float
     ate: float
     band: float | None = None
+    stages: Mapping[str, float] | None = None
+    probe: bool = False
 
 
 @dataclass(frozen=True)
 class SimulatedDevice:
-    """One device model. `seconds` a frame by release of its driver, installation and configuration."""
+    """One device model. `seconds` a frame by release of its driver, installation and configuration; `shares`
+    of each stage in that, less than 1 together: the rest is what no configuration saves.
+    """
 
     name: str
     family: Family
     descriptions: tuple[dict[str, Any], ...]  # one a release, oldest first
     seconds: NDArray[np.float64]  # (releases, installations, configurations)
+    shares: NDArray[np.float64]  # (configurations, stages)
     noise: float  # standard deviation of the logarithm, frame by frame
     throttling: float  # how much slower it is at the end of a long session; 0: not at all
     failing: str  # the configuration that does not run there; "": all do
@@ -50,18 +65,30 @@ class SimulatedDevice:
         return int(self.seconds.shape[1])
 
 
-def configurations_of(manifest: Mapping[str, Any]) -> tuple[Configuration, ...]:
-    """The configurations of MANIFEST. One without a predicted time or error gets a usual one."""
+def configurations_of(front: Mapping[str, Any]) -> tuple[Configuration, ...]:
+    """The configurations of FRONT, a manifest or a front with its probes. One without a predicted time or
+    error gets a usual one.
+    """
+    rows = [(row, probe) for kind, probe in KINDS for row in front.get(kind, ())]
+    default = next((row["predicted"].get("runtime") for row, _ in rows if row["name"] == DEFAULT), None)
     return tuple(
         Configuration(
             row["name"],
             row["parameters"],
-            row["predicted"].get("runtime") or 0.02,
+            _seconds(row["predicted"], default) or USUAL_SECONDS,
             row["predicted"].get("ate_max") or 0.01,
             row.get("band"),
+            row["predicted"].get("on_sequence", {}).get("stages"),
+            probe,
         )
-        for row in manifest["configurations"]
+        for row, probe in rows
     )
+
+
+def _seconds(predicted: Mapping[str, Any], default: float | None) -> float | None:
+    """Of a frame on the reference device: over the clients' sequence where that is known."""
+    times = predicted.get("on_sequence")
+    return default * times["runtime_ratio"] if times and default else predicted.get("runtime")
 
 
 def devices(count: int, front: Sequence[Configuration], seed: int) -> list[SimulatedDevice]:
@@ -70,63 +97,66 @@ def devices(count: int, front: Sequence[Configuration], seed: int) -> list[Simul
     """
     if count < 1:
         raise ValueError(f"{count} devices: simulate 1 or more")
-    steps = standardised([configuration.parameters for configuration in front])
     random = np.random.default_rng((seed, 0))
     shares = np.array([family.share for family in FAMILIES])
     chosen = random.choice(len(FAMILIES), size=count, p=shares / shares.sum())
-    tastes = random.normal(0.0, FAMILY_TASTE, (len(FAMILIES), steps.shape[1]))
+    makers = [
+        _Maker.draw(family, front, np.random.default_rng((seed, place, 2)))
+        for place, family in enumerate(FAMILIES)
+    ]
     return [
-        _device(number, FAMILIES[family], tastes[family], steps, front, np.random.default_rng((seed, number)))
-        for number, family in enumerate(chosen, 1)
+        _device(number, makers[maker], front, np.random.default_rng((seed, number)))
+        for number, maker in enumerate(chosen, 1)
     ]
 
 
-def standardised(parameters: Sequence[Mapping[str, Any]]) -> NDArray[np.float64]:
-    """PARAMETERS of n configurations as steps of one standard deviation each, (n, m): logarithms where all
-    values are positive. What is no number, or the same everywhere, says nothing and is left out.
+@dataclass(frozen=True)
+class _Maker:
+    """What devices of a FAMILY share, as logarithms: the `costs` of each chip's stages (chips, stages) and
+    the `residuals` of configurations (configurations,).
     """
-    columns = []
-    for name in sorted({name for row in parameters for name in row}):
-        values = [row.get(name) for row in parameters]
-        if not all(isinstance(value, int | float) for value in values):
-            continue
-        column = np.array(values, dtype=np.float64)
-        column = np.log(column) if (column > 0).all() else column
-        if column.std() > 0:
-            columns.append((column - column.mean()) / column.std())
-    return np.stack(columns, axis=1) if columns else np.zeros((len(parameters), 0))
+
+    family: Family
+    costs: NDArray[np.float64]
+    residuals: NDArray[np.float64]
+
+    @classmethod
+    def draw(cls, family: Family, front: Sequence[Configuration], random: np.random.Generator) -> "_Maker":
+        common = random.normal(0.0, FAMILY_COST, len(STAGES))
+        own = random.normal(0.0, CHIP_COST, (len(family.chips), len(STAGES)))
+        return cls(family, common + own, random.normal(0.0, FAMILY_RESIDUAL, len(front)))
 
 
 def _device(
-    number: int,
-    family: Family,
-    taste: NDArray[np.float64],
-    steps: NDArray[np.float64],
-    front: Sequence[Configuration],
-    random: np.random.Generator,
+    number: int, maker: _Maker, front: Sequence[Configuration], random: np.random.Generator
 ) -> SimulatedDevice:
+    family = maker.family
     chip = int(random.integers(len(family.chips)))
-    # Later chips of a family are faster.
-    level = math.log(family.level) + random.normal(0.0, family.spread) - 0.25 * (chip - 1)
+    middle = (len(family.chips) - 1) / 2
+    level = math.log(family.level) + random.normal(0.0, family.spread) - YOUNGER * (chip - middle)
     releases = int(random.integers(1, 1 + len(family.drivers)))
     installations = int(random.integers(1, 1 + MOST_INSTALLATIONS))
-    own = taste + random.normal(0.0, DEVICE_TASTE, taste.shape)
-    reference = np.array([configuration.seconds for configuration in front])
-    fixed = family.fixed * random.lognormal(0.0, FIXED) * reference.max()
+    costs = np.exp(maker.costs[chip] + random.normal(0.0, DEVICE_COST, len(STAGES)))
+    reference = np.array([row.seconds * stage_shares(row.parameters, row.stages) for row in front])
+    fixed = family.fixed * random.lognormal(0.0, FIXED) * max(row.seconds for row in front)
+    stages = reference * costs
+    whole = stages.sum(axis=1) + fixed
     logs = (
-        (np.log(reference * np.exp(steps @ own) + fixed) + level)[None, None, :]
+        (np.log(whole) + level + maker.residuals)[None, None, :]
+        + random.normal(0.0, DEVICE_RESIDUAL, len(front))
         + random.normal(0.0, RELEASE_GAIN, (releases, 1, len(front)))
         + random.normal(0.0, INSTALLATION, (1, installations, 1))
     )
-    names = [configuration.name for configuration in front]
+    points = [configuration.name for configuration in front if not configuration.probe]
     return SimulatedDevice(
         name=f"{family.form} {number} ({family.name}-like)",
         family=family,
         descriptions=_descriptions(number, family, chip, releases),
         seconds=np.exp(logs),
+        shares=stages / whole[:, None],
         noise=float(random.uniform(0.02, 0.08)),
         throttling=float(random.uniform(0.1, 0.6)) if random.random() < family.throttles else 0.0,
-        failing=str(random.choice(names)) if random.random() < FAILING else "",
+        failing=str(random.choice(points)) if random.random() < FAILING else "",
     )
 
 

@@ -24,6 +24,8 @@ APP = "simulate_crowd"
 API = "/api/v1"
 DAYS = 90  # over which the sessions lie
 WHOLE_FRONT = 0.3  # of the devices measure every configuration, in their first session of each release
+MINUTES = 2  # that an installation has for a session of probes
+PAUSE = timedelta(hours=1)  # before it
 TIMEOUT_SECONDS = 60
 
 
@@ -126,30 +128,91 @@ def unlimited() -> Iterator[None]:
         requests.setLevel(level)
 
 
-def send_crowd(
-    carry: Transport, permit: str, count: int, sessions: int, seed: int, today: datetime, application: str
-) -> Iterator[Progress]:
-    """Enrol and submit COUNT devices with SESSIONS each, and tell after each device how far it is.
+@dataclass(frozen=True)
+class _Installed:
+    """An installation: the place of its device, its number among that device's, and its newest session's
+    release and start.
+    """
+
+    device: int
+    number: int
+    token: str
+    release: int
+    started_at: datetime
+
+
+class Crowd:
+    """COUNT devices that send to a server by CARRY, allowed to by PERMIT.
 
     The same SEED on the same front and day sends the same, on another front other sessions of the same
-    devices. Raises RefusedError at the first refusal.
+    devices. What is sent as probes depends on what the server asks for, too. Raises RefusedError where the
+    server refuses the question for the front.
     """
-    manifest = _asked(carry("GET", f"{API}/manifest?application={application}", b"", {}), 200)
-    front = configurations_of(manifest)
-    done, runs = 0, 0
-    for number, device in enumerate(devices(count, front, seed), 1):
-        random = np.random.default_rng((seed, number, 1, *manifest["front_version"].encode()))
-        tokens = [_enrolled(carry, manifest, permit) for _ in range(min(device.installations, sessions))]
-        for sent in _sessions(device, front, manifest, sessions, len(tokens), today, random):
-            runs += _submitted(carry, manifest, tokens[sent.installation], sent)
-            done += 1
-        yield Progress(number, done, runs)
+
+    def __init__(
+        self, carry: Transport, permit: str, count: int, seed: int, today: datetime, application: str
+    ) -> None:
+        self.carry, self.permit, self.seed = carry, permit, seed
+        self.midnight = datetime.combine(today.date(), time.min, UTC)
+        self.path = f"{API}/manifest?application={application}"
+        self.manifest = _asked(carry("GET", self.path, b"", {}), 200)
+        slug = self.manifest["front_version"]
+        self.front = configurations_of(_asked(carry("GET", f"{API}/fronts/{slug}", b"", {}), 200))
+        self.devices = devices(count, self.front, seed)
+        self.installed: dict[tuple[int, int], _Installed] = {}
+
+    def send(self, sessions: int) -> Iterator[Progress]:
+        """Enrol and submit every device with SESSIONS sessions, and tell after each device how far it is.
+        Raises RefusedError at the first refusal.
+        """
+        done, runs = 0, 0
+        for place, device in enumerate(self.devices):
+            random = self._random(place, 1)
+            count = min(device.installations, sessions)
+            tokens = [_enrolled(self.carry, self.manifest, self.permit) for _ in range(count)]
+            for sent in _sessions(device, self.front, self.manifest, sessions, count, self.midnight, random):
+                token = tokens[sent.installation]
+                runs += _submitted(self.carry, self.manifest, token, device.descriptions[sent.release], sent)
+                self.installed[place, sent.installation] = _Installed(
+                    place, sent.installation, token, sent.release, sent.started_at
+                )
+                done += 1
+            yield Progress(place + 1, done, runs)
+
+    def send_probes(self, share: float) -> Iterator[Progress]:
+        """Let a SHARE (0 to 1) of the installations that sent sessions ask what to measure besides, and send
+        it. Tells after each device how far it is. Raises RefusedError at the first refusal.
+        """
+        done, runs = 0, 0
+        for place, device in enumerate(self.devices):
+            random = self._random(place, 3)
+            for each in (one for one in self.installed.values() if one.device == place):
+                if random.random() >= share:
+                    continue
+                headers = {"Authorization": f"Bearer {each.token}"}
+                asked = _asked(self.carry("GET", f"{self.path}&minutes={MINUTES}", b"", headers), 200)
+                if not asked["assigned"]:
+                    continue
+                started_at = each.started_at + PAUSE
+                document = session(
+                    device, each.number, each.release, self.front, asked, False, started_at, random
+                )
+                sent = _Sent(each.number, each.release, started_at, document)
+                description = device.descriptions[each.release]
+                runs += _submitted(self.carry, self.manifest, each.token, description, sent)
+                done += 1
+            yield Progress(place + 1, done, runs)
+
+    def _random(self, place: int, purpose: int) -> np.random.Generator:
+        slug = self.manifest["front_version"].encode()
+        return np.random.default_rng((self.seed, place + 1, purpose, *slug))
 
 
 @dataclass(frozen=True)
 class _Sent:
     installation: int
-    device: Mapping[str, Any]
+    release: int
+    started_at: datetime
     document: dict[str, Any]
 
 
@@ -159,12 +222,13 @@ def _sessions(
     manifest: Mapping[str, Any],
     count: int,
     installations: int,
-    today: datetime,
+    midnight: datetime,
     random: np.random.Generator,
 ) -> Iterator[_Sent]:
-    """COUNT sessions of DEVICE over the last days, oldest first; its driver is renewed on the way."""
+    """COUNT sessions of DEVICE over the days before MIDNIGHT, oldest first; its driver is renewed on the
+    way.
+    """
     whole = random.random() < WHOLE_FRONT
-    midnight = datetime.combine(today.date(), time.min, UTC)
     ages = np.sort(random.uniform(0.0, DAYS, count))[::-1]
     seen: set[int] = set()
     for place, age in enumerate(ages):
@@ -174,7 +238,7 @@ def _sessions(
         installation = place % installations
         started_at = midnight - timedelta(days=float(age))
         document = session(device, installation, release, front, manifest, every, started_at, random)
-        yield _Sent(installation, device.descriptions[release], document)
+        yield _Sent(installation, release, started_at, document)
 
 
 def _enrolled(carry: Transport, manifest: Mapping[str, Any], permit: str) -> str:
@@ -183,12 +247,14 @@ def _enrolled(carry: Transport, manifest: Mapping[str, Any], permit: str) -> str
     return token
 
 
-def _submitted(carry: Transport, manifest: Mapping[str, Any], token: str, sent: _Sent) -> int:
-    """How many runs of what was SENT the server took."""
+def _submitted(
+    carry: Transport, manifest: Mapping[str, Any], token: str, description: Mapping[str, Any], sent: _Sent
+) -> int:
+    """How many runs of what was SENT by a device of DESCRIPTION the server took."""
     document = {
         "schema_version": 1,
         **_versions(manifest),
-        "device": sent.device,
+        "device": description,
         "sessions": [sent.document],
     }
     headers = {

@@ -11,13 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.results.simulation.devices import Configuration, SimulatedDevice
+from crowd.results.simulation.stages import STAGES, frame_stages, period
 from slam.protocol import FIXED_PAIRS
 
 MOST_RUNS = 50  # of a submission
-# Shares of a frame's time where every frame does everything (SLAMBench's KinectFusion, roughly).
-STAGES = {"preprocessing": 0.15, "tracking": 0.30, "integration": 0.20, "raycasting": 0.35}
-# Which stage is skipped on most frames, by the parameter that tells how seldom it comes.
-PERIODS = {"tracking": "tracking_rate", "integration": "integration_rate"}
 FIRST_TRACKED = 4
 HICCUPS, HICCUP = 0.01, 1.8  # of the frames; how much longer they take
 SAMPLE_SECONDS = 1.0
@@ -32,11 +29,13 @@ REFUSED = "the driver refused to build the program: CL_OUT_OF_RESOURCES"
 
 
 def plan(protocol: Mapping[str, Any], front: Sequence[Configuration], every: bool) -> list[str]:
-    """Names of the runs in their order: the protocol's, or EVERY configuration, as many as one submission
-    holds. They run forwards and back until each has its repeats, so that a steady drift cancels.
+    """Names of the runs in their order: the protocol's, or EVERY configuration that is no probe, as many as
+    one submission holds. They run forwards and back until each has its repeats, so that a steady drift
+    cancels.
     """
     repeats = protocol["repeats"]
-    names = [configuration.name for configuration in front][: MOST_RUNS // repeats]
+    names = [configuration.name for configuration in front if not configuration.probe]
+    names = names[: MOST_RUNS // repeats]
     forwards = names if every else list(protocol["order"])
     rounds = repeats // forwards.count(forwards[0])
     return [name for number in range(rounds) for name in (forwards[::-1] if number % 2 else forwards)]
@@ -52,8 +51,8 @@ def session(
     started_at: datetime,
     random: np.random.Generator,
 ) -> dict[str, Any]:
-    """One session of INSTALLATION on DEVICE under RELEASE of its driver, of the default and the best, or of
-    EVERY configuration.
+    """One session of INSTALLATION on DEVICE under RELEASE of its driver, as the protocol of MANIFEST orders
+    it, or of EVERY configuration.
     """
     protocol = manifest["protocol"]
     frames, places = protocol["frames"], {row.name: place for place, row in enumerate(front)}
@@ -66,7 +65,9 @@ def session(
         row = front[places[name]]
         slowed = 1.0 + throttling * order / max(len(names) - 1, 1)
         level = float(device.seconds[release, installation, places[name]]) * math.exp(today) * slowed
-        runs.append(_run(device, row, seen.get(name, 0), order, level, frames, random))
+        stages = frame_stages(row.parameters, level * device.shares[places[name]], frames)
+        rest = level * (1.0 - float(device.shares[places[name]].sum()))
+        runs.append(_run(device, row, seen.get(name, 0), order, stages, rest, random))
         seen[name] = seen.get(name, 0) + 1
         elapsed += level * frames + float(protocol.get("rest_seconds") or 0)
     return {
@@ -87,28 +88,28 @@ def _run(
     row: Configuration,
     repeat: int,
     order: int,
-    level: float,
-    frames: int,
+    stages: NDArray[np.float64],
+    rest: float,
     random: np.random.Generator,
 ) -> dict[str, Any]:
-    """One run; its frames take LEVEL seconds in the mean. The configuration that fails on DEVICE loses the
-    camera, or does not even start.
+    """One run; its frames take REST seconds besides STAGES (stages, frames). The configuration that fails on
+    DEVICE loses the camera, or does not even start.
     """
+    frames = stages.shape[1]
     run: dict[str, Any] = {
         "id": _uuid(random), "configuration": row.name, "repeat": repeat, "order": order, "status": "ok",
         "failure": None,
     }  # fmt: skip
     if row.name == device.failing:
         return run | {"status": "failed", "failure": REFUSED if row.ate < 0.02 else LOST, "frame_us": []}
-    stages = frame_stages(row.parameters, level, frames) * random.lognormal(0.0, device.noise, frames)
-    stages *= np.where(random.random(frames) < HICCUPS, HICCUP, 1.0)
-    stages_us = np.maximum(np.rint(stages * 1e6), 1).astype(np.int64)
+    slowed = np.where(random.random(frames) < HICCUPS, HICCUP, 1.0)
+    slowed *= random.lognormal(0.0, device.noise, frames)
+    stages_us = np.maximum(np.rint(stages * slowed * 1e6), 1).astype(np.int64)
     # One trajectory for one driver: the same numbers come out of the same program.
     trajectory = hashlib.sha256(f"{device.name} {row.name}".encode())
     error = row.ate * float(np.random.default_rng(list(trajectory.digest()[:4])).lognormal(0.0, 0.08))
     return run | {
-        # What lies between the stages is a hundredth of the frame.
-        "frame_us": (stages_us.sum(axis=0) * 1.01).astype(np.int64).tolist(),
+        "frame_us": (stages_us.sum(axis=0) + np.rint(rest * slowed * 1e6)).astype(np.int64).tolist(),
         "stages_us": {name: series.tolist() for name, series in zip(STAGES, stages_us, strict=True)},
         "tracked": _tracked(row.parameters, frames),
         "ate_max": round(error, 6),
@@ -122,28 +123,8 @@ def _run(
     }
 
 
-def frame_stages(parameters: Mapping[str, Any], level: float, frames: int) -> NDArray[np.float64]:
-    """Seconds of each of STAGES in each frame, (stages, frames), LEVEL in the mean. A stage that comes every
-    nth frame makes that frame dear, as KinectFusion's integration does.
-    """
-    number = np.arange(frames)
-    shares = np.stack(
-        [
-            share * (number % _period(parameters, name) == 0) * np.sqrt(_period(parameters, name))
-            if name in PERIODS
-            else np.full(frames, share)
-            for name, share in STAGES.items()
-        ]
-    )
-    return shares * (level * frames / shares.sum())
-
-
-def _period(parameters: Mapping[str, Any], stage: str) -> int:
-    return max(int(parameters.get(PERIODS[stage], 1)), 1)
-
-
 def _tracked(parameters: Mapping[str, Any], frames: int) -> list[bool | None]:
-    every = _period(parameters, "tracking")
+    every = period(parameters, "tracking")
     return [True if n >= FIRST_TRACKED and n % every == 0 else None for n in range(frames)]
 
 

@@ -1,5 +1,6 @@
 """manage.py simulate_crowd: a labelled crowd that nobody is, for trying the pages and for load."""
 
+from collections.abc import Iterator
 from contextlib import nullcontext
 from typing import Any
 
@@ -22,6 +23,13 @@ class Command(BaseCommand):
     def add_arguments(self, parser: CommandParser) -> None:
         parser.add_argument("--devices", type=int, default=83, help="how many device models (83)")
         parser.add_argument("--sessions", type=int, default=5, help="sessions of each (5)")
+        parser.add_argument(
+            "--probes",
+            type=float,
+            default=0.5,
+            metavar="SHARE",
+            help="of the installations, 0 to 1, that also measure what they are asked to (0.5)",
+        )
         parser.add_argument("--seed", type=int, default=0, help="another seed, another crowd (0)")
         parser.add_argument("--application", default="kfusion")
         parser.add_argument("--server", metavar="URL", help="a server elsewhere; else this deployment itself")
@@ -40,33 +48,37 @@ class Command(BaseCommand):
         else:
             self._send(**options)
 
-    def _send(self, devices: int, sessions: int, seed: int, server: str | None, **options: Any) -> None:
+    def _send(
+        self, devices: int, sessions: int, probes: float, seed: int, server: str | None, **options: Any
+    ) -> None:
         if min(devices, sessions) < 1 or seed < 0:
             raise CommandError("give 1 or more devices, 1 or more sessions, and a seed of 0 or more")
+        if not 0 <= probes <= 1:
+            raise CommandError(f"--probes {probes:g}: give a share from 0 to 1")
         if server and not options["permit_text"]:
             raise CommandError("--server needs --permit-text: run simulate_crowd --permit there")
         carry = sending.over_http(server) if server else sending.in_process()
-        crowd = sending.send_crowd(
-            carry,
-            options["permit_text"] or permits.permit(),
-            devices,
-            sessions,
-            seed,
-            timezone.now(),
-            options["application"],
-        )
+        permit = options["permit_text"] or permits.permit()
         try:
             with nullcontext() if server else sending.unlimited():
-                for done in crowd:
-                    if done.devices % EACH == 0 or done.devices == devices:
-                        self.stdout.write(
-                            f"{done.devices} of {devices} devices, {done.sessions} sessions, {done.runs} runs"
-                        )
+                crowd = sending.Crowd(carry, permit, devices, seed, timezone.now(), options["application"])
+                self._follow(crowd.send(sessions), devices, "")
+                if not server:
+                    recomputing.work(lambda _done: None)
+                if probes:
+                    self._follow(crowd.send_probes(probes), devices, " of probes")
         except sending.RefusedError as error:
             raise CommandError(str(error)) from error
         if not server:
             recomputing.work(lambda _done: None)
             self.stdout.write("all of it is summarised: see the pages with ?simulated=1")
+
+    def _follow(self, progress: Iterator[sending.Progress], devices: int, kind: str) -> None:
+        for done in progress:
+            if done.devices % EACH == 0 or done.devices == devices:
+                self.stdout.write(
+                    f"{done.devices} of {devices} devices, {done.sessions} sessions{kind}, {done.runs} runs"
+                )
 
     def _remove(self) -> None:
         gone = removing.remove_crowd()
