@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
+from django.db import transaction
 from django.db.models import Q
 from django.utils import timezone
 
@@ -71,14 +72,17 @@ def assign(installation: Installation, application: str | None, minutes: float) 
         return Assignment(front, (), TOO_HOT)
     done = _done(session)
     device = _Device.of(front, session)
-    pending = _pending(front, session, done)
-    rows = [] if pending else _choose(device, done)
-    assigned = pending or [Assigned(_point(front, row.configuration.name), row.why) for row in rows]
-    within = _within(front, device.expected, assigned, minutes)
+    rows = [] if _pending(front, session, done) else _choose(device, done)
+    with transaction.atomic():
+        # Another question of this installation may have been answered meanwhile.
+        Installation.objects.select_for_update(no_key=True).get(pk=installation.pk)
+        pending = _pending(front, session, done)
+        assigned = pending or [Assigned(_point(front, row.configuration.name), row.why) for row in rows]
+        within = _within(front, device.expected, assigned, minutes)
+        kept = set() if pending else {one.point.name for one in within}
+        ProbeAssignment.objects.bulk_create(row for row in rows if row.configuration.name in kept)
     if not within:
         return Assignment(front, (), TOO_SLOW if assigned else None)
-    kept = {one.point.name for one in within}
-    ProbeAssignment.objects.bulk_create(row for row in rows if row.configuration.name in kept)
     return Assignment(front, tuple(within))
 
 

@@ -63,6 +63,22 @@ def test_asked_again_the_same_is_answered_until_it_is_measured(measured: Any) ->
     assert not set(again) & set(first)
 
 
+def test_two_questions_at_once_have_one_answer(measured: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    device, choose, answers = measured(), assigning._choose, []
+
+    def chosen_meanwhile(*arguments: Any) -> list[ProbeAssignment]:
+        rows = choose(*arguments)
+        monkeypatch.setattr(assigning, "_choose", choose)
+        answers.append(names(assign(device)))
+        return rows
+
+    monkeypatch.setattr(assigning, "_choose", chosen_meanwhile)
+    answers.append(names(assign(device)))
+
+    assert answers[0] == answers[1]
+    assert ProbeAssignment.objects.count() == 3
+
+
 def test_what_a_killed_client_left_half_done_is_asked_for_again(measured: Any) -> None:
     device = measured()
     first = names(assign(device))
