@@ -74,8 +74,9 @@ def assign(installation: Installation, application: str | None, minutes: float) 
     device = _Device.of(front, session)
     rows = [] if _pending(front, session, done) else _choose(device, done)
     with transaction.atomic():
-        # Another question of this installation may have been answered meanwhile.
-        Installation.objects.select_for_update(no_key=True).get(pk=installation.pk)
+        # Meanwhile it may have been erased, or another question of it answered.
+        if not Installation.objects.select_for_update(no_key=True).filter(pk=installation.pk).first():
+            return Assignment(front, (), NO_SESSION)
         pending = _pending(front, session, done)
         assigned = pending or [Assigned(_point(front, row.configuration.name), row.why) for row in rows]
         within = _within(front, device.expected, assigned, minutes)

@@ -9,7 +9,7 @@ from crowd.fronts.models import FrontVersion
 from crowd.predictions import maps
 from crowd.predictions.models import ProbeAssignment
 from tests.crowd.participant import API
-from tests.predictions.measured import ADRENO
+from tests.predictions.measured import ADRENO, BEST_IS_BEST
 
 
 def recommendation(client: Client, query: str = "", **headers: str) -> Any:
@@ -29,7 +29,7 @@ def test_without_a_crowd_the_reference_says_what_to_use(client: Client, front: F
 
 
 def test_a_token_asks_for_its_own_device(client: Client, measured: Any) -> None:
-    device = measured(costs={"integration": 0.1})
+    device = measured(costs=BEST_IS_BEST)
     maps.rebuild()
 
     found = recommendation(client, **device.participant.headers)

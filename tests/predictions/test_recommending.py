@@ -8,6 +8,7 @@ from crowd.predictions import maps, recommending
 from crowd.predictions.devices import Expectation, Expected
 from crowd.predictions.models import Recommendation
 from crowd.predictions.recommending import NothingKeepsLimitsError, choose
+from tests.predictions.measured import BEST_IS_BEST
 
 # Integration alone is dear on this device, and probes that integrate less often were measured: points like
 # them are predicted to win.
@@ -77,7 +78,7 @@ def test_a_recommendation_is_noted_once_and_judged_when_it_was_measured(measured
 
 
 def test_where_best_is_best_nothing_is_noted(measured: Any) -> None:
-    measured(costs={"integration": 0.1})  # what integrates less often gains nothing
+    measured(costs=BEST_IS_BEST)
 
     maps.rebuild()
 

@@ -30,6 +30,8 @@ AGAIN = (
     "crowd/test_admin_erasure.py",
     "crowd/test_disclosure.py",
     "crowd/test_aliases.py",
+    "predictions/test_maps.py",
+    "predictions/test_assigning.py",
     "explorations/outcomes/test_readings.py",
     "explorations/test_several_sequences.py",
     "explorations/measuring/test_leases_of_several.py",
