@@ -182,7 +182,7 @@ class Client:
         measured = self._measured_on(device)
         # The server knows the device that was measured last by this client's token.
         is_last = measured[-1:] == self._measured_on(None)[-1:]
-        predictions = self._predictions(server, front, max_ate, max_ms) if measured and is_last else []
+        predictions = self._predictions(server, front) if measured and is_last else []
         known = choice.points(front, measured, predictions)
         return choice.choose(known, max_ate, None if max_ms is None else max_ms / 1000)
 
@@ -216,16 +216,14 @@ class Client:
         [((server, _), manifest)] = manifests.items()
         return server, manifest
 
-    def _predictions(
-        self, address: str, front: Manifest, max_ate: float, max_ms: float | None
-    ) -> "list[Prediction]":
-        """What the server predicts for this device; nothing where it does not answer."""
+    def _predictions(self, address: str, front: Manifest) -> "list[Prediction]":
+        """What the server predicts for this device, whatever the limits; nothing where it does not answer."""
         from client_kit import choice
 
         server = Server(address)
         token = enrolment.present(self.home, server)
         try:
-            return choice.predictions(server.recommendation(front.application, max_ate, max_ms, token))
+            return choice.predictions(server.recommendation(front.application, token))
         except (ServerError, OutdatedError):
             return []
 

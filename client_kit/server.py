@@ -124,13 +124,10 @@ class Server:
         query = urllib.parse.urlencode({"application": application, "minutes": f"{minutes:g}"})
         return self._call("GET", f"/manifest?{query}", token=token).json()
 
-    def recommendation(
-        self, application: str, max_ate: float, max_ms: float | None = None, token: str | None = None
-    ) -> dict[str, Any]:
+    def recommendation(self, application: str, token: str | None = None) -> dict[str, Any]:
         """What the crowd's measurements say of this device: the configuration to use, and the whole front.
         Raises ProblemError 404 where nothing can be said."""
-        limits = {"max_ate": max_ate} | ({} if max_ms is None else {"max_ms": max_ms})
-        query = urllib.parse.urlencode({"application": application, **limits})
+        query = urllib.parse.urlencode({"application": application})
         return self._call("GET", f"/recommendation?{query}", token=token).json()
 
     def enrol(self, consent_version: str | int) -> tuple[str, str]:

@@ -3,3 +3,10 @@ from django.apps import AppConfig
 
 class PredictionsConfig(AppConfig):
     name = "crowd.predictions"
+
+    def ready(self) -> None:
+        """Recommendations that rest on erased measurements go with them."""
+        from crowd.predictions.recommending import forget_erased
+        from crowd.results.privacy.signals import measurements_erased
+
+        measurements_erased.connect(forget_erased)

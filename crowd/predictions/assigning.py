@@ -7,14 +7,14 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from django.db import transaction
-from django.db.models import Q
+from django.db.models import Avg
 from django.utils import timezone
 
 from crowd.devices.models import DeviceModel, Installation
 from crowd.fronts import plans
 from crowd.fronts import selectors as fronts
 from crowd.fronts.models import Configuration
-from crowd.fronts.selectors import BEST, Front, Point
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
 from crowd.predictions import maps, recommending, tables
 from crowd.predictions.devices import Expectation, Learned, belief_of, expect, relatives
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
@@ -34,6 +34,7 @@ TEACHES = "Its time tells most about this device and devices like it."
 TOO_HOT = "This device slowed down while it measured: let it cool first."
 TOO_SLOW = "One more configuration would take longer than that on this device."
 NO_SESSION = "Measure default and best first."
+NOT_READY = "The server still works through the last session: ask again in a minute."
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,13 @@ def assign(installation: Installation, application: str | None, minutes: float) 
     ).first()  # the newest
     if session is None:
         return Assignment(front, (), NO_SESSION)
+    if session.summary_algorithm is None:
+        return Assignment(front, (), NOT_READY)
     if SessionSummary.objects.filter(session=session, reason__in=HOT, drift__gt=1).exists():
         return Assignment(front, (), TOO_HOT)
+    seconds = _default_seconds(session)
+    if seconds is None or not tables.is_predictable(front):
+        return Assignment(front, (), NO_SESSION)
     done = _done(session)
     device = _Device.of(front, session)
     rows = [] if _pending(front, session, done) else _choose(device, done)
@@ -79,7 +85,7 @@ def assign(installation: Installation, application: str | None, minutes: float) 
             return Assignment(front, (), NO_SESSION)
         pending = _pending(front, session, done)
         assigned = pending or [Assigned(_point(front, row.configuration.name), row.why) for row in rows]
-        within = _within(front, device.expected, assigned, minutes)
+        within = _within(front, device.expected, seconds, assigned, minutes)
         kept = set() if pending else {one.point.name for one in within}
         ProbeAssignment.objects.bulk_create(row for row in rows if row.configuration.name in kept)
     if not within:
@@ -114,15 +120,27 @@ class _Device:
 
 
 def _done(session: MeasurementSession) -> set[str]:
-    """The configurations that the installation of SESSION need not be asked for: those with a valid figure of
-    its own, those that failed there, and those of sessions that are not worked through yet.
+    """The configurations that the installation of SESSION need not be asked for with the same backend and
+    chip: those that were measured well, failed or lost the camera, and those of sessions that are not worked
+    through yet. A session that was cut short, or drifted, may be repeated.
     """
-    own = {"session__installation": session.installation_id, "session__front": session.front_id}
-    valid = SessionSummary.objects.filter(**own, state=State.VALID)
-    tried = Run.objects.filter(
-        Q(status=Run.Status.FAILED) | Q(session__summary_algorithm=None), **own
-    ).values_list("configuration__name", flat=True)
-    return {*tables.SESSION, *valid.values_list("configuration__name", flat=True), *tried}
+    own = {
+        "session__installation": session.installation_id,
+        "session__front": session.front_id,
+        "session__backend": session.backend,
+        "session__processor": session.processor,
+    }
+    judged = SessionSummary.objects.filter(**own).exclude(state=State.SUSPECT)
+    waiting = Run.objects.filter(**own, session__summary_algorithm=None)
+    names = (rows.values_list("configuration__name", flat=True) for rows in (judged, waiting))
+    return {*tables.SESSION, *(name for found in names for name in found)}
+
+
+def _default_seconds(session: MeasurementSession) -> float | None:
+    """What a frame of the default took in SESSION; None where no run of it came to its end."""
+    runs = session.runs.filter(configuration__name=DEFAULT, status=Run.Status.OK)
+    mean = runs.aggregate(mean=Avg("mean_us"))["mean"]
+    return None if mean is None else float(mean) / 1e6
 
 
 def _pending(front: Front, session: MeasurementSession, done: set[str]) -> list[Assigned]:
@@ -130,6 +148,8 @@ def _pending(front: Front, session: MeasurementSession, done: set[str]) -> list[
     rows = ProbeAssignment.objects.filter(
         installation=session.installation_id,
         configuration__front=session.front_id,
+        backend=session.backend,
+        processor=session.processor,
         assigned_at__gte=timezone.now() - KEPT,
     ).exclude(configuration__name__in=done)
     found = rows.select_related("configuration").order_by("pk")[:MOST]
@@ -198,20 +218,22 @@ def _wishes(session: MeasurementSession) -> Sequence[ProbeRequest]:
     for wish in wishes.select_related("configuration").order_by("pk"):
         if wish.chip.casefold() in session.processor.casefold():
             there = SessionSummary.objects.filter(
-                configuration=wish.configuration, cohort__processor__icontains=wish.chip
-            ).exclude(log_ratio=None)
+                configuration=wish.configuration,
+                cohort__processor__icontains=wish.chip,
+                installation__simulated=session.installation.simulated,
+                state=State.VALID,
+            )
             if there.count() < wish.sessions:
                 found.append(wish)
     return found
 
 
 def _within(
-    front: Front, expected: Expectation, assigned: Sequence[Assigned], minutes: float
+    front: Front, expected: Expectation, seconds: float, assigned: Sequence[Assigned], minutes: float
 ) -> list[Assigned]:
-    """The first of ASSIGNED that take at most MINUTES together with the default, warm-up included."""
-    seconds = expected.seconds
-    if seconds is None:
-        return list(assigned)
+    """The first of ASSIGNED that take at most MINUTES together with the default, warm-up included. A frame of
+    the default takes SECONDS.
+    """
     frames = PROBE_PAIRS * front.protocol["frames"] + front.protocol["warmup_frames"]
     ratios = {point.configuration: point.low for point in expected.points}
     left = 60 * min(minutes, MOST_MINUTES) - frames * seconds

@@ -103,11 +103,10 @@ def expect_of(
     learned: Learned,
     belief: Belief,
     rows: Sequence[str],
-    seconds: float | None,
 ) -> Expectation:
     """The same on a further device like those of ROWS, of which BELIEF is held."""
     near = [Near(row, "it fits the description") for row in rows[:NEAREST]]
-    return _expectation(front, table, learned, belief, None, near, seconds)
+    return _expectation(front, table, learned, belief, None, near, None)
 
 
 def _expectation(

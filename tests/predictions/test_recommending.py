@@ -94,3 +94,30 @@ def test_recommendations_of_erased_devices_are_forgotten(measured: Any) -> None:
     maps.rebuild()
 
     assert not Recommendation.objects.exists()
+
+
+def test_a_sure_winner_counts_though_an_unsure_one_is_predicted_faster() -> None:
+    unsure = Expected("front-01", {}, 0.02, 12.0, 9.0, 16.0, False, False)
+    sure = Expected("front-02", {}, 0.02, 11.5, 11.3, 11.7, False, False)
+
+    assert choose(expectation(point("best", 10.0), unsure, sure)).configuration == "front-02"
+
+
+def test_a_front_without_errors_recommends_nothing() -> None:
+    expected = Expectation((point("default", 1.0, None), point("best", 10.0, None)), (), None, "stages", 1, 1)
+
+    with pytest.raises(NothingKeepsLimitsError, match="nobody knows the error"):
+        choose(expected)
+
+
+def test_erasing_one_of_two_installations_takes_what_rested_on_it(measured: Any) -> None:
+    goes, _stays = measured(**DIFFERENT), measured(**DIFFERENT)
+    maps.rebuild()
+    assert Recommendation.objects.count() == 1
+    made_at = Recommendation.objects.get().made_at
+
+    goes.participant.delete("/me")
+    assert not Recommendation.objects.exists()
+    maps.rebuild()
+
+    assert Recommendation.objects.get().made_at > made_at

@@ -99,8 +99,9 @@ class SessionSummary(models.Model):
         return f"{self.session_id} {self.configuration_id}"
 
 
-# Of the logarithm of a ratio: where a session has no interval of its own, and at most.
-ONE_SESSION_ERROR, MOST_ERROR = 0.05, 0.1
+# Of the logarithm of a ratio: where a session has no interval of its own, at least and at most. Of few units
+# a deviation says little: this one counts like two more.
+ONE_SESSION_ERROR, LEAST_ERROR, MOST_ERROR = 0.05, 0.01, 0.1
 # A session's interval is Student's t, of four pairs as a rule. That of two says nothing, so an error has an
 # end.
 STUDENT_95 = 3.182
@@ -111,9 +112,11 @@ def standard_error(
 ) -> float:
     """That of the logarithm of a speedup, from the columns of its figure."""
     if deviation is not None and units > 1:
-        return deviation / math.sqrt(units)
+        pooled = (deviation**2 * (units - 1) + 2 * ONE_SESSION_ERROR**2) / (units + 1)
+        return max(math.sqrt(pooled / units), LEAST_ERROR)
     if session_low and session_high:
-        return min(math.log(session_high / session_low) / (2 * STUDENT_95), MOST_ERROR)
+        error = math.log(session_high / session_low) / (2 * STUDENT_95)
+        return min(max(error, LEAST_ERROR), MOST_ERROR)
     return ONE_SESSION_ERROR
 
 

@@ -20,6 +20,7 @@ from crowd.results.figures import sessions as session_figures
 from crowd.results.models import Cohort, Decision, MeasurementSession, Run, SessionSummary, Tombstone
 from crowd.results.opendata import marking
 from crowd.results.privacy import disclosure
+from crowd.results.privacy.signals import measurements_erased
 
 AT_ONCE = 500
 TRIES = 3
@@ -102,6 +103,7 @@ def _erase_run(key: UUID, uuid: UUID) -> bool:
     # The figures of large devices, too: nothing of the run may remain in them.
     left = [cohort.pk for cohort in cohorts]
     cohort_figures.refresh(cohort_figures.lock(Cohort.objects.filter(pk__in=left, stale=True)))
+    measurements_erased.send(sender=Run, cohorts=cohorts)
     if public:
         marking.mark_erased([session.pk])
     return True
@@ -139,6 +141,7 @@ def _delete_sessions(sessions: QuerySet[MeasurementSession]) -> None:
         MeasurementSession.objects.filter(pk__in=part).only("pk").delete()
     # A later session of a day may count in place of a deleted one.
     cohort_figures.count_days_of(places)
+    measurements_erased.send(sender=MeasurementSession, cohorts=cohorts)
     cohort_figures.refresh(cohorts)
     session_figures.count_activity({row.device_id for row in rows})
     disclosure.after_erasure(models)
