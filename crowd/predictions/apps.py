@@ -6,7 +6,7 @@ class PredictionsConfig(AppConfig):
 
     def ready(self) -> None:
         """Recommendations that rest on erased measurements go with them."""
-        from crowd.predictions.recommending import forget_erased
+        from crowd.predictions.erasing import forget_erased
         from crowd.results.privacy.signals import measurements_erased
 
         measurements_erased.connect(forget_erased)

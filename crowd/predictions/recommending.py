@@ -10,7 +10,7 @@ from crowd.fronts.selectors import BEST, Front
 from crowd.predictions.devices import Expectation, Expected, Learned, expect
 from crowd.predictions.models import Recommendation
 from crowd.predictions.tables import CrowdTable, Group
-from crowd.results.models import Cohort, DeviceSpeedup, State
+from crowd.results.models import DeviceSpeedup, State
 from slam.protocol import VALID_BELOW
 
 
@@ -104,18 +104,6 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> i
         )
     Recommendation.objects.bulk_create(made, batch_size=500)
     return others
-
-
-def forget_erased(cohorts: Iterable[Cohort], **_: object) -> None:
-    """Delete what was recommended for the devices of COHORTS: it may rest on erased measurements."""
-    for cohort in cohorts:
-        Recommendation.objects.filter(
-            device=cohort.device_id,
-            front=cohort.front_id,
-            backend=cohort.backend,
-            processor=cohort.processor,
-            processor_class=cohort.processor_class,
-        ).delete()
 
 
 def judged(front: str, simulated: bool = False) -> list[Judged]:

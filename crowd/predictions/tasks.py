@@ -2,10 +2,10 @@
 
 from celery import shared_task
 
-from crowd.predictions import maps
-
 
 @shared_task
 def rebuild() -> None:
     """Learn the maps of devices again, once a day."""
+    from crowd.predictions import maps  # 80 MB with pandas: not in workers that never learn one
+
     maps.rebuild_if_due()
