@@ -48,7 +48,7 @@ class ProbeRequest(models.Model):
         max_length=100, blank=True, help_text="part of the chip's name, such as Mali; empty: any chip"
     )
     sessions = models.PositiveSmallIntegerField(
-        default=3, validators=[MinValueValidator(1)], help_text="how many sessions shall measure it"
+        default=3, validators=[MinValueValidator(1)], help_text="how many sessions to measure"
     )
     reason = models.CharField(max_length=150, help_text="shown to the people who are asked")
     active = models.BooleanField(default=True)
