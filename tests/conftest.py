@@ -22,13 +22,16 @@ app.conf.update(task_always_eager=True, task_eager_propagates=True, broker_url="
 
 # Their tests start servers, workers and browsers, and wait for them: one after another, beside the rest.
 ONE_BY_ONE = ("tests/services/", "tests/browser/")
+# This one runs other tests on a database of its own and waits for nothing: it may run beside them.
+BESIDE = "tests/services/test_same_on_postgresql.py"
 
 
 class ByRoom(LoadScopeScheduling):
     """Where pytest-xdist spreads the tests: those that start programs in one process, the others by file."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return "programs" if nodeid.startswith(ONE_BY_ONE) else nodeid.split("::")[0]
+        one_by_one = nodeid.startswith(ONE_BY_ONE) and not nodeid.startswith(BESIDE)
+        return "programs" if one_by_one else nodeid.split("::")[0]
 
 
 @pytest.hookimpl(optionalhook=True)
