@@ -7,7 +7,7 @@ same session. So nothing depends on how fast a device is, only on how its times 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,9 +44,11 @@ class DeviceMap:
     stage_times: pd.DataFrame | None = None
 
     def __post_init__(self) -> None:
-        for table, name in ((self.errors, "errors"),):
-            if not (table.index.equals(self.ratios.index) and table.columns.equals(self.ratios.columns)):
-                raise ObjectiveError(f"{name} and ratios must have the same devices and quantities")
+        alike = self.errors.index.equals(self.ratios.index) and self.errors.columns.equals(
+            self.ratios.columns
+        )
+        if not alike:
+            raise ObjectiveError("errors and ratios must have the same devices and quantities")
         if not self.families.index.equals(self.ratios.index):
             raise ObjectiveError("families must name the family of each device of ratios, in the same order")
         if not self.reference.index.equals(self.ratios.columns):
@@ -61,13 +63,6 @@ class DeviceMap:
     def configurations(self) -> list[str]:
         """The quantities that are whole configurations."""
         return [name for name in self.ratios.columns if SEPARATOR not in name]
-
-    def only(self, quantities: Sequence[str]) -> DeviceMap:
-        """The same devices with these QUANTITIES alone."""
-        wanted = list(quantities)
-        return replace(
-            self, ratios=self.ratios[wanted], errors=self.errors[wanted], reference=self.reference[wanted]
-        )
 
     def without_families(self, families: Iterable[str]) -> DeviceMap:
         """The map without the devices of FAMILIES."""
