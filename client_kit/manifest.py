@@ -73,7 +73,7 @@ class Configuration:
 
     name: str
     parameters: Mapping[str, Any]
-    predicted: Mapping[str, float | None]
+    predicted: Mapping[str, Any]
     backends: tuple[str, ...] = BACKENDS
     band: float | None = None
     reference: Reference | None = None

@@ -433,19 +433,22 @@ def _reference(options: argparse.Namespace) -> None:
     if "protocol" in front:
         front["protocol"] = fixed_pairs(front["protocol"])
     if options.rounds > 0:
-        _add_times([*front["configurations"], *kept], options.sequence, frames, options.rounds)
+        device = _add_times([*front["configurations"], *kept], options.sequence, frames, options.rounds)
+        said = f"{options.rounds} rounds beside the default on {device}"
+        front["provenance"] = front.get("provenance", {}) | {"on_sequence": said}
     options.out.write_text(bands.front_text(front), encoding="utf-8")
 
 
-def _add_times(points: list[dict[str, Any]], sequence: Path, frames: int, rounds: int) -> None:
-    """Give each of POINTS its times on SEQUENCE, beside those of the default."""
+def _add_times(points: list[dict[str, Any]], sequence: Path, frames: int, rounds: int) -> str:
+    """Give each of POINTS its times on SEQUENCE, beside those of the default; the device that measured."""
     parameters = {point["name"]: point["parameters"] for point in points}
     if reference_times.DEFAULT not in parameters:
         raise UsageError("--front: no configuration is called default to time others beside: give --rounds 0")
     progress = progress_line("times: ", "run")
-    times = reference_times.on_sequence(parameters, sequence, frames, rounds, progress)
+    times, device = reference_times.on_sequence(parameters, sequence, frames, rounds, progress)
     for point in points:
         point.setdefault("predicted", {})["on_sequence"] = times[point["name"]]
+    return device
 
 
 def _devices(_: argparse.Namespace) -> None:

@@ -29,10 +29,10 @@ def on_sequence(
     rounds: int = ROUNDS,
     progress: Progress | None = None,
     measure: Measure = measure,
-) -> dict[str, dict[str, Any]]:
+) -> tuple[dict[str, dict[str, Any]], str]:
     """Medians over ROUNDS by the name of the point: `runtime_ratio`, the mean time of a counted frame, and
     `stages`, that of each stage, both over the runtime of the default that ran last. It runs again before
-    every EVERY points.
+    every EVERY points. Besides, the device that measured.
 
     POINTS: parameters of KinectFusion by name, the default among them. Each runs over the first FRAMES of
     SEQUENCE in a process of its own, on the best OpenCL device here. Raises what `slam.isolated.measure`
@@ -49,7 +49,7 @@ def on_sequence(
         found[name].append((runtime / default, stages))
         if progress is not None:
             progress(number, len(order))
-    return {
+    times = {
         name: {
             "runtime_ratio": round(median(ratio for ratio, _ in runs), DECIMALS),
             "stages": {
@@ -58,6 +58,7 @@ def on_sequence(
         }
         for name, runs in found.items()
     }
+    return times, f"{measured.device['name']}, driver {measured.device['driver']}"
 
 
 def _with_default(names: list[str]) -> list[str]:

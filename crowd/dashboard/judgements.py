@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from math import exp
 from statistics import median
 
-from crowd.fronts import selectors as published
 from crowd.predictions import recommending, selectors
 from crowd.predictions.models import DeviceMap
 from crowd.results.reading.figures import devices_of
@@ -103,8 +102,7 @@ def judgements(front: str, simulated: bool) -> Judgements:
 
 def maps_of(front: str, simulated: bool) -> Maps:
     """The maps of FRONT (slug), those with most devices first."""
-    found = published.front(front)
-    return Maps([] if found is None else selectors.maps_of(found, simulated))
+    return Maps(selectors.maps_of(front, simulated))
 
 
 def _median(values: Sequence[float]) -> float | None:

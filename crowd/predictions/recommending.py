@@ -1,7 +1,6 @@
 """Which configuration to use on a device, and how good such advice turned out to be."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from crowd.devices.models import DeviceModel
@@ -76,7 +75,7 @@ def record(front: Front, group: Group, table: CrowdTable, learned: Learned) -> i
         front=group.front, backend=group.backend, processor_class=group.processor_class
     )
     noted = set(rows.order_by().values_list("device", "processor", "configuration__name"))
-    names = {name: key for key, name in _configurations(group.front)}
+    names = dict(Configuration.objects.filter(front=group.front).values_list("name", "pk"))
     others = 0
     made = []
     for row in table.rows.itertuples():
@@ -139,7 +138,3 @@ def _ratio(point: Expected) -> float:
 def _error(point: Expected) -> float:
     assert point.ate_max is not None  # the others were left out
     return point.ate_max
-
-
-def _configurations(front: int) -> Iterable[tuple[int, str]]:
-    return Configuration.objects.filter(front=front).values_list("pk", "name")

@@ -242,7 +242,7 @@ def _relatives(table: CrowdTable, expectation: Expectation) -> tuple[Relative, .
     return tuple(Relative(devices[key], words) for key, words in why.items())
 
 
-def maps_of(front: Front, simulated: bool = False) -> Sequence[DeviceMap]:
-    """The maps of FRONT, those with most devices first. One query."""
-    rows = DeviceMap.objects.filter(front__slug=front.slug, simulated=simulated)
+def maps_of(front: str, simulated: bool = False) -> Sequence[DeviceMap]:
+    """The maps of FRONT (slug), those with most devices first. One query."""
+    rows = DeviceMap.objects.filter(front__slug=front, simulated=simulated)
     return list(rows.order_by("-devices", "backend").defer("belief"))

@@ -26,13 +26,13 @@ class Machine:
         slowness = 1.0 + len(self.ran) / 1000
         seconds = slowness * (1.0 if configuration["mu"] == 0.1 else configuration["mu"])
         stages = {"tracking": 0.25 * seconds, "raycasting": 0.5 * seconds, "computation": seconds}
-        return Measurement({"runtime": seconds}, stages, {})
+        return Measurement({"runtime": seconds}, stages, {"name": "a board", "driver": "1.0"})
 
 
 def test_each_point_is_timed_beside_a_default_that_ran_lately() -> None:
     machine, seen = Machine(), []
 
-    found = reference_times.on_sequence(
+    found, device = reference_times.on_sequence(
         POINTS, Path("room"), 20, rounds=3, progress=lambda *at: seen.append(at), measure=machine.measure
     )
 
@@ -42,3 +42,4 @@ def test_each_point_is_timed_beside_a_default_that_ran_lately() -> None:
     assert machine.ran.count(0.1) == 3 * 2  # before every eight of the ten points
     assert len(machine.ran) == 3 * 12
     assert seen[-1] == (36, 36)
+    assert device == "a board, driver 1.0"
