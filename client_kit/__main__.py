@@ -6,13 +6,14 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 
-from client_kit import cli_options, delivery, enrolment, interrupts
+from client_kit import cli_options, interrupts
 from client_kit.cli_options import INTERRUPTED, TOKEN_VARIABLE
 from client_kit.client import Client
 from client_kit.console import Console
+from client_kit.delivery import enrolment, sending
+from client_kit.delivery.server import Server
+from client_kit.delivery.spool import QUEUED, Item
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
-from client_kit.server import Server
-from client_kit.spool import QUEUED, Item
 
 NOT_CONFORMING = 1
 
@@ -31,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"frontrunner: {error}", file=sys.stderr)
         return error.exit_code
     except ImportError as error:
-        from client_kit import drivers
+        from client_kit.device import drivers
 
         print(f"frontrunner: {drivers.remedy(error)}", file=sys.stderr)
         return CannotMeasureError.exit_code
@@ -57,7 +58,7 @@ def _run(options: argparse.Namespace, console: Console) -> None:
 
 
 def _doctor(_options: argparse.Namespace, console: Console) -> None:
-    from client_kit.doctor import examine
+    from client_kit.device.doctor import examine
 
     console.lines(examine(Client().home))
 
@@ -90,7 +91,7 @@ def _status_line(item: Item, now: float) -> str:
 def _send(options: argparse.Namespace, console: Console) -> None:
     client = Client(console=console)
     client.send(wait=options.wait)
-    waiting = delivery.waiting(client.spool)
+    waiting = sending.waiting(client.spool)
     console.say(f"{len(waiting)} still to send." if waiting else "Nothing is left to send.")
 
 
@@ -109,7 +110,7 @@ def _erase(options: argparse.Namespace, console: Console) -> None:
     client = Client(console=console)
     if options.run is not None:
         console.lines(f"Erased at {url}." for url in client.erase_run(options.run))
-        console.say(f"Nothing of run {delivery.run_id(options.run)} is left here.")
+        console.say(f"Nothing of run {sending.run_id(options.run)} is left here.")
     elif not client.erase():
         console.say("The request to erase is kept and goes with the next `run` or `send`.")
 
@@ -172,7 +173,7 @@ def _evaluate(options: argparse.Namespace, console: Console) -> None:
 
 
 def _check(options: argparse.Namespace, console: Console) -> int:
-    from client_kit.check import check
+    from client_kit.delivery.check import check
 
     verdicts = check(options.files, Server(options.server), Client().home, options.token)
     for verdict in verdicts:

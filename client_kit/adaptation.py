@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from client_kit import device_choice
 from client_kit.choice import Point
-from client_kit.device import processor_identity
+from client_kit.device import selection
+from client_kit.device.description import processor_identity
 from client_kit.errors import CannotMeasureError, UsageError
 from slam import benchmark
 from slam.benchmark import Report
@@ -28,7 +28,7 @@ def run(
     try:
         opened = open_sequence(sequence)
         if device is None:
-            chosen = device_choice.choose(backends=device_choice.backends_for(application))
+            chosen = selection.choose(backends=selection.backends_for(application))
         else:
             chosen = _present(device)
         return benchmark.run(
@@ -47,7 +47,7 @@ def run(
 
 def _present(device: tuple[str, str]) -> Device:
     """The device of that name and platform. Two platforms may offer one processor, with other times."""
-    for present in device_choice.present():
+    for present in selection.present():
         identity = processor_identity(present)
         if (identity["opencl_device"], identity["opencl_platform"]) == device:
             return present

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
+from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.server import NotFrontrunnerError
 from client_kit.errors import CannotMeasureError
-from client_kit.manifest import Manifest
-from client_kit.server import NotFrontrunnerError
 from pareto.fronts import front
 
 MEASURED, PREDICTED = "measured here", "predicted by the crowd"

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from client_kit import __version__
-from client_kit.manifest import ALL
-from client_kit.preflight import IGNORABLE
+from client_kit.delivery.manifest import ALL
+from client_kit.device.preflight import IGNORABLE
 from slam.devices.device import BACKENDS
 from slam.protocol import VALID_BELOW
 

@@ -5,19 +5,19 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from client_kit import delivery, enrolment
 from client_kit.console import Console, Silence
-from client_kit.delivery import Delivery
+from client_kit.delivery import enrolment, sending
+from client_kit.delivery.manifest import Manifest, kept_manifests
+from client_kit.delivery.sending import Delivery
+from client_kit.delivery.server import Server, ServerError
+from client_kit.delivery.spool import Item, Spool
 from client_kit.errors import OutdatedError, UsageError
 from client_kit.home import Home, user_folder
-from client_kit.manifest import Manifest, kept_manifests
-from client_kit.server import Server, ServerError
-from client_kit.spool import Item, Spool
 from slam.protocol import VALID_BELOW
 
 if TYPE_CHECKING:
     from client_kit.choice import Point, Prediction
-    from client_kit.session_recorder import Measured
+    from client_kit.participating.session_recorder import Measured
 
 # What `send(wait=True)` sleeps at most before it looks again: clocks may be set meanwhile.
 LONGEST_SLEEP_SECONDS = 60.0
@@ -48,7 +48,7 @@ class Client:
         self, device: str | None = None, application: str | None = None, backend: str | None = None
     ) -> str | None:
         """What the participant has to agree to before `run`; None where that was done before."""
-        from client_kit import participation
+        from client_kit.participating import participation
 
         return participation.consent_text(self._server(), self.home, device, application, backend)
 
@@ -68,7 +68,7 @@ class Client:
     ) -> "list[Measured]":
         """Measure and send. `agree` says that the participant has read the consent text and agrees; the
         other arguments are those of `participation.Wishes`. A session of probes is the last one."""
-        from client_kit.participation import Wishes, run
+        from client_kit.participating.participation import Wishes, run
 
         wishes = Wishes(
             self._server(),
@@ -97,14 +97,14 @@ class Client:
         Raises OutdatedError when a server refuses this version: its sessions stay.
         """
         spool = self.spool
-        delivered = delivery.deliver(spool, self.home)
+        delivered = sending.deliver(spool, self.home)
         self.console.lines(delivered.lines())
-        while wait and delivered.outdated is None and (waiting := delivery.waiting(spool)):
-            due = min(delivery.pauses(waiting, time.time()).values())
+        while wait and delivered.outdated is None and (waiting := sending.waiting(spool)):
+            due = min(sending.pauses(waiting, time.time()).values())
             seconds = min(max(due, 1.0), LONGEST_SLEEP_SECONDS)
             self.console.say(f"{len(waiting)} to send; next attempt in {max(due, 1.0):.0f} s")
             pause(seconds)
-            delivered = delivery.deliver(spool, self.home, eager=False)
+            delivered = sending.deliver(spool, self.home, eager=False)
             self.console.lines(delivered.lines())
         if delivered.outdated is not None:
             raise delivered.outdated
@@ -138,9 +138,9 @@ class Client:
         The request is kept then, and goes with the next `run` or `send`. A process that is sending is
         waited for; one that measures will keep and send nothing.
         """
-        sessions, servers = delivery.erase(self.spool, self.home)
+        sessions, servers = sending.erase(self.spool, self.home)
         self.console.say(f"Erased {sessions} sessions here.")
-        delivered = delivery.deliver(self.spool, self.home)
+        delivered = sending.deliver(self.spool, self.home)
         self.console.lines(delivered.lines())
         return len(delivered.erased) == len(servers)
 
@@ -150,7 +150,7 @@ class Client:
         Raises UsageError where nobody has it, ServerError, and nothing is erased here, where a server
         cannot be asked.
         """
-        return delivery.erase_run(self.spool, self.home, run)
+        return sending.erase_run(self.spool, self.home, run)
 
     def renew_tokens(self) -> list[str]:
         """Have the servers replace the tokens by which they know this client; those servers.
@@ -161,7 +161,7 @@ class Client:
         def renewed(server: str) -> None:
             self.console.say(f"Replaced at {server}; the old token is void.")
 
-        return delivery.renew_tokens(self.home, renewed)
+        return sending.renew_tokens(self.home, renewed)
 
     def choose(
         self,

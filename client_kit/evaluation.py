@@ -11,12 +11,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from client_kit import APP, __version__, device_choice, interrupts, requirements, sequences
+from client_kit import APP, __version__, interrupts
 from client_kit.console import Console
+from client_kit.delivery import sequences
+from client_kit.delivery.manifest import Chunk, read_sequence
+from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
+from client_kit.device import requirements, selection
 from client_kit.errors import CannotMeasureError, ClientError, HomeError, UsageError
 from client_kit.home import Home
-from client_kit.manifest import Chunk, read_sequence
-from client_kit.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from slam import isolated
 from slam.isolated import (
     NO_OBJECTIVES,
@@ -202,8 +204,8 @@ class _Reference:
                 if not alone:  # another client began meanwhile
                     self._give_back(lease.id)
                     return None
-                backends = device_choice.backends_for(lease.application, lease.backend)
-                chosen = device_choice.choose(lease.opencl_device, backends)
+                backends = selection.backends_for(lease.application, lease.backend)
+                chosen = selection.choose(lease.opencl_device, backends)
                 measured = isolated.measure(
                     lease.application,
                     lease.configuration,

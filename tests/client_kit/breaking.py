@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from client_kit import worker
+from client_kit.measuring import worker
 from slam.benchmark import Progress
 from slam.devices.device import NoDeviceError
 from tests.client_kit.canned import STAGES

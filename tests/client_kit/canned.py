@@ -4,9 +4,9 @@ import random
 import uuid
 from typing import Any
 
-from client_kit import session
-from client_kit.manifest import Manifest
-from client_kit.session import Run, Session
+from client_kit.delivery.manifest import Manifest
+from client_kit.measuring import session
+from client_kit.measuring.session import Run, Session
 
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from client_kit.delivery.spool import Spool
 from client_kit.home import Home
-from client_kit.spool import Spool
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
 
 

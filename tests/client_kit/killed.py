@@ -19,18 +19,20 @@ from types import FrameType, SimpleNamespace
 from typing import Any
 
 import client_kit
-from client_kit import measurement, participation, preflight
 from client_kit.console import Console, Silence
+from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.spool import Spool
+from client_kit.device import preflight
 from client_kit.home import Home
-from client_kit.manifest import Manifest
-from client_kit.participation import Wishes
-from client_kit.session import Session
-from client_kit.spool import Spool
+from client_kit.measuring import measurement
+from client_kit.measuring.session import Session
+from client_kit.participating import participation
+from client_kit.participating.participation import Wishes
 from tests.client_kit import canned
 
 CLIENT = Path(client_kit.__file__).parent
 # Between two lines of these, which compute and print, nothing changes that a killed process leaves behind.
-PURE = {str(CLIENT / name) for name in ("console.py", "session.py", "summary.py")}
+PURE = {str(CLIENT / name) for name in ("console.py", "measuring/session.py", "participating/summary.py")}
 DEVICE = SimpleNamespace(
     label="a GPU", backend="opencl", max_allocation=2**40, global_memory=2**40, kind="gpu", handle=None
 )

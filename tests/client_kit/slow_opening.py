@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from client_kit import worker
+from client_kit.measuring import worker
 from slam.devices.tuning import Progress
 from tests.client_kit.breaking import BreakingWorker
 

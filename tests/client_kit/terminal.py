@@ -6,11 +6,9 @@ from pathlib import Path
 import pytest
 
 from client_kit import __main__ as command_line
-from client_kit import (
-    measurement,
-    participation,
-)
 from client_kit.home import Home
+from client_kit.measuring import measurement
+from client_kit.participating import participation
 from tests.client_kit import canned, documents
 from tests.client_kit.counting import Counting
 from tests.client_kit.killed import DEVICE, IDENTITY

@@ -9,17 +9,18 @@ from typing import Any
 import pytest
 
 from client_kit import __main__ as command_line
-from client_kit import adaptation, device, device_choice
+from client_kit import adaptation
 from client_kit.choice import MEASURED, PREDICTED, SCALED, choose, of_one_device, points, predictions
+from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.server import NotFrontrunnerError
+from client_kit.delivery.spool import Spool
+from client_kit.device import description, selection
 from client_kit.errors import CannotMeasureError
 from client_kit.home import ENVIRONMENT, Home
-from client_kit.manifest import Manifest
-from client_kit.server import NotFrontrunnerError
-from client_kit.spool import Spool
 from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
+from tests.client_kit.delivery.test_manifest import protocol_2
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
-from tests.client_kit.test_manifest import protocol_2
 from tests.slam.shipped import LIVING_ROOM
 
 FRONT = Manifest.parse(documents.manifest())
@@ -273,7 +274,7 @@ def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytes
         backend="webgpu", name="a CPU", platform="Vulkan", version="wgpu-py 1", driver="Mesa"
     )
     devices = [present("a  CPU", "Intel"), present("a  CPU", "PoCL"), webgpu]
-    monkeypatch.setattr(device_choice, "present", lambda: devices)
+    monkeypatch.setattr(selection, "present", lambda: devices)
 
     assert adaptation._present(("a CPU", "PoCL")) is devices[1]
     assert adaptation._present(("a CPU", "Vulkan")) is webgpu
@@ -295,7 +296,7 @@ def test_the_choice_runs_over_the_shipped_sequence(
     ]
     front = documents.manifest(configurations=configurations)
     home.write("manifest-1.json", {"server": server, "manifest": front})
-    here = device.opencl_identity(choose_device().handle)
+    here = description.opencl_identity(choose_device().handle)
     measured = session(run("default", 200, 0.011), run("best", 40, 0.03))
     spool.put(server, measured | {"device": here})
     monkeypatch.setenv(ENVIRONMENT, str(home.path))

@@ -13,10 +13,10 @@ import pytest
 from client_kit import __main__ as command_line
 from client_kit import evaluation
 from client_kit.console import Console
+from client_kit.delivery.server import Server
 from client_kit.errors import CannotMeasureError, HomeError, UsageError
 from client_kit.evaluation import serve
 from client_kit.home import Home
-from client_kit.server import Server
 from slam.datasets.pack import Pack
 from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
 from tests.client_kit import room
@@ -116,7 +116,7 @@ def choices(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, tuple[str, ...]]
         asked.append((text, backends))
         return SimpleNamespace(label=f"Board {text} (a platform, 1, driver 1)", backend=backends[0])
 
-    monkeypatch.setattr(evaluation.device_choice, "choose", choose)
+    monkeypatch.setattr(evaluation.selection, "choose", choose)
     return asked
 
 

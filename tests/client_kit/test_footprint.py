@@ -48,7 +48,7 @@ SCRIPT = """\
 import json, sys
 from client_kit.__main__ import main
 code = main(sys.argv[1:])
-import client_kit.worker  # `run` measures in another process, which loads this
+import client_kit.measuring.worker  # `run` measures in another process, which loads this
 print(json.dumps([code, sorted({name.split(".")[0] for name in sys.modules})]))
 """
 

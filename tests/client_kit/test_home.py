@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from client_kit import consent
+from client_kit.delivery import consent
 from client_kit.errors import HomeError
 from client_kit.home import Home, user_folder, write_file
 

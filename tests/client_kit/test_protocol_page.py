@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 
-from client_kit import choice, delivery, preflight
-from client_kit import session as record
-from client_kit.device import FIELDS
-from client_kit.manifest import Assigned, Manifest
+from client_kit import choice
+from client_kit.delivery import sending
+from client_kit.delivery.manifest import Assigned, Manifest
+from client_kit.device import preflight
+from client_kit.device.description import FIELDS
+from client_kit.measuring import session as record
 from slam.datasets.pack import Pack
 from tests.client_kit import canned, room
 from tests.client_kit.published import VERSION, publish
@@ -141,7 +143,7 @@ def test_the_client_itself_sends_what_the_page_says() -> None:
 def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() -> None:
     finals = re.search(r"^\| ([\d, ]+) \| rejected:", PAGE, re.MULTILINE)
     assert finals is not None
-    assert tuple(int(status) for status in finals[1].split(",")) == delivery.FINAL
+    assert tuple(int(status) for status in finals[1].split(",")) == sending.FINAL
     protocol = Manifest.parse(EXAMPLES["manifest"] | {"protocol": {
         name: value for name, value in EXAMPLES["manifest"]["protocol"].items()
         if name not in ("max_repeats", "precision", "max_seconds")

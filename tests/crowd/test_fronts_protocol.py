@@ -11,7 +11,7 @@ from django.utils import timezone
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from client_kit import manifest as client_manifest
+from client_kit.delivery import manifest as client_manifest
 from crowd.fronts import protocol, services
 from crowd.fronts.contents import InvalidFrontError
 from crowd.fronts.models import Configuration, FrontVersion

@@ -78,8 +78,8 @@ def test_nobody_is_refused_while_others_erase(front: Any, settings: Any) -> None
     over = threading.Event()
 
     def work() -> None:
-        # A worker looks for its next task as often (CELERY_BROKER_TRANSPORT_OPTIONS). SQLite's lock is not fair:
-        # who takes it again at once may keep the others from it for longer than they wait.
+        # Workers pause between tasks (CELERY_BROKER_TRANSPORT_OPTIONS). SQLite's lock is not fair:
+        # a loop that takes it again at once can keep others waiting until they give up.
         while not over.wait(0.02):
             keys = list(MeasurementSession.objects.values_list("pk", flat=True))
             with suppress(OperationalError):

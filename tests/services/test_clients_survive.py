@@ -6,10 +6,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from client_kit import delivery
+from client_kit.delivery import sending
+from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.spool import Spool
 from client_kit.home import Home
-from client_kit.manifest import Manifest
-from client_kit.spool import Spool
 from tests.client_kit import canned
 from tests.client_kit.faulty import Faulty
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
@@ -51,8 +51,8 @@ def test_every_session_is_counted_once_whatever_the_network_does(tmp_path: Path)
             spool = Spool(home.spool)
             item = spool.put(proxy.url, canned.payload(asked, seed=number))
             for _ in range(MOST_PASSES):
-                delivery.deliver(spool, home)
-                if not delivery.waiting(spool):
+                sending.deliver(spool, home)
+                if not sending.waiting(spool):
                     break
             return spool.item(item.id).state
 

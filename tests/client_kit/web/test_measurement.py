@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from client_kit.manifest import Manifest
+from client_kit.delivery.manifest import Manifest
 from slam.benchmark import run
 from slam.datasets import open_sequence
 from tests.client_kit.web import orders

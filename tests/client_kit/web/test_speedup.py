@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from client_kit.manifest import Protocol
-from client_kit.session import Run, Session
+from client_kit.delivery.manifest import Protocol
+from client_kit.measuring.session import Run, Session
 from tests.client_kit.web.serving import evaluated
 
 PROTOCOL = Protocol(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from client_kit.reference_trajectories import deviation
+from client_kit.delivery.reference_trajectories import deviation
 from slam.datasets import open_sequence
 from slam.dense.reference import exponential
 from slam.trajectory import Trajectory, absolute_trajectory_error, associate

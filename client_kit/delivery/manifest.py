@@ -1,0 +1,362 @@
+"""What the server asks a client to measure: a published front, a protocol, a sequence."""
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from client_kit import __version__
+from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
+from client_kit.device.sources import line
+from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
+from client_kit.home import Home
+from slam.devices.device import BACKENDS
+from slam.protocol import ADAPTIVE, FIXED_PAIRS, VALID_BELOW
+
+DIGEST = re.compile(r"[0-9a-f]{64}")
+ALL = "all"
+# What a server takes in one submission.
+MOST_RUNS = 50
+# How far a session of protocol 1 may go on by itself, where the server does not say.
+MAX_REPEATS, PRECISION, MAX_SECONDS = 6, 0.05, 120.0
+VERSIONS = (ADAPTIVE, FIXED_PAIRS)
+
+
+@dataclass(frozen=True)
+class AdaptiveRepeats:
+    """When a session of protocol 1 ends. Repeats follow its plan until the 95 % interval of a speedup is at
+    most `precision` (0.05: five per cent) to either side. There are at most `max_repeats` of each
+    configuration, and none begins once the session is `max_seconds` old.
+    """
+
+    max_repeats: int
+    precision: float
+    max_seconds: float
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """How to measure. Frames are counted from 0; times of frames before `first_counted_frame` are sent
+    but do not count. `order` names the runs of a session; every configuration gets `repeats` of them.
+
+    `adaptive` is None where a session ends with its plan, as in protocol 2.
+    """
+
+    version: int
+    warmup_frames: int
+    frames: int
+    first_counted_frame: int
+    order: tuple[str, ...]
+    repeats: int
+    rest_seconds: float
+    max_ate: float
+    adaptive: AdaptiveRepeats | None
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The reference trajectory of a configuration: the digest of its JSON, and its address."""
+
+    sha256: str
+    url: str
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A point of the front; `predicted` holds the reference device's runtime (s) and ATE (m).
+
+    Protocol 2 has `band`, how far (m) a run may be from the trajectory `reference`. Both are None in
+    protocol 1. `backends` are those that can run it.
+    """
+
+    name: str
+    parameters: Mapping[str, Any]
+    predicted: Mapping[str, Any]
+    backends: tuple[str, ...] = BACKENDS
+    band: float | None = None
+    reference: Reference | None = None
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A part of the sequence: `bytes` long, with this digest, at this address."""
+
+    sha256: str
+    bytes: int
+    url: str
+
+
+@dataclass(frozen=True)
+class Assigned:
+    """A configuration that the server asks this device to measure; `why` is a sentence for people."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """One answer of GET /manifest, checked. `document` is the answer itself.
+
+    `chunks` are those of the sequence's depth, `colour` those of its colour: none where it is not needed.
+    `assigned` are the configurations besides the default where this is a manifest for one device; without
+    any, `assigned_message` may say why.
+    """
+
+    application: str
+    front_version: str | int
+    configurations: Mapping[str, Configuration]
+    protocol: Protocol
+    chunks: tuple[Chunk, ...]
+    colour: tuple[Chunk, ...]
+    sequence: Mapping[str, Any]
+    consent_version: str | int
+    minimum_app_version: str
+    accepting: bool
+    assigned: tuple[Assigned, ...]
+    assigned_message: str | None
+    document: Mapping[str, Any]
+
+    @classmethod
+    def parse(cls, document: Mapping[str, Any]) -> "Manifest":
+        """Raises NotFrontrunnerError naming the member that is missing or wrong, OutdatedError for a
+        protocol that this version does not know."""
+        try:
+            return _parse(document)
+        except KeyError as error:
+            raise NotFrontrunnerError(f"the server's manifest lacks {error}") from error
+        except (TypeError, ValueError, AttributeError) as error:
+            raise NotFrontrunnerError(f"the server's manifest is not understood: {error}") from error
+
+    def require_this_version(self) -> None:
+        """Raises OutdatedError when the server wants a newer client."""
+        if version_numbers(__version__) < version_numbers(self.minimum_app_version):
+            raise OutdatedError(
+                f"this client is version {__version__}, the server wants {self.minimum_app_version} "
+                "or newer: update it"
+            )
+
+    def require_accepting(self) -> None:
+        """Raises CannotMeasureError when the server asks clients to pause."""
+        if not self.accepting:
+            reason = line(self.document.get("message")) or "try again another day"
+            raise CannotMeasureError(f"the server takes no measurements at present: {reason}")
+
+    def names(self, wanted: Sequence[str]) -> tuple[str, ...]:
+        """The configurations `wanted`, each once; "all" stands for the whole front.
+
+        Raises UsageError for a name that the front does not have.
+        """
+        names = list(dict.fromkeys(wanted))
+        if ALL in names:
+            place = names.index(ALL)
+            names[place : place + 1] = [name for name in self.configurations if name not in names]
+        unknown = [name for name in names if name not in self.configurations]
+        if unknown:
+            present = ", ".join(self.configurations)
+            raise UsageError(f"the front has no configuration {unknown[0]!r}: choose from {present}, {ALL}")
+        return tuple(names)
+
+    def plans(self, wanted: Sequence[str] = ()) -> tuple[tuple[str, ...], ...]:
+        """The sessions that measure `wanted`, each as by `plan`: one, unless they are too many for one.
+
+        Every session measures the default beside its part of the others.
+        """
+        names = self.names(wanted)
+        others = [name for name in names if name != "default"]
+        most = MOST_RUNS // self.protocol.repeats - 1
+        if len(others) <= most:
+            return (self.plan(names),)
+        parts = -(-len(others) // most)
+        size = -(-len(others) // parts)
+        return tuple(self.plan(others[at : at + size]) for at in range(0, len(others), size))
+
+    def plan(self, wanted: Sequence[str] = ()) -> tuple[str, ...]:
+        """The configurations' names in the order of their runs.
+
+        They run forwards, then back, until each has had the protocol's repeats: a steady drift then weighs
+        on all of them alike, as in default, best, best, default. `wanted` names other configurations than
+        the protocol does, and the default always takes part, as it is what the others are compared with.
+        Raises UsageError for a name that the front does not have, or for more runs than a session holds.
+        """
+        names = self.names(wanted) or self.protocol.order
+        if set(names) | {"default"} == set(self.protocol.order):
+            round_ = self.protocol.order
+        else:
+            round_ = tuple(dict.fromkeys(["default", *names]))
+        plan = round_
+        while min(plan.count(name) for name in round_) < self.protocol.repeats:
+            round_ = tuple(reversed(round_))
+            plan += round_
+        if len(plan) > MOST_RUNS:
+            raise UsageError(
+                f"{len(plan)} runs are more than the {MOST_RUNS} of a session: name fewer --configurations"
+            )
+        return plan
+
+
+def fetch(server: Server, home: Home, application: str | None = None) -> tuple[Manifest, bool]:
+    """The manifest of APPLICATION, or of what the server has clients measure, and whether it came just now.
+
+    Without an answer the copy of the last visit serves: a device may measure offline and send later.
+    Raises the server's errors when there is no such copy, or when waiting would not help.
+    """
+    name = _document_name(server.url, application)
+    kept = home.read(name)
+    try:
+        answer = server.manifest(application, kept.get("etag"))
+    except (UnreachableError, ProblemError) as error:
+        if not kept or (isinstance(error, ProblemError) and not error.temporary):
+            raise
+        return Manifest.parse(kept["manifest"]), False
+    if answer.status == 304 and kept:
+        return Manifest.parse(kept["manifest"]), True
+    document = answer.json()
+    manifest = Manifest.parse(document)
+    for each in {name, _document_name(server.url, manifest.application)}:
+        home.write(each, {"server": server.url, "manifest": document, "etag": answer.headers.get("ETag")})
+    return manifest, True
+
+
+def kept_manifests(home: Home) -> dict[tuple[str, str], Manifest]:
+    """The last manifest of every server visited, by the server's address and the application."""
+    documents = [home.read(path.name) for path in sorted(home.path.glob("manifest-*.json"))]
+    manifests = [(kept["server"], Manifest.parse(kept["manifest"])) for kept in documents]
+    return {(server, manifest.application): manifest for server, manifest in manifests}
+
+
+def version_numbers(version: str) -> tuple[int, ...]:
+    """The numbers of a version such as 1.10.2, for comparing; what is not a number ends it."""
+    leading = re.match(r"\d+(\.\d+)*", version)
+    return tuple(int(part) for part in leading.group().split(".")) if leading else ()
+
+
+def _document_name(server: str, application: str | None) -> str:
+    if application is None:
+        return f"default-{hashlib.sha256(server.encode()).hexdigest()[:16]}.json"
+    return f"manifest-{hashlib.sha256(f'{server} {application}'.encode()).hexdigest()[:16]}.json"
+
+
+def _parse(document: Mapping[str, Any]) -> Manifest:
+    points, version = document["configurations"], int(document["protocol"]["version"])
+    if version not in VERSIONS:
+        known = " and ".join(map(str, VERSIONS))
+        raise OutdatedError(f"this client measures by protocol {known}, the server by {version}: update it")
+    configurations = [_configuration(described, version) for described in points]
+    by_name = {configuration.name: configuration for configuration in configurations}
+    if "default" not in by_name:
+        raise KeyError("configurations: default")
+    sequence = document["sequence"]
+    chunks, colour = read_sequence(sequence)
+    return Manifest(
+        application=str(document["application"]),
+        front_version=document["front_version"],
+        configurations=by_name,
+        protocol=_protocol(document["protocol"], by_name),
+        chunks=chunks,
+        colour=colour,
+        sequence=sequence,
+        consent_version=document["consent_version"],
+        minimum_app_version=str(document["minimum_app_version"]),
+        accepting=document["accepting"] is True,
+        assigned=_assigned(document.get("assigned") or (), by_name),
+        assigned_message=line(document.get("assigned_message")),
+        document=document,
+    )
+
+
+def _assigned(
+    described: Sequence[Mapping[str, Any]], configurations: Mapping[str, Configuration]
+) -> tuple[Assigned, ...]:
+    found = tuple(Assigned(str(one["name"]), line(one["why"]) or "") for one in described)
+    unknown = [one.name for one in found if one.name not in configurations]
+    if unknown:
+        raise ValueError(f"assigned names {unknown[0]!r}, which configurations lacks")
+    return found
+
+
+def _configuration(described: Mapping[str, Any], version: int) -> Configuration:
+    name, backends = str(described["name"]), described.get("backends")
+    band = reference = None
+    if version == FIXED_PAIRS:
+        band, trajectory = float(described["band"]), described["trajectory"]
+        reference = Reference(str(trajectory["sha256"]), str(trajectory["url"]))
+        # The digest becomes a file's name.
+        if not (math.isfinite(band) and band > 0 and DIGEST.fullmatch(reference.sha256)):
+            raise ValueError(f"configurations: {name} has band {band} and trajectory {reference.sha256!r}")
+    return Configuration(
+        name,
+        dict(described["parameters"]),
+        dict(described.get("predicted") or {}),
+        BACKENDS if backends is None else tuple(map(str, backends)),
+        band,
+        reference,
+    )
+
+
+def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configuration]) -> Protocol:
+    order = tuple(str(name) for name in protocol["order"])
+    unknown = [name for name in order if name not in configurations]
+    if unknown or "default" not in order:
+        raise ValueError(f"protocol.order {list(order)} lacks default or names what the front does not have")
+    warmup, frames, first = (
+        int(protocol[name]) for name in ("warmup_frames", "frames", "first_counted_frame")
+    )
+    version, rest = int(protocol["version"]), float(protocol["rest_seconds"])
+    if not (warmup >= 0 and 0 <= first < frames and math.isfinite(rest) and rest >= 0):
+        raise ValueError(f"protocol {dict(protocol)} is out of range")
+    # An order such as default, best, best, default spells its repeats out.
+    repeats = max(int(protocol["repeats"]), order.count("default"))
+    runs = -(-repeats // min(order.count(name) for name in order)) * len(order)
+    # Besides the order, the default and any one other configuration have to fit into a session.
+    if max(runs, 2 * repeats) > MOST_RUNS:
+        raise ValueError(f"protocol.repeats {repeats} of {list(order)} are more than {MOST_RUNS} runs")
+    return Protocol(
+        version=version,
+        warmup_frames=warmup,
+        frames=frames,
+        first_counted_frame=first,
+        order=order,
+        repeats=repeats,
+        rest_seconds=rest,
+        max_ate=float(protocol.get("max_ate", VALID_BELOW)),
+        adaptive=_adaptive(protocol, repeats) if version == ADAPTIVE else None,
+    )
+
+
+def _adaptive(protocol: Mapping[str, Any], repeats: int) -> AdaptiveRepeats:
+    precision = float(protocol.get("precision", PRECISION))
+    max_seconds = float(protocol.get("max_seconds", MAX_SECONDS))
+    if not all(math.isfinite(value) and value >= 0 for value in (precision, max_seconds)):
+        raise ValueError(f"protocol {dict(protocol)} is out of range")
+    return AdaptiveRepeats(
+        max_repeats=max(repeats, int(protocol.get("max_repeats", MAX_REPEATS))),
+        precision=precision,
+        max_seconds=max_seconds,
+    )
+
+
+def read_sequence(sequence: Mapping[str, Any]) -> tuple[tuple[Chunk, ...], tuple[Chunk, ...]]:
+    """The chunks of SEQUENCE and of its colour, checked; the latter are none where it is not told of.
+
+    Raises KeyError, TypeError or ValueError for one that cannot be.
+    """
+    return _chunks(sequence, "sequence"), _chunks(sequence.get("colour"), "sequence.colour")
+
+
+def _chunks(pack: Mapping[str, Any] | None, member: str) -> tuple[Chunk, ...]:
+    if pack is None:
+        return ()
+    if not DIGEST.fullmatch(pack["sha256"]):
+        raise ValueError(f"{member}.sha256 is {pack['sha256']!r}, not 64 hexadecimal digits")
+    return tuple(_chunk(chunk, member) for chunk in pack["chunks"])
+
+
+def _chunk(chunk: Mapping[str, Any], member: str) -> Chunk:
+    digest, size = str(chunk["sha256"]), int(chunk["bytes"])
+    # The digest becomes a file's name.
+    if not DIGEST.fullmatch(digest) or size <= 0:
+        raise ValueError(f"{member} chunk {digest!r} of {size} bytes")
+    return Chunk(digest, size, str(chunk["url"]))

@@ -1,0 +1,294 @@
+"""Sending what the spool holds: each session once, in its own request, whatever happened to the others."""
+
+import re
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from client_kit.delivery import consent, enrolment
+from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server, ServerError
+from client_kit.delivery.spool import ACCEPTED, DUPLICATE, REJECTED, WAITING, Item, Spool
+from client_kit.errors import OutdatedError, UsageError
+from client_kit.home import Home
+
+# What a server says of a submission's content: the same request will never be taken.
+FINAL = (400, 409, 413, 415, 422)
+# But for these. The participant may agree to the new text, and `renew` then makes another request of it; and
+# another device has, or gets, an installation of its own.
+CONSENT_OUTDATED = "consent_outdated"
+DEVICE_CHANGED = "device_changed"
+UUID = re.compile(r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b", re.IGNORECASE)
+
+
+@dataclass
+class Delivery:
+    """What became of one pass over the spool. `trouble` says why a server's sessions still wait; `busy`
+    that another process is sending; `outdated` that a server refuses this version of the client."""
+
+    settled: list[Item] = field(default_factory=list)
+    trouble: dict[str, str] = field(default_factory=dict)
+    erased: list[str] = field(default_factory=list)
+    busy: bool = False
+    outdated: OutdatedError | None = None
+
+    def lines(self) -> list[str]:
+        """What became of the sessions, for the participant."""
+        lines = []
+        for item in self.settled:
+            line = f"Session {item.id[:8]}: {item.state} by {item.server}"
+            lines.append(f"{line} ({item.reason})" if item.reason else line)
+        lines += [f"Erased at {address}." for address in self.erased]
+        for address, reason in self.trouble.items():
+            lines.append(f"Not sent: {reason}" if address in reason else f"Not sent to {address}: {reason}")
+            lines.append("What is to be sent is kept on this device and goes with the next `run` or `send`.")
+        if self.busy:
+            lines.append("Another client is sending from the same folder: `send` again when it is done.")
+        return lines
+
+
+def deliver(
+    spool: Spool,
+    home: Home,
+    *,
+    eager: bool = True,
+    connect: Callable[[str], Server] = Server,
+    clock: Callable[[], float] = time.time,
+) -> Delivery:
+    """Send every session that is due, oldest first, and every erasure that still waits. What a killed client
+    has finished of a session is sent, too.
+
+    A session that the server rejects is marked with its reason and the next one goes on. A server that
+    cannot be reached, or asks to wait, is left alone until the next pass; other servers are still served.
+    What one session was asked to wait holds for all of that server. `eager` disregards this client's own
+    pauses, as somebody who asks to send now expects.
+    """
+    delivery = Delivery()
+    with home.only_one("delivery") as alone:
+        if not alone:
+            delivery.busy = True
+            return delivery
+        _recover(spool, home)
+        held = {server for server, left in pauses(waiting(spool), clock(), eager=eager).items() if left}
+        _deliver_erasures(spool, home, connect, delivery, held, clock)
+        for item in waiting(spool):
+            if item.server in delivery.trouble or item.server in held:
+                continue
+            try:
+                server = connect(item.server)
+                _send(spool, home, server, item)
+            except OutdatedError as error:
+                spool.postpone(item, str(error))
+                delivery.outdated = error
+                delivery.trouble[item.server] = str(error)
+            except (ServerError, UsageError) as error:
+                reason = _reason(error)
+                spool.postpone(item, reason, _retry_after(error))
+                delivery.trouble[item.server] = reason
+            else:
+                settled = spool.find(item.id)
+                if settled is not None:  # else it was erased meanwhile
+                    delivery.settled.append(settled)
+    return delivery
+
+
+def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
+    """Withdraw every agreement, forget every session and note what the servers are to erase; how many
+    sessions there were, and the servers.
+
+    A process that is sending finds nothing more to send. This waits for it: an installation that it made
+    meanwhile is among those to be erased.
+    """
+    consent.withdraw(home)
+    sessions = spool.clear()
+    with home.only_one("delivery", wait=True):
+        return sessions + spool.clear(), enrolment.request_erasure(home)
+
+
+def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
+    """Erase one run on the servers that have it, then here; those servers.
+
+    RUN is its id or the address of its page. Waits for a process that sends. Raises UsageError where it is
+    neither, or nobody has the run, and ServerError where a server cannot be asked: then it is still here,
+    too.
+    """
+    run = run_id(run)
+    with home.only_one("delivery", wait=True):
+        _recover(spool, home)
+        item = spool.holding(run)
+        erased = []
+        for known in enrolment.known(home):
+            if known.erase or (item is not None and item.server != known.server):
+                continue
+            try:
+                Server(known.server).erase_run(known.token, run)
+            except ProblemError as problem:
+                if problem.status not in enrolment.GONE:
+                    raise
+            else:
+                erased.append(known.server)
+        if item is not None:
+            spool.drop(item, run)
+        elif not erased:
+            raise UsageError(f"--run {run}: neither this device nor a server that it knows has such a run")
+    return erased
+
+
+def run_id(text: str) -> str:
+    """The id of a run in TEXT, which is that or the address of its page. Raises UsageError."""
+    found = UUID.findall(text)
+    if not found:
+        raise UsageError(f"--run {text}: give the run's id, as in `export`, or its page's address")
+    return str(found[-1]).lower()
+
+
+def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) -> list[str]:
+    """Have every server replace the token by which it knows this client; those servers.
+
+    `on_renewed` hears of each at once. Waits for a process that sends. Where servers cannot be asked the
+    others are; then the first one's ServerError or OutdatedError is raised.
+    """
+    renewed, troubles = [], []
+    with home.only_one("delivery", wait=True):
+        for address in dict.fromkeys(known.server for known in enrolment.known(home)):
+            try:
+                if not enrolment.renew(home, Server(address)):
+                    continue
+            except (ServerError, OutdatedError) as error:
+                troubles.append(error)
+                continue
+            renewed.append(address)
+            if on_renewed is not None:
+                on_renewed(address)
+    if troubles:
+        raise troubles[0]
+    return renewed
+
+
+def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:
+    """Have what waits for SERVER say that the participant agrees to VERSION of the consent text by now.
+
+    Nothing happens while another process sends: the next `run` renews it.
+    """
+    with home.only_one("delivery") as alone:
+        for item in waiting(spool) if alone else ():
+            payload = spool.payload(item) if item.server == server else None
+            if payload is not None and payload["consent_version"] != version:
+                spool.renew(item, {**payload, "consent_version": version})
+
+
+def pauses(items: Iterable[Item], now: float, *, eager: bool = False) -> dict[str, float]:
+    """The seconds for which each server that ITEMS wait for is to be left alone, 0 where it is not."""
+    seconds: dict[str, float] = {}
+    for item in items:
+        left = 0.0 if item.due(now, eager=eager) else item.not_before - now
+        seconds[item.server] = max(left, seconds.get(item.server, 0.0))
+    return seconds
+
+
+def waiting(spool: Spool) -> list[Item]:
+    """The sessions that no server has answered for yet."""
+    return [item for item in spool.items() if item.state in WAITING]
+
+
+def _recover(spool: Spool, home: Home) -> None:
+    """Queue what processes that have died were sending or measuring. Only the process that holds the lock
+    "delivery" may call this."""
+    spool.recover()
+    if spool.drafts():
+        with home.only_one("measurement") as nobody_measures:
+            if nobody_measures:
+                spool.queue_drafts()
+
+
+def _deliver_erasures(
+    spool: Spool,
+    home: Home,
+    connect: Callable[[str], Server],
+    delivery: Delivery,
+    held: set[str],
+    clock: Callable[[], float],
+) -> None:
+    for known in enrolment.known(home):
+        if not known.erase or known.server in held:
+            continue
+        pause = known.pause(clock())
+        if pause:
+            delivery.trouble[known.server] = f"{known.server} asks to wait for {pause:.0f} s"
+            continue
+        try:
+            enrolment.deliver_erasure(home, connect(known.server))
+        except (ServerError, OutdatedError) as error:
+            delivery.trouble[known.server] = str(error)
+            retry_after = _retry_after(error)
+            if retry_after is not None:
+                enrolment.postpone_erasure(home, known, clock() + retry_after)
+            # What is to be sent there waits for the erasure, and so as long.
+            for item in waiting(spool):
+                if item.server == known.server:
+                    spool.postpone(item, str(error), retry_after)
+        else:
+            delivery.erased.append(known.server)
+
+
+def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
+    """Send one session and settle it. Raises what leaves it waiting."""
+    body = spool.body(item)
+    payload = spool.payload(item)
+    if body is None or payload is None:
+        return
+    spool.mark_sending(item)
+    forgotten = False
+    of_others: list[str] = []  # tokens of installations that belong to other devices
+    most = len(enrolment.known(home))
+    while True:
+        # A refusal to enrol says nothing about the session.
+        token = enrolment.token(home, server, payload["consent_version"], another_than=of_others)
+        try:
+            answer = server.submit(token, item.idempotency_key, body)
+        except ProblemError as problem:
+            if problem.status == 401 and not forgotten:
+                # The server does not know this installation any more, after a reset for instance. The ids
+                # of the runs keep it from counting twice what it may still have.
+                enrolment.forget_token(home, server, token)
+                forgotten = True
+                continue
+            if problem.code == DEVICE_CHANGED and len(of_others) < most:
+                of_others.append(token)
+                continue
+            if problem.status not in FINAL or problem.code in (CONSENT_OUTDATED, DEVICE_CHANGED):
+                raise
+            spool.settle(item, REJECTED, str(problem))
+            return
+        enrolment.use_first(home, server, token)
+        state, reason = _verdict(answer)
+        spool.settle(item, state, reason, str(answer["submission_id"]))
+        return
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ProblemError) and error.code == CONSENT_OUTDATED:
+        return f"{error}: agree again with `run`"
+    return str(error)
+
+
+def _retry_after(error: Exception) -> float | None:
+    return error.retry_after if isinstance(error, ProblemError) else None
+
+
+def _verdict(answer: dict[str, Any]) -> tuple[str, str | None]:
+    """The state of a session from the answers to its runs, and the reasons of those that were not taken.
+
+    One accepted run makes it accepted; else one duplicate makes it duplicate.
+    """
+    try:
+        states = [str(item["status"]) for item in answer["items"]]
+        reasons = [f"{item['status']}: {item['code']}" for item in answer["items"] if item.get("code")]
+        answer["submission_id"]
+    except (KeyError, TypeError) as error:
+        raise NotFrontrunnerError(f"the answer to a submission is not understood: {error}") from error
+    reason = "; ".join(dict.fromkeys(reasons)) or None
+    for state in (ACCEPTED, DUPLICATE, REJECTED):
+        if state in states:
+            return state, reason
+    raise NotFrontrunnerError(f"the answer to a submission tells nothing of its runs: {answer}")

@@ -1,0 +1,41 @@
+"""`doctor`: what of a measurement would work on this device now, and what stands against it."""
+
+import platform
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from client_kit import __version__
+from client_kit.device import description, preflight
+from client_kit.errors import CannotMeasureError
+from client_kit.home import Home
+
+
+def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:
+    """Line by line; raises CannotMeasureError at the end where nothing can be measured."""
+    yield f"Client {__version__}, Python {platform.python_version()} on {sys.platform}"
+    yield f"State is kept in {home.path}"
+    from client_kit.device import selection
+    from slam.devices.choice import NAMES
+
+    best = selection.choose(root=root)
+    present = selection.present()
+    names = [(found.backend, found.label) for found in present]
+    chosen = names.index((best.backend, best.label))  # of two that are alike, the first
+    for number, found in enumerate(present):
+        used = ", used unless --device or --backend names another" if number == chosen else ""
+        memory = f", {found.global_memory >> 20} MiB" if found.global_memory else ""
+        yield f"{NAMES[found.backend]} device: {found.label}{memory}{used}"
+    yield "What the server would be told of this device:"
+    identity = description.identify(root, processor=description.processor_identity(best))
+    for name, value in identity.items():
+        yield f"  {name}: {'unknown' if value is None else value}"
+    for reason in preflight.too_large({"": {"volume_resolution": 512}}, best, root).values():
+        yield f"Note: {reason}; such configurations are recorded as failed"
+    concerns = preflight.concerns(home, root)
+    for concern in concerns:
+        yield f"{'Stop' if concern.stops else 'Note'}: {concern.text}"
+    stopping = [concern for concern in concerns if concern.stops]
+    if stopping:
+        raise CannotMeasureError(stopping[0].text)
+    yield "This device can measure now."

@@ -1,0 +1,118 @@
+"""Which device of which backend measures: the fastest that works here."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from client_kit.device import drivers
+from client_kit.errors import CannotMeasureError, UsageError
+from slam import isolated
+from slam.devices.choice import NAMES, choose_device, list_devices
+from slam.devices.device import BACKENDS, Device, NoDeviceError
+
+# From fast to slow. Of two devices of one kind that over OpenCL comes first.
+KINDS = ("gpu", "accelerator", "other", "cpu")
+# A driver may abort or hang where it should open a device: the trial has a process of its own.
+TRIAL = (
+    "import sys\n"
+    "from slam.devices.choice import choose_device, open_session\n"
+    "open_session(choose_device(*sys.argv[1:]))\n"
+)
+TRIAL_SECONDS = 60
+
+
+def backends_for(application: str, wanted: str | None = None) -> tuple[str, ...]:
+    """The backends that APPLICATION runs on, or WANTED alone.
+
+    Raises UsageError where it does not run on WANTED.
+    """
+    from slam.systems import definition
+
+    backends = definition(application).backends
+    if wanted is None:
+        return backends
+    if wanted not in backends:
+        raise UsageError(f"{application} runs on {' and '.join(backends)} only, not on {wanted}")
+    return (wanted,)
+
+
+def present(backends: Sequence[str] = BACKENDS) -> list[Device]:
+    """The devices of BACKENDS, fastest first. A backend without its package or driver has none."""
+    return _ranked([device for backend in backends for device in _listed(backend)])
+
+
+def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Path = Path("/")) -> Device:
+    """The fastest device of BACKENDS, or the fastest whose label contains TEXT (case does not matter).
+
+    Of several BACKENDS, a device over WebGPU is left out where it does not open and another one is here: a
+    graphics driver that lists an adapter may still refuse it.
+
+    Raises CannotMeasureError, which says what is present or what would help.
+    """
+    found: list[Device] = []
+    matching: list[Device] = []
+    for backend in backends:
+        found += _listed(backend)
+        matching = [device for device in found if (text or "").lower() in device.label.lower()]
+        if any(device.kind == KINDS[0] for device in matching):
+            break  # nothing that follows is faster, and looking for it may load another driver
+    if matching:
+        return _first_that_opens(_ranked(matching)) if len(backends) > 1 else _ranked(matching)[0]
+    if found:
+        names = " or ".join(NAMES[backend] for backend in backends)
+        labels = "; ".join(device.label for device in found)
+        raise CannotMeasureError(f"no {names} device matches {text!r}; present: {labels}")
+    try:
+        return choose_device(backend=backends[0])
+    except (NoDeviceError, ImportError) as error:
+        opencl = backends[0] == "opencl"
+        raise CannotMeasureError(drivers.remedy(error, root) if opencl else str(error)) from error
+
+
+def _first_that_opens(devices: Sequence[Device]) -> Device:
+    """The first of DEVICES that is not over WebGPU, or opens; else the first: its failure says why."""
+    if len(devices) == 1:
+        return devices[0]
+    opening = (device for device in devices if device.backend != "webgpu" or _opens(device))
+    return next(opening, devices[0])
+
+
+def _opens(device: Device) -> bool:
+    command = [sys.executable, "-c", TRIAL, device.label, device.backend]
+    try:
+        done = subprocess.run(command, cwd=isolated.ROOT, capture_output=True, timeout=TRIAL_SECONDS)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0
+
+
+def _ranked(devices: list[Device]) -> list[Device]:
+    return sorted(devices, key=lambda device: (KINDS.index(device.kind), BACKENDS.index(device.backend)))
+
+
+def _listed(backend: str) -> list[Device]:
+    try:
+        if backend == "opencl":
+            return list_devices(backend)
+        with _silenced():
+            return list_devices(backend)
+    except ImportError:
+        return []
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Nothing is written to standard error: graphics drivers complain there of missing windows."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        os.close(nowhere)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)

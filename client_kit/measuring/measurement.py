@@ -1,0 +1,231 @@
+"""One measuring session: a warm-up, then every configuration over the sequence in the protocol's order."""
+
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.reference_trajectories import Positions
+from client_kit.device.sensors import Sampler
+from client_kit.errors import CannotMeasureError
+from client_kit.measuring import reasons, repeats
+from client_kit.measuring.run_record import recorded
+from client_kit.measuring.schedule import Schedule
+from client_kit.measuring.session import MICROSECONDS, Run, Session
+from client_kit.measuring.worker_client import (
+    BrokenError,
+    DeviceBrokenError,
+    FailedError,
+    Outcome,
+    WorkerClient,
+)
+from slam.datasets import SequenceError, open_sequence
+from slam.devices.device import Device
+from slam.protocol import DECODED_AHEAD, FIXED_PAIRS, NO_STAGES
+
+# What runs, frames done, frames in all, seconds until the session is over (None while unknown).
+OnFrame = Callable[[str, int, int, float | None], None]
+
+
+def measure(
+    sequence: Path,
+    manifest: Manifest,
+    plan: tuple[str, ...],
+    device: Device,
+    *,
+    references: Mapping[str, Positions] | None = None,
+    impossible: Mapping[str, str] | None = None,
+    on_run: Callable[[Run], None] | None = None,
+    keep: Callable[[Session], None] | None = None,
+    on_frame: OnFrame | None = None,
+    rest: Callable[[float], None] = time.sleep,
+    root: Path = Path("/"),
+) -> Session:
+    """Measure the configurations of `plan` on DEVICE, one after another, over the pack at `sequence`.
+
+    Every configuration first runs over the protocol's warm-up frames, whose results are dropped: programs
+    get compiled and clocks rise. Protocol 1 repeats runs after the plan until the intervals are narrow.
+    Protocol 2 ends with the plan. There an empty frame is measured first, and each run is compared with its
+    reference trajectory in `references`.
+
+    A configuration that fails on this device is recorded with its reason and the others go on, even where it
+    ends or hangs the process that measures; those in `impossible`, with their reasons, are not even tried.
+    Where nothing can be measured any more what is left fails with that reason, and the finished runs stay.
+    Ctrl-C ends the session, which keeps its finished runs. After every finished run `keep` gets the session
+    so far, then `on_run` the run. Neither they nor `on_frame` are called within the measured time of a frame.
+
+    Raises CannotMeasureError when no device can compute, or the sequence cannot serve, from the beginning,
+    and KeyboardInterrupt when no run was finished.
+    """
+    protocol = manifest.protocol
+    try:
+        frames = len(open_sequence(sequence))
+    except SequenceError as error:
+        raise CannotMeasureError(str(error)) from error
+    if frames < protocol.frames:
+        raise CannotMeasureError(
+            f"the sequence has {frames} frames, the protocol measures {protocol.frames}: "
+            "the server's manifest is wrong"
+        )
+    started_at, began = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()), time.monotonic()
+    session_id = str(uuid.uuid4())
+    runs: list[Run] = []
+    interrupted = False
+    empty_frame_us = None
+    on_frame = on_frame or _not_shown
+
+    def on_layout(done: int, total: int) -> None:
+        on_frame("trying kernel layouts", done, total, None)
+
+    with WorkerClient(manifest.application, sequence, device.label, device.backend, on_layout) as worker:
+        runner = SessionRunner(worker, manifest, plan, references or {}, impossible or {}, on_frame, root)
+
+        def session() -> Session:
+            return Session(
+                session_id,
+                started_at,
+                device.backend,
+                tuple(runs),
+                tuple(runner.sampler.samples),
+                interrupted,
+                runner.stage_clock,
+                empty_frame_us,
+            )
+
+        try:
+            if protocol.version == FIXED_PAIRS:
+                empty_frame_us = runner.empty_frame_us()
+            runner.warm_up()
+            measuring = time.monotonic()
+            following = list(plan)
+            runner.schedule.add(following, protocol.frames)
+            while following:
+                for name in following:
+                    if runs:
+                        rest(protocol.rest_seconds)
+                    runs.append(runner.run(name, runs))
+                    if keep is not None:
+                        keep(session())
+                    if on_run is not None:
+                        on_run(runs[-1])
+                now = time.monotonic()
+                following = repeats.further(runs, protocol, now - began, (now - measuring) / len(runs))
+                runner.schedule.add(following, protocol.frames)
+        except KeyboardInterrupt:
+            if not runs:
+                raise
+            interrupted = True
+        return session()
+
+
+def _not_shown(_label: str, _done: int, _total: int, _left: float | None) -> None:
+    """The progress of a session that is not shown."""
+
+
+class SessionRunner:
+    """Runs a session's configurations with a worker. Between frames it shows progress and samples sensors."""
+
+    def __init__(
+        self,
+        worker: WorkerClient,
+        manifest: Manifest,
+        plan: tuple[str, ...],
+        references: Mapping[str, Positions],
+        impossible: Mapping[str, str],
+        on_frame: OnFrame,
+        root: Path,
+    ) -> None:
+        self.sampler = Sampler(root)
+        self.schedule = Schedule(manifest.protocol.rest_seconds)
+        self.stage_clock = NO_STAGES  # until a report says what measured them
+        self._worker, self._manifest, self._plan, self._on_frame = worker, manifest, plan, on_frame
+        self._references = references
+        self._hopeless = dict(impossible)  # what is not tried any more, with the reasons
+        self._warm: set[str] = set()
+
+    def empty_frame_us(self) -> float:
+        """What a frame costs here that computes nothing.
+
+        Where the process breaks it is measured once more, in another process. Raises CannotMeasureError where
+        it still does not run.
+        """
+        try:
+            try:
+                seconds = self._worker.empty_frame_seconds()
+            except (BrokenError, DeviceBrokenError):
+                seconds = self._worker.empty_frame_seconds()
+        except FailedError as error:
+            raise CannotMeasureError(f"this device does not run an empty frame: {error}") from error
+        return seconds * MICROSECONDS
+
+    def warm_up(self) -> None:
+        """Run each configuration over the warm-up frames; one that fails will not be tried again."""
+        names = [name for name in dict.fromkeys(self._plan) if name not in self._hopeless]
+        self.schedule.add(names, self._manifest.protocol.warmup_frames)
+        for name in names:
+            try:
+                self._warm_up(name)
+            except FailedError as error:
+                self._hopeless[name] = str(error)
+            finally:
+                self.schedule.end()
+
+    def run(self, name: str, before: list[Run]) -> Run:
+        """Measure one configuration, after the runs BEFORE."""
+        repeat, order = sum(run.configuration == name for run in before), len(before)
+        frames = self._manifest.protocol.frames
+        try:
+            if name not in self._warm:  # the process in which it was warmed up is gone
+                self._warm_up(name)
+            outcome: Outcome | str = self._over(name, frames, self._label(name, order))
+        except FailedError as error:
+            outcome = str(error)
+        except CannotMeasureError as error:
+            if not before:
+                raise
+            outcome = self._nothing_runs(reasons.public(str(error)))
+        finally:
+            self.schedule.end()
+        if isinstance(outcome, Outcome):
+            self.stage_clock = outcome.report["stage_clock"]
+        configuration = self._manifest.configurations[name]
+        return recorded(configuration, repeat, order, outcome, self._references.get(name))
+
+    def _label(self, name: str, order: int) -> str:
+        if self._manifest.protocol.adaptive is None:
+            return f"{name}, run {order + 1} of {len(self._plan)}"
+        return f"run {order + 1}, {name}"
+
+    def _warm_up(self, name: str) -> None:
+        frames = self._manifest.protocol.warmup_frames
+        if frames:
+            self._over(name, frames, f"warm-up, {name}")
+        self._warm.add(name)
+
+    def _over(self, name: str, frames: int, label: str) -> Outcome:
+        def between_frames(done: int, total: int) -> None:
+            self.sampler.sample()
+            self._on_frame(label, done, total, self.schedule.left(done))
+
+        if name in self._hopeless:
+            raise FailedError(self._hopeless[name])
+        self.schedule.begin()
+        try:
+            # Protocol 1 decodes each frame before it is measured, as its first clients did.
+            ahead = DECODED_AHEAD if self._manifest.protocol.version == FIXED_PAIRS else 1
+            return self._worker.measure(
+                self._manifest.configurations[name].parameters, frames, between_frames, ahead
+            )
+        except BrokenError as error:
+            self._hopeless[name] = str(error)
+            self._warm.clear()
+            raise
+        except DeviceBrokenError as error:
+            self._nothing_runs(str(error))
+            raise
+
+    def _nothing_runs(self, reason: str) -> str:
+        """Note, and give back, the REASON why no configuration is tried any more."""
+        self._hopeless = dict.fromkeys(self._manifest.configurations, reason) | self._hopeless
+        return reason

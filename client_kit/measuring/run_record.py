@@ -1,0 +1,59 @@
+"""The run that a measurement makes: what is kept of its report, and when it has failed."""
+
+import math
+import uuid
+from collections.abc import Mapping
+from typing import Any
+
+from client_kit.delivery.manifest import Configuration
+from client_kit.delivery.reference_trajectories import Positions, deviation
+from client_kit.measuring.session import MICROSECONDS, Run
+from client_kit.measuring.worker_client import Outcome
+from slam.system import STAGES
+from slam.validity import tracking_failure
+
+
+def recorded(
+    configuration: Configuration,
+    repeat: int,
+    order: int,
+    outcome: Outcome | str,
+    reference: Positions | None = None,
+) -> Run:
+    """The run of CONFIGURATION that came to OUTCOME, or did not, for the reason that stands in its place.
+
+    REFERENCE is the configuration's reference trajectory, None in protocol 1.
+    """
+    run_id, name = str(uuid.uuid4()), configuration.name
+    if isinstance(outcome, str):
+        return Run(run_id, name, repeat, order, "failed", failure=outcome)
+    frames, ate = outcome.report["frames"], outcome.report["ate"] or {}
+    errors = [ate.get(error) for error in ("max", "mean", "rmse")]
+    far = None if reference is None else deviation(outcome.positions, reference)
+    if not all(value is None or math.isfinite(value) for value in (*errors, far)):
+        return Run(run_id, name, repeat, order, "failed", failure="the trajectory is not finite")
+    tracked = tuple(frame["tracked"] for frame in frames)
+    failure = tracking_failure(tracked)
+    return Run(
+        run_id,
+        name,
+        repeat,
+        order,
+        "failed" if failure else "ok",
+        failure=failure,
+        frame_us=tuple(round(frame["computation"] * MICROSECONDS) for frame in frames),
+        stages_us=_stages_us(frames),
+        tracked=tracked,
+        ate_max=errors[0],
+        ate_mean=errors[1],
+        ate_rmse=errors[2],
+        trajectory_sha256=outcome.trajectory_sha256,
+        deviation=None if failure else far,
+        band=None if failure else configuration.band,
+    )
+
+
+def _stages_us(frames: list[Mapping[str, Any]]) -> dict[str, tuple[int, ...]]:
+    """The stages that were measured, rounded down so that they never add up to more than the frame."""
+    measured = [stage for stage in STAGES if frames[0][stage] is not None]
+    return {stage: tuple(math.floor(frame[stage] * MICROSECONDS) for frame in frames) for stage in measured}

@@ -1,0 +1,136 @@
+"""The process that holds the device during a session; see `worker_client`.
+
+It answers orders, lines of JSON on its input, with lines of JSON on its output.
+
+- The first order is {"application", "sequence", "device", "backend"}. The answer is {"ready": true}.
+- {"empty_frame": true} asks for {"empty_frame_seconds"}.
+- {"parameters", "frames", "ahead"} is a measurement with so many frames decoded ahead. After every frame the
+  worker sends {"done", "total"} and waits for an empty line, so that whatever the other side does between
+  frames costs no measured time. At the end it sends {"report", "trajectory_sha256", "positions"}.
+
+{"failure"} reports an orderly failure of the order, {"cannot"} that nothing can be measured at all. Opening a
+device may try layouts of kernels: {"layouts_done", "layouts"} follows each. The worker ends with its input.
+"""
+
+import hashlib
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from client_kit import interrupts
+from client_kit.measuring import reasons
+from slam import benchmark
+from slam.datasets import SequenceError, open_sequence
+from slam.devices.choice import AnySession, choose_device
+from slam.devices.device import NoDeviceError
+from slam.systems import open_session
+
+Answer = dict[str, Any]
+
+
+class Worker:
+    """The device, opened once for all measurements of a session, and again after an error."""
+
+    def __init__(
+        self, application: str, sequence: Path, device: str, backend: str, on_layout: benchmark.Progress
+    ) -> None:
+        """Raises SequenceError, NoDeviceError, and whatever a driver that does not work raises."""
+        self._application, self._on_layout = application, on_layout
+        self._sequence = open_sequence(sequence)
+        self._device = choose_device(device, backend)
+        self._opened: AnySession | None = self._open()
+
+    def empty_frame(self) -> Answer:
+        """What a frame costs that computes nothing."""
+        return self._attempt(lambda opened: {"empty_frame_seconds": benchmark.empty_frame_seconds(opened)})
+
+    def measure(
+        self, parameters: Mapping[str, Any], frames: int, ahead: int, progress: benchmark.Progress
+    ) -> Answer:
+        """One configuration over the first FRAMES frames of the sequence, decoded AHEAD at a time."""
+
+        def measured(opened: AnySession) -> Answer:
+            report = benchmark.run(
+                parameters,
+                self._sequence,
+                system=self._application,
+                frames=frames,
+                device=opened,
+                progress=progress,
+                decoded_ahead=ahead,
+            )
+            poses = np.ascontiguousarray(report.poses, "<f8")
+            return {
+                "report": report.to_dict(),
+                "trajectory_sha256": hashlib.sha256(poses.tobytes()).hexdigest(),
+                "positions": poses[:, :3, 3].tolist(),
+            }
+
+        return self._attempt(measured)
+
+    def _attempt(self, work: Callable[[AnySession], Answer]) -> Answer:
+        try:
+            self._opened = self._opened or self._open()
+            return work(self._opened)
+        except SequenceError as error:
+            return {"cannot": str(error)}
+        except Exception as error:  # whatever a driver raises says something of this order here
+            self._opened = None  # an error may leave the driver's context unusable
+            return {"failure": reasons.of(error)}
+
+    def _open(self) -> AnySession:
+        return open_session(self._application, self._device, self._on_layout)
+
+
+def serve(orders: TextIO, answers: TextIO) -> None:
+    """Answer ORDERS until they end."""
+
+    def send(answer: Answer) -> None:
+        print(json.dumps(answer), file=answers, flush=True)
+
+    def on_layout(done: int, total: int) -> None:
+        send({"layouts_done": done, "layouts": total})
+
+    def between_frames(done: int, total: int) -> None:
+        send({"done": done, "total": total})
+        if not orders.readline():
+            sys.exit("the client that asked for this measurement has ended")
+
+    setting = json.loads(orders.readline())
+    try:
+        worker = Worker(
+            setting["application"],
+            Path(setting["sequence"]),
+            setting["device"],
+            setting["backend"],
+            on_layout,
+        )
+    except (SequenceError, NoDeviceError) as error:
+        send({"cannot": str(error)})
+        return
+    send({"ready": True})
+    for line in orders:
+        order = json.loads(line)
+        if "empty_frame" in order:
+            send(worker.empty_frame())
+        else:
+            send(worker.measure(order["parameters"], order["frames"], order["ahead"], between_frames))
+
+
+def main() -> None:
+    """Serve standard input and output. Who started this process decides when it ends, not a signal to all."""
+    for number in interrupts.ENDING:
+        signal.signal(number, signal.SIG_IGN)
+    with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as answers:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # drivers write to standard output, too
+        serve(sys.stdin, answers)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,238 @@
+"""Measuring in a process of its own, which a driver may abort, hang or have ended for want of memory.
+
+The process (`worker`) serves a whole session: opening a device and compiling for it takes seconds. Where it
+breaks down, the configuration that it measured has failed, and another one takes its place for the next.
+"""
+
+import contextlib
+import json
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from client_kit.errors import CannotMeasureError
+from client_kit.measuring import reasons
+from slam import isolated
+from slam.protocol import DECODED_AHEAD
+
+PROGRAM = (sys.executable, "-m", "client_kit.measuring.worker")
+# Longer than any frame: the first one waits for the driver's compiler, which takes a minute on some phones.
+LONGEST_SILENCE_SECONDS = 180
+
+# Called with how many frames, or layouts of kernels, are done and how many there are.
+Progress = Callable[[int, int], None]
+
+
+class FailedError(Exception):
+    """This configuration does not run here; the text is the reason, fit to be sent."""
+
+
+class BrokenError(FailedError):
+    """It broke the process that measured it, and would do so again."""
+
+
+class DeviceBrokenError(FailedError):
+    """The device cannot be opened again: no configuration runs here any more."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """`report` is that of `slam run`, `trajectory_sha256` the digest of its poses. `positions` are where the
+    camera is after each frame: [x, y, z] in metres, in the volume's frame."""
+
+    report: Mapping[str, Any]
+    trajectory_sha256: str
+    positions: Sequence[Sequence[float]]
+
+
+class WorkerClient:
+    """One device and one sequence; configurations are measured there one after another. Use it by `with`.
+
+    `device` is the label of a device of `backend`. `on_layout` is called while layouts of kernels are tried
+    on a device that was never seen before.
+    """
+
+    def __init__(
+        self, application: str, sequence: Path, device: str, backend: str, on_layout: Progress
+    ) -> None:
+        self._setting = {
+            "application": application,
+            "sequence": str(sequence.absolute()),
+            "device": device,
+            "backend": backend,
+        }
+        self._on_layout = on_layout
+        self._process: _Process | None = None
+        self._served = False  # whether the device was opened before
+
+    def __enter__(self) -> "WorkerClient":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()
+
+    def empty_frame_seconds(self) -> float:
+        """Median wall seconds of a frame that computes nothing. Raises as `measure` does."""
+        return float(self._answer({"empty_frame": True}, _nothing_between)["empty_frame_seconds"])
+
+    def measure(
+        self, parameters: Mapping[str, Any], frames: int, between_frames: Progress, ahead: int = DECODED_AHEAD
+    ) -> Outcome:
+        """Measure a configuration over the first FRAMES frames, decoded AHEAD at a time.
+
+        The process waits while BETWEEN_FRAMES is called. Raises FailedError or one of its kinds, and
+        CannotMeasureError where the sequence cannot be used or, before the device was opened once, the
+        device cannot, or no process can be started.
+        """
+        answer = self._answer(
+            {"parameters": dict(parameters), "frames": frames, "ahead": ahead}, between_frames
+        )
+        return Outcome(answer["report"], answer["trajectory_sha256"], answer["positions"])
+
+    def _answer(self, order: Mapping[str, Any], between_frames: Progress) -> dict[str, Any]:
+        process = self._process or self._open()
+        try:
+            process.order(order)
+            while "done" in (answer := process.answer()):
+                between_frames(answer["done"], answer["total"])
+                process.go_on()
+        except _EndedError as error:
+            self._close()
+            raise BrokenError(str(error)) from error
+        except BaseException:
+            self._close()  # a measurement is under way in it whose result is not wanted any more
+            raise
+        if "failure" in answer:
+            raise FailedError(answer["failure"])
+        return answer
+
+    def _open(self) -> "_Process":
+        try:
+            self._process = _Process(self._on_layout)
+            self._process.order(self._setting)
+            self._process.answer()
+        except _EndedError as error:
+            self._close()
+            raise DeviceBrokenError(str(error)) from error
+        except CannotMeasureError as error:
+            self._close()
+            if self._served:  # it went away, or the system has nothing left to start a process with
+                raise DeviceBrokenError(reasons.public(str(error))) from error
+            raise
+        except BaseException:
+            self._close()
+            raise
+        self._served = True
+        return self._process
+
+    def _close(self) -> None:
+        if self._process is not None:
+            self._process.close()
+            self._process = None
+
+
+def _nothing_between(_done: int, _total: int) -> None:
+    """An empty frame has no progress."""
+
+
+class _EndedError(Exception):
+    """The process gives no answer any more; the text says how it ended."""
+
+
+class _Process:
+    """A running worker. A thread reads its answers: not every platform waits for a pipe with a limit."""
+
+    def __init__(self, on_layout: Progress) -> None:
+        self._on_layout = on_layout
+        # What drivers print; the last line of it often is the only word on why they gave up.
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - `close` does
+        try:
+            # In this process's group, so that a terminal stops and ends the two together.
+            self._process = subprocess.Popen(
+                PROGRAM,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._errors,
+                cwd=isolated.ROOT,
+                encoding="utf-8",
+                preexec_fn=isolated.dies_with_parent(signal.SIGKILL, first_to_go=True),
+            )
+        except OSError as error:
+            self._errors.close()
+            raise CannotMeasureError(f"no process can be started to measure in: {error}") from error
+        self._lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def order(self, order: Mapping[str, Any]) -> None:
+        self._write(f"{json.dumps(order)}\n")
+
+    def go_on(self) -> None:
+        self._write("\n")
+
+    def answer(self) -> dict[str, Any]:
+        """The next answer. Raises _EndedError, CannotMeasureError where the process says so."""
+        while "layouts_done" in (answer := self._read_answer()):
+            self._on_layout(answer["layouts_done"], answer["layouts"])
+        if "cannot" in answer:
+            raise CannotMeasureError(answer["cannot"])
+        return answer
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        self._process.wait()
+        self._reader.join()
+        for stream in (self._process.stdin, self._process.stdout, self._errors):
+            if stream is not None:
+                with contextlib.suppress(OSError):  # what was still to be written has no reader
+                    stream.close()
+
+    def _read_answer(self) -> dict[str, Any]:
+        line = self._line()
+        if not line.endswith("\n"):
+            raise _EndedError(self._ending())
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        line = "\n"
+        while line.endswith("\n"):
+            line = self._process.stdout.readline()
+            self._lines.put(line)
+
+    def _line(self) -> str:
+        # Counted second by second: while the machine sleeps, or a terminal has stopped this process, nothing
+        # is waited for.
+        for _ in range(LONGEST_SILENCE_SECONDS):
+            with contextlib.suppress(queue.Empty):
+                return self._lines.get(timeout=1.0)
+        raise _EndedError(_silent())
+
+    def _write(self, text: str) -> None:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(text)
+            self._process.stdin.flush()
+        except OSError as error:
+            raise _EndedError(self._ending()) from error
+
+    def _ending(self) -> str:
+        try:
+            code = self._process.wait(timeout=LONGEST_SILENCE_SECONDS)
+        except subprocess.TimeoutExpired:  # it has closed its output and goes on; `close` ends it
+            return _silent()
+        self._errors.seek(0)
+        return reasons.public(isolated.ending(code, self._errors.read().decode("utf-8", "replace")))
+
+
+def _silent() -> str:
+    return f"no answer from the device within {LONGEST_SILENCE_SECONDS} s"

@@ -1,0 +1,1 @@
+"""`run`, from the consent to the page of results."""

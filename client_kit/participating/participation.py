@@ -1,0 +1,324 @@
+"""`run`: from the server's manifest to a measured, kept and sent session, and what it showed."""
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from client_kit.console import Console
+from client_kit.delivery import consent, enrolment, manifest, reference_trajectories, sending, sequences
+from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.server import Server
+from client_kit.delivery.spool import Spool
+from client_kit.device import description, preflight, requirements, selection, sensors
+from client_kit.errors import CannotMeasureError, ClientError, UsageError
+from client_kit.home import Home
+from client_kit.measuring import probes, session
+from client_kit.measuring.session import Session
+from client_kit.participating.session_recorder import Measured, SessionRecorder
+from slam.devices.choice import NAMES
+from slam.devices.device import Device
+from slam.protocol import FIXED_PAIRS
+
+# A device that has just measured is hot: so often, and for so long, it may cool before the next session.
+COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the participant asked for.
+
+    `ignored` names concerns of `preflight` to measure in spite of. `minutes` is how long a session of
+    protocol 1 may repeat its runs, None for as long as the server asks. `show_model` is whether a rare
+    device's model may be shown in public, None to leave that as it is. `application` is what to measure,
+    None for what the server has clients measure. `backend` is what drives the device, None for the fastest.
+    `probes` is whether to measure what the server assigns to this device afterwards, None to be asked.
+    """
+
+    server: str
+    yes: bool = False
+    sessions: int = 1
+    configurations: tuple[str, ...] = ()
+    device: str | None = None
+    ignored: tuple[str, ...] = ()
+    minutes: float | None = None
+    show_model: bool | None = None
+    application: str | None = None
+    backend: str | None = None
+    probes: bool | None = None
+
+
+def run(
+    wishes: Wishes,
+    home: Home,
+    console: Console,
+    *,
+    pause: Callable[[float], None] = time.sleep,
+    root: Path = Path("/"),
+) -> list[Measured]:
+    """Measure `wishes.sessions` sessions and send them; what cannot be sent now stays in the spool.
+
+    More configurations than one session holds make several; a device that does not cool between them ends
+    with those that are done. A session of probes may follow, where the participant wants one. Raises
+    ClientError, with the exit code of its kind, when nothing can be measured, and KeyboardInterrupt after
+    what was finished is kept.
+    """
+    server, spool = Server(wishes.server), Spool(home.spool)
+    console.lines(sending.deliver(spool, home).lines())
+    asked, fresh = manifest.fetch(server, home, wishes.application)
+    if not fresh:
+        console.say(f"{server.url} does not answer: measuring what it asked for at the last visit.")
+    asked.require_this_version()
+    asked.require_accepting()
+    requirements.require(asked.application, root)
+    if wishes.minutes is not None:
+        asked = _limited(asked, 60 * wishes.minutes, console)
+    names = asked.names(wishes.configurations)
+    chosen, identity = _device(wishes.device, wishes.backend, asked.application, root)
+    plans = asked.plans(_that_fit(names, asked, chosen.backend, console))
+    _consent(wishes, home, console, server, asked, chosen, identity)
+    sending.renew(spool, home, server.url, asked.consent_version)
+    present = sequences.at_hand(asked, home)
+    _ready(wishes, home, console, root, download=0 if present else sequences.size(asked))
+    path = present or _download(server, asked, home, console, fresh)
+    if not reference_trajectories.at_hand(asked, home):
+        _require_fresh(fresh, server, "reference trajectories are")
+        reference_trajectories.fetch(server, asked, home)
+
+    console.say(f"Application: {asked.application}, front {asked.front_version}")
+    processor = f"{identity['opencl_device']} ({identity['opencl_platform']})"
+    console.say(f"Device: {processor} over {NAMES[chosen.backend]}")
+
+    recorder = SessionRecorder(server, home, spool, console, chosen, identity, wishes.show_model, pause, root)
+    measured: list[Measured] = []
+    planned = plans * wishes.sessions
+    for number, plan in enumerate(planned):
+        if number:
+            pause(asked.protocol.rest_seconds)
+            if not _ready_again(wishes, home, console, pause, root):
+                console.say(f"{number} of {len(planned)} sessions are done.")
+                return measured
+        measured.append(recorder.record(path, asked, plan))
+    if _may_probe(wishes, console, asked, measured[-1]):
+        measured += _probes(wishes, recorder, asked, measured[-1].session)
+    return measured
+
+
+def consent_text(
+    server: str,
+    home: Home,
+    device: str | None = None,
+    application: str | None = None,
+    backend: str | None = None,
+    root: Path = Path("/"),
+) -> str | None:
+    """What a participant has to agree to before `run`; None where this was agreed to before."""
+    connection = Server(server)
+    asked, _ = manifest.fetch(connection, home, application)
+    if consent.given(home, connection.url, asked.consent_version):
+        return None
+    requirements.require(asked.application, root)
+    chosen, identity = _device(device, backend, asked.application, root)
+    return _consent_text(connection, asked, chosen, identity)
+
+
+def _may_probe(wishes: Wishes, console: Console, asked: Manifest, last: Measured) -> bool:
+    """Whether probes may follow the session LAST: the participant wants them, or is here to be asked."""
+    ordinary = asked.protocol.version == FIXED_PAIRS and not wishes.configurations and last.accepted
+    if wishes.probes is None:
+        return ordinary and _somebody_is_here(console)
+    return ordinary and wishes.probes
+
+
+def _probes(wishes: Wishes, recorder: SessionRecorder, asked: Manifest, ordinary: Session) -> list[Measured]:
+    """Measure the probes that the server assigns after the session ORDINARY, if the participant agrees.
+
+    What keeps the client from asking, or the server from answering, is told in a line: the ordinary session
+    is complete without probes.
+    """
+    console = recorder.console
+    default = probes.default_seconds(ordinary, asked.protocol)
+    # Who is here to be asked is not kept waiting for a device to cool.
+    pauses = COOLING_PAUSES if wishes.probes else 0
+    if default is None or not _ready_again(
+        wishes, recorder.home, console, recorder.pause, recorder.root, pauses
+    ):
+        return []
+    try:
+        prepared = _prepared_probes(wishes, recorder, asked.application, default)
+    except ClientError as error:
+        console.say(f"No further configurations are measured: {error}")
+        return []
+    if prepared is None:
+        return []
+    path, assigned, names = prepared
+    measured = recorder.record(path, assigned, assigned.plan(names), with_pages=False)
+    console.say(probes.thanks(measured.session))
+    return [measured]
+
+
+def _prepared_probes(
+    wishes: Wishes, recorder: SessionRecorder, application: str, default: float
+) -> tuple[Path, Manifest, tuple[str, ...]] | None:
+    """The sequence, the manifest and the probes to measure, all at hand; None where there are none, or the
+    participant does not want them. Raises ClientError where they cannot be prepared."""
+    server, home, console = recorder.server, recorder.home, recorder.console
+    token = enrolment.present(home, server)
+    if token is None:  # erased meanwhile
+        return None
+    assigned = probes.fetch(server, token, application)
+    assigned.require_this_version()
+    assigned.require_accepting()
+    if not assigned.assigned:
+        if assigned.assigned_message:
+            console.say(f"No further configurations to measure: {assigned.assigned_message}")
+        return None
+    if not consent.given(home, server.url, assigned.consent_version):
+        raise CannotMeasureError("the consent text has changed, and the next `run` asks you to agree to it")
+    names = probes.that_fit(assigned, default)
+    console.lines(probes.lines(assigned, names))
+    if not names or not (wishes.probes or console.ask(probes.question(names))):
+        return None
+    path = sequences.at_hand(assigned, home) or _download(server, assigned, home, console, fresh=True)
+    reference_trajectories.fetch(server, assigned, home)
+    return path, assigned, names
+
+
+def _that_fit(names: tuple[str, ...], asked: Manifest, backend: str, console: Console) -> tuple[str, ...]:
+    """Those NAMES that BACKEND can run, with a note of the others; the protocol's own stay, and fail.
+
+    Raises CannotMeasureError where there are NAMES and none of them fits.
+    """
+    backends = {name: asked.configurations[name].backends for name in names}
+    out = [name for name in preflight.unsupported(backends, backend) if name not in asked.protocol.order]
+    if not out:
+        return names
+    if len(out) == 1:
+        note = f"{out[0]} does not fit {NAMES[backend]} here and is left out"
+    else:
+        note = f"{', '.join(out[:-1])} and {out[-1]} do not fit {NAMES[backend]} here and are left out"
+    fitting = tuple(name for name in names if name not in out)
+    if not fitting:
+        raise CannotMeasureError(f"{note}: nothing is left to measure")
+    console.say(f"Note: {note}")
+    return fitting
+
+
+def _limited(asked: Manifest, seconds: float, console: Console) -> Manifest:
+    """ASKED, with sessions that repeat their runs for SECONDS at most."""
+    protocol = asked.protocol
+    if protocol.adaptive is None:
+        console.say("Note: the server fixes the number of runs, so --minutes changes nothing")
+        return asked
+    return replace(
+        asked, protocol=replace(protocol, adaptive=replace(protocol.adaptive, max_seconds=seconds))
+    )
+
+
+def _device(
+    text: str | None, backend: str | None, application: str, root: Path
+) -> tuple[Device, dict[str, str | None]]:
+    """The device to use, and what this machine says of itself."""
+    chosen = selection.choose(text, selection.backends_for(application, backend), root)
+    return chosen, description.identify(root, processor=description.processor_identity(chosen))
+
+
+def _ready(wishes: Wishes, home: Home, console: Console, root: Path, download: int) -> None:
+    found = preflight.concerns(home, root, download=download)
+    for concern in preflight.require_fit(found, wishes.ignored):
+        console.say(f"Note: {concern.text}")
+
+
+def _ready_again(
+    wishes: Wishes,
+    home: Home,
+    console: Console,
+    pause: Callable[[float], None],
+    root: Path,
+    most_pauses: int = COOLING_PAUSES,
+) -> bool:
+    """Whether another session can be measured after one, once the device has cooled; the load that the one
+    before has left says nothing."""
+    for pauses in range(most_pauses + 1):
+        found = [concern for concern in preflight.concerns(home, root) if concern.name != preflight.LOAD]
+        stopping = [concern for concern in found if concern.stops and concern.name not in wishes.ignored]
+        if not stopping:
+            return True
+        if pauses == most_pauses or stopping[0].name != preflight.THROTTLING:
+            break
+        console.say(f"{stopping[0].text}; again in {COOLING_SECONDS:.0f} s")
+        pause(COOLING_SECONDS)
+    console.say(f"No further session: {stopping[0].text}")
+    return False
+
+
+def _consent(
+    wishes: Wishes,
+    home: Home,
+    console: Console,
+    server: Server,
+    asked: Manifest,
+    chosen: Device,
+    identity: dict[str, str | None],
+) -> None:
+    version = asked.consent_version
+    if consent.given(home, server.url, version):
+        return
+    console.say(_consent_text(server, asked, chosen, identity, wishes.show_model))
+    if not wishes.yes:
+        if not _somebody_is_here(console):
+            raise UsageError("nobody is here to agree: read the text above, then add --yes")
+        if not console.ask("Do you agree?"):
+            raise CannotMeasureError("nothing was measured or sent: you did not agree")
+    consent.remember(home, server.url, version)
+
+
+def _somebody_is_here(console: Console) -> bool:
+    """Whether a question would be seen and answered."""
+    return not console.silent and sys.stdin.isatty()
+
+
+def _consent_text(
+    server: Server,
+    asked: Manifest,
+    chosen: Device,
+    identity: dict[str, str | None],
+    show_model: bool | None = None,
+) -> str:
+    sample = _sample_payload(asked, chosen.backend, identity, show_model)
+    return consent.text(server.url, asked.consent_version, sequences.size(asked), sample)
+
+
+def _sample_payload(
+    asked: Manifest, backend: str, identity: dict[str, str | None], show_model: bool | None
+) -> dict[str, Any]:
+    """What would be sent of this device, with a run of two frames for brevity."""
+    example = session.Run(
+        "a random number", "default", 0, 0, "ok", None, (31250, 30718), {"tracking": (9120, 8980)},
+        (True, True), 0.012, 0.008, 0.009, "digest of the computed trajectory", 0.0004,
+    )  # fmt: skip
+    sample: sensors.Sample = {"t": 0.0, "temperature_c": 41.5, "cpu_mhz": 2400.0, "battery": 80.0}
+    shown = Session(
+        "a random number", "2026-01-01T12:00:00Z", backend, (example,), (sample,),
+        stage_clock="device", empty_frame_us=212.5,
+    )  # fmt: skip
+    return session.payload(shown, asked, identity, show_model)
+
+
+def _download(server: Server, asked: Manifest, home: Home, console: Console, fresh: bool) -> Path:
+    _require_fresh(fresh, server, "sequence is")
+    name = asked.sequence["name"]
+    console.say(f"Downloading the sequence {name}, {sequences.size(asked) / 1e6:.1f} MB")
+    return sequences.fetch(
+        server,
+        asked,
+        home,
+        progress=lambda done, total: console.bar(str(name), done // 1000, total // 1000, " kB"),
+    )
+
+
+def _require_fresh(fresh: bool, server: Server, what: str) -> None:
+    if not fresh:
+        raise CannotMeasureError(f"{server.url} does not answer and its {what} not here yet: try later")

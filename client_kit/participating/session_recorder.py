@@ -1,0 +1,125 @@
+"""Sessions on one device, from the first run to the server's answer: measured, kept, sent and shown."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from client_kit import interrupts
+from client_kit.console import Console
+from client_kit.delivery import consent, reference_trajectories, sending
+from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.server import Server
+from client_kit.delivery.spool import ACCEPTED, DUPLICATE, Item, Spool
+from client_kit.device import preflight
+from client_kit.errors import CannotMeasureError
+from client_kit.home import Home
+from client_kit.measuring import measurement, session
+from client_kit.measuring.session import Run, Session
+from client_kit.participating import result_pages, summary
+from slam.devices.device import Device
+
+WITHDRAWN = "your agreement was withdrawn meanwhile: what was measured is not kept"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A session that was measured, and what the spool knows of it."""
+
+    session: Session
+    item: Item
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the server has it."""
+        return self.item.state in (ACCEPTED, DUPLICATE)
+
+
+@dataclass(frozen=True)
+class SessionRecorder:
+    """Records sessions of DEVICE for SERVER. `identity` is what this machine says of itself, `show_model`
+    whether its model may be shown in public, `pause` how to wait."""
+
+    server: Server
+    home: Home
+    spool: Spool
+    console: Console
+    device: Device
+    identity: Mapping[str, str | None]
+    show_model: bool | None
+    pause: Callable[[float], None]
+    root: Path
+
+    def record(
+        self, path: Path, asked: Manifest, plan: tuple[str, ...], *, with_pages: bool = True
+    ) -> Measured:
+        """Measure PLAN over the sequence at PATH, send the session and show its result; `with_pages` also
+        where it stands among others.
+
+        Raises CannotMeasureError where nothing ran or the agreement was withdrawn, OutdatedError where a
+        server refuses this version, and KeyboardInterrupt after what was finished is kept.
+        """
+        self.console.say(f"Order: {', '.join(plan)}, {asked.protocol.frames} frames each")
+        done, item = self._measured_and_kept(path, asked, plan)
+        if done.interrupted:
+            self.console.say(f"Stopped: the {len(done.runs)} finished runs are kept.")
+            raise KeyboardInterrupt
+        delivered = sending.deliver(self.spool, self.home)
+        self.console.lines(summary.stages(done, asked.protocol))
+        self.console.lines(summary.figures(done, asked.protocol))
+        self.console.lines(delivered.lines())
+        kept = self.spool.find(item.id)
+        if kept is None:
+            raise CannotMeasureError(WITHDRAWN)
+        measured = Measured(done, kept)
+        if with_pages and measured.accepted:
+            result_pages.show(self.server, self.home, done, kept, asked, self.console, self.pause)
+        if delivered.outdated is not None:
+            raise delivered.outdated
+        if all(one.status == "failed" for one in done.runs):
+            raise CannotMeasureError(f"no configuration runs here: {done.runs[0].failure}")
+        return measured
+
+    def _measured_and_kept(self, path: Path, asked: Manifest, plan: tuple[str, ...]) -> tuple[Session, Item]:
+        """The session of PLAN, kept for sending. While it is measured its finished runs are kept as a draft;
+        the lock says to other processes that the draft is not to be sent."""
+
+        def agreed() -> None:
+            if not consent.given(self.home, self.server.url, asked.consent_version):
+                raise CannotMeasureError(WITHDRAWN)
+
+        def payload(so_far: Session) -> dict[str, Any]:
+            return session.payload(so_far, asked, self.identity, self.show_model)
+
+        def keep(so_far: Session) -> None:
+            self.spool.keep_draft(self.server.url, payload(so_far), agreed)
+
+        def on_run(run: Run) -> None:
+            self.console.lines(summary.run_lines(run, asked.protocol))
+
+        with self.home.only_one("measurement") as alone:
+            if not alone:
+                raise CannotMeasureError("another client measures on this device: wait until it is done")
+            done = measurement.measure(
+                path,
+                asked,
+                plan,
+                device=self.device,
+                references=reference_trajectories.read(asked, self.home),
+                impossible=self._impossible(asked, plan),
+                on_run=on_run,
+                keep=keep,
+                on_frame=lambda label, done, total, left: self.console.bar(label, done, total, left=left),
+                rest=self.pause,
+                root=self.root,
+            )
+            with interrupts.ignored():
+                return done, self.spool.put(self.server.url, payload(done), agreed)
+
+    def _impossible(self, asked: Manifest, plan: tuple[str, ...]) -> dict[str, str]:
+        """The reasons of the configurations that this device cannot run."""
+        planned = [asked.configurations[name] for name in plan]
+        parameters = {configuration.name: configuration.parameters for configuration in planned}
+        backends = {configuration.name: configuration.backends for configuration in planned}
+        too_large = preflight.too_large(parameters, self.device, self.root)
+        return too_large | preflight.unsupported(backends, self.device.backend)

@@ -1,0 +1,131 @@
+"""What a session showed, for its participant: stages, speedups, drift, the place in the crowd."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import fmean, median
+from typing import Any
+
+from client_kit.delivery.manifest import Protocol
+from client_kit.measuring.session import Run, Session
+from slam.protocol import MAX_DRIFT
+
+DEFAULT = "default"
+BAR = 28
+
+
+def run_lines(run: Run, protocol: Protocol) -> list[str]:
+    """One finished run in a line, and another where it does not count because it left its band."""
+    start = f"  {run.order + 1}. {run.configuration}: "
+    if run.status == "failed":
+        return [f"{start}failed, {run.failure}"]
+    line = f"{start}{1000 * run.mean_seconds(protocol):.2f} ms a frame"
+    if run.ate_max is not None:
+        line += f", largest error {100 * run.ate_max:.2f} cm"
+    if not run.deviates:
+        return [line]
+    assert run.deviation is not None
+    assert run.band is not None
+    return [
+        line,
+        f"     This device computes something else than the reference ({100 * run.deviation:.2f} cm from it, "
+        f"{100 * run.band:.2f} cm allowed), so the run does not count.",
+    ]
+
+
+def figures(session: Session, protocol: Protocol) -> list[str]:
+    """The session's outcome in plain words, one line for each configuration against the default."""
+    names = list(dict.fromkeys(run.configuration for run in session.runs))
+    lines = [""]
+    for name in names:
+        errors = [run.ate_max for run in session.of(name) if run.ate_max is not None]
+        if errors:
+            limit = f"{100 * protocol.max_ate:.0f} cm allowed"
+            lines.append(f"{name}: largest trajectory error {100 * max(errors):.2f} cm ({limit})")
+    for name in names:
+        if name != DEFAULT:
+            lines += _speedup(session, name, protocol)
+    for name in names:
+        drift = session.drift(name, protocol)
+        if drift is not None and drift > MAX_DRIFT:
+            lines.append(
+                f"{name} slowed down by {100 * (drift - 1):.0f} % within the session, as a device does that "
+                "gets hot: let it cool and measure again"
+            )
+    return lines
+
+
+def stages(session: Session, protocol: Protocol) -> list[str]:
+    """Bars of the mean time a frame spends in each stage and of the whole frame, which takes longer than what
+    a device times of it: the default above the fastest that counts."""
+    fastest = _fastest(session, protocol)
+    base = _stage_means(session.of(DEFAULT), protocol)
+    if fastest is None or not base:
+        return []
+    rows = {DEFAULT: base, fastest: _stage_means(session.of(fastest), protocol)}
+    longest = max(max(means.values()) for means in rows.values())
+    stage_width, name_width = max(map(len, base)), max(map(len, rows))
+    lines = ["", "Mean time a frame, by stage"]
+    for stage in base:
+        for name, means in rows.items():
+            bar = "#" * max(round(BAR * means[stage] / longest), 1 if means[stage] else 0)
+            label = stage if name == DEFAULT else ""
+            lines.append(
+                f"  {label:<{stage_width}}  {name:<{name_width}}  {bar:<{BAR}} {1000 * means[stage]:9.3f} ms"
+            )
+    return lines
+
+
+def place(crowd: Iterable[Mapping[str, Any]], own: float, device: str, backend: str) -> str:
+    """Where a speedup of `own` stands among the crowd's: rows of GET /speedups for one configuration.
+
+    A device counts once; rows of this `device` and of other backends are left aside.
+    """
+    best: dict[str, float] = {}
+    for row in crowd:
+        if row["device"] != device and row["backend"] == backend:
+            best[row["device"]] = max(float(row["speedup"]), best.get(row["device"], 0.0))
+    if not best:
+        return "No other device has measured this front yet."
+    above = sum(speedup > own for speedup in best.values())
+    return (
+        f"Place {above + 1} of {len(best) + 1} devices by speedup; half of the others gain "
+        f"{median(best.values()):.2f} or more."
+    )
+
+
+def best_speedup(session: Session, protocol: Protocol) -> tuple[str, float] | None:
+    """The configuration that is compared with the crowd, `best` where it counts, with its speedup."""
+    name = "best" if session.speedup("best", protocol) else _fastest(session, protocol)
+    speedup = None if name is None else session.speedup(name, protocol)
+    return None if name is None or speedup is None else (name, speedup.value)
+
+
+def _speedup(session: Session, name: str, protocol: Protocol) -> list[str]:
+    speedup = session.speedup(name, protocol)
+    if speedup is None:
+        return [f"No speedup for {name}: no pair of runs ran through and stayed within the limits."]
+    counted = protocol.frames - protocol.first_counted_frame
+    slower = "" if speedup.value >= 1 else " (slower)"
+    interval = "one pair of runs" if speedup.pairs == 1 else f"{speedup.pairs} pairs of runs"
+    if speedup.low is not None and speedup.high is not None:
+        interval += f", 95 % interval {speedup.low:.2f} to {speedup.high:.2f}"
+    return [
+        f"Speedup of {name} over default: {speedup.value:.2f}{slower}, mean over {counted} frames a run; "
+        f"{interval}.",
+        f"On this device {name} computes a frame in {100 / speedup.value:.0f} % of the default's time.",
+    ]
+
+
+def _fastest(session: Session, protocol: Protocol) -> str | None:
+    names = {run.configuration for run in session.runs} - {DEFAULT}
+    found = {name: speedup.value for name in names if (speedup := session.speedup(name, protocol))}
+    return max(found, key=lambda name: found[name], default=None)
+
+
+def _stage_means(runs: Sequence[Run], protocol: Protocol) -> dict[str, float]:
+    """Mean seconds a frame in each stage and in all, over the runs that count; empty without stages."""
+    counted = [run for run in runs if run.valid(protocol)]
+    each = [run.stage_seconds(protocol) for run in counted]
+    if not each or not each[0]:
+        return {}
+    means = {stage: fmean(one[stage] for one in each) for stage in each[0]}
+    return means | {"all": fmean(run.mean_seconds(protocol) for run in counted)}

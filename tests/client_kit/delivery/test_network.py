@@ -1,0 +1,104 @@
+"""Proxies and certificates, as the usual environment variables name them."""
+
+import os
+import shutil
+import ssl
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+
+import pytest
+
+from client_kit.delivery import manifest
+from client_kit.delivery.server import Server, UnreachableError
+from client_kit.home import Home
+from tests.client_kit import documents
+from tests.client_kit.scripted import Reply, ScriptedServer
+
+PROXIES = ("http_proxy", "https_proxy", "all_proxy", "no_proxy")
+
+
+@pytest.fixture(autouse=True)
+def no_proxies(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in PROXIES:
+        monkeypatch.delenv(name, raising=False)
+        monkeypatch.delenv(name.upper(), raising=False)
+
+
+def test_a_proxy_is_used_where_the_environment_names_one(
+    serve: Callable[..., ScriptedServer], home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proxy = serve(lambda _: Reply(200, documents.manifest()))
+    monkeypatch.setenv("HTTP_PROXY", proxy.url)
+
+    asked, fresh = manifest.fetch(Server("http://frontrunner.example"), home)
+
+    assert (asked.front_version, fresh) == ("1", True)
+    assert proxy.paths() == ["GET http://frontrunner.example/api/v1/manifest"]
+
+
+def test_a_proxy_is_left_out_for_hosts_that_need_none(
+    serve: Callable[..., ScriptedServer], home: Home, monkeypatch: pytest.MonkeyPatch, closed_port: int
+) -> None:
+    server = serve(lambda _: Reply(200, documents.manifest()))
+    monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{closed_port}")
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
+
+    assert manifest.fetch(Server(server.url), home)[1]
+
+
+def make_authority(folder: Path) -> tuple[Path, Path]:
+    """A self-signed certificate for localhost and its key."""
+    openssl = shutil.which("openssl")
+    if openssl is None:
+        pytest.skip("no program openssl here to make a certificate with")
+    certificate, key = folder / "root.pem", folder / "key.pem"
+    subprocess.run(
+        [
+            openssl, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost",
+            "-addext", "subjectAltName=DNS:localhost", "-keyout", str(key), "-out", str(certificate),
+        ],
+        check=True,
+        capture_output=True,
+        env=dict(os.environ),
+    )  # fmt: skip
+    return certificate, key
+
+
+@pytest.fixture
+def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
+    """The address of an https server that answers 404, and the root that its certificate comes from."""
+    certificate, key = make_authority(tmp_path)
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_error(404)
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate, key)
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    server.socket = context.wrap_socket(server.socket, server_side=True)
+    thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
+    thread.start()
+    yield f"https://localhost:{server.server_address[1]}", certificate
+    server.shutdown()
+    server.server_close()
+    thread.join()
+
+
+def test_an_authority_of_ones_own_is_trusted_where_it_is_named(
+    secure: tuple[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url, root = secure
+    with pytest.raises(UnreachableError, match=r"certificate is not trusted .*SSL_CERT_FILE may name a file"):
+        Server(url).manifest("kfusion")
+
+    monkeypatch.setenv("SSL_CERT_FILE", str(root))
+
+    with pytest.raises(Exception, match="answers 404 Not Found"):
+        Server(url).manifest("kfusion")

@@ -1,0 +1,109 @@
+"""Reference trajectories: fetched once, checked, kept for days without a network."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from client_kit.delivery import reference_trajectories
+from client_kit.delivery.downloads import CorruptDownloadError
+from client_kit.delivery.manifest import Manifest
+from client_kit.delivery.reference_trajectories import deviation
+from client_kit.delivery.server import NotFrontrunnerError, Server
+from client_kit.home import Home
+from slam.datasets.pack import Pack
+from tests.client_kit import documents, protocol_2, room
+from tests.client_kit.scripted import Reply, ScriptedServer
+
+Serve = Callable[..., ScriptedServer]
+
+
+@pytest.fixture(scope="module")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Pack:
+    return room.write(tmp_path_factory.mktemp("room"))
+
+
+def test_each_file_is_fetched_once_and_kept(pack: Pack, serve: Serve, home: Home) -> None:
+    document, files = protocol_2.manifest(pack, far=("best",))
+    asked = Manifest.parse(document)
+    scripted = serve(lambda request: Reply(200, raw=files[Path(request.path).name]))
+    assert not reference_trajectories.at_hand(asked, home)
+
+    reference_trajectories.fetch(Server(scripted.url), asked, home)
+    scripted.close()
+
+    assert sorted(Path(path).name for path in scripted.paths()) == sorted(files)  # two share one
+    assert reference_trajectories.at_hand(asked, home)
+    kept = reference_trajectories.read(asked, home)
+    assert [list(position) for position in kept["default"]] == protocol_2.positions()
+    assert [list(position) for position in kept["best"]] == protocol_2.positions(0.1)
+
+
+def test_a_file_that_was_damaged_on_disk_is_fetched_again(pack: Pack, serve: Serve, home: Home) -> None:
+    document, files = protocol_2.manifest(pack)
+    asked = Manifest.parse(document)
+    [digest] = files
+    server = Server(serve(lambda _: Reply(200, raw=files[digest])).url)
+    reference_trajectories.fetch(server, asked, home)
+    home.trajectory(digest).write_bytes(b"[]")
+
+    assert not reference_trajectories.at_hand(asked, home)
+    reference_trajectories.fetch(server, asked, home)
+
+    assert home.trajectory(digest).read_bytes() == files[digest]
+
+
+def test_other_bytes_than_promised_are_never_kept(pack: Pack, serve: Serve, home: Home) -> None:
+    document, files = protocol_2.manifest(pack)
+    server = Server(serve(lambda _: Reply(200, raw=b"[[0, 0, 0]]")).url)
+
+    with pytest.raises(CorruptDownloadError, match="other data than the manifest promises"):
+        reference_trajectories.fetch(server, Manifest.parse(document), home, pause=lambda _: None)
+
+    assert not home.trajectory(next(iter(files))).exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ([[0, 0, 0]] * 11, "11 entries"),
+        ([[0, 0]] * 12, "12 entries"),
+        ([[0, 0, math.nan]] * 12, "not finite"),
+        ([0] * 12, "not iterable"),
+        ({"positions": 1}, "could not convert"),
+    ],
+)
+def test_what_is_not_a_trajectory_is_refused_by_name(
+    content: Any, words: str, pack: Pack, home: Home
+) -> None:
+    data = json.dumps(content).encode()
+    document, _ = protocol_2.manifest(pack)
+    document["configurations"][1]["trajectory"]["sha256"] = documents.digest(data)
+    for configuration in document["configurations"]:
+        digest = configuration["trajectory"]["sha256"]
+        path = home.trajectory(digest)
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(data if digest == documents.digest(data) else json.dumps([[0, 0, 0]] * 12).encode())
+
+    with pytest.raises(NotFrontrunnerError, match=f"of best is not a list of 12 positions: .*{words}"):
+        reference_trajectories.read(Manifest.parse(document), home)
+
+
+def test_protocol_1_has_none(home: Home) -> None:
+    asked = Manifest.parse(documents.manifest())
+
+    assert reference_trajectories.at_hand(asked, home)
+    assert reference_trajectories.read(asked, home) == {}
+
+
+def test_the_deviation_is_the_largest_distance_of_a_frame_without_alignment() -> None:
+    reference = [(1.0, 1.0, 1.0)] * 3
+
+    assert deviation(reference, reference) == 0
+    assert deviation([(1.0, 1.0, 1.5), (1.0, 1.0, 1.0), (1.3, 1.4, 1.0)], reference) == pytest.approx(0.5)
+    assert deviation([(2.0, 1.0, 1.0)] * 3, reference) == 1  # the same path, elsewhere
+    assert math.isnan(deviation([(1.0, 1.0, math.nan), *reference[1:]], reference))
+    assert math.isnan(deviation([(1.0, 1.0, math.inf), *reference[1:]], reference))

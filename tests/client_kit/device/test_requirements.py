@@ -1,0 +1,35 @@
+"""What an application needs beyond the base installation is told before anything is downloaded."""
+
+import pytest
+
+from client_kit.device import requirements
+from client_kit.errors import CannotMeasureError, OutdatedError
+from slam.systems import SYSTEMS
+
+
+def test_every_system_can_be_asked_for() -> None:
+    assert set(SYSTEMS) <= set(requirements.NEEDED)
+
+
+def test_kinectfusion_needs_nothing_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(requirements, "find_spec", lambda _: None)
+
+    requirements.require("kfusion")
+
+
+@pytest.mark.parametrize(
+    ("android", "command"), [(False, "-m pip install scipy"), (True, "pkg install python-scipy")]
+)
+def test_what_is_missing_is_told_with_the_command_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, android: bool, command: str
+) -> None:
+    monkeypatch.setattr(requirements, "is_android", lambda _: android)
+    monkeypatch.setattr(requirements, "find_spec", lambda module: None if module == "scipy" else module)
+
+    with pytest.raises(CannotMeasureError, match=f"elasticfusion needs scipy.*{command}$"):
+        requirements.require("elasticfusion")
+
+
+def test_an_application_of_a_later_version_wants_an_update() -> None:
+    with pytest.raises(OutdatedError, match=r"orbslam.*update"):
+        requirements.require("orbslam")

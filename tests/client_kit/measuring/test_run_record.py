@@ -1,0 +1,73 @@
+"""What is kept of a measurement, and which ones have failed."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from client_kit.delivery.manifest import Configuration
+from client_kit.measuring.run_record import recorded
+from client_kit.measuring.session import Run
+from client_kit.measuring.worker_client import Outcome
+
+STAGES = ("preprocessing", "tracking", "integration", "raycasting")
+BEST = Configuration("best", {}, {}, band=0.003)
+REFERENCE = [[0.0, 0.0, 0.0]] * 12
+
+
+def run(
+    tracked: Sequence[bool | None],
+    worst: float = 0.01,
+    stage: float | None = 0.0024999,
+    positions: list[list[float]] = REFERENCE,
+    reference: list[list[float]] | None = None,
+) -> Run:
+    stages = dict.fromkeys(STAGES, stage)
+    frames: list[dict[str, Any]] = [{"computation": 0.01, **stages, "tracked": told} for told in tracked]
+    ate = {"max": worst, "mean": 0.005, "rmse": 0.006}
+    return recorded(BEST, 1, 2, Outcome({"frames": frames, "ate": ate}, "digest", positions), reference)
+
+
+def test_a_run_that_loses_the_camera_is_failed_and_keeps_its_times() -> None:
+    lost, held = run([None] * 4 + [True] + [False] * 7), run([None] * 4 + [True] * 4 + [False] * 4)
+
+    assert (lost.status, lost.failure) == ("failed", "tracking lost in 7 of 8 frames")
+    assert lost.frame_us == (10_000,) * 12
+    assert lost.stages_us["tracking"] == (2499,) * 12  # never more than the frame in all
+    assert (held.status, held.failure) == ("ok", None)
+
+
+def test_a_trajectory_that_is_not_finite_is_a_failure_without_times() -> None:
+    unknown = [*REFERENCE[1:], [0.0, float("nan"), 0.0]]
+
+    for failed in (
+        run([True] * 12, float("nan")),
+        run([True] * 12, positions=unknown, reference=REFERENCE),
+    ):
+        assert (failed.status, failed.failure) == ("failed", "the trajectory is not finite")
+        assert (failed.frame_us, failed.deviation) == ((), None)
+
+
+def test_stages_that_were_not_measured_are_left_out() -> None:
+    assert run([True] * 12, stage=None).stages_us == {}
+
+
+def test_a_run_is_as_far_from_its_reference_as_in_its_worst_frame() -> None:
+    positions = [[0.0, 0.001, 0.0]] * 11 + [[0.0, 0.003, 0.004]]
+
+    far = run([True] * 12, positions=positions, reference=REFERENCE)
+    near = run([True] * 12, positions=[[0.0, 0.0, 0.003]] * 12, reference=REFERENCE)
+
+    assert far.deviation == pytest.approx(0.005)
+    assert (far.deviates, near.deviates) == (True, False)
+
+
+def test_a_run_that_failed_has_no_deviation() -> None:
+    lost = run([True] + [False] * 11, reference=REFERENCE)
+
+    assert (lost.status, lost.deviation, lost.deviates) == ("failed", None, False)
+    assert recorded(BEST, 0, 0, "out of memory").deviation is None
+
+
+def test_without_a_reference_there_is_no_deviation() -> None:
+    assert run([True] * 12).deviation is None

@@ -1,0 +1,233 @@
+"""What the runs of a session come to: speedups with intervals, drift, when to go on, how long it takes."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from scipy import stats
+
+from client_kit.delivery.manifest import Manifest
+from client_kit.device.sensors import Sample
+from client_kit.measuring import repeats
+from client_kit.measuring.schedule import Schedule
+from client_kit.measuring.session import Run, Session, payload
+from tests.client_kit import documents
+
+PROTOCOL = Manifest.parse(documents.manifest()).protocol
+PATIENT = Manifest.parse(
+    documents.manifest(protocol={**documents.manifest()["protocol"], "max_repeats": 6})
+).protocol
+
+
+def run_of(
+    configuration: str, repeat: int, milliseconds: Sequence[float], ate_max: float | None = 0.01
+) -> Run:
+    times = tuple(round(1000 * time) for time in milliseconds)
+    return Run("id", configuration, repeat, 0, "ok", frame_us=times, ate_max=ate_max)
+
+
+def session_of(*runs: Run) -> Session:
+    return Session("id", "2026-01-01T00:00:00Z", "opencl", runs, ())
+
+
+def pairs(*milliseconds: tuple[float, float], name: str = "best") -> list[Run]:
+    """Runs of the default and of NAME, a repeat for each pair of mean times."""
+    runs = []
+    for repeat, (base, other) in enumerate(milliseconds):
+        runs += [run_of("default", repeat, [base] * 12), run_of(name, repeat, [other] * 12)]
+    return runs
+
+
+def value(session: Session, protocol: Any = PROTOCOL) -> float:
+    speedup = session.speedup("best", protocol)
+    assert speedup is not None
+    return speedup.value
+
+
+def test_the_speedup_is_the_geometric_mean_of_the_paired_ratios() -> None:
+    session = session_of(
+        run_of("default", 0, [900] * 4 + [40] * 8),
+        run_of("best", 0, [900] * 4 + [10] * 8),
+        run_of("best", 1, [900] * 4 + [20] * 8),
+        run_of("default", 1, [900] * 4 + [180] * 8),
+    )
+
+    assert value(session) == pytest.approx(math.sqrt((40 / 10) * (180 / 20)))
+
+
+def test_work_done_in_few_frames_counts_in_full() -> None:
+    session = session_of(run_of("default", 0, [10] * 12), run_of("best", 0, [1] * 4 + [33] + [1] * 7))
+
+    assert value(session) == pytest.approx(10 / 5)
+
+
+@pytest.mark.parametrize("ate_max", [0.05, 3.0, None])
+def test_a_run_whose_trajectory_is_off_makes_no_speedup(ate_max: float | None) -> None:
+    base = run_of("default", 0, [40] * 12)
+    bad, good = run_of("best", 0, [10] * 12, ate_max), run_of("best", 1, [20] * 12)
+
+    assert session_of(base, bad).speedup("best", PROTOCOL) is None
+    assert value(session_of(base, bad, good, run_of("default", 1, [40] * 12))) == pytest.approx(2)
+
+
+def test_the_interval_is_students_t_over_the_pairs() -> None:
+    speedup = session_of(*pairs((40, 10), (41, 10), (39, 10.5), (40, 9.9))).speedup("best", PROTOCOL)
+    logs = [math.log(base / other) for base, other in [(40, 10), (41, 10), (39, 10.5), (40, 9.9)]]
+
+    mean = sum(logs) / len(logs)
+    low, high = stats.t.interval(0.95, 3, loc=mean, scale=stats.sem(logs))
+
+    assert speedup is not None
+    assert speedup.pairs == 4
+    assert speedup.value == pytest.approx(math.exp(mean), rel=1e-4)
+    assert (speedup.low, speedup.high) == (
+        pytest.approx(math.exp(low), rel=1e-3), pytest.approx(math.exp(high), rel=1e-3),
+    )  # fmt: skip
+    assert speedup.half_width == pytest.approx(math.exp(high - mean) - 1, rel=1e-2)
+
+
+def test_one_pair_has_no_interval() -> None:
+    speedup = session_of(*pairs((40, 10))).speedup("best", PROTOCOL)
+
+    assert speedup is not None
+    assert (speedup.low, speedup.high, speedup.half_width) == (None, None, None)
+
+
+def test_drift_compares_the_later_runs_with_the_earlier_frame_by_frame() -> None:
+    # The scene's cost varies from frame to frame far more than the device slows down.
+    frames = [10.0, 100.0] * 6
+    session = session_of(run_of("best", 0, frames), run_of("best", 1, [1.2 * time for time in frames]))
+
+    assert session.drift("best", PROTOCOL) == pytest.approx(1.2, rel=1e-3)
+    assert session.drift("default", PROTOCOL) is None
+
+
+def test_a_tight_interval_ends_the_session_and_a_wide_one_goes_on_as_abba() -> None:
+    tight, wide = pairs((40, 10), (40, 10.01)), pairs((40, 10), (44, 10))
+
+    assert repeats.further(tight, PATIENT, 20, 1) == []
+    assert repeats.further(wide, PATIENT, 20, 1) == ["default", "best", "best", "default"]
+
+
+def test_a_round_that_would_not_end_in_time_is_not_begun() -> None:
+    wide = pairs((40, 10), (44, 10))
+
+    assert repeats.further(wide, PATIENT, 116.1, 1) == []
+    assert repeats.further(wide, PATIENT, 116.0, 1) != []
+
+
+def test_repeats_and_runs_have_their_limits() -> None:
+    wide = pairs(*[(40, 10), (44, 10)] * 3)
+
+    assert repeats.further(wide, PATIENT, 20, 1) == []
+    front = [run for number in range(12) for run in pairs((40, 10), (44, 10), name=f"point-{number}")]
+    assert repeats.further(front, PATIENT, 0, 1) == []
+
+
+def test_only_configurations_whose_speed_counts_and_is_uncertain_go_on() -> None:
+    runs = [
+        *pairs((40, 10), (44, 10)),
+        *(run_of("certain", repeat, [10 if repeat == 0 else 11] * 12) for repeat in (0, 1)),
+        *(run_of("lost", repeat, [1 + repeat] * 12, ate_max=2.0) for repeat in (0, 1)),
+        run_of("broken", 0, [20] * 12),
+        replace(run_of("broken", 1, []), status="failed"),
+    ]
+
+    assert repeats.further(runs, PATIENT, 20, 1) == ["default", "best", "best", "default"]
+    broken = replace(run_of("default", 2, []), status="failed")
+    assert repeats.further([*runs, broken], PATIENT, 20, 1) == []
+
+
+def test_the_time_left_counts_what_each_configuration_took() -> None:
+    now = [0.0]
+    schedule = Schedule(rest_seconds=1.0, now=lambda: now[0])
+    schedule.add(["default", "best"], 10)
+    schedule.add(["default", "best"], 100)
+
+    schedule.begin()
+    now[0] = 2.0  # 4 frames of the default's warm-up took 2 s
+    assert schedule.left(0) is None
+    # 6 frames of it, best (as slow as the slowest so far), both runs, and three rests.
+    assert schedule.left(4) == pytest.approx(6 * 0.5 + 10 * 0.5 + 100 * 0.5 + 100 * 0.5 + 3)
+    schedule.end()
+    schedule.begin()
+    now[0] = 2.5
+    assert schedule.left(10) == pytest.approx(100 * 0.5 + 100 * 0.05 + 2)
+
+
+def sent(run: Run, version: int, **session: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A session of RUN and its run, as they are sent by protocol VERSION."""
+    asked = Manifest.parse(documents.manifest())
+    asked = replace(asked, protocol=replace(asked.protocol, version=version))
+    document = payload(replace(session_of(run), **session), asked, {})["sessions"][0]
+    return document, document["runs"][0]
+
+
+MEASURED = replace(
+    run_of("best", 0, [10] * 12), stages_us={"tracking": (9,) * 12}, trajectory_sha256="0" * 64
+)
+
+
+def test_protocol_2_sends_the_deviation_and_who_measured_the_stages() -> None:
+    session, run = sent(
+        replace(MEASURED, deviation=0.0004, band=0.003), 2, stage_clock="device", empty_frame_us=212.5
+    )
+
+    assert session["protocol_version"] == 2
+    assert (session["stage_clock"], session["empty_frame_us"]) == ("device", 212.5)
+    assert run["deviation"] == 0.0004
+    assert run["stages_us"] == {"tracking": [9] * 12}
+    assert not {"trajectory_sha256", "band"} & set(run)
+
+
+def test_protocol_1_sends_what_it_always_did() -> None:
+    session, run = sent(
+        replace(MEASURED, deviation=0.0004, band=0.003), 1, stage_clock="none", empty_frame_us=212.5
+    )
+
+    assert not {"stage_clock", "empty_frame_us"} & set(session)
+    assert run["trajectory_sha256"] == "0" * 64
+    assert "stages_us" in run
+    assert not {"deviation", "band"} & set(run)
+
+
+def test_without_a_clock_no_run_has_stages() -> None:
+    session, run = sent(replace(MEASURED, stages_us={}, deviation=0.0), 2, empty_frame_us=9.0)
+
+    assert session["stage_clock"] == "none"
+    assert "stages_us" not in run
+
+
+def test_a_failed_run_has_no_deviation() -> None:
+    _, run = sent(Run("id", "best", 0, 0, "failed", failure="out of memory"), 2, stage_clock="device")
+
+    assert "deviation" not in run
+    assert run["stages_us"] == {}
+
+
+def test_a_run_that_leaves_its_band_makes_no_speedup() -> None:
+    base, other = pairs((40, 10))
+    near, far = (replace(other, deviation=deviation, band=0.003) for deviation in (0.003, 0.0031))
+
+    assert value(session_of(base, near)) == pytest.approx(4)
+    assert session_of(base, far).speedup("best", PROTOCOL) is None
+
+
+def test_a_session_of_protocol_2_ends_with_its_plan() -> None:
+    fixed = replace(PATIENT, version=2, adaptive=None)
+
+    assert repeats.further(pairs((40, 10), (44, 10)), fixed, 20, 1) == []
+
+
+def test_a_long_session_sends_as_many_samples_as_a_server_takes() -> None:
+    samples = tuple(
+        Sample(t=float(second), temperature_c=None, cpu_mhz=None, battery=None) for second in range(12_000)
+    )
+    long = Session("an id", "2026-11-20T10:17:00Z", "opencl", (), samples)
+
+    sent = payload(long, Manifest.parse(documents.manifest()), {})["sessions"][0]["samples"]
+
+    assert len(sent) == 4_000
+    assert [sample["t"] for sample in sent[:3]] == [0.0, 3.0, 6.0]

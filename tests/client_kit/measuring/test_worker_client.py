@@ -1,0 +1,341 @@
+"""What a driver, the system or the participant does to the process that measures, and what is kept then."""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from client_kit.delivery.manifest import Manifest
+from client_kit.errors import CannotMeasureError
+from client_kit.measuring import measurement, worker_client
+from client_kit.measuring.measurement import measure
+from client_kit.measuring.session import Session
+from client_kit.measuring.worker_client import Outcome, Progress
+from tests.client_kit import documents, slow_opening
+from tests.client_kit.breaking import (
+    BROKEN,
+    EMPTY_FRAME,
+    EMPTY_FRAME_SECONDS,
+    FRAMES_BEFORE_THE_END,
+    GONE,
+    ONCE,
+    UNREADABLE,
+    report,
+)
+
+CONFIGURATIONS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "best": {},
+    "aborting": {"ends": "abort"},
+    "killed": {"ends": "kill"},
+    "hanging": {"ends": "hang"},
+    "failing": {"fails": "RuntimeError: CL_OUT_OF_RESOURCES"},
+    "closing": {"ends": "close"},
+    "fatal": {"ends": "abort", "for_good": True},
+    "last": {"ends": "abort", "takes_away": True},
+    "unreadable": {"unreadable": True},
+}
+DEVICE: Any = SimpleNamespace(label="a GPU", backend="opencl")
+ABORTED = "killed by SIGABRT: LLVM ERROR: Cannot select kernel.cl"
+LAST_BEFORE_IT_HANGS = ("run 3, hanging", FRAMES_BEFORE_THE_END)
+HUNG = "no answer from the device within 1 s"
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="this platform has no signals to end by")
+
+
+@pytest.fixture(autouse=True)
+def breaking(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(worker_client, "PROGRAM", (sys.executable, "-m", "tests.client_kit.breaking"))
+    monkeypatch.setenv(BROKEN, str(tmp_path / "broken"))
+    monkeypatch.setattr(measurement, "open_sequence", lambda _: range(100))
+
+
+def session(
+    *plan: str, protocol: dict[str, Any] | None = None, point: dict[str, Any] | None = None, **wishes: Any
+) -> Session:
+    told = {
+        "configurations": [
+            {"name": name, "parameters": parameters, "predicted": documents.point(0.1, 0.01)} | (point or {})
+            for name, parameters in CONFIGURATIONS.items()
+        ],
+        "protocol": documents.manifest()["protocol"] | (protocol or {}),
+    }
+    return measure(Path("sequence"), Manifest.parse(documents.manifest(**told)), plan, DEVICE, **wishes)
+
+
+class Tireless:
+    """A worker in this process, with which every run takes a little longer than the one before."""
+
+    def __init__(self, *_: Any) -> None:
+        self._runs = 0
+
+    def __enter__(self) -> "Tireless":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def measure(self, _: Mapping[str, Any], frames: int, between_frames: Progress, __: int) -> Outcome:
+        self._runs += 1
+        for frame in range(frames):
+            between_frames(frame + 1, frames)
+        return Outcome(report(frames, 0.04 + 0.001 * self._runs**2), "0" * 64, [])
+
+
+@pytest.fixture
+def tireless(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measurement, "WorkerClient", Tireless)
+
+
+def outcomes(session: Session) -> list[tuple[str, str | None]]:
+    return [(run.configuration, run.failure) for run in session.runs]
+
+
+def test_a_driver_that_aborts_hangs_or_is_killed_fails_its_configuration_and_the_others_go_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    patience = worker_client.LONGEST_SILENCE_SECONDS
+
+    def wait_at_most(seconds: int) -> None:
+        monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", seconds)
+
+    done = session(
+        "default", "aborting", "hanging", "killed", "failing", "default",
+        on_frame=lambda run, done, *_: wait_at_most(1 if (run, done) == LAST_BEFORE_IT_HANGS else patience),
+        on_run=lambda _: wait_at_most(patience),
+    )  # fmt: skip
+
+    assert outcomes(done) == [
+        ("default", None),
+        ("aborting", ABORTED),
+        ("hanging", HUNG),
+        (
+            "killed",
+            "killed by SIGKILL (as the system does when memory runs out): nothing on its error output",
+        ),
+        ("failing", "RuntimeError: CL_OUT_OF_RESOURCES"),
+        ("default", None),
+    ]
+    assert [run.status for run in done.runs] == ["ok", *["failed"] * 4, "ok"]
+
+
+def test_what_broke_a_process_is_not_tried_again_and_the_next_one_is_warmed_up_first() -> None:
+    frames: list[tuple[str, int]] = []
+
+    done = session(
+        "default", "aborting", "aborting", "default",
+        protocol={"warmup_frames": 2},  # one less than it takes to break
+        on_frame=lambda label, done, *_: frames.append((label, done)),
+    )  # fmt: skip
+
+    assert outcomes(done) == [("default", None), *[("aborting", ABORTED)] * 2, ("default", None)]
+    labels = list(dict.fromkeys(label for label, _ in frames))
+    assert labels == [
+        "warm-up, default", "warm-up, aborting", "run 1, default", "run 2, aborting", "run 4, default",
+    ]  # fmt: skip
+    assert [done for label, done in frames if label == "warm-up, default"] == [1, 2, 1, 2]
+
+
+def test_a_device_that_is_gone_for_good_fails_what_follows_and_keeps_what_was_measured() -> None:
+    done = session("default", "fatal", "best", "default", protocol={"warmup_frames": 0})
+
+    assert outcomes(done) == [("default", None), *[(name, ABORTED) for name in ("fatal", "best", "default")]]
+
+
+def test_a_device_that_goes_away_fails_what_follows_and_keeps_what_was_measured() -> None:
+    done = session("default", "last", "best", "default", protocol={"warmup_frames": 0})
+
+    assert outcomes(done) == [("default", None), ("last", ABORTED), ("best", GONE), ("default", GONE)]
+    assert done.runs[0].status == "ok"
+
+
+def test_a_sequence_that_cannot_be_read_any_more_fails_what_follows() -> None:
+    done = session("default", "unreadable", "best", protocol={"warmup_frames": 0})
+
+    assert outcomes(done) == [("default", None), ("unreadable", UNREADABLE), ("best", UNREADABLE)]
+
+    with pytest.raises(CannotMeasureError, match=UNREADABLE):
+        session("unreadable", "best", protocol={"warmup_frames": 0})
+
+
+def test_a_machine_that_starts_no_further_process_keeps_what_was_measured(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    done = session(
+        "default", "aborting", "best",
+        protocol={"warmup_frames": 0},
+        on_run=lambda _: monkeypatch.setattr(worker_client, "PROGRAM", ("/nowhere/python",)),
+    )  # fmt: skip
+
+    assert [run.status for run in done.runs] == ["ok", "failed", "failed"]
+    assert "no process can be started to measure in" in str(done.runs[2].failure)
+
+
+def test_a_process_that_closes_its_output_and_goes_on_is_not_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def impatient(label: str, done: int, *_: Any) -> None:
+        if (label, done) == ("run 1, closing", FRAMES_BEFORE_THE_END):
+            monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", 1)
+
+    done = session("closing", protocol={"warmup_frames": 0, "max_seconds": 0}, on_frame=impatient)
+
+    assert outcomes(done) == [("closing", HUNG)]
+
+
+@pytest.mark.usefixtures("tireless")
+def test_between_runs_the_device_rests_as_the_protocol_says() -> None:
+    rests: list[float] = []
+
+    session("default", "best", protocol={"rest_seconds": 7.5}, rest=rests.append)
+
+    assert rests == [7.5]
+
+
+@pytest.mark.usefixtures("tireless")
+def test_what_is_known_not_to_fit_is_recorded_and_never_tried() -> None:
+    seen: list[str] = []
+    reason = "volume_resolution=512 needs 640 MiB"
+
+    done = session(
+        "default", "best", impossible={"best": reason}, on_frame=lambda name, *_: seen.append(name)
+    )
+
+    assert outcomes(done) == [("default", None), ("best", reason)]
+    assert not [label for label in seen if "best" in label]
+
+
+def test_ctrl_c_keeps_the_runs_that_are_finished() -> None:
+    def interrupt(label: str, done: int, *_: Any) -> None:
+        if label == "run 3, best" and done == 5:
+            raise KeyboardInterrupt
+
+    done = session("default", "best", "best", "default", on_frame=interrupt)
+
+    assert done.interrupted
+    assert outcomes(done) == [("default", None), ("best", None)]
+
+
+@pytest.mark.usefixtures("tireless")
+def test_ctrl_c_before_the_first_run_is_over_leaves_nothing() -> None:
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        session("default", on_frame=interrupt)
+
+
+@pytest.mark.usefixtures("tireless")
+def test_runs_are_repeated_while_the_interval_is_wide_and_there_is_time() -> None:
+    changes = {"max_repeats": 4, "precision": 0.0}
+    abba = ["default", "best", "best", "default"]
+
+    long = session(*abba, protocol=changes)
+    short = session(*abba, protocol={**changes, "max_seconds": 0})
+
+    assert [run.configuration for run in long.runs] == abba * 2
+    assert [run.repeat for run in long.of("default")] == [0, 1, 2, 3]
+    assert [run.configuration for run in short.runs] == abba
+
+
+def protocol_2(**members: Any) -> dict[str, Any]:
+    """What makes `session` one of protocol 2: the references are 1 mm from what BreakingWorker computes."""
+    reference = {"band": 0.002, "trajectory": {"sha256": "5a" * 32, "url": "/trajectories/"}}
+    return {"protocol": {"version": 2, **members}, "point": reference, "references": REFERENCES}
+
+
+REFERENCES = dict.fromkeys(CONFIGURATIONS, [(2.4, 2.4, 0.501)] * 12)
+
+
+def test_protocol_2_measures_an_empty_frame_and_compares_with_the_reference() -> None:
+    done = session("default", "best", "aborting", **protocol_2())
+
+    assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
+    assert done.stage_clock == "device"
+    assert [run.deviation for run in done.runs] == [pytest.approx(0.001), pytest.approx(0.001), None]
+    assert [run.band for run in done.runs] == [0.002, 0.002, None]
+
+
+def test_protocol_1_measures_neither(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(EMPTY_FRAME, "abort")
+
+    done = session("default")
+
+    assert (done.empty_frame_us, done.runs[0].deviation) == (None, None)
+
+
+def test_a_device_that_does_not_run_an_empty_frame_measures_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(EMPTY_FRAME, "abort")
+
+    with pytest.raises(CannotMeasureError, match=f"does not run an empty frame: {ABORTED}"):
+        session("default", **protocol_2())
+
+
+def test_an_empty_frame_that_breaks_its_process_is_measured_once_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(EMPTY_FRAME, "abort once")
+
+    done = session("default", **protocol_2())
+
+    assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
+    assert outcomes(done) == [("default", None)]
+
+
+def test_a_device_that_breaks_its_process_once_before_an_empty_frame_is_opened_once_more(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "broken").write_text(ONCE)
+
+    done = session("default", **protocol_2())
+
+    assert done.empty_frame_us == pytest.approx(1e6 * EMPTY_FRAME_SECONDS)
+    assert outcomes(done) == [("default", None)]
+
+
+def test_progress_counts_the_runs_where_their_number_is_fixed() -> None:
+    labels: list[str] = []
+
+    session(
+        "default", "best", "best", "default",
+        on_frame=lambda label, *_: labels.append(label), **protocol_2(),
+    )  # fmt: skip
+
+    assert list(dict.fromkeys(labels)) == [
+        "warm-up, default", "warm-up, best",
+        "default, run 1 of 4", "best, run 2 of 4", "best, run 3 of 4", "default, run 4 of 4",
+    ]  # fmt: skip
+
+
+def test_layouts_that_are_tried_for_longer_than_the_limit_of_silence_break_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """All layouts together take longer than the limit, each of them less."""
+    monkeypatch.setattr(worker_client, "PROGRAM", (sys.executable, "-m", "tests.client_kit.slow_opening"))
+    shown: list[tuple[str, int, int]] = []
+    patience = worker_client.LONGEST_SILENCE_SECONDS
+
+    def watch(label: str, done: int, total: int, _left: float | None) -> None:
+        shown.append((label, done, total))
+        tried = label == "trying kernel layouts" and done < total
+        limit = slow_opening.LIMIT_SECONDS if tried else patience
+        monkeypatch.setattr(worker_client, "LONGEST_SILENCE_SECONDS", limit)
+
+    done = session("default", protocol={"warmup_frames": 0, "max_seconds": 0}, on_frame=watch)
+
+    assert outcomes(done) == [("default", None)]
+    layouts = slow_opening.LAYOUTS
+    assert layouts * slow_opening.SECONDS_EACH > slow_opening.LIMIT_SECONDS
+    assert [line for line in shown if line[0] == "trying kernel layouts"] == [
+        ("trying kernel layouts", number + 1, layouts) for number in range(layouts)
+    ]
+
+
+def test_a_machine_that_starts_no_process_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_client, "PROGRAM", ("/nowhere/python",))
+
+    with pytest.raises(CannotMeasureError, match="no process can be started to measure in"):
+        session("default")

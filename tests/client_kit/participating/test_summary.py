@@ -1,0 +1,105 @@
+"""What a participant is shown after a session."""
+
+import dataclasses
+from typing import Any
+
+from client_kit.delivery.manifest import Manifest
+from client_kit.measuring.session import Session
+from client_kit.participating import summary
+from tests.client_kit import canned, documents
+
+ASKED = Manifest.parse(documents.manifest())
+
+
+def test_bars_show_default_above_best_for_each_stage() -> None:
+    lines = summary.stages(canned.measured(ASKED), ASKED.protocol)
+
+    title, *bars = lines[1:]
+    assert title == "Mean time a frame, by stage"
+    assert [line.split()[0] for line in bars[::2]] == [*canned.STAGES, "all"]
+    assert [line.split()[0] for line in bars[1::2]] == ["best"] * 5
+    total, fast = (line for line in bars[-2:])
+    assert total.count("#") == summary.BAR
+    assert fast.count("#") == summary.BAR // 4
+    assert total.endswith("ms")
+    assert 39 < float(total.split()[-2]) < 41
+    assert 9 < float(fast.split()[-2]) < 11
+
+
+def test_all_of_a_frame_is_its_time_where_the_device_times_only_the_stages() -> None:
+    session = canned.measured(ASKED)
+    runs = [
+        dataclasses.replace(run, frame_us=tuple(2 * time for time in run.frame_us)) for run in session.runs
+    ]
+
+    lines = summary.stages(dataclasses.replace(session, runs=tuple(runs)), ASKED.protocol)
+
+    *_, total, fast = lines
+    assert (total.count("#"), fast.count("#")) == (summary.BAR, summary.BAR // 4)
+    assert 78 < float(total.split()[-2]) < 82
+    assert 19 < float(fast.split()[-2]) < 21
+
+
+def test_without_a_speedup_there_are_no_bars() -> None:
+    session = canned.measured(ASKED, ("default", "default"))
+
+    assert summary.stages(session, ASKED.protocol) == []
+
+
+def test_a_device_that_slowed_down_is_told_so() -> None:
+    session = canned.measured(ASKED)
+    last = session.runs[-1]
+    slower = dataclasses.replace(last, frame_us=tuple(round(1.3 * time) for time in last.frame_us))
+    drifted = dataclasses.replace(session, runs=(*session.runs[:-1], slower))
+
+    assert not [line for line in summary.figures(session, ASKED.protocol) if "slowed down" in line]
+    [line] = [line for line in summary.figures(drifted, ASKED.protocol) if "slowed down" in line]
+    assert line.startswith(("default slowed down by 29 %", "default slowed down by 30 %"))
+    assert "let it cool" in line
+
+
+def test_the_speedup_is_told_with_its_interval() -> None:
+    lines = summary.figures(canned.measured(ASKED), ASKED.protocol)
+
+    [line] = [line for line in lines if line.startswith("Speedup of best over default: ")]
+    assert "2 pairs of runs, 95 % interval " in line
+
+
+def row(device: str, speedup: float, backend: str = "opencl") -> dict[str, Any]:
+    return {"device": device, "speedup": speedup, "backend": backend}
+
+
+def test_the_place_counts_each_other_device_once() -> None:
+    crowd = [row("a", 9.0), row("a", 2.0), row("own", 8.0), row("b", 5.0), row("c", 3.0)]
+    crowd.append(row("browser", 99.0, "webgpu"))
+
+    line = summary.place(crowd, 6.0, "own", "opencl")
+
+    assert line == "Place 2 of 4 devices by speedup; half of the others gain 5.00 or more."
+    assert summary.place([row("own", 8.0)], 6.0, "own", "opencl").startswith("No other device")
+
+
+def test_best_is_compared_with_the_crowd_else_the_fastest_that_counts() -> None:
+    whole = canned.measured(ASKED)
+    other = canned.measured(ASKED, ("default", "fine", "fine", "default"))
+    alone = Session("id", "", "opencl", whole.runs[:1], ())
+
+    best, fine = summary.best_speedup(whole, ASKED.protocol), summary.best_speedup(other, ASKED.protocol)
+
+    assert best is not None
+    assert best[0] == "best"
+    assert fine is not None
+    assert fine[0] == "fine"
+    assert summary.best_speedup(alone, ASKED.protocol) is None
+
+
+def test_a_run_outside_its_band_is_said_not_to_count() -> None:
+    run = canned.measured(ASKED).runs[1]
+    near, far = (dataclasses.replace(run, deviation=deviation, band=0.005) for deviation in (0.004, 0.032))
+
+    assert summary.run_lines(near, ASKED.protocol) == summary.run_lines(run, ASKED.protocol)
+    _, line = summary.run_lines(far, ASKED.protocol)
+    assert line.strip() == (
+        "This device computes something else than the reference (3.20 cm from it, 0.50 cm allowed), "
+        "so the run does not count."
+    )
