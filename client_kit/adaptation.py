@@ -10,7 +10,7 @@ from slam import benchmark
 from slam.benchmark import Report
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.device import Device, DeviceError
-from slam.trajectory import TrajectoryError
+from slam.trajectories.trajectory import TrajectoryError
 
 
 def run(

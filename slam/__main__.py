@@ -7,17 +7,16 @@ import os
 import sys
 from collections.abc import Sequence as Ordered
 
-from slam import commands
-from slam.arguments import UsageError
+from slam.cli import compare, datasets, devices, evaluate, plan, reference, run, surface
+from slam.cli.arguments import UsageError
 from slam.configuration import ConfigurationError
 from slam.datasets import SequenceError
-from slam.datasets import commands as dataset_commands
 from slam.devices.device import DeviceError, NoDeviceError
 from slam.isolated import NO_DEVICE
-from slam.report import ReportError
-from slam.report_page import MissingPlotlyError
-from slam.surface import SurfaceError
-from slam.trajectory import TrajectoryError
+from slam.reports.page import MissingPlotlyError
+from slam.reports.report import ReportError
+from slam.reports.surface import SurfaceError
+from slam.trajectories.trajectory import TrajectoryError
 
 # What a user can put right: told in one line. Anything else is a defect and shows its traceback.
 MISTAKES = (
@@ -36,8 +35,8 @@ MISTAKES = (
 def main(arguments: Ordered[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m slam", description=__doc__)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
-    commands.register(subparsers)
-    dataset_commands.register(subparsers)
+    for command in (run, compare, surface, evaluate, devices, plan, reference, datasets):
+        command.add(subparsers)
     options = parser.parse_args(arguments)
     try:
         options.execute(options)

@@ -31,7 +31,7 @@ from slam.system import (
     scene_of,
 )
 from slam.systems import create, frame_plan, needs_colour, open_session, require_backend, warm_up
-from slam.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
+from slam.trajectories.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 from slam.validity import Verdict, judge
 
 Observer = Callable[

@@ -11,7 +11,7 @@ from client_kit.delivery import downloads
 from client_kit.delivery.manifest import Chunk
 from client_kit.delivery.server import Server
 from client_kit.home import Home, write_file
-from slam.datasets.pack import MANIFEST, colour_folder
+from slam.datasets.formats.pack import MANIFEST, colour_folder
 
 
 class Download(Protocol):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from slam.protocol import VALID_BELOW
-from slam.surface import MEASURED
+from slam.reports.surface import MEASURED
 
 # Columns that say on what was measured; what is neither these, MEASURED nor an axis is the configuration.
 SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device")

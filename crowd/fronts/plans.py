@@ -15,7 +15,7 @@ from crowd.fronts import selectors, sequences
 from crowd.fronts.contents import APPLICATIONS
 from crowd.fronts.selectors import Front, Point
 from slam.configuration import ConfigurationError
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from slam.datasets.sequence import SequenceError as DamagedError
 
 KFUSION = "kfusion"  # the one system whose frames are planned

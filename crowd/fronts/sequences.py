@@ -12,7 +12,7 @@ from typing import Any
 
 from django.conf import settings
 
-from slam.datasets.pack import MANIFEST, Pack, colour_folder
+from slam.datasets.formats.pack import MANIFEST, Pack, colour_folder
 from slam.datasets.sequence import SequenceError as DamagedError
 
 DIGEST = re.compile(r"[0-9a-f]{64}")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.datasets import icl_nuim, pack, slam_sensors, slambench_raw, slambench_slam, tum
+from slam.datasets.formats import icl_nuim, pack, slam_sensors, slambench_raw, slambench_slam, tum
 from slam.datasets.sequence import Progress, Sequence, SequenceError
 
 FORMATS = ("pack", "tum", "icl", "icl-original", "raw", "slam", "slam3")

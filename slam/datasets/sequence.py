@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from slam.camera import Camera
-from slam.trajectory import Trajectory, associate, check_poses
+from slam.trajectories.trajectory import Trajectory, associate, check_poses
 
 FRAME_RATE = 30.0  # frames a second, where a format has no stamps: the rate of the Kinect and of ICL-NUIM
 SMALLEST_JUDGED = 32  # pixels

@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 
 from slam.configuration import ConfigurationError
 from slam.devices.opencl import Session
-from slam.elasticfusion import cloud
 from slam.elasticfusion import configuration as constants
 from slam.elasticfusion.configuration import Configuration
-from slam.elasticfusion.deforming import Deforming
-from slam.elasticfusion.fill_in import FillIn
-from slam.elasticfusion.fusion import Fusion
-from slam.elasticfusion.health import Health
-from slam.elasticfusion.index_map import IndexMap
-from slam.elasticfusion.loops import Loops
-from slam.elasticfusion.prediction import Prediction
+from slam.elasticfusion.loops.deforming import Deforming
+from slam.elasticfusion.loops.registration import Loops
+from slam.elasticfusion.loops.thumbnail import read
+from slam.elasticfusion.mapping import cloud
+from slam.elasticfusion.mapping.fill_in import FillIn
+from slam.elasticfusion.mapping.fusion import Fusion
+from slam.elasticfusion.mapping.index_map import IndexMap
+from slam.elasticfusion.mapping.prediction import Prediction
+from slam.elasticfusion.mapping.surfels import Surfels
+from slam.elasticfusion.mapping.visible import Visible
 from slam.elasticfusion.preprocessing import Live
-from slam.elasticfusion.surfels import Surfels
-from slam.elasticfusion.thumbnail import read
-from slam.elasticfusion.tracking import Tracking
-from slam.elasticfusion.visible import Visible
+from slam.elasticfusion.tracking.health import Health
+from slam.elasticfusion.tracking.tracking import Tracking
 from slam.system import STAGES, Frame, LoopCounts, Scene, View
 
 Pose = NDArray[np.float64]

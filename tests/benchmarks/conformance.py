@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from slam.bands import deviation
 from slam.benchmark import run
 from slam.datasets import open_sequence
 from slam.devices.choice import list_devices
 from slam.devices.device import BACKENDS, Device, DeviceError
+from slam.references.bands import deviation
 from slam.systems import open_session
 
 FRONT = Path(__file__).parents[2] / "fixtures" / "fronts" / "kfusion-4.json"

@@ -24,7 +24,7 @@ import numpy as np
 import pandas as pd
 
 from pareto.devices.device_map import DEFAULT, SEPARATOR, DeviceMap, log_ratios, stage_quantity
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from slam.devices.layout import Layout
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.plan import plan

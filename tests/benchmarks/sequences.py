@@ -20,9 +20,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from slam.datasets import Sequence, open_sequence, pack
-from slam.datasets.prepared import default_folder, make_all
-from slam.datasets.scenes import with_role
+from slam.datasets import Sequence, open_sequence
+from slam.datasets.formats import pack
+from slam.datasets.synthetic.prepared import default_folder, make_all
+from slam.datasets.synthetic.scenes import with_role
 
 ROOT = Path(__file__).resolve().parents[2]
 FRONTS = ROOT / "fixtures" / "fronts"

@@ -26,7 +26,7 @@ import numpy as np
 
 from slam.datasets import Sequence, open_sequence
 from slam.kfusion.configuration import ANDROID_APP, DEFAULT, STANDARD, Configuration
-from slam.trajectory import absolute_trajectory_error
+from slam.trajectories.trajectory import absolute_trajectory_error
 from tests.benchmarks import conformance, elasticfusion, sequences
 
 ROOT = Path(__file__).parent.parent.parent

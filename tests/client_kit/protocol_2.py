@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from tests.client_kit import documents, room
 from tests.slam.kfusion.test_pipeline import SCENE, handheld
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from crowd.fronts import services
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 
 VERSION = "test"
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from slam.datasets import pack
+from slam.datasets.formats import pack
 from tests.client_kit import documents
 from tests.slam.kfusion.test_pipeline import CAMERA, SCENE, depth_from, handheld
 from tests.slam.sequences import ArraySequence

@@ -9,7 +9,7 @@ import pytest
 
 from client_kit import cli_options
 from client_kit.home import Home
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from tests.client_kit import documents, room
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import ScriptedServer

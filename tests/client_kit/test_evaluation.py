@@ -17,7 +17,7 @@ from client_kit.delivery.server import Server
 from client_kit.errors import CannotMeasureError, HomeError, UsageError
 from client_kit.evaluation import serve
 from client_kit.home import Home
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
 from tests.client_kit import room
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem

@@ -15,7 +15,7 @@ from client_kit.delivery.manifest import Assigned, Manifest
 from client_kit.device import preflight
 from client_kit.device.description import FIELDS
 from client_kit.measuring import session as record
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned, room
 from tests.client_kit.published import VERSION, publish
 

@@ -13,7 +13,7 @@ from crowd.dashboard.templatetags.units import pack_size
 from crowd.fronts import contents, selectors, services
 from crowd.fronts.contents import InvalidFrontError
 from crowd.fronts.sequences import SequenceError
-from slam.datasets.pack import Pack, colour_folder
+from slam.datasets.formats.pack import Pack, colour_folder
 from slam.systems import SYSTEMS
 from tests.crowd.documents import front_document, write_pack
 from tests.crowd.participant import API

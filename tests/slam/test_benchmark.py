@@ -9,7 +9,8 @@ import pytest
 import slam
 from slam.benchmark import run
 from slam.configuration import ConfigurationError
-from slam.datasets import SequenceError, open_sequence, tum
+from slam.datasets import SequenceError, open_sequence
+from slam.datasets.formats import tum
 from slam.devices.device import NoDeviceError
 from slam.devices.opencl import BoundKernel
 from slam.kfusion.configuration import STANDARD

@@ -4,7 +4,7 @@ import pytest
 from slam.benchmark import run
 from slam.datasets import open_sequence
 from slam.isolated import MeasurementError, read_report
-from slam.report import summary
+from slam.reports.report import summary
 from slam.validity import Verdict, judge
 from tests.slam.sequences import ArraySequence
 from tests.slam.shipped import LIVING_ROOM

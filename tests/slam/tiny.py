@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from slam.datasets import open_sequence, pack
+from slam.datasets import open_sequence
+from slam.datasets.formats import pack
 from tests.slam.sequences import ArraySequence
 from tests.slam.shipped import LIVING_ROOM
 

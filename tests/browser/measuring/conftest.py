@@ -13,7 +13,7 @@ import pytest
 from crowd.fronts import manifests, plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.services import publish_content
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import STANDARD
 from tests.slam.tiny import write_tiny_pack

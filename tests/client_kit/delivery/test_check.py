@@ -11,7 +11,7 @@ from client_kit import __main__ as command_line
 from client_kit.delivery.manifest import Manifest
 from crowd.devices.models import Installation
 from crowd.results.models import MeasurementSession
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned, documents, room
 from tests.client_kit.published import VERSION, publish
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem

@@ -14,7 +14,7 @@ from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.reference_trajectories import deviation
 from client_kit.delivery.server import NotFrontrunnerError, Server
 from client_kit.home import Home
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from tests.client_kit import documents, protocol_2, room
 from tests.client_kit.scripted import Reply, ScriptedServer
 

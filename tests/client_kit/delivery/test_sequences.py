@@ -11,7 +11,7 @@ from client_kit.delivery.downloads import CorruptDownloadError
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.server import Server, UnreachableError
 from client_kit.home import Home
-from slam.datasets.pack import Pack, colour_folder
+from slam.datasets.formats.pack import Pack, colour_folder
 from tests.client_kit import documents
 from tests.client_kit.scripted import Reply, Request, ScriptedServer
 from tests.slam.tiny import write_tiny_pack

@@ -11,7 +11,7 @@ from client_kit.device.sensors import Sample
 from client_kit.errors import CannotMeasureError
 from client_kit.measuring.measurement import measure
 from client_kit.measuring.session import Run, payload
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from slam.devices.choice import choose_device, list_devices
 from slam.devices.device import BACKENDS
 from tests.client_kit import documents, protocol_2, room

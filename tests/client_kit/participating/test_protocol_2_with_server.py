@@ -10,7 +10,7 @@ from django.test import Client
 from client_kit.delivery.spool import Spool
 from client_kit.home import Home
 from crowd.results.models import MeasurementSession
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from slam.devices.choice import list_devices
 from slam.devices.device import BACKENDS
 from tests.client_kit import protocol_2, room

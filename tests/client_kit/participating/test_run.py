@@ -13,7 +13,7 @@ import pytest
 
 from client_kit.delivery.spool import Spool
 from client_kit.home import Home
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from slam.devices.choice import list_devices
 from tests.client_kit import documents, protocol_2, room
 from tests.client_kit.counting import Counting

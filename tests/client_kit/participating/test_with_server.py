@@ -25,7 +25,7 @@ from client_kit.home import Home
 from client_kit.measuring import measurement
 from client_kit.measuring import session as record
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run
-from slam.datasets.pack import Pack
+from slam.datasets.formats.pack import Pack
 from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
 from tests.client_kit.published import VERSION, publish

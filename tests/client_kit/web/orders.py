@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from slam.datasets import open_sequence
-from slam.datasets.pack import read_manifest
+from slam.datasets.formats.pack import read_manifest
 from slam.devices.webgpu import LAYOUT
 from slam.kfusion.configuration import Configuration
 from slam.kfusion.pipeline import FOLDERS

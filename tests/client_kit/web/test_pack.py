@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slam.datasets import codec, open_sequence
+from slam.datasets import open_sequence
+from slam.datasets.formats import codec
 from tests.client_kit.web.orders import chunk_addresses
 from tests.slam.shipped import LIVING_ROOM
 

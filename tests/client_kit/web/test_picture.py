@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from slam.render import shade
+from slam.reports.render import shade
 from slam.system import View
 
 SHADE = """async ({ vertices, normals, eye }) => {

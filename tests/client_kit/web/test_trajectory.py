@@ -12,9 +12,9 @@ import pytest
 
 from client_kit.delivery.reference_trajectories import deviation
 from slam.datasets import open_sequence
-from slam.dense.reference import exponential
-from slam.trajectory import Trajectory, absolute_trajectory_error, associate
+from slam.trajectories.trajectory import Trajectory, absolute_trajectory_error, associate
 from tests.client_kit.web.serving import evaluated
+from tests.slam.reference.dense import exponential
 from tests.slam.shipped import LIVING_ROOM
 
 FRONT = Path(__file__).resolve().parents[3] / "fixtures" / "fronts" / "kfusion-4.json"

@@ -14,7 +14,7 @@ from crowd.explorations.models import Exploration
 from crowd.fronts import sequences
 from pareto import Space
 from slam.datasets import open_sequence
-from slam.datasets.pack import colour_folder
+from slam.datasets.formats.pack import colour_folder
 from tests.slam.tiny import write_tiny_pack
 
 SPACE = Space.load(Path(pareto.__file__).parent / "spaces" / "elasticfusion.json").to_dict()

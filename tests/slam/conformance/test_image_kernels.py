@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slam.dense import reference
 from tests.slam.conformance.values import camera_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
+from tests.slam.reference import dense
 
 
 @pytest.mark.parametrize(("ratio", "nearest", "farthest"), [(1, 0, 65535), (2, 1000, 7000), (5, 0, 65535)])
@@ -15,7 +15,7 @@ from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
 def test_millimetres_to_metres(launch, session, ratio, nearest, farthest, width):
     depth = np.random.default_rng(1).integers(0, 65536, (30, width), dtype=np.uint16)
     depth[::3] //= 8
-    expected = reference.millimetres_to_metres(depth, ratio, nearest, farthest)
+    expected = dense.millimetres_to_metres(depth, ratio, nearest, farthest)
     metres = np.zeros(expected.shape, np.float32)
     height, width = metres.shape
     launch(
@@ -35,7 +35,7 @@ def test_bilateral_filter(launch, session, shape):
         "bilateral_filter", session.layout.over(width, height), depth=depth, filtered=filtered, width=width,
         height=height, spatial_factor=0.5 / 4.0**2, range_factor=0.5 / 0.1**2,
     )  # fmt: skip
-    expected = reference.bilateral_filter(depth.astype(float), 2, 4.0, 0.1)
+    expected = dense.bilateral_filter(depth.astype(float), 2, 4.0, 0.1)
     np.testing.assert_allclose(filtered, expected, rtol=3e-5)
 
 
@@ -46,7 +46,7 @@ def test_half_sample_of_an_odd_size(launch, session):
         "half_sample", session.layout.over(20, 15), fine=fine, fine_width=41, coarse=coarse, width=20,
         height=15, range=0.3,
     )  # fmt: skip
-    np.testing.assert_allclose(coarse, reference.half_sample(fine.astype(float), 0.3), rtol=1e-6)
+    np.testing.assert_allclose(coarse, dense.half_sample(fine.astype(float), 0.3), rtol=1e-6)
 
 
 @pytest.mark.parametrize("camera", [CAMERA, MIRRORED], ids=["plain", "mirrored"])
@@ -57,8 +57,8 @@ def test_normal_map(launch, session, camera):
         "normal_map", session.layout.over(camera.width, camera.height), depth=depth, normals=normals,
         width=camera.width, height=camera.height, camera=camera_of(camera),
     )  # fmt: skip
-    expected = reference.normal_map(depth.astype(float), camera)
+    expected = dense.normal_map(depth.astype(float), camera)
     np.testing.assert_allclose(np.moveaxis(normals, 0, -1), expected, atol=2e-4)
-    facing = np.sum(expected * reference.vertex_map(depth.astype(float), camera), axis=-1)
+    facing = np.sum(expected * dense.vertex_map(depth.astype(float), camera), axis=-1)
     assert (facing <= 0).all()
     assert (facing < 0).sum() > 500

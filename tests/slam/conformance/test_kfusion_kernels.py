@@ -9,12 +9,12 @@ import pytest
 
 from slam.camera import Camera
 from slam.dense.images import halved
-from slam.dense.reference import exponential, half_sample, normal_map, vertex_map
 from slam.devices.layout import SOLVERS, SUM_GROUP, SUMS, Layout
 from slam.kfusion.plan import BLOCK, NEAR_SURFACE, SCALE, blocks_of
 from tests.slam.conformance.values import camera_of, state_of
 from tests.slam.dense.scenes import CAMERA, MIRRORED, room_depth
 from tests.slam.reference import kfusion as reference
+from tests.slam.reference.dense import exponential, half_sample, normal_map, vertex_map
 
 SIZE, RESOLUTION, MU = 2.4, 36, 0.25
 VOXEL = SIZE / RESOLUTION

@@ -7,9 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slam.__main__ import main
-from slam.datasets import SequenceError, open_sequence, slambench_raw, tum
+from slam.datasets import SequenceError, open_sequence
 from slam.datasets.conversion import FORMATS, check_target, form_of, write
-from slam.trajectory import Trajectory
+from slam.datasets.formats import slambench_raw, tum
+from slam.trajectories.trajectory import Trajectory
 from tests.slam.sequences import ArraySequence, random_poses
 
 pytest.importorskip("cv2", reason="image folders need OpenCV")

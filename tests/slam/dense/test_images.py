@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slam.dense import reference
 from slam.dense.images import SOURCE
+from tests.slam.reference import dense
 
 
 @pytest.mark.parametrize("shape", [(30, 40), (7, 5), (3, 3), (2, 1)])
@@ -21,5 +21,5 @@ def test_wide_bilateral_filter(launch, shape):
         SOURCE, "wide_bilateral_filter", ("image", *size), depth, filtered, *size, 3,
         0.5 / 4.0**2, 0.5 / 0.1**2,
     )  # fmt: skip
-    expected = reference.bilateral_filter(depth.astype(float), 3, 4.0, 0.1)
+    expected = dense.bilateral_filter(depth.astype(float), 3, 4.0, 0.1)
     np.testing.assert_allclose(filtered, expected, rtol=3e-5)

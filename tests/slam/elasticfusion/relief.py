@@ -9,11 +9,11 @@ import numpy as np
 
 from slam.camera import Camera
 from slam.dense.images import cameras_of
-from slam.dense.reference import exponential, half_sample, normal_map, vertex_map
 from slam.devices.opencl import Session
-from slam.elasticfusion import reference_odometry as reference
 from slam.elasticfusion.images import RgbdImage
 from tests.slam.dense.scenes import planes
+from tests.slam.reference import odometry as reference
+from tests.slam.reference.dense import exponential, half_sample, normal_map, vertex_map
 
 CAMERA = Camera(80.0, 81.0, 39.3, 30.4, 80, 60)
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from slam.__main__ import main
-from slam.datasets.images import read_colour
-from slam.render import BACKGROUND
-from slam.trajectory import Trajectory
+from slam.datasets.formats.images import read_colour
+from slam.reports.render import BACKGROUND
+from slam.trajectories.trajectory import Trajectory
 from tests.slam.tiny import write_tiny_pack
 
 SMALL = ["--system", "elasticfusion", "--set", "surfel_capacity=200000"]

@@ -9,15 +9,15 @@ import pytest
 
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
-from slam.dense.reference import exponential
 from slam.devices.choice import choose_device
 from slam.devices.opencl import Session
 from slam.elasticfusion.configuration import Configuration
-from slam.elasticfusion.loops import Loops
+from slam.elasticfusion.loops.registration import Loops
+from slam.elasticfusion.mapping.surfels import MapFullError
 from slam.elasticfusion.pipeline import ElasticFusion, velocity_weight
-from slam.elasticfusion.surfels import MapFullError
 from slam.system import STAGES, Exporting, LoopCounts, Revising, Scene
 from tests.slam.elasticfusion.room import CAMERA, Recording, record, sideways, there_and_back, turned
+from tests.slam.reference.dense import exponential
 
 # Small maps: what is not reserved need not be cleared.
 SMALL = {"surfel_capacity": 200_000}

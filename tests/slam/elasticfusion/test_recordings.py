@@ -7,7 +7,7 @@ import numpy as np
 from slam.benchmark import run
 from slam.datasets import Sequence, open_sequence
 from slam.system import LoopCounts
-from slam.trajectory import Trajectory, absolute_trajectory_error
+from slam.trajectories.trajectory import Trajectory, absolute_trajectory_error
 from tests.slam.real import DATA, needs_real_data
 
 pytestmark = needs_real_data

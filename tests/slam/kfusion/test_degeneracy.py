@@ -6,7 +6,7 @@ import pytest
 from slam.benchmark import run
 from slam.camera import Camera
 from slam.kfusion.degeneracy import WEAK_DIRECTION, is_degenerate, weakest_direction
-from slam.report import summary
+from slam.reports.report import summary
 from tests.slam.sequences import ArraySequence
 
 CAMERA = Camera(120.0, 120.0, 79.5, 59.5, 160, 120)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
-from slam.dense.reference import exponential, nearest_pixel, point_to_plane, solve_symmetric, vertex_map
+from tests.slam.reference.dense import exponential, nearest_pixel, point_to_plane, solve_symmetric, vertex_map
 
 Array = NDArray[np.float64]
 

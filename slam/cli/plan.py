@@ -1,0 +1,32 @@
+"""`plan`: what happens in a frame, as data."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from slam.cli.arguments import setting, writable
+from slam.cli.scenes import Commands, add_scene_options, merged, open_scene
+from slam.devices.layout import KINDS, Layout
+from slam.system import scene_of
+from slam.systems import complete, frame_plan
+
+
+def add(subparsers: Commands) -> None:
+    parser = subparsers.add_parser("plan", help="write what happens in a frame, as data (JSON)")
+    add_scene_options(parser)
+    parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
+    parser.add_argument("--layout", choices=KINDS, default="pixels", help="of the kernels; default: pixels")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE")
+    parser.set_defaults(execute=_plan)
+
+
+def _plan(options: argparse.Namespace) -> None:
+    writable(options.out)
+    configuration = complete(options.system, merged(options.set))
+    sequence = open_scene(options)
+    scene = scene_of(sequence, options.volume_size, options.initial_position)
+    found = frame_plan(options.system, configuration, scene, Layout(options.layout))
+    options.out.write_text(found.to_json(), encoding="utf-8")
+    sys.stdout.write(f"{len(found.dispatches)} dispatches on {len(found.buffers)} buffers in {options.out}\n")

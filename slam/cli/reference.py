@@ -1,0 +1,77 @@
+"""`reference`: what a front of protocol 2 adds to its configurations."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from slam.cli.arguments import UsageError, progress_line, writable
+from slam.cli.scenes import Commands
+from slam.datasets import open_sequence
+from slam.protocol import fixed_pairs
+from slam.references import bands, times
+
+
+def add(subparsers: Commands) -> None:
+    parser = subparsers.add_parser(
+        "reference",
+        help="make a front one of protocol 2: a trajectory and a band for each configuration and probe, from "
+        "all devices here",
+    )
+    parser.add_argument("--front", type=Path, required=True, metavar="FILE", help="JSON with configurations")
+    parser.add_argument("--sequence", type=Path, required=True, metavar="PATH")
+    parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: the front's protocol)")
+    parser.add_argument(
+        "--rounds",
+        type=int,
+        default=times.ROUNDS,
+        metavar="N",
+        help="in which each is timed beside the default; 0: none (default: %(default)s)",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE")
+    parser.set_defaults(execute=_reference)
+
+
+def _reference(options: argparse.Namespace) -> None:
+    writable(options.out)
+    front = bands.read_front(options.front)
+    sequence = open_sequence(options.sequence)
+    frames = options.frames or front.get("protocol", {}).get("frames") or len(sequence)
+    if not 1 <= frames <= len(sequence):
+        raise UsageError(f"--frames {frames}: give 1 to {len(sequence)}, all that {sequence.name!r} has")
+    probes = front.pop("probes", [])
+    kept: list[dict[str, Any]] = []
+    every = [(point, False) for point in front["configurations"]] + [(probe, True) for probe in probes]
+    for configuration, is_probe in every:
+        name = configuration["name"]
+        found = bands.reference(configuration["parameters"], sequence, frames, progress_line(f"{name}: "))
+        configuration |= {"band": found.band, "trajectory": found.trajectory.tolist()}
+        unsteady = is_probe and found.band > bands.WIDEST_BAND_OF_A_PROBE
+        if is_probe and not unsteady:
+            kept.append(configuration)
+        largest, band = 1e3 * max(found.deviations.values()), 1e3 * found.band
+        note = ": left out, devices here do not agree" if unsteady else ""
+        sys.stdout.write(f"{name}: largest deviation {largest:.2f} mm, band {band:.2f} mm{note}\n")
+    if kept:
+        front["probes"] = kept
+    if "protocol" in front:
+        front["protocol"] = fixed_pairs(front["protocol"])
+    if options.rounds > 0:
+        device = _add_times([*front["configurations"], *kept], options.sequence, frames, options.rounds)
+        said = f"{options.rounds} rounds beside the default on {device}"
+        front["provenance"] = front.get("provenance", {}) | {"on_sequence": said}
+    options.out.write_text(bands.front_text(front), encoding="utf-8")
+
+
+def _add_times(points: list[dict[str, Any]], sequence: Path, frames: int, rounds: int) -> str:
+    """Give each of POINTS its times on SEQUENCE, beside those of the default; the device that measured."""
+    parameters = {point["name"]: point["parameters"] for point in points}
+    if times.DEFAULT not in parameters:
+        raise UsageError("--front: no configuration is called default to time others beside: give --rounds 0")
+    progress = progress_line("times: ", "run")
+    measured, device = times.on_sequence(parameters, sequence, frames, rounds, progress)
+    for point in points:
+        point.setdefault("predicted", {})["on_sequence"] = measured[point["name"]]
+    return device

@@ -1,0 +1,140 @@
+"""`run`: measure one configuration over one or more sequences."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slam.cli.arguments import UsageError, number, setting, writable
+from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene
+from slam.datasets import Sequence
+from slam.datasets.altered import Perturbed
+from slam.devices.choice import choose_device
+from slam.reports import mesh, report, slambench_log
+from slam.reports.render import Renderer
+from slam.system import Exporting, System
+from slam.systems import complete, open_session
+
+
+def add(subparsers: Commands) -> None:
+    parser = subparsers.add_parser("run", help="measure one configuration over one or more sequences")
+    add_run_options(parser, several=True)
+    parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
+    parser.add_argument("--json", metavar="FILE", help="write the report, - for standard output")
+    parser.add_argument("--tsv", type=Path, metavar="FILE", help="write SLAMBench's log, one line a frame")
+    parser.add_argument("--trajectory", type=Path, metavar="FILE", help="write the poses in TUM format")
+    parser.add_argument("--mesh", type=Path, metavar="FILE.ply", help="write the reconstructed surface")
+    parser.add_argument("--render", type=Path, metavar="FOLDER", help="write pictures of the model (PNG)")
+    parser.add_argument(
+        "--render-every", type=int, default=10, metavar="N", help="of every N-th frame (default 10)"
+    )
+    parser.add_argument(
+        "--perturb",
+        type=int,
+        metavar="SEED",
+        help="change each measured depth by -1, 0 or +1 units: an error that depends on it stands on an edge",
+    )
+    parser.add_argument(
+        "--stop-above", type=number, metavar="M", help="run no further sequence after a largest error above M"
+    )
+    parser.add_argument(
+        "--stop-after", type=int, default=1, metavar="N", help="... after N such sequences (default 1)"
+    )
+    parser.set_defaults(execute=_run)
+
+
+class _Observers:
+    """Draws pictures where asked for, and keeps the system so that its surface can be extracted."""
+
+    def __init__(self, renderer: Renderer | None) -> None:
+        self.renderer = renderer
+        self.system: System | None = None
+
+    def __call__(self, index: int, system: System) -> None:
+        self.system = system
+        if self.renderer:
+            self.renderer(index, system)
+
+
+def _run(options: argparse.Namespace) -> None:
+    json_path = Path(options.json) if options.json and options.json != "-" else None
+    for path in (json_path, options.tsv, options.trajectory, options.mesh):
+        writable(path)
+    if options.render_every < 1:
+        raise UsageError(f"--render-every {options.render_every}: give 1 or more")
+    if options.stop_after < 1:
+        raise UsageError(f"--stop-after {options.stop_after}: give 1 or more")
+    configuration = complete(options.system, merged(options.set))
+    several = len(options.sequence) > 1
+    found, lines = _run_several(options, configuration) if several else _run_one(options, configuration)
+    text = json.dumps(found, indent=1, allow_nan=False) + "\n"
+    if json_path:
+        json_path.write_text(text, encoding="utf-8")
+    if options.json == "-":
+        sys.stdout.write(text)
+    else:
+        sys.stdout.write("\n".join(lines) + "\n")
+
+
+def _run_one(
+    options: argparse.Namespace, configuration: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[str]]:
+    """The report of the one sequence, and the lines to print."""
+    sequence = _sequences(options)[0]
+    renderer = Renderer(options.render, options.render_every) if options.render else None
+    observers = _Observers(renderer) if renderer or options.mesh else None
+    result = measure(options, configuration, sequence, observe=observers)
+    if options.trajectory:
+        result.trajectory().write(options.trajectory)
+    if options.tsv:
+        options.tsv.write_text(slambench_log.log(result), encoding="utf-8")
+    lines = [report.summary(result.to_dict()).rstrip("\n")]
+    if renderer:
+        lines.append(f"{renderer.written} pictures in {options.render}")
+    if options.mesh and observers:
+        lines.append(_write_mesh(observers.system, options.mesh))
+    return result.to_dict(), lines
+
+
+def _run_several(
+    options: argparse.Namespace, configuration: Mapping[str, Any]
+) -> tuple[dict[str, Any], list[str]]:
+    """The reports of all sequences up to where `--stop-above` ends, and a line about each."""
+    for name in ("trajectory", "tsv", "mesh", "render"):
+        if getattr(options, name):
+            raise UsageError(f"--{name} belongs to one sequence: {len(options.sequence)} are given")
+    sequences = _sequences(options)
+    session = open_session(options.system, choose_device(options.device, options.backend))
+    reports: list[dict[str, Any]] = []
+    above = 0
+    for sequence in sequences:
+        result = measure(options, configuration, sequence, session, f"{sequence.name}: ")
+        reports.append(result.to_dict())
+        limit = options.stop_above
+        above += limit is not None and result.ate is not None and not result.ate.max <= limit
+        if above >= options.stop_after:
+            break
+    lines = [report.line(found) for found in reports]
+    if len(reports) < len(sequences):
+        lines.append(f"{len(sequences) - len(reports)} not run: the largest error is above {limit:g} m")
+    return {"runs": reports}, lines
+
+
+def _sequences(options: argparse.Namespace) -> list[Sequence]:
+    """All sequences of `run`, opened, and perturbed where that is wanted."""
+    opened = [open_scene(options, path) for path in options.sequence]
+    return opened if options.perturb is None else [Perturbed(found, options.perturb) for found in opened]
+
+
+def _write_mesh(system: System | None, path: Path) -> str:
+    if isinstance(system, Exporting):
+        return system.export(path)
+    if not isinstance(system, mesh.Volumetric):
+        raise UsageError("--mesh: this system holds neither surfels nor a volume of distances")
+    surface_mesh = mesh.extract(system.volume)
+    surface_mesh.write(path)
+    return f"{len(surface_mesh.vertices)} vertices and {len(surface_mesh.triangles)} triangles in {path}"

@@ -1,0 +1,87 @@
+"""What commands that run a system have in common: its sequence, its device, its progress."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from slam.benchmark import Observer, Report, run
+from slam.cli.arguments import UsageError, four_numbers, number, progress_line, three_numbers
+from slam.datasets import Sequence, open_sequence
+from slam.devices.choice import AnySession
+from slam.devices.device import BACKENDS
+from slam.systems import SYSTEMS, require_backend
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+
+def add_run_options(
+    parser: argparse.ArgumentParser, needs_sequence: bool = True, several: bool = False
+) -> None:
+    add_scene_options(parser, needs_sequence, several)
+    parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
+    parser.add_argument("--backend", choices=BACKENDS, default="opencl", help="default: opencl")
+    parser.add_argument("--device", metavar="TEXT", help="a part of the device's description")
+
+
+def add_scene_options(
+    parser: argparse.ArgumentParser, needs_sequence: bool = True, several: bool = False
+) -> None:
+    parser.add_argument("--system", choices=sorted(SYSTEMS), default="kfusion")
+    parser.add_argument(
+        "--sequence",
+        type=Path,
+        required=needs_sequence,
+        metavar="PATH",
+        **({"action": "append", "help": "repeat it to run over several in turn"} if several else {}),
+    )
+    parser.add_argument(
+        "--camera",
+        type=four_numbers,
+        metavar="fx,fy,cx,cy",
+        help="for a .raw file, or instead of what the folder or .slam file says",
+    )
+    parser.add_argument("--truth", type=Path, metavar="FILE", help="a TUM trajectory")
+    parser.add_argument(
+        "--volume-size", type=number, metavar="M",
+        help="of kfusion's volume (elasticfusion has none); default: the sequence's, or 5 m",
+    )  # fmt: skip
+    parser.add_argument(
+        "--initial-position", type=three_numbers, metavar="x,y,z",
+        help="of the camera in it, as fractions of its side; likewise of kfusion alone",
+    )  # fmt: skip
+
+
+def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequence:
+    require_backend(options.system, getattr(options, "backend", BACKENDS[0]))
+    if options.volume_size is not None and options.volume_size <= 0:
+        raise UsageError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
+    return open_sequence(path or options.sequence, options.camera, options.truth)
+
+
+def measure(
+    options: argparse.Namespace,
+    configuration: Mapping[str, Any],
+    sequence: Sequence,
+    session: AnySession | None = None,
+    label: str = "",
+    observe: Observer | None = None,
+) -> Report:
+    return run(
+        configuration,
+        sequence,
+        system=options.system,
+        frames=options.frames,
+        device=session or options.device,
+        backend=options.backend,
+        volume_size=options.volume_size,
+        initial_position=options.initial_position,
+        progress=progress_line(label),
+        observe=observe,
+    )
+
+
+def merged(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    return {name: value for part in parts for name, value in part.items()}

@@ -1,0 +1,83 @@
+"""`surface`: time and error over a grid of two parameters."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from slam.benchmark import Report
+from slam.cli.arguments import UsageError, setting, values
+from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene
+from slam.devices.choice import choose_device
+from slam.reports import page, surface
+from slam.systems import complete, definition, open_session
+
+
+def add(subparsers: Commands) -> None:
+    parser = subparsers.add_parser(
+        "surface", help="time and error over a grid of two parameters' values; goes on where it stopped"
+    )
+    for axis in ("x", "y"):
+        parser.add_argument(f"--{axis}", required=True, metavar="NAME", help="a parameter of the system")
+        parser.add_argument(
+            f"--{axis}-values", type=values, metavar="A,B,...", help="default: those of the design space"
+        )
+    parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="for surface.csv and surface.html"
+    )
+    add_run_options(parser)
+    parser.set_defaults(execute=_surface)
+
+
+def _surface(options: argparse.Namespace) -> None:
+    known = definition(options.system).values
+    for name in (options.x, options.y):
+        if name not in known:
+            raise UsageError(f"{name!r}: {options.system} has the parameters {', '.join(sorted(known))}")
+    grid = surface.Grid(
+        options.x,
+        options.y,
+        options.x_values or known[options.x],
+        options.y_values or known[options.y],
+    )
+    page.plotly()
+    fixed = merged(options.set)
+    sequence = open_scene(options)
+    if sequence.truth is None:
+        raise UsageError(f"{options.sequence} has no true trajectory, so no error to draw: give --truth FILE")
+    session = open_session(options.system, choose_device(options.device, options.backend))
+    options.out.mkdir(parents=True, exist_ok=True)
+    total, done = len(grid.x_values) * len(grid.y_values), 0
+
+    def measured(configuration: Mapping[str, Any]) -> Report:
+        nonlocal done
+        done += 1
+        point = f"{grid.x}={configuration[grid.x]:g} {grid.y}={configuration[grid.y]:g}"
+        label = f"run {done} of at most {total}, {point}: "
+        return measure(options, configuration, sequence, session, label)
+
+    device = session.device.describe()
+    conditions = {
+        "system": options.system,
+        "sequence": sequence.sha256,
+        "frames": options.frames or len(sequence),
+        "volume_size": options.volume_size,
+        "initial_position": options.initial_position,
+        "device": f"{device['name']} {device['driver']}",
+    }
+    found = surface.measure(
+        grid,
+        lambda point: complete(options.system, fixed | dict(point)),
+        measured,
+        conditions,
+        options.out / "surface.csv",
+    )
+    title = f"{options.system} on {sequence.name}, {device['name']}"
+    page.save(options.out / "surface.html", "Response surface", surface.figures(grid, found, title))
+    sys.stdout.write(surface.table(grid, found))
+    sys.stdout.write(f"measured {done}, known before {total - done}: {options.out / 'surface.csv'}\n")
+    sys.stdout.write(f"drawn in {options.out / 'surface.html'}\n")

@@ -1,0 +1,1 @@
+"""Files that hold sequences: a reader for each, and writers for some."""

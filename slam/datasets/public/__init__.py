@@ -1,0 +1,1 @@
+"""Public sequences: a catalogue, and how they come to this disk."""

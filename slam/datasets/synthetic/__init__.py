@@ -1,0 +1,1 @@
+"""Sequences of synthetic rooms, made from a seed, with exact truth."""

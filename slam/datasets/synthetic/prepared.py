@@ -1,0 +1,74 @@
+"""Packs of synthetic scenes that are made once and then found again, for searches over several sequences."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+
+from slam.datasets.formats import pack
+from slam.datasets.formats.pack import MANIFEST, Pack
+from slam.datasets.sequence import Progress, Sequence, SequenceError
+from slam.datasets.synthetic.camera_paths import SEED
+from slam.datasets.synthetic.rendering import Noise, SyntheticSequence
+from slam.datasets.synthetic.scenes import SyntheticScene
+
+SHIPPED = Path(__file__).resolve().parents[3] / "fixtures" / "sequences"
+# Mathematical libraries differ in the last digit, so a few pixels of the same frame do, too.
+MOST_DIFFERENT = 0.001  # share of the pixels that may differ by more than 1 mm
+
+
+def default_folder() -> Path:
+    """`sequences` in the data folder that FRONTRUNNER_VAR names, `var` where it is not set."""
+    return Path(os.environ.get("FRONTRUNNER_VAR") or "var") / "sequences"
+
+
+def make_all(
+    scenes: Iterable[SyntheticScene],
+    folder: Path,
+    frames: int | None = None,
+    noise: Noise = "kinect",
+    seed: int = SEED,
+    ratio: int = 1,
+    progress: Callable[[str], Progress | None] = lambda _name: None,
+) -> list[Path]:
+    """Return the pack of each scene, in their order: the shipped one, one in `folder`, or a new one there.
+
+    An existing pack is used when its header and its middle frame are those that would be rendered; otherwise
+    it is made again. `frames`, `noise`, `seed` and `ratio` are those of SyntheticSequence. `progress` is
+    called with a scene's name before it is rendered. Raises SequenceError where `folder` cannot be written.
+    """
+    paths = []
+    for scene in scenes:
+        wanted = SyntheticSequence(scene, frames, noise, seed, ratio)
+        path = next((p for p in (SHIPPED / scene.name, folder / scene.name) if is_same(p, wanted)), None)
+        if path is None:
+            path = folder / scene.name
+            try:
+                pack.write(wanted, path, progress(scene.name))
+            except OSError as error:
+                raise SequenceError(f"{path} cannot be written: {error}") from None
+        paths.append(path)
+    return paths
+
+
+def is_same(path: Path, wanted: Sequence) -> bool:
+    """Whether the pack `path` holds the sequence `wanted`, judged by its header and its middle frame."""
+    if not (path / MANIFEST).exists():
+        return False
+    try:
+        found = Pack(path)
+        middle = found.depth(len(found) // 2)
+    except SequenceError:
+        return False
+    described = (found.name, found.camera, found.volume_size, found.initial_position)
+    if described != (wanted.name, wanted.camera, wanted.volume_size, wanted.initial_position):
+        return False
+    if found.truth is None or wanted.truth is None or found.truth.shape != wanted.truth.shape:
+        return False
+    if not np.allclose(found.truth, wanted.truth, rtol=0, atol=1e-9):
+        return False
+    difference = np.abs(middle.astype(int) - wanted.depth(len(wanted) // 2))
+    return bool(np.mean(difference > 1) <= MOST_DIFFERENT)

@@ -1,0 +1,1 @@
+"""The map of surfels: fused, cleaned, and drawn as a camera would see it."""

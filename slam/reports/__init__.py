@@ -1,0 +1,1 @@
+"""Reports of runs as tables, pages, pictures and meshes."""

@@ -1,0 +1,1 @@
+"""Camera trajectories: files, alignment, and errors by the conventions of the field."""
