@@ -18,12 +18,13 @@ from client_kit.errors import CannotMeasureError, ClientError, UsageError
 NOT_CONFORMING = 1
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Carry out one command; the exit code is 0 when all is sent or safely kept, else as in ClientError.
+def main(arguments: Sequence[str] | None = None, prog: str = "python -m client_kit") -> int:
+    """Carry out one command as the program PROG.
 
+    The exit code is 0 when all is sent or safely kept, else as in ClientError.
     Ctrl-C, by which `evaluate` ends, is INTERRUPTED; so is being told to end by the system.
     """
-    options = cli_options.parser().parse_args(arguments)
+    options = cli_options.parser(prog).parse_args(arguments)
     console = Console()
     interrupts.as_ctrl_c()
     try:

@@ -5,9 +5,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from client_kit import __version__
 from client_kit.delivery.manifest import ALL
 from client_kit.device.preflight import IGNORABLE
+from frontrunner import __version__
 from slam.devices.device import BACKENDS
 from slam.protocol import VALID_BELOW
 
@@ -15,16 +15,16 @@ INTERRUPTED = 130
 TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"
 
 
-def parser() -> argparse.ArgumentParser:
+def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
     """The parser. What it parses has the name of the `command`, and `when_stopped`, what Ctrl-C prints."""
     whole = argparse.ArgumentParser(
-        prog="python -m client_kit",
+        prog=prog,
         description="Measure how fast dense SLAM runs on this device, by the published Pareto front.",
         epilog="Exit codes: 0 sent or safely kept, 1 a payload does not conform (check), 2 usage, 3 cannot "
         f"measure here, 4 too old, {INTERRUPTED} ended by Ctrl-C.",
     )
     whole.set_defaults(when_stopped="stopped")
-    whole.add_argument("--version", action="version", version=__version__)
+    whole.add_argument("--version", action="version", version=f"frontrunner {__version__}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
     address: dict[str, Any] = {"metavar": "URL", "help": "address of the Frontrunner server"}
     named: dict[str, Any] = {"metavar": "TEXT", "help": "the device whose name contains this"}

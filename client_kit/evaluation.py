@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from client_kit import APP, __version__, interrupts
+from client_kit import APP, interrupts
 from client_kit.console import Console
 from client_kit.delivery import sequences
 from client_kit.delivery.manifest import Chunk, read_sequence
@@ -19,6 +19,7 @@ from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server
 from client_kit.device import requirements, selection
 from client_kit.errors import CannotMeasureError, ClientError, HomeError, UsageError
 from client_kit.home import Home
+from frontrunner import __version__
 from slam import isolated
 from slam.isolated import (
     NO_OBJECTIVES,

@@ -51,16 +51,17 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
-from crowd.environment import choice, integer, matching, networks, prepared, secret_key, switch
+from crowd.environment import choice, data_folder, integer, matching, networks, prepared, secret_key, switch
+from slam import shipped
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 
 
-FRONTRUNNER_VAR = Path(os.environ.get("FRONTRUNNER_VAR") or BASE_DIR / "var").absolute()
+FRONTRUNNER_VAR = data_folder(BASE_DIR)
 FRONTRUNNER_PORT = integer("FRONTRUNNER_PORT", 8000)
 FRONTRUNNER_BIND = os.environ.get("FRONTRUNNER_BIND", "127.0.0.1")
-FRONTRUNNER_FRONTS = BASE_DIR / "fixtures" / "fronts"
-FRONTRUNNER_SEQUENCES = [BASE_DIR / "fixtures" / "sequences", FRONTRUNNER_VAR / "sequences"]
+FRONTRUNNER_FRONTS = shipped.FIXTURES / "fronts"
+FRONTRUNNER_SEQUENCES = [shipped.SEQUENCES, FRONTRUNNER_VAR / "sequences"]
 FRONTRUNNER_WEB_CLIENT = BASE_DIR / "client_kit" / "web"
 FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
 FRONTRUNNER_MINIMUM_APP_VERSION = matching(

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Sequence as Ordered
 
+from frontrunner import __version__
 from slam.cli import compare, datasets, devices, evaluate, plan, reference, run, surface
 from slam.cli.arguments import UsageError
 from slam.configuration import ConfigurationError
@@ -32,8 +33,13 @@ MISTAKES = (
 )
 
 
-def main(arguments: Ordered[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m slam", description=__doc__)
+def main(arguments: Ordered[str] | None = None, prog: str = "python -m slam") -> int:
+    """Carry out one command as the program PROG; its exit code is 2 for a mistake, 3 without a device."""
+    parser = argparse.ArgumentParser(
+        prog=prog,
+        description="Measure and compare configurations of dense SLAM, judge trajectories, make sequences.",
+    )
+    parser.add_argument("--version", action="version", version=f"frontrunner {__version__}")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (run, compare, surface, evaluate, devices, plan, reference, datasets):
         command.add(subparsers)
@@ -44,7 +50,7 @@ def main(arguments: Ordered[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of a pipe has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except MISTAKES as error:
-        sys.stderr.write(f"{parser.prog}: {' '.join(str(error).split())}\n")
+        sys.stderr.write(f"frontrunner: {' '.join(str(error).split())}\n")
         return NO_DEVICE if isinstance(error, NoDeviceError) else 2
     except KeyboardInterrupt:
         return 130

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from client_kit import __version__
 from client_kit.delivery.server import NotFrontrunnerError, ProblemError, Server, UnreachableError
 from client_kit.device.sources import line
 from client_kit.errors import CannotMeasureError, OutdatedError, UsageError
 from client_kit.home import Home
+from frontrunner import __version__
 from slam.devices.device import BACKENDS
 from slam.protocol import ADAPTIVE, FIXED_PAIRS, VALID_BELOW
 

@@ -18,8 +18,9 @@ from dataclasses import dataclass
 from email.message import Message
 from typing import Any
 
-from client_kit import APP, __version__
+from client_kit import APP
 from client_kit.errors import ClientError, OutdatedError, UsageError
+from frontrunner import __version__
 
 TIMEOUT_SECONDS = 30.0
 # What this client can do with a lease: several sequences, perturbed depth, an early stop, parts of a result.

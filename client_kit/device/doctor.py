@@ -5,10 +5,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from client_kit import __version__
 from client_kit.device import description, preflight
 from client_kit.errors import CannotMeasureError
 from client_kit.home import Home
+from frontrunner import __version__
 
 
 def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from statistics import fmean, median, stdev
 from typing import Any
 
-from client_kit import __version__
 from client_kit.delivery.manifest import Manifest, Protocol
 from client_kit.device.sensors import Sample
+from frontrunner import __version__
 from slam.protocol import FIXED_PAIRS, LEAST_PAIRS, NO_STAGES
 
 SCHEMA_VERSION = 1

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from django.conf import settings
 from numpy.typing import NDArray
 
 from crowd.fronts.selectors import DEFAULT_APPLICATION
 from slam.protocol import VALID_BELOW
 from slam.reports.surface import MEASURED
+from slam.shipped import FIXTURES
 
 # Columns that say on what was measured; what is neither these, MEASURED nor an axis is the configuration.
 SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device")
@@ -90,7 +90,7 @@ class Reading:
 @cache
 def shipped() -> dict[str, Surface]:
     """The surfaces below fixtures/surfaces by application, that of the default one first."""
-    files = sorted((Path(settings.BASE_DIR) / "fixtures" / "surfaces").glob("*.json"))
+    files = sorted((FIXTURES / "surfaces").glob("*.json"))
     surfaces = sorted(map(read, files), key=lambda surface: surface.application != DEFAULT_APPLICATION)
     return {surface.application: surface for surface in surfaces}
 

@@ -1,52 +1,68 @@
-"""The commands of `python -m pareto`: explore | front | plot | space | compare | transfer."""
+"""The commands of `python -m pareto`, which is `frontrunner tune`."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
+from importlib import import_module
 
+from frontrunner import __version__
 from pareto.cli.arguments import Parser
-from pareto.cli.compare import add_compare
-from pareto.cli.explore import add_explore
-from pareto.cli.front import add_front
-from pareto.cli.plot import add_plot
-from pareto.cli.space import add_space
-from pareto.cli.transfer import add_transfer
 from pareto.errors import ParetoError
 
+COMMANDS = {
+    "explore": "measure configurations until the budget is spent",
+    "front": "print the non-dominated points, or the best one for a purpose",
+    "plot": "draw an exploration as one HTML file that needs no network",
+    "space": "check a space and tell its size, or convert it",
+    "compare": "correlate devices over their common configurations",
+    "transfer": "order another device's front by what it promises here",
+}
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; return its exit code.
+
+def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> int:
+    """Run the command line as the program `prog`; return its exit code.
 
     0 done, 1 nothing succeeded, 2 usage, 130 interrupted with everything saved.
     """
+    words = sys.argv[1:] if arguments is None else arguments
+    loaded = False
     try:
-        options = _parser().parse_args(arguments)
+        parser = _parser(words, prog)
+        loaded = True
+        options = parser.parse_args(words)
         code = int(options.act(options))
         sys.stdout.flush()
         return code
     except ParetoError as error:
-        sys.stderr.write(f"pareto: {error}\n")
+        sys.stderr.write(f"frontrunner: {error}\n")
+        return 2
+    except ModuleNotFoundError as missing:
+        package = (missing.name or "").split(".")[0]
+        if package == "pareto":
+            raise
+        sys.stderr.write(f"frontrunner: searching needs {package}: pip install 'frontrunner[explore]'\n")
         return 2
     except BrokenPipeError:  # | head: nobody reads on, which is nobody's error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        sys.stderr.write(f"pareto: {error.filename or 'cannot write'}: {error.strerror or error}\n")
+        sys.stderr.write(f"frontrunner: {error.filename or 'cannot write'}: {error.strerror or error}\n")
         return 2
     except KeyboardInterrupt as interrupt:
-        sys.stderr.write(f"\npareto: {interrupt or 'interrupted; the same command goes on from here'}\n")
+        state = "interrupted; the same command goes on from here" if loaded else "interrupted before it began"
+        sys.stderr.write(f"\nfrontrunner: {interrupt or state}\n")
         return 130
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = Parser(prog="python -m pareto", description=__doc__)
+def _parser(words: list[str], prog: str) -> argparse.ArgumentParser:
+    parser = Parser(prog=prog, description="Search for the best configurations of a program.")
+    parser.add_argument("--version", action="version", version=f"frontrunner {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    add_explore(commands)
-    add_front(commands)
-    add_plot(commands)
-    add_space(commands)
-    add_compare(commands)
-    add_transfer(commands)
+    for name, purpose in COMMANDS.items():
+        command = commands.add_parser(name, help=purpose)
+        # The others stay unread: what they need may not be installed, and reading it takes a second.
+        if name in words[:1]:
+            import_module(f"pareto.cli.{name}").add_arguments(command)
     return parser

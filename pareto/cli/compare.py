@@ -20,9 +20,8 @@ from pareto.measuring.measurements import Measurement, read_measurements
 from pareto.spaces.space import Space
 
 
-def add_compare(commands: Any) -> None:
-    """Register the command with argparse's `commands`."""
-    compare = commands.add_parser("compare", help="correlate devices over their common configurations")
+def add_arguments(compare: argparse.ArgumentParser) -> None:
+    """Add the command's options to its parser."""
     compare.add_argument("tables", type=Path, nargs="+", metavar="CSV", help="one file a device")
     compare.add_argument(
         "--space", type=Path, required=True, help="a space, or a HyperMapper scenario, as JSON"

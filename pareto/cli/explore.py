@@ -48,9 +48,8 @@ PORT = 8765
 FAILED = 1  # the exit code where nothing succeeded
 
 
-def add_explore(commands: Any) -> None:
-    """Register the command with argparse's `commands`."""
-    explore = commands.add_parser("explore", help="measure configurations until the budget is spent")
+def add_arguments(explore: argparse.ArgumentParser) -> None:
+    """Add the command's options to its parser."""
     explore.add_argument(
         "--space", type=Path, required=True, help="JSON: a space, a HyperMapper scenario or a ConfigSpace"
     )
@@ -115,7 +114,7 @@ def explore_folder(options: argparse.Namespace) -> int:
     """Explore into the folder; 0 done, 1 nothing succeeded, 130 interrupted with everything saved."""
     space, scenario = read_space(options.space, options.levels)
     for note in scenario.notes if scenario else ():
-        sys.stderr.write(f"pareto: {note}\n")
+        sys.stderr.write(f"frontrunner: {note}\n")
     fresh = _new_explorer(options, space, scenario)
     plan = _plan(options, scenario)
     units = read_units(options.units, fresh.objectives)
@@ -140,7 +139,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         if page and options.serve is not None:
             address = stack.enter_context(served(options.out, options.serve))
             page.draw()
-            sys.stderr.write(f"pareto: the progress is shown at {address}\n")
+            sys.stderr.write(f"frontrunner: the progress is shown at {address}\n")
         loop = MeasurementLoop(
             explorer,
             folder,
@@ -227,8 +226,8 @@ def _resume(folder: Folder, fresh: Explorer) -> Explorer:
         explorer = folder.rebuild(fresh, reason)
         told = sum(map(len, explorer.history.told.values()))
         sys.stderr.write(
-            f"pareto: {reason}: it was rebuilt from the {told} rows of {EVALUATIONS}; the search goes on "
-            "with these measurements and the options given now\n"
+            f"frontrunner: {reason}: it was rebuilt from the {told} rows of {EVALUATIONS}; the search goes "
+            "on with these measurements and the options given now\n"
         )
         return explorer
 
@@ -236,11 +235,11 @@ def _resume(folder: Folder, fresh: Explorer) -> Explorer:
 def _tell_choices(space: Space, program: Program | None) -> None:
     """Say what was chosen where the user said nothing."""
     if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
-        sys.stderr.write(f"pareto: no default given, so chosen: {', '.join(chosen)}\n")
+        sys.stderr.write(f"frontrunner: no default given, so chosen: {', '.join(chosen)}\n")
     if program and not program.template.used & {CONFIG, *space.names}:
         sys.stderr.write(
-            "pareto: warning: --command has no placeholder such as {config}: the program cannot know what it "
-            "measures\n"
+            "frontrunner: warning: --command has no placeholder such as {config}: the program cannot know "
+            "what it measures\n"
         )
 
 
@@ -254,22 +253,22 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
     missing = obstacle(explorer.history)
     if loop.stopped:
         sys.stderr.write(
-            f"pareto: stopped: the first {loop.plan.give_up} measurements failed in the same way: "
-            f"{loop.stopped}\npareto: correct that and start with a new --out, or allow more failures with "
-            "--give-up N (0: any number)\n"
+            f"frontrunner: stopped: the first {loop.plan.give_up} measurements failed in the same way: "
+            f"{loop.stopped}\nfrontrunner: correct that and start with a new --out, or allow more failures "
+            "with --give-up N (0: any number)\n"
         )
     elif done < budget:
         sys.stderr.write(
-            f"pareto: stopped after {done} of {budget}: {explorer.method} has nothing more to ask\n"
+            f"frontrunner: stopped after {done} of {budget}: {explorer.method} has nothing more to ask\n"
         )
     if missing:
-        sys.stderr.write(f"pareto: {missing}\n")
+        sys.stderr.write(f"frontrunner: {missing}\n")
     if isinstance(missing, AllFailedError) and loop.reasons:
         reason, times = loop.reasons.most_common(1)[0]
-        sys.stderr.write(f"pareto: {times} times the reason was: {reason}\n")
+        sys.stderr.write(f"frontrunner: {times} times the reason was: {reason}\n")
     if not isinstance(missing, ConstantObjectiveError):
         for name, value in constant_objectives(explorer.history).items():
-            sys.stderr.write(f"pareto: warning: {name} was {value:g} in every configuration\n")
+            sys.stderr.write(f"frontrunner: warning: {name} was {value:g} in every configuration\n")
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(

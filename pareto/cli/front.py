@@ -39,9 +39,8 @@ class Source:
     failed: int
 
 
-def add_front(commands: Any) -> None:
-    """Register the command with argparse's `commands`."""
-    front = commands.add_parser("front", help="print the non-dominated points, or the best one for a purpose")
+def add_arguments(front: argparse.ArgumentParser) -> None:
+    """Add the command's options to its parser."""
     front.add_argument("source", nargs="*", type=Path, help="folders of explorations, or CSV files")
     front.add_argument("--out", type=Path, help="one more exploration's folder")
     front.add_argument(
@@ -84,7 +83,7 @@ def print_front(options: argparse.Namespace) -> int:
     points = _select(sources, objectives, limits, options)
     if not points:
         measured, failed = sum(len(item.points) for item in sources), sum(item.failed for item in sources)
-        sys.stderr.write(f"pareto: no point within the limits: {measured} measured, {failed} failed\n")
+        sys.stderr.write(f"frontrunner: no point within the limits: {measured} measured, {failed} failed\n")
     text = _text(points, objectives, options.format)
     if options.output:
         options.output.write_text(text, encoding="utf-8")

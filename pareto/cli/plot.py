@@ -5,16 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from pareto.cli.arguments import add_units, read_units
 from pareto.cli.front import read_exploration
 from pareto.errors import ScenarioError
 
 
-def add_plot(commands: Any) -> None:
-    """Register the command with argparse's `commands`."""
-    plot = commands.add_parser("plot", help="draw an exploration as one HTML file that needs no network")
+def add_arguments(plot: argparse.ArgumentParser) -> None:
+    """Add the command's options to its parser."""
     plot.add_argument("source", nargs="?", type=Path, help="the exploration's folder")
     plot.add_argument("--out", type=Path, help="the same, as explore calls it")
     plot.add_argument("--space", type=Path, help="its space, where it is not kept in the folder")

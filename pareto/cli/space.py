@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from pareto.cli.arguments import count, read_objectives, read_space
 from pareto.errors import ScenarioError
@@ -18,9 +17,8 @@ from pareto.spaces.space import Space
 FORMATS = ("frontrunner", "hypermapper", "configspace")
 
 
-def add_space(commands: Any) -> None:
-    """Register the command with argparse's `commands`."""
-    space = commands.add_parser("space", help="check a space and tell its size, or convert it")
+def add_arguments(space: argparse.ArgumentParser) -> None:
+    """Add the command's options to its parser."""
     space.add_argument("file", type=Path, help="JSON: a space, a HyperMapper scenario or a ConfigSpace")
     space.add_argument("--levels", type=count, help="values of each real parameter that has only bounds")
     space.add_argument("--to", choices=FORMATS, help="print the space in this format instead")
@@ -44,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
         options.output.write_text(text, encoding="utf-8")
     else:
         sys.stdout.write(text)
-    sys.stderr.writelines(f"pareto: {note}\n" for note in notes)
+    sys.stderr.writelines(f"frontrunner: {note}\n" for note in notes)
     return 0
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
 from pareto.cli.arguments import add_objectives, count, read_limits, read_problem
 from pareto.devices.zero_shot import promises
@@ -13,9 +12,8 @@ from pareto.measuring.folder import table
 from pareto.measuring.measurements import read_measurements
 
 
-def add_transfer(commands: Any) -> None:
-    """Register the command with argparse's `commands`."""
-    transfer = commands.add_parser("transfer", help="order another device's front by what it promises here")
+def add_arguments(transfer: argparse.ArgumentParser) -> None:
+    """Add the command's options to its parser."""
     transfer.add_argument("source", type=Path, metavar="CSV", help="what the other device measured")
     transfer.add_argument("--here", type=Path, metavar="CSV", help="what was measured on this device")
     transfer.add_argument(

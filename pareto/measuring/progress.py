@@ -56,7 +56,7 @@ class Progress:
     def say(self, message: str) -> None:
         """Write a message on a line of its own."""
         self.end()
-        self.stream.write(f"pareto: {message}\n")
+        self.stream.write(f"frontrunner: {message}\n")
         self.stream.flush()
 
     def end(self) -> None:

@@ -25,7 +25,7 @@ def add(subparsers: Commands) -> None:
         "the default configuration. The first is what the others are compared with",
     )
     parser.add_argument("--html", type=Path, metavar="FILE", help="draw times and errors (needs Plotly)")
-    add_run_options(parser, needs_sequence=False)
+    add_run_options(parser)
     parser.set_defaults(execute=_compare)
 
 
@@ -58,8 +58,6 @@ def _item(text: str, options: argparse.Namespace) -> tuple[Mapping[str, Any] | N
     """The report in a file, or None and the configuration to run."""
     if text.endswith(".json"):
         return report.read(Path(text)), {}
-    if options.sequence is None:
-        raise UsageError(f"{text!r} is not a report (.json), so it would be run: give --sequence")
     try:
         parts = [setting(part) for part in text.split()]
     except argparse.ArgumentTypeError as error:

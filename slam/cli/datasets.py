@@ -27,9 +27,10 @@ from slam.datasets.formats.pack import Pack
 from slam.datasets.public import retrieval
 from slam.datasets.sequence import LARGEST_VOLUME
 from slam.datasets.synthetic.camera_paths import SEED
-from slam.datasets.synthetic.prepared import SHIPPED, default_folder, make_all
+from slam.datasets.synthetic.prepared import default_folder, make_all
 from slam.datasets.synthetic.rendering import CAMERA, SyntheticSequence
 from slam.datasets.synthetic.scenes import SCENES, with_role
+from slam.shipped import SEQUENCES
 
 ALL = "all"
 
@@ -182,7 +183,7 @@ def _write(sequence: Sequence, target: Path, form: str, colour: bool) -> None:
 
 
 def _list(options: argparse.Namespace) -> None:
-    folder = options.folder or SHIPPED
+    folder = options.folder or SEQUENCES
     if options.folder is None:
         sys.stdout.write("Scenes that `datasets make` renders:\n")
         for scene in SCENES.values():

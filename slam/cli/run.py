@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from slam.cli.arguments import UsageError, number, setting, writable
-from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene
+from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene, shipped_sequence
 from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
 from slam.devices.choice import choose_device
@@ -69,6 +69,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.stop_after < 1:
         raise UsageError(f"--stop-after {options.stop_after}: give 1 or more")
     configuration = complete(options.system, merged(options.set))
+    options.sequence = options.sequence or [shipped_sequence(options.system)]
     several = len(options.sequence) > 1
     found, lines = _run_several(options, configuration) if several else _run_one(options, configuration)
     text = json.dumps(found, indent=1, allow_nan=False) + "\n"

@@ -12,30 +12,29 @@ from slam.cli.arguments import UsageError, four_numbers, number, progress_line, 
 from slam.datasets import Sequence, open_sequence
 from slam.devices.choice import AnySession
 from slam.devices.device import BACKENDS
+from slam.shipped import SEQUENCES
 from slam.systems import SYSTEMS, require_backend
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
-def add_run_options(
-    parser: argparse.ArgumentParser, needs_sequence: bool = True, several: bool = False
-) -> None:
-    add_scene_options(parser, needs_sequence, several)
+def add_run_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
+    """Add the options of a command that runs a system; SEVERAL sequences in turn where it can do that."""
+    add_scene_options(parser, several)
     parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
     parser.add_argument("--backend", choices=BACKENDS, default="opencl", help="default: opencl")
     parser.add_argument("--device", metavar="TEXT", help="a part of the device's description")
 
 
-def add_scene_options(
-    parser: argparse.ArgumentParser, needs_sequence: bool = True, several: bool = False
-) -> None:
+def add_scene_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
+    """Add the options that say what is seen: a sequence, its camera and its truth."""
     parser.add_argument("--system", choices=sorted(SYSTEMS), default="kfusion")
     parser.add_argument(
         "--sequence",
         type=Path,
-        required=needs_sequence,
         metavar="PATH",
-        **({"action": "append", "help": "repeat it to run over several in turn"} if several else {}),
+        action="append" if several else "store",
+        help=f"default: the living room that ships{'; repeat it to run over several in turn' * several}",
     )
     parser.add_argument(
         "--camera",
@@ -55,10 +54,18 @@ def add_scene_options(
 
 
 def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequence:
+    """The sequence PATH, else the one of --sequence, else the living room that ships."""
     require_backend(options.system, getattr(options, "backend", BACKENDS[0]))
     if options.volume_size is not None and options.volume_size <= 0:
         raise UsageError(f"--volume-size {options.volume_size:g}: give metres, more than 0")
-    return open_sequence(path or options.sequence, options.camera, options.truth)
+    return open_sequence(
+        path or options.sequence or shipped_sequence(options.system), options.camera, options.truth
+    )
+
+
+def shipped_sequence(system: str) -> Path:
+    """The living room that ships, in colour for a SYSTEM that reads colour."""
+    return SEQUENCES / ("living-room-colour" if SYSTEMS[system].colour else "living-room")
 
 
 def measure(
@@ -69,6 +76,7 @@ def measure(
     label: str = "",
     observe: Observer | None = None,
 ) -> Report:
+    """Run CONFIGURATION over SEQUENCE as OPTIONS say, with a progress line that begins with LABEL."""
     return run(
         configuration,
         sequence,
@@ -84,4 +92,5 @@ def measure(
 
 
 def merged(parts: list[dict[str, Any]]) -> dict[str, Any]:
+    """All settings of PARTS; the last one of a name holds."""
     return {name: value for part in parts for name, value in part.items()}

@@ -48,7 +48,7 @@ def _surface(options: argparse.Namespace) -> None:
     fixed = merged(options.set)
     sequence = open_scene(options)
     if sequence.truth is None:
-        raise UsageError(f"{options.sequence} has no true trajectory, so no error to draw: give --truth FILE")
+        raise UsageError(f"{sequence.name} has no true trajectory, so no error to draw: give --truth FILE")
     session = open_session(options.system, choose_device(options.device, options.backend))
     options.out.mkdir(parents=True, exist_ok=True)
     total, done = len(grid.x_values) * len(grid.y_values), 0

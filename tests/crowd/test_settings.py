@@ -90,7 +90,7 @@ def test_a_port_that_is_none_is_one_clear_line(tmp_path: Path) -> None:
     done = run("manage.py", "serve", var=tmp_path, FRONTRUNNER_PORT="http")
 
     assert done.returncode == 1
-    assert done.stderr.strip() == "manage.py: FRONTRUNNER_PORT=http: give a whole number, such as 8000"
+    assert done.stderr.strip() == "frontrunner: FRONTRUNNER_PORT=http: give a whole number, such as 8000"
 
 
 @pytest.mark.parametrize(
@@ -109,14 +109,14 @@ def test_times_of_leases_that_cannot_work_are_one_clear_line(
 ) -> None:
     done = run("manage.py", "serve", var=tmp_path, **environment)
 
-    assert (done.returncode, done.stderr.strip()) == (1, f"manage.py: {complaint}")
+    assert (done.returncode, done.stderr.strip()) == (1, f"frontrunner: {complaint}")
 
 
 def test_a_network_that_cannot_be_read_is_one_clear_line(tmp_path: Path) -> None:
     done = run("manage.py", "serve", var=tmp_path, FRONTRUNNER_WATCHERS="10.0.0.1/8")
 
     assert done.returncode == 1
-    assert done.stderr.startswith("manage.py: FRONTRUNNER_WATCHERS: 10.0.0.1/8 has host bits set; give")
+    assert done.stderr.startswith("frontrunner: FRONTRUNNER_WATCHERS: 10.0.0.1/8 has host bits set; give")
 
 
 def test_a_data_folder_that_cannot_be_made_is_one_clear_line(tmp_path: Path) -> None:

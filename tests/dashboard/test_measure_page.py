@@ -7,7 +7,7 @@ import pytest
 from django.test import Client
 
 from crowd.middleware import _is_page
-from crowd.release import version
+from frontrunner import __version__
 from tests.dashboard.reading import read
 
 ISOLATION = {
@@ -33,7 +33,7 @@ def folder(settings: Any, tmp_path: Path) -> Path:
 def test_the_page_says_its_version_and_is_isolated(client: Client, db: None) -> None:
     response = client.get("/measure/")
 
-    assert f'data-version="{version()}"' in response.content.decode()
+    assert f'data-version="{__version__}"' in response.content.decode()
     assert {name: response.headers[name] for name in ISOLATION} == ISOLATION
     assert response.headers["Cache-Control"] == "no-cache"
     assert "script-src 'self'" in response.headers["Content-Security-Policy"]

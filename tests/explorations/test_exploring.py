@@ -9,12 +9,12 @@ from django.db import IntegrityError
 from django.db.models import Q
 from django.utils import timezone
 
-from client_kit import __version__
 from crowd.explorations import services
 from crowd.explorations.measuring import leases, reaping
 from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching import search
+from frontrunner import __version__
 from pareto.errors import ObjectiveError
 from tests.explorations.conftest import finish, measurement, run_to_the_end
 

@@ -10,8 +10,8 @@ from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
 
-from crowd import release
 from crowd.dashboard.answering import conditional, page
+from frontrunner import __version__
 
 TYPES = {
     "css": "text/css; charset=utf-8",
@@ -48,7 +48,7 @@ def isolated(view: View) -> View:
 @isolated
 def measure(request: HttpRequest) -> HttpResponse:
     """Where a browser measures its device."""
-    response = render(request, "dashboard/measure.html", {"version": release.version()})
+    response = render(request, "dashboard/measure.html", {"version": __version__})
     response["Cache-Control"] = "no-cache"
     return response
 

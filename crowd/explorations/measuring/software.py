@@ -6,16 +6,17 @@ from pathlib import Path
 
 from django.conf import settings
 
-from crowd.release import version as release_version
+from frontrunner import __version__
 
 
 @cache
 def version() -> str:
     """The release, with the commit where this is a checkout, and a mark where files differ from it."""
     base = Path(settings.BASE_DIR)
-    release = release_version()
+    if not (base / ".git").exists():
+        return __version__
     described = _git(base, "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*")
-    return f"{release}+{described}" if described else release
+    return f"{__version__}+{described}" if described else __version__
 
 
 def _git(base: Path, *arguments: str) -> str:

@@ -14,8 +14,8 @@ from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.datasets.synthetic.camera_paths import SEED
 from slam.datasets.synthetic.rendering import Noise, SyntheticSequence
 from slam.datasets.synthetic.scenes import SyntheticScene
+from slam.shipped import SEQUENCES
 
-SHIPPED = Path(__file__).resolve().parents[3] / "fixtures" / "sequences"
 # Mathematical libraries differ in the last digit, so a few pixels of the same frame do, too.
 MOST_DIFFERENT = 0.001  # share of the pixels that may differ by more than 1 mm
 
@@ -43,7 +43,7 @@ def make_all(
     paths = []
     for scene in scenes:
         wanted = SyntheticSequence(scene, frames, noise, seed, ratio)
-        path = next((p for p in (SHIPPED / scene.name, folder / scene.name) if is_same(p, wanted)), None)
+        path = next((p for p in (SEQUENCES / scene.name, folder / scene.name) if is_same(p, wanted)), None)
         if path is None:
             path = folder / scene.name
             try:

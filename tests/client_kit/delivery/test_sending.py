@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from client_kit import __version__
 from client_kit.delivery import enrolment, sending
 from client_kit.delivery.server import ProblemError, Server
 from client_kit.delivery.spool import Spool
 from client_kit.errors import UsageError
 from client_kit.home import Home
+from frontrunner import __version__
 from tests.client_kit import documents
 from tests.client_kit.scripted import Reply, Request, ScriptedServer, problem
 

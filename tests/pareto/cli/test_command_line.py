@@ -61,8 +61,8 @@ def test_when_nothing_succeeds_the_reason_is_told(toy, capsys):
     false = [sys.executable, "-c", "raise SystemExit('no GPU')"]
     assert explore(toy, "--budget", "3", source=["--command", subprocess.list2cmdline(false)]) == 1
     output = capsys.readouterr()
-    assert "pareto: all 3 configurations failed: " in output.err
-    assert "pareto: 3 times the reason was: exit code 1: no GPU" in output.err
+    assert "frontrunner: all 3 configurations failed: " in output.err
+    assert "frontrunner: 3 times the reason was: exit code 1: no GPU" in output.err
     assert "0 points on the front" in output.out
 
 
@@ -129,7 +129,7 @@ def test_a_wrong_argument_is_one_line_and_exit_code_2(toy, capsys, arguments, me
     assert explore(toy, *arguments) == 2
     error = capsys.readouterr().err
     assert message in error
-    assert error.startswith("pareto: ")
+    assert error.startswith("frontrunner: ")
     assert error.count("\n") == 1
 
 
@@ -264,7 +264,7 @@ def test_an_installation_without_the_models_is_told_what_to_install():
     hidden = "import runpy, sys; sys.modules['scipy'] = None; runpy.run_module('pareto', run_name='__main__')"
     ended = subprocess.run([sys.executable, "-c", hidden, "front"], capture_output=True, text=True)
     assert ended.returncode == 2
-    assert ended.stderr == "pareto: searching needs scipy: pip install 'frontrunner[explore]'\n"
+    assert ended.stderr == "frontrunner: searching needs scipy: pip install 'frontrunner[explore]'\n"
 
 
 def test_a_warm_start_is_told_once_and_does_not_use_up_the_budget(toy):
@@ -324,4 +324,4 @@ sys.meta_path.insert(0, Interrupt())
 runpy.run_module("pareto", run_name="__main__")
 """
     ended = subprocess.run([sys.executable, "-c", interrupted, "front"], capture_output=True, text=True)
-    assert (ended.returncode, ended.stderr) == (130, "\npareto: interrupted before it began\n")
+    assert (ended.returncode, ended.stderr) == (130, "\nfrontrunner: interrupted before it began\n")

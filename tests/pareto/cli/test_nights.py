@@ -95,7 +95,7 @@ def test_a_command_without_placeholders_is_warned_of(toy, capsys):
 
 def test_defaults_that_nobody_gave_are_told(toy, capsys):
     explore(toy, "--budget", "2")
-    assert "pareto: no default given, so chosen: x = 1, mode = 'a,b'\n" in capsys.readouterr().err
+    assert "frontrunner: no default given, so chosen: x = 1, mode = 'a,b'\n" in capsys.readouterr().err
     given = json.loads(json.dumps(SPACE))
     given["parameters"][0]["default"] = 5
     (toy / "space.json").write_text(json.dumps(given))

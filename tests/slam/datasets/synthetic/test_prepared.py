@@ -5,8 +5,9 @@ import pytest
 from slam.__main__ import main
 from slam.datasets import open_sequence
 from slam.datasets.formats.pack import MANIFEST
-from slam.datasets.synthetic.prepared import SHIPPED, default_folder, make_all
+from slam.datasets.synthetic.prepared import default_folder, make_all
 from slam.datasets.synthetic.scenes import SCENES, with_role
+from slam.shipped import SEQUENCES
 
 DESK = SCENES["desk"]
 
@@ -43,7 +44,7 @@ def test_a_damaged_pack_is_made_again(tmp_path):
 
 
 def test_the_shipped_sequence_is_not_made_again(tmp_path):
-    assert make_all([SCENES["living-room"]], tmp_path) == [SHIPPED / "living-room"]
+    assert make_all([SCENES["living-room"]], tmp_path) == [SEQUENCES / "living-room"]
     assert not list(tmp_path.iterdir())
 
 

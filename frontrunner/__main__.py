@@ -1,0 +1,96 @@
+"""`frontrunner measure | doctor | tune | slam | serve | admin`.
+
+Each command hands its words to the program that does the work; that program is loaded only then, so that a
+participant needs no server and a researcher no client.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+
+from frontrunner import __version__
+
+USAGE = """\
+usage: frontrunner COMMAND ...
+
+Pareto fronts of dense SLAM: measure them, search for them, publish them.
+
+commands:
+  measure   measure this device and send the result; also status, send, export, erase, choose, ...
+  doctor    whether this device can measure
+  tune      search for the best configurations of your program: explore, front, plot, space, ...
+  slam      run and compare SLAM configurations over a sequence
+  serve     start a server on this machine
+  admin     manage a server: migrate, backup, front, exploration, results, ...
+
+options:
+  -h, --help   show this help; `frontrunner COMMAND --help` shows a command's own
+  --version    show the version
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Carry out one command and return its exit code; 2 where there is no such command."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help"):
+        sys.stdout.write(USAGE)
+        return 0 if words else 2
+    if words[0] == "--version":
+        sys.stdout.write(f"frontrunner {__version__}\n")
+        return 0
+    command = COMMANDS.get(words[0])
+    if command is None:
+        sys.stderr.write(f"frontrunner: {words[0]!r} is not a command: use one of {', '.join(COMMANDS)}\n")
+        return 2
+    return command(words[1:])
+
+
+def _measure(words: list[str]) -> int:
+    from client_kit.__main__ import COMMANDS as VERBS
+    from client_kit.__main__ import main as client
+
+    named = bool(words) and words[0] in {*VERBS, "--version"}
+    return client(words if named else ["run", *words], prog="frontrunner measure")
+
+
+def _doctor(words: list[str]) -> int:
+    from client_kit.__main__ import main as client
+
+    return client(["doctor", *words], prog="frontrunner")
+
+
+def _tune(words: list[str]) -> int:
+    from pareto.cli.commands import main as pareto
+
+    return pareto(words, prog="frontrunner tune")
+
+
+def _slam(words: list[str]) -> int:
+    from slam.__main__ import main as slam
+
+    return slam(words, prog="frontrunner slam")
+
+
+def _serve(words: list[str]) -> int:
+    return _admin(["serve", *words])
+
+
+def _admin(words: list[str]) -> int:
+    try:
+        from crowd.__main__ import main as administration
+    except ModuleNotFoundError as missing:
+        sys.stderr.write(f"frontrunner: a server needs {missing.name}: pip install 'frontrunner[server]'\n")
+        return 2
+    return administration(["frontrunner admin", *words])
+
+
+COMMANDS: dict[str, Callable[[list[str]], int]] = {
+    "measure": _measure,
+    "doctor": _doctor,
+    "tune": _tune,
+    "slam": _slam,
+    "serve": _serve,
+    "admin": _admin,
+}
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,15 @@
+"""The packages of an installation and their data; `fixtures/` goes inside `frontrunner`."""
+
+from setuptools import find_packages, setup
+
+PACKAGES = ["frontrunner*", "slam*", "pareto*", "client_kit*", "crowd*"]
+WEB = ["*.js", "*.css", "*.svg", "*.png", "*.webmanifest", "templates/**/*", "static/**/*"]
+
+setup(
+    packages=[*find_packages(include=PACKAGES), "client_kit.web", "frontrunner.fixtures"],
+    package_dir={"frontrunner.fixtures": "fixtures"},
+    package_data={
+        "": ["*.json", "kernels/*", *WEB],
+        "frontrunner.fixtures": ["fronts/*", "sequences/**/*", "surfaces/*"],
+    },
+)
