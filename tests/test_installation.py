@@ -9,6 +9,7 @@ import sysconfig
 import time
 import urllib.request
 import venv
+import zipfile
 from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
@@ -17,8 +18,8 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.services.program import free_port
+from tests.wheel import OFFLINE, PACKAGES, PROJECT, build
 
-PROJECT = Path(__file__).parents[1]
 SITE = Path(sysconfig.get_path("purelib"))
 
 
@@ -42,10 +43,20 @@ def link_requirements(distribution: metadata.Distribution, extras: Iterable[str]
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
-    subprocess.run([*command, "--wheel-dir", folder, PROJECT], check=True, capture_output=True)
-    return next(folder.glob("frontrunner-*.whl"))
+    return build(tmp_path_factory.mktemp("wheel"))
+
+
+def test_the_wheel_has_every_tracked_file_of_its_packages(wheel: Path) -> None:
+    listed = subprocess.run(["git", "ls-files", *PACKAGES], cwd=PROJECT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("not a git checkout: there is no list of tracked files")
+    wanted = {
+        f"frontrunner/{name}" if name.startswith("fixtures/") else name
+        for name in listed.stdout.splitlines()
+        if not name.endswith((".md", ".ts")) and not Path(name).name.startswith("jsconfig")
+    }
+
+    assert wanted <= set(zipfile.ZipFile(wheel).namelist())
 
 
 class Environment:
@@ -54,7 +65,7 @@ class Environment:
     def __init__(self, folder: Path, wheel: Path, *extras: str) -> None:
         venv.create(folder / "venv", with_pip=False)
         site = next((folder / "venv").glob("lib/python*/site-packages"))
-        command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", site, wheel]
+        command = [sys.executable, "-m", "pip", "install", *OFFLINE, "--target", site, wheel]
         subprocess.run(command, check=True, capture_output=True)
         declared = metadata.Distribution.at(next(site.glob("frontrunner-*.dist-info")))
         link_requirements(declared, extras, site)

@@ -52,7 +52,7 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
         return 2
     except KeyboardInterrupt as interrupt:
         state = "interrupted; the same command goes on from here" if loaded else "interrupted before it began"
-        sys.stderr.write(f"\nfrontrunner: {interrupt or state}\n")
+        sys.stderr.write(f"\nfrontrunner: {str(interrupt) or state}\n")
         return 130
 
 

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import sysconfig
@@ -16,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from client_kit.home import Home
+from tests import wheel
 from tests.client_kit import room
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import ScriptedServer
@@ -101,34 +101,15 @@ def test_the_base_installation_is_small() -> None:
     assert size < LARGEST_MB * 1e6
 
 
-def test_an_installed_client_has_every_kernel_file() -> None:
-    settings = tomllib.loads((PROJECT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
-    for package, patterns in settings.items():
-        folder = PROJECT.joinpath(*package.split("."))
-        shipped = {path for pattern in patterns for path in folder.glob(pattern)}
-        data = {path for path in folder.rglob("*.*") if path.suffix in (".cl", ".h", ".json")}
-        assert data <= shipped
-
-
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The Python of an empty environment into which the wheel, built here, was installed alone."""
     folder = tmp_path_factory.mktemp("wheel")
-    source, wheels = folder / "source", folder / "wheels"
-    source.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(PROJECT / name, source)
-    for name in ("slam", "pareto", "client_kit"):
-        shutil.copytree(PROJECT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    # Neither step may look for an index: all that they need is here.
-    offline = ["--quiet", "--disable-pip-version-check", "--no-index", "--no-deps"]
-    pip = [sys.executable, "-m", "pip"]
-    build = [*pip, "wheel", *offline, "--no-build-isolation", "--wheel-dir", str(wheels), str(source)]
-    subprocess.run(build, check=True)
     venv.create(folder / "empty", with_pip=False)
     python = folder / "empty" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    [wheel] = wheels.glob("*.whl")
-    subprocess.run([*pip, "--python", str(python), "install", *offline, str(wheel)], check=True)
+    # Neither step may look for an index: all that they need is here.
+    install = [sys.executable, "-m", "pip", "--python", str(python), "install", *wheel.OFFLINE]
+    subprocess.run([*install, str(wheel.build(folder))], check=True)
     return python
 
 
