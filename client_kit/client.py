@@ -12,7 +12,8 @@ from client_kit.delivery.sending import Delivery
 from client_kit.delivery.server import Server, ServerError
 from client_kit.delivery.spool import Item, Spool
 from client_kit.errors import OutdatedError, UsageError
-from client_kit.home import Home, user_folder
+from client_kit.home import Home
+from frontrunner.folders import user_folder
 from slam.protocol import VALID_BELOW
 
 if TYPE_CHECKING:

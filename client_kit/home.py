@@ -3,7 +3,6 @@
 import json
 import os
 import sqlite3
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -11,22 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from client_kit.errors import HomeError
-
-ENVIRONMENT = "FRONTRUNNER_HOME"
-
-
-def user_folder(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> Path:
-    """The folder named by FRONTRUNNER_HOME, else `frontrunner` in the platform's data folder."""
-    chosen = environment.get(ENVIRONMENT)
-    if chosen:
-        return Path(chosen).expanduser()
-    if platform == "win32":
-        base = environment.get("LOCALAPPDATA")
-        return (Path(base) if base else Path.home() / "AppData" / "Local") / "frontrunner"
-    if platform == "darwin":
-        return Path.home() / "Library" / "Application Support" / "frontrunner"
-    base = environment.get("XDG_DATA_HOME")
-    return (Path(base) if base else Path.home() / ".local" / "share") / "frontrunner"
 
 
 class Home:
@@ -109,7 +92,7 @@ class Home:
     def _unusable(self, error: OSError) -> HomeError:
         return HomeError(
             f"the client's folder {self.path} cannot be used ({error.strerror}): "
-            f"set {ENVIRONMENT} to a folder that can be written"
+            f"set FRONTRUNNER_HOME to a folder that can be written"
         )
 
 

@@ -6,8 +6,6 @@ import secrets
 from ipaddress import IPv4Network, IPv6Network, ip_network
 from pathlib import Path
 
-from client_kit.home import user_folder
-
 
 class SettingError(Exception):
     """A setting that cannot serve; the message names the variable, its value and the remedy."""
@@ -56,14 +54,6 @@ def networks(name: str) -> tuple[IPv4Network | IPv6Network, ...]:
         return tuple(ip_network(text) for text in texts)
     except ValueError as error:
         raise SettingError(f"{name}: {error}; give networks such as 10.0.0.5/32,fd00::/8") from error
-
-
-def data_folder(base: Path) -> Path:
-    """The folder that FRONTRUNNER_VAR names, else `var` of the checkout BASE, else the user's data folder."""
-    chosen = os.environ.get("FRONTRUNNER_VAR")
-    if chosen:
-        return Path(chosen).absolute()
-    return base / "var" if (base / "manage.py").exists() else user_folder() / "server"
 
 
 def prepared(folder: Path) -> Path:

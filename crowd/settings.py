@@ -2,7 +2,7 @@
 
 | variable | default | meaning |
 |---|---|---|
-| FRONTRUNNER_VAR | var | data folder: SQLite file, broker, secret key, static files, logs |
+| FRONTRUNNER_VAR | var | data folder (of an installation, the user's): database, broker, secret key, logs |
 | FRONTRUNNER_PORT | 8000 | where `manage.py serve` listens |
 | FRONTRUNNER_BIND | 127.0.0.1 | the address it listens on |
 | FRONTRUNNER_HOSTS | (none) | comma-separated public host names; naming one switches HTTPS settings on |
@@ -51,17 +51,17 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
-from crowd.environment import choice, data_folder, integer, matching, networks, prepared, secret_key, switch
-from slam import shipped
+from crowd.environment import choice, integer, matching, networks, prepared, secret_key, switch
+from frontrunner import folders
 
 BASE_DIR = Path(__file__).resolve().parent.parent
 
 
-FRONTRUNNER_VAR = data_folder(BASE_DIR)
+FRONTRUNNER_VAR = folders.data_folder()
 FRONTRUNNER_PORT = integer("FRONTRUNNER_PORT", 8000)
 FRONTRUNNER_BIND = os.environ.get("FRONTRUNNER_BIND", "127.0.0.1")
-FRONTRUNNER_FRONTS = shipped.FIXTURES / "fronts"
-FRONTRUNNER_SEQUENCES = [shipped.SEQUENCES, FRONTRUNNER_VAR / "sequences"]
+FRONTRUNNER_FRONTS = folders.FIXTURES / "fronts"
+FRONTRUNNER_SEQUENCES = [folders.SEQUENCES, FRONTRUNNER_VAR / "sequences"]
 FRONTRUNNER_WEB_CLIENT = BASE_DIR / "client_kit" / "web"
 FRONTRUNNER_ACCEPTING = switch("FRONTRUNNER_ACCEPTING", default=True)
 FRONTRUNNER_MINIMUM_APP_VERSION = matching(

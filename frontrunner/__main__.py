@@ -71,16 +71,23 @@ def _slam(words: list[str]) -> int:
 
 
 def _serve(words: list[str]) -> int:
-    return _admin(["serve", *words])
+    return _administer(["frontrunner", "serve", *words])
 
 
 def _admin(words: list[str]) -> int:
+    return _administer(["frontrunner admin", *words])
+
+
+def _administer(arguments: list[str]) -> int:
     try:
         from crowd.__main__ import main as administration
     except ModuleNotFoundError as missing:
-        sys.stderr.write(f"frontrunner: a server needs {missing.name}: pip install 'frontrunner[server]'\n")
+        package = (missing.name or "").split(".")[0]
+        if package == "crowd":
+            raise
+        sys.stderr.write(f"frontrunner: a server needs {package}: pip install 'frontrunner[server]'\n")
         return 2
-    return administration(["frontrunner admin", *words])
+    return administration(arguments)
 
 
 COMMANDS: dict[str, Callable[[list[str]], int]] = {

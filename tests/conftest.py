@@ -10,6 +10,7 @@ from xdist.scheduler import LoadScopeScheduling
 
 from crowd.celery import app
 from crowd.results.reading.versioned_cache import VersionedCache
+from tests.wheel import build
 
 # How fast a loaded machine makes up examples says nothing of the code.
 hypothesis.settings.register_profile(
@@ -45,6 +46,12 @@ def django_db_modify_db_settings(tmp_path_factory: pytest.TempPathFactory) -> No
     database = django_settings.DATABASES["default"]
     if database["ENGINE"] == "django.db.backends.sqlite3":
         database.setdefault("TEST", {})["NAME"] = str(tmp_path_factory.mktemp("database") / "test.sqlite3")
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project's wheel, built once."""
+    return build(tmp_path_factory.mktemp("wheel"))
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.services.program import free_port
-from tests.wheel import OFFLINE, PACKAGES, PROJECT, build
+from tests.wheel import OFFLINE, PACKAGES, PROJECT
 
 SITE = Path(sysconfig.get_path("purelib"))
 
@@ -39,11 +39,6 @@ def link_requirements(distribution: metadata.Distribution, extras: Iterable[str]
             (site / top).symlink_to(SITE / top)
         if missing or wanted.extras:
             link_requirements(required, wanted.extras, site)
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(tmp_path_factory.mktemp("wheel"))
 
 
 def test_the_wheel_has_every_tracked_file_of_its_packages(wheel: Path) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.fronts.selectors import DEFAULT_APPLICATION
+from frontrunner.folders import FIXTURES
 from slam.protocol import VALID_BELOW
 from slam.reports.surface import MEASURED
-from slam.shipped import FIXTURES
 
 # Columns that say on what was measured; what is neither these, MEASURED nor an axis is the configuration.
 SETTING = ("system", "sequence", "frames", "volume_size", "initial_position", "device")

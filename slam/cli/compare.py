@@ -16,6 +16,7 @@ from slam.systems import complete, open_session
 
 
 def add(subparsers: Commands) -> None:
+    """Add the command and its options to the command line."""
     parser = subparsers.add_parser("compare", help="reports or configurations side by side")
     parser.add_argument(
         "items",

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from frontrunner.folders import SEQUENCES
 from slam.cli.arguments import (
     UsageError,
     four_numbers,
@@ -30,7 +31,6 @@ from slam.datasets.synthetic.camera_paths import SEED
 from slam.datasets.synthetic.prepared import default_folder, make_all
 from slam.datasets.synthetic.rendering import CAMERA, SyntheticSequence
 from slam.datasets.synthetic.scenes import SCENES, with_role
-from slam.shipped import SEQUENCES
 
 ALL = "all"
 

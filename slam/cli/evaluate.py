@@ -13,6 +13,7 @@ from slam.trajectories.trajectory import MAXIMAL_STAMP_DIFFERENCE, Trajectory
 
 
 def add(subparsers: Commands) -> None:
+    """Add the command and its options to the command line."""
     parser = subparsers.add_parser("evaluate", help="the errors of an estimated trajectory, as JSON")
     parser.add_argument("--estimate", type=Path, required=True, metavar="FILE")
     parser.add_argument("--truth", type=Path, required=True, metavar="FILE")

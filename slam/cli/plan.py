@@ -14,6 +14,7 @@ from slam.systems import complete, frame_plan
 
 
 def add(subparsers: Commands) -> None:
+    """Add the command and its options to the command line."""
     parser = subparsers.add_parser("plan", help="write what happens in a frame, as data (JSON)")
     add_scene_options(parser)
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")

@@ -15,6 +15,7 @@ from slam.references import bands, times
 
 
 def add(subparsers: Commands) -> None:
+    """Add the command and its options to the command line."""
     parser = subparsers.add_parser(
         "reference",
         help="make a front one of protocol 2: a trajectory and a band for each configuration and probe, from "

@@ -21,6 +21,7 @@ from slam.systems import complete, open_session
 
 
 def add(subparsers: Commands) -> None:
+    """Add the command and its options to the command line."""
     parser = subparsers.add_parser("run", help="measure one configuration over one or more sequences")
     add_run_options(parser, several=True)
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")

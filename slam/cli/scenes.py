@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from frontrunner.folders import SEQUENCES
 from slam.benchmark import Observer, Report, run
 from slam.cli.arguments import UsageError, four_numbers, number, progress_line, three_numbers
 from slam.datasets import Sequence, open_sequence
 from slam.devices.choice import AnySession
 from slam.devices.device import BACKENDS
-from slam.shipped import SEQUENCES
 from slam.systems import SYSTEMS, require_backend
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"

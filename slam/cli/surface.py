@@ -17,6 +17,7 @@ from slam.systems import complete, definition, open_session
 
 
 def add(subparsers: Commands) -> None:
+    """Add the command and its options to the command line."""
     parser = subparsers.add_parser(
         "surface", help="time and error over a grid of two parameters' values; goes on where it stopped"
     )

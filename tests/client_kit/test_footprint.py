@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from client_kit.home import Home
-from tests import wheel
 from tests.client_kit import room
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import ScriptedServer
+from tests.wheel import OFFLINE
 
 PROJECT = Path(__file__).parents[2]
 SERVERS_SIDE = (
@@ -102,14 +102,14 @@ def test_the_base_installation_is_small() -> None:
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def installed(tmp_path_factory: pytest.TempPathFactory, wheel: Path) -> Path:
     """The Python of an empty environment into which the wheel, built here, was installed alone."""
     folder = tmp_path_factory.mktemp("wheel")
     venv.create(folder / "empty", with_pip=False)
     python = folder / "empty" / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     # Neither step may look for an index: all that they need is here.
-    install = [sys.executable, "-m", "pip", "--python", str(python), "install", *wheel.OFFLINE]
-    subprocess.run([*install, str(wheel.build(folder))], check=True)
+    install = [sys.executable, "-m", "pip", "--python", str(python), "install", *OFFLINE]
+    subprocess.run([*install, str(wheel)], check=True)
     return python
 
 

@@ -9,7 +9,8 @@ import pytest
 
 from client_kit.delivery import consent
 from client_kit.errors import HomeError
-from client_kit.home import Home, user_folder, write_file
+from client_kit.home import Home, write_file
+from frontrunner.folders import user_folder
 
 
 def test_the_folder_is_the_platforms_unless_the_environment_names_one() -> None:

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 
+from frontrunner.folders import SEQUENCES, data_folder
 from slam.datasets.formats import pack
 from slam.datasets.formats.pack import MANIFEST, Pack
 from slam.datasets.sequence import Progress, Sequence, SequenceError
 from slam.datasets.synthetic.camera_paths import SEED
 from slam.datasets.synthetic.rendering import Noise, SyntheticSequence
 from slam.datasets.synthetic.scenes import SyntheticScene
-from slam.shipped import SEQUENCES
 
 # Mathematical libraries differ in the last digit, so a few pixels of the same frame do, too.
 MOST_DIFFERENT = 0.001  # share of the pixels that may differ by more than 1 mm
 
 
 def default_folder() -> Path:
-    """`sequences` in the data folder that FRONTRUNNER_VAR names, `var` where it is not set."""
-    return Path(os.environ.get("FRONTRUNNER_VAR") or "var") / "sequences"
+    """`sequences` in the data folder, where a server looks for packs, too."""
+    return data_folder() / "sequences"
 
 
 def make_all(

@@ -2,12 +2,12 @@ import json
 
 import pytest
 
+from frontrunner.folders import SEQUENCES
 from slam.__main__ import main
 from slam.datasets import open_sequence
 from slam.datasets.formats.pack import MANIFEST
 from slam.datasets.synthetic.prepared import default_folder, make_all
 from slam.datasets.synthetic.scenes import SCENES, with_role
-from slam.shipped import SEQUENCES
 
 DESK = SCENES["desk"]
 
