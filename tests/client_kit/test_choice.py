@@ -16,7 +16,7 @@ from client_kit.delivery.server import NotFrontrunnerError
 from client_kit.delivery.spool import Spool
 from client_kit.device import description, selection
 from client_kit.errors import CannotMeasureError
-from client_kit.home import ENVIRONMENT, Home
+from client_kit.home import Home
 from slam.devices.choice import choose_device
 from tests.client_kit import documents, room
 from tests.client_kit.delivery.test_manifest import protocol_2
@@ -155,7 +155,7 @@ def chosen(
     capsys: pytest.CaptureFixture[str],
 ) -> Callable[..., tuple[str, list[Request]]]:
     """What `choose` prints after a session of the default, by how the server answers, and what it asks."""
-    monkeypatch.setenv(ENVIRONMENT, str(home.path))
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
 
     def choosing(answer: Reply, *options: str, others: tuple[str, ...] = ()) -> tuple[str, list[Request]]:
         server = serve(lambda _: answer)
@@ -299,7 +299,7 @@ def test_the_choice_runs_over_the_shipped_sequence(
     here = description.opencl_identity(choose_device().handle)
     measured = session(run("default", 200, 0.011), run("best", 40, 0.03))
     spool.put(server, measured | {"device": here})
-    monkeypatch.setenv(ENVIRONMENT, str(home.path))
+    monkeypatch.setenv("FRONTRUNNER_HOME", str(home.path))
 
     code = command_line.main(["choose", "--max-ate", "0.05", "--run", str(LIVING_ROOM), "--frames", "12"])
 
