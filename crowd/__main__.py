@@ -8,7 +8,7 @@ from collections.abc import Sequence
 def main(arguments: Sequence[str]) -> int:
     """Carry out the command in ARGUMENTS, the name of the program first; return its exit code."""
     os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
-    from crowd.environment import SettingError
+    from crowd.operations.environment import SettingError
 
     try:
         import crowd.settings  # noqa: F401 - Django would hide the reason

@@ -8,12 +8,12 @@ from celery.signals import before_task_publish, task_prerun
 from django.db import close_old_connections
 from kombu.transport import TRANSPORT_ALIASES
 
-from crowd import logs
+from crowd.operations import logs
 
 os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
 
 # Addresses filesystem:// mean our own, which survives kill -9.
-TRANSPORT_ALIASES["filesystem"] = "crowd.filesystem_broker:Transport"
+TRANSPORT_ALIASES["filesystem"] = "crowd.operations.filesystem_broker:Transport"
 
 app = Celery("crowd")
 app.config_from_object("django.conf:settings", namespace="CELERY")

@@ -13,8 +13,9 @@ from drf_spectacular.generators import SchemaGenerator
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd import codes, limits
-from crowd.api import Endpoint, answer
+from crowd.access import limits
+from crowd.http import codes
+from crowd.http.api import Endpoint, answer
 from crowd.results.intake import allowance, protocol_2, schema
 
 TEMPLATE = "#/components/schemas/{name}"

@@ -51,7 +51,7 @@ from pathlib import Path
 import dj_database_url
 from csp.constants import NONE, SELF, UNSAFE_INLINE
 
-from crowd.environment import choice, integer, matching, networks, prepared, secret_key, switch
+from crowd.operations.environment import choice, integer, matching, networks, prepared, secret_key, switch
 from frontrunner import folders
 
 BASE_DIR = Path(__file__).resolve().parent.parent
@@ -122,7 +122,7 @@ INSTALLED_APPS = [
     "crowd.results",
     "crowd.predictions",
     "crowd.explorations",
-    "crowd.administration.Administration",
+    "crowd.administration.site.Administration",
     "django.contrib.auth",
     "django.contrib.contenttypes",
     "django.contrib.sessions",
@@ -137,12 +137,12 @@ INSTALLED_APPS = [
 ]
 
 MIDDLEWARE = [
-    "crowd.middleware.RequestMiddleware",
+    "crowd.http.middleware.RequestMiddleware",
     "django.middleware.security.SecurityMiddleware",
     "csp.middleware.CSPMiddleware",
-    "crowd.middleware.BodyRefusalMiddleware",
-    "crowd.middleware.NoNullMiddleware",
-    "crowd.middleware.PageLimitMiddleware",
+    "crowd.http.middleware.BodyRefusalMiddleware",
+    "crowd.http.middleware.NoNullMiddleware",
+    "crowd.http.middleware.PageLimitMiddleware",
     "whitenoise.middleware.WhiteNoiseMiddleware",
     "django.contrib.sessions.middleware.SessionMiddleware",
     "django.middleware.common.CommonMiddleware",
@@ -183,7 +183,7 @@ _patience = integer("FRONTRUNNER_DATABASE_PATIENCE_SECONDS", 10, least=1)
 if DATABASES["default"]["ENGINE"] == "django.db.backends.postgresql":
     # A request that waits for a lock for ever would hold its thread for ever.
     DATABASES["default"].setdefault("OPTIONS", {}).setdefault("options", f"-c lock_timeout={_patience}s")
-    # Of the few statements of crowd.prepared alone: all others have their values in them.
+    # Of the few statements of crowd.database.prepared alone: all others have their values in them.
     DATABASES["default"]["OPTIONS"].setdefault("prepare_threshold", 5)
 if DATABASES["default"]["ENGINE"] == "django.db.backends.sqlite3":
     # Readers never wait for the writer (WAL), a writer takes its lock at once instead of failing halfway
@@ -273,8 +273,8 @@ REST_FRAMEWORK = {
     "DEFAULT_PERMISSION_CLASSES": [],
     "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
     "DEFAULT_PARSER_CLASSES": [],
-    "DEFAULT_SCHEMA_CLASS": "crowd.descriptions.ExplicitSchema",
-    "EXCEPTION_HANDLER": "crowd.problems.handler",
+    "DEFAULT_SCHEMA_CLASS": "crowd.http.descriptions.ExplicitSchema",
+    "EXCEPTION_HANDLER": "crowd.http.problems.handler",
     "NUM_PROXIES": integer("FRONTRUNNER_PROXIES", int(HTTPS)),
     "UNAUTHENTICATED_USER": None,
 }
@@ -331,8 +331,11 @@ FRONTRUNNER_LOGS = choice("FRONTRUNNER_LOGS", "text", "json")
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
-    "formatters": {"text": {"()": "crowd.logs.TextFormatter"}, "json": {"()": "crowd.logs.JsonFormatter"}},
-    "filters": {"without address": {"()": "crowd.logs.WithoutAddress"}},
+    "formatters": {
+        "text": {"()": "crowd.operations.logs.TextFormatter"},
+        "json": {"()": "crowd.operations.logs.JsonFormatter"},
+    },
+    "filters": {"without address": {"()": "crowd.operations.logs.WithoutAddress"}},
     "handlers": {"console": {"class": "logging.StreamHandler", "formatter": FRONTRUNNER_LOGS}},
     "root": {"handlers": ["console"], "level": "INFO"},
     # Our own line tells of every request by its address's pattern; these write the address out.

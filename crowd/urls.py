@@ -3,12 +3,14 @@
 from django.contrib import admin
 from django.urls import include, path, re_path
 
-from crowd import health, openapi, problems
+from crowd import openapi
 from crowd.fronts.views import chunk, plan, shaders, trajectory
+from crowd.http import problems
+from crowd.operations import health
 from crowd.results.opendata.serving import export_file
 
-handler400 = "crowd.problems.refused"
-handler500 = "crowd.problems.unforeseen"
+handler400 = "crowd.http.problems.refused"
+handler500 = "crowd.http.problems.unforeseen"
 
 urlpatterns = [
     path("admin/", admin.site.urls),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from crowd import web_server
+from crowd.operations import web_server
 
 ROOT = Path(__file__).resolve().parents[1]
 DEPLOY = ROOT / "deploy"

@@ -2,8 +2,8 @@
 
 from django.contrib import admin
 
+from crowd.administration.readonly import ReadOnlyAdmin
 from crowd.audit.models import AuditEntry
-from crowd.readonly import ReadOnlyAdmin
 
 
 @admin.register(AuditEntry)

@@ -5,9 +5,9 @@ Migrations and `manage.py flush`, which empties the whole database, take them of
 
 from typing import Any
 
-from crowd import triggers
 from crowd.audit.models import AuditEntry
-from crowd.triggers import Trigger
+from crowd.database import triggers
+from crowd.database.triggers import Trigger
 
 TABLE = AuditEntry._meta.db_table
 MESSAGE = "entries of the audit log cannot be changed or deleted"

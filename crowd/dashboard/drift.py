@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from crowd.fronts.protocol import first_counted_frame
+from crowd.fronts.content.protocol import first_counted_frame
 from crowd.results.reading.rows import RunSeries, SessionDetail
 from crowd.results.validity import measures
 

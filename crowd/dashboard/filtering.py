@@ -17,7 +17,7 @@ from crowd.dashboard.answering import page
 from crowd.dashboard.choosing import named, onward
 from crowd.dashboard.drawings.drawing import with_query
 from crowd.devices.models import DeviceModel
-from crowd.devices.vendors import VENDORS
+from crowd.devices.naming.vendors import VENDORS
 from crowd.fronts import selectors as published
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.reading import selectors as results

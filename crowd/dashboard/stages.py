@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd.fronts.protocol import first_counted_frame
+from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries, SessionDetail
 from crowd.results.validity.measures import OUTSIDE_COMPUTATION

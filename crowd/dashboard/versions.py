@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from crowd.fronts.difference import Difference, difference
+from crowd.fronts.content.difference import Difference, difference
 from crowd.fronts.selectors import Front
 
 

@@ -13,8 +13,10 @@ from django.shortcuts import redirect
 from django.urls import reverse
 from django.utils import timezone
 
+from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.audit.services import record
-from crowd.devices import attempts, decisions
+from crowd.devices import attempts
+from crowd.devices.aliases import decisions
 from crowd.devices.models import (
     AttemptCount,
     CatalogueEntry,
@@ -24,7 +26,6 @@ from crowd.devices.models import (
     DeviceSplit,
     Installation,
 )
-from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
 DECIDE = "devices.change_devicemodel"
 MOST_ERASED = 100

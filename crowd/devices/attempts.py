@@ -12,10 +12,10 @@ import msgspec
 from django.db import IntegrityError, transaction
 from django.db.models import F, QuerySet, Sum
 
-from crowd.decoding import decoded
-from crowd.devices import browsers
 from crowd.devices.chips.web_adapters import OTHER, known_words
 from crowd.devices.models import AttemptCount
+from crowd.devices.naming import browsers
+from crowd.http.decoding import decoded
 
 # Combinations of a day that have a row of their own; later ones are counted under OTHER.
 MOST_ROWS = 300

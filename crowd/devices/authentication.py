@@ -4,11 +4,11 @@ from drf_spectacular.extensions import OpenApiAuthenticationExtension
 from rest_framework.authentication import BaseAuthentication
 from rest_framework.request import Request
 
-from crowd import limits
-from crowd.api import Endpoint
+from crowd.access import limits
 from crowd.devices.models import Installation
 from crowd.devices.services import installation_of
-from crowd.problems import Problem
+from crowd.http.api import Endpoint
+from crowd.http.problems import Problem
 
 
 class TokenAuthentication(BaseAuthentication):

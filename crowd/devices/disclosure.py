@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from django.conf import settings
 
 from crowd.devices.models import DeviceModel
-from crowd.devices.normalisation import HANDHELD, slug_of
-from crowd.devices.processors import UNKNOWN_CHIP
+from crowd.devices.naming.normalisation import HANDHELD, slug_of
+from crowd.devices.naming.processors import UNKNOWN_CHIP
 
 # What `public_device` reads of a model.
 COLUMNS = (

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from django.db.models import Q
 
-from crowd.devices import apple_models, model_names, names
 from crowd.devices.models import CatalogueEntry
+from crowd.devices.naming import apple_models, model_names, names
 
 MOST = 50
 MOST_WORDS = 6

@@ -5,7 +5,7 @@ import uuid
 
 from django.db import models
 
-from crowd.devices import names, normalisation
+from crowd.devices.naming import names, normalisation
 
 
 class Installation(models.Model):

@@ -9,11 +9,13 @@ import msgspec
 from django.db import transaction
 from django.db.models import CharField, QuerySet
 
-from crowd.devices import catalogue, chips, disclosure, drivers, normalisation, processors, revision
+from crowd.database.prepared import Placeholder, Query
+from crowd.devices import chips, disclosure, revision
+from crowd.devices.catalogue import lookup
 from crowd.devices.models import DeviceDescription, DeviceModel
-from crowd.devices.normalisation import Identity
+from crowd.devices.naming import drivers, normalisation, processors
+from crowd.devices.naming.normalisation import Identity
 from crowd.devices.signals import models_changed
-from crowd.prepared import Placeholder, Query
 
 PARTS = ("cpu", "soc", "gpu", "os", "market_name")
 BATCH = 200
@@ -155,11 +157,11 @@ def _rederive(described: list[DeviceDescription]) -> set[int]:
     return touched
 
 
-def _derived(raw: dict[str, Any], simulated: bool) -> tuple[Identity, catalogue.Entry]:
-    return normalisation.identify(raw, simulated), catalogue.look_up(raw)
+def _derived(raw: dict[str, Any], simulated: bool) -> tuple[Identity, lookup.Entry]:
+    return normalisation.identify(raw, simulated), lookup.look_up(raw)
 
 
-def _model(identity: Identity, entry: catalogue.Entry) -> DeviceModel:
+def _model(identity: Identity, entry: lookup.Entry) -> DeviceModel:
     """The model with the identity's key. Parts that an earlier device did not tell are filled in."""
     model, new = DeviceModel.objects.get_or_create(
         key=identity.key,
@@ -184,7 +186,7 @@ def _free_slug(identity: Identity) -> str:
     return identity.distinct_slug if taken else identity.slug
 
 
-def _parts(identity: Identity, entry: catalogue.Entry) -> dict[str, str]:
+def _parts(identity: Identity, entry: lookup.Entry) -> dict[str, str]:
     """What the device tells of itself; the catalogue adds what the device leaves out."""
     return {
         "cpu": identity.cpu,
@@ -200,7 +202,7 @@ def _closer(gpu: str, other: str) -> str:
     return other if other and (not gpu or (chips.is_one_chip(other) and not chips.is_one_chip(gpu))) else gpu
 
 
-def _complete(model: DeviceModel, identity: Identity, entry: catalogue.Entry) -> None:
+def _complete(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> None:
     missing = {
         part: text for part, text in _parts(identity, entry).items() if text and not getattr(model, part)
     }
@@ -214,7 +216,7 @@ def _complete(model: DeviceModel, identity: Identity, entry: catalogue.Entry) ->
         revision.bump()
 
 
-def _reset_parts(model: DeviceModel, identity: Identity, entry: catalogue.Entry) -> None:
+def _reset_parts(model: DeviceModel, identity: Identity, entry: lookup.Entry) -> None:
     """Replace what older rules said of MODEL; its kind and name stay where an administrator judged them."""
     for part, value in _parts(identity, entry).items():
         setattr(model, part, value)

@@ -10,12 +10,12 @@ from django.conf import settings
 from django.db import DEFAULT_DB_ALIAS, transaction
 from django.db.models import CharField, Q, QuerySet
 
-from crowd import counters
+from crowd.access import counters
+from crowd.database.prepared import Placeholder, Query
 from crowd.devices import disclosure, revision
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.devices.normalisation import identify
-from crowd.prepared import Placeholder, Query
-from crowd.problems import Problem
+from crowd.devices.naming.normalisation import identify
+from crowd.http.problems import Problem
 
 # How long a participant who agreed, and then did not, waits to agree again.
 AGREED_SECONDS = 3600
@@ -27,7 +27,7 @@ def enrol(
     app: str, app_version: str, consent_version: int, simulated: bool = False, network: str = ""
 ) -> tuple[Installation, str]:
     """A new installation and its token, which is shown this once; only its digest is kept. A SIMULATED one
-    stays so. NETWORK is the keyed hash of where it enrols from (`crowd.addresses.network_of`).
+    stays so. NETWORK is the keyed hash of where it enrols from (`crowd.access.addresses.network_of`).
     """
     token = secrets.token_urlsafe(32)
     installation = Installation.objects.create(

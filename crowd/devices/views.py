@@ -5,10 +5,10 @@ from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd import limits
-from crowd.api import Endpoint, answer, body
+from crowd.access import limits
 from crowd.devices import attempts, model_choice
-from crowd.problems import Problem
+from crowd.http.api import Endpoint, answer, body
+from crowd.http.problems import Problem
 
 LONGEST = 100
 

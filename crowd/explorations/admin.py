@@ -13,13 +13,13 @@ from django.shortcuts import redirect
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 
+from crowd.administration.readonly import ReadOnlyAdmin
 from crowd.explorations import selectors, services, steering
 from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initial_of
 from crowd.explorations.measuring import tokens
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.steering import STEPS
-from crowd.readonly import ReadOnlyAdmin
 from slam.protocol import VALID_BELOW
 
 CHANGE, DRAFT = "explorations.change_exploration", "fronts.submit_frontversion"

@@ -6,10 +6,10 @@ from typing import Any
 
 import msgspec
 
-from crowd.disclosure import public
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching.points import Point
 from crowd.explorations.selectors import Progress
+from slam.disclosure import public
 from slam.isolated import NO_OBJECTIVES
 
 

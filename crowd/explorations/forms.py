@@ -15,7 +15,7 @@ from crowd.explorations.measuring import reference_devices
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.objectives import ERROR_RATIO, MEASURED, RATIO
 from crowd.fronts import sequences
-from crowd.fronts.contents import APPLICATIONS
+from crowd.fronts.content.front_file import APPLICATIONS
 from pareto import Space
 from slam.protocol import VALID_BELOW
 

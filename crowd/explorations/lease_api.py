@@ -11,14 +11,14 @@ import msgspec
 from django.conf import settings
 from django.db.models import Q
 
-from crowd.decoding import decoded
 from crowd.explorations import tasks
 from crowd.explorations.measuring import leases, measurement
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.objectives import without_ratios
 from crowd.fronts import answers
-from crowd.problems import Problem
+from crowd.http.decoding import decoded
+from crowd.http.problems import Problem
 
 Text = Annotated[str, msgspec.Meta(max_length=200)]
 Reason = Annotated[str, msgspec.Meta(max_length=500)]

@@ -6,12 +6,12 @@ from django.utils.http import quote_etag
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.api import Endpoint, answer, body, has_body, page
-from crowd.descriptions import PAGING
 from crowd.explorations import answers, lease_api, selectors
 from crowd.explorations.measuring.authentication import DeviceEndpoint, device_asking
 from crowd.explorations.outcomes import watching
-from crowd.problems import not_found
+from crowd.http.api import Endpoint, answer, body, has_body, page
+from crowd.http.descriptions import PAGING
+from crowd.http.problems import not_found
 
 ASK_AGAIN_SECONDS = 5
 

@@ -12,14 +12,16 @@ from django.shortcuts import redirect
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 
+from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.audit.models import AuditEntry
-from crowd.fronts import contents, manifests, policy, selectors, services
-from crowd.fronts.difference import difference
+from crowd.fronts import manifests, policy, selectors
+from crowd.fronts.content import front_file
+from crowd.fronts.content.difference import difference
 from crowd.fronts.models import Configuration, FrontVersion, IntakePolicy
-from crowd.fronts.preview import Preview, preview
+from crowd.fronts.publishing import services
+from crowd.fronts.publishing.preview import Preview, preview
+from crowd.fronts.publishing.steps import PUBLISH, STEPS, SUBMIT, Step
 from crowd.fronts.selectors import Front
-from crowd.fronts.steps import PUBLISH, STEPS, SUBMIT, Step
-from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
 
 
 class ConfigurationInline(ReadOnlyInline):
@@ -173,7 +175,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     def export(self, request: HttpRequest, key: int) -> HttpResponse:
         """The front as a file that imports."""
         front = self._seen(request, key)
-        text = contents.text(selectors.document(selectors.any_front(key)))
+        text = front_file.text(selectors.document(selectors.any_front(key)))
         name = f'attachment; filename="{front.slug}.json"'
         return HttpResponse(text, content_type="application/json", headers={"Content-Disposition": name})
 
@@ -185,7 +187,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
         if request.method == "POST" and form.is_valid():
             file = form.cleaned_data["file"]
             try:
-                document = contents.parse(file.read(contents.LARGEST_FILE_BYTES + 1))
+                document = front_file.parse(file.read(front_file.LARGEST_FILE_BYTES + 1))
                 front = services.create_draft(document, _name(request), f"from the file {file.name}")
             except services.REFUSALS as error:
                 form.add_error("file", str(error))

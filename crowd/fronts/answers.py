@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from crowd.fronts import plans
-from crowd.fronts.contents import APPLICATIONS
+from crowd.fronts.content import plans
+from crowd.fronts.content.front_file import APPLICATIONS
 from crowd.fronts.policy import Policy
 from crowd.fronts.selectors import DEFAULT, Front, Point
 

@@ -7,8 +7,8 @@ class FrontsConfig(AppConfig):
 
     def ready(self) -> None:
         """Tie what a migrated database needs besides tables: triggers and roles."""
-        from crowd import roles
-        from crowd.fronts import guards
+        from crowd.access import roles
+        from crowd.fronts.publishing import guards
 
         pre_migrate.connect(guards.take_off, sender=self)
         post_migrate.connect(guards.put_on, sender=self)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from django.conf import settings
 
+from crowd.database.prepared import Query
 from crowd.fronts.models import IntakePolicy
-from crowd.prepared import Query
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,11 @@ from django.views.decorators.http import require_safe
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.api import Endpoint, answer, page
-from crowd.descriptions import PAGING
-from crowd.fronts import answers, manifests, plans, policy, selectors, sequences, trajectories
-from crowd.problems import Problem, not_found
+from crowd.fronts import answers, manifests, policy, selectors, sequences, trajectories
+from crowd.fronts.content import plans
+from crowd.http.api import Endpoint, answer, page
+from crowd.http.descriptions import PAGING
+from crowd.http.problems import Problem, not_found
 
 A_YEAR = 365 * 24 * 3600
 

@@ -6,9 +6,9 @@ from django.contrib import admin
 from django.db.models import QuerySet
 from django.http import HttpRequest
 
+from crowd.administration.readonly import ReadOnlyAdmin
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.predictions.models import DeviceMap, ProbeAssignment, ProbeRequest, Recommendation
-from crowd.readonly import ReadOnlyAdmin
 
 
 @admin.register(DeviceMap)

@@ -11,8 +11,8 @@ from django.db.models import Avg
 from django.utils import timezone
 
 from crowd.devices.models import DeviceModel, Installation
-from crowd.fronts import plans
 from crowd.fronts import selectors as fronts
+from crowd.fronts.content import plans
 from crowd.fronts.models import Configuration
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point
 from crowd.predictions import maps, recommending, tables

@@ -16,7 +16,7 @@ import pandas as pd
 from django.db.models import BooleanField, Count, ExpressionWrapper, Max, QuerySet
 
 from crowd.devices.models import DeviceModel
-from crowd.fronts import plans
+from crowd.fronts.content import plans
 from crowd.fronts.models import FrontVersion
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
 from crowd.results.figures.confirmation import confirmed

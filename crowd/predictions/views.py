@@ -7,15 +7,15 @@ from django.http import HttpResponse, HttpResponseBase
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd import limits
-from crowd.api import Endpoint, answer
+from crowd.access import limits
 from crowd.devices.authentication import OptionalToken, installation_asking
 from crowd.fronts import answers as front_answers
 from crowd.fronts import policy
 from crowd.fronts.views import ManifestView
+from crowd.http.api import Endpoint, answer
+from crowd.http.problems import Problem, not_found
 from crowd.predictions import answers, assigning, recommending, selectors
 from crowd.predictions.selectors import Answer, Question
-from crowd.problems import Problem, not_found
 from slam.devices.device import BACKENDS
 from slam.protocol import PROBE_PAIRS, VALID_BELOW
 

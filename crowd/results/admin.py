@@ -14,7 +14,7 @@ from django.shortcuts import redirect
 from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 
-from crowd.readonly import ReadOnlyAdmin, ReadOnlyInline
+from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.results import moderation
 from crowd.results.erasure_page import ERASE, erase_measurements
 from crowd.results.figures import statistics

@@ -7,8 +7,9 @@ from celery import shared_task
 from celery.signals import worker_ready
 from kombu.exceptions import OperationalError
 
-from crowd import counters
-from crowd.devices import decisions, recognition, revision
+from crowd.access import counters
+from crowd.devices import recognition, revision
+from crowd.devices.aliases import decisions
 from crowd.results.figures import confirmation, reassigning
 from crowd.results.figures import sessions as session_figures
 from crowd.results.opendata import exports

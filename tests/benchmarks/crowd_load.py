@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd import web_server
+from crowd.operations import web_server
 from tests.crowd.documents import device_document, session_document, submission_document
 from tests.services.intake import LIMITS
 from tests.services.program import ROOT, Program, free_port

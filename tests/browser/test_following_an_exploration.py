@@ -4,7 +4,7 @@ from typing import Any
 
 from crowd.explorations import services
 from crowd.explorations.models import Exploration
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import front_document
 from tests.dashboard import searches

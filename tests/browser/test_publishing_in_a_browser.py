@@ -8,11 +8,11 @@ import pytest
 from django.contrib.auth.models import Group, User
 from django.test import Client
 
-from crowd import first_run
 from crowd.audit.models import AuditEntry
 from crowd.explorations.measuring.measurement import Measurement
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.fronts import services
+from crowd.fronts.publishing import services
+from crowd.operations import first_run
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import front_document
 from tests.explorations.conftest import measurement

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from crowd.fronts import services
+from crowd.fronts.publishing import services
 from slam.datasets.formats.pack import Pack
 
 VERSION = "test"

@@ -10,7 +10,7 @@ from crowd.celery import app
 from crowd.devices.models import Installation
 from crowd.devices.services import enrol
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from tests.crowd.documents import front_document, write_pack
 from tests.crowd.participant import Participant
 

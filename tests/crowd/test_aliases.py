@@ -10,9 +10,9 @@ from django.urls import reverse
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowd.devices import alias_candidates, decisions
+from crowd.devices.aliases import candidates, decisions
+from crowd.devices.aliases.proposals import Candidate, propose
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel, DeviceSplit
-from crowd.devices.proposals import Candidate, propose
 from crowd.devices.recognition import renormalise
 from crowd.results.figures import reassigning
 from crowd.results.figures import sessions as session_figures
@@ -173,7 +173,7 @@ def test_a_new_model_is_compared_with_what_shares_a_token_alone(db: None) -> Non
         device_document("SM-G935F", manufacturer="Samsung", soc_model="Tensor", device="hltexx")
     ).model
 
-    compared = alias_candidates.partners(alias_candidates.candidates([new]))
+    compared = candidates.partners(candidates.candidates([new]))
 
     assert {model.pk for model in compared} == {alike.pk, old.pk, new.pk}
     assert decisions.propose_aliases() == 2

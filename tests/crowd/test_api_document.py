@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from crowd import json_limits
 from crowd.fronts.models import FrontVersion
+from crowd.http import json_limits
 from crowd.openapi import document
 from crowd.results.intake import allowance
 from crowd.results.models import Submission

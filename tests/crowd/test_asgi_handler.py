@@ -11,11 +11,11 @@ from django.db import OperationalError
 from django.http import FileResponse, HttpRequest, HttpResponse, HttpResponseBase, StreamingHttpResponse
 from django.test import Client
 
-from crowd import asgi_handler
-from crowd.asgi_handler import Handler, environ_of
-from crowd.fronts.contents import LARGEST_FILE_BYTES
-from crowd.middleware import BODY_REFUSAL
-from crowd.problems import Problem
+from crowd.fronts.content.front_file import LARGEST_FILE_BYTES
+from crowd.http import asgi_handler
+from crowd.http.asgi_handler import Handler, environ_of
+from crowd.http.middleware import BODY_REFUSAL
+from crowd.http.problems import Problem
 
 View = Callable[[HttpRequest], HttpResponseBase]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import Run
 from tests.crowd.documents import (
     front_document,

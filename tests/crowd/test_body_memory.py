@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from django.conf import settings
 
-from crowd import json_limits
+from crowd.http import json_limits
 from crowd.results.intake import checks
 from crowd.results.models import Submission
 from tests.crowd.documents import run_document, session_document, submission_document

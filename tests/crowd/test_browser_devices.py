@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from crowd.devices import chips
 from crowd.devices.chips.web_adapters import FAMILIES, HARDWARE, SOFTWARE
 from crowd.devices.disclosure import public_device
-from crowd.devices.drivers import driver
 from crowd.devices.models import DeviceModel, Installation
-from crowd.devices.normalisation import identify
-from crowd.devices.processors import Processor, processor_of
+from crowd.devices.naming.drivers import driver
+from crowd.devices.naming.normalisation import identify
+from crowd.devices.naming.processors import Processor, processor_of
+from crowd.devices.naming.vendors import VENDORS, vendor
 from crowd.devices.recognition import recognise
-from crowd.devices.vendors import VENDORS, vendor
 from crowd.results.privacy.own_page import path_of
 from tests.crowd.documents import browser_document, device_document, submission_document
 from tests.crowd.participant import Participant

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from django.core.management import CommandError, call_command
 
-from crowd.devices.catalogue import look_up, store
-from crowd.devices.catalogue_files import BadLine, CatalogueFileError, read
+from crowd.devices.catalogue.files import BadLine, CatalogueFileError, read
+from crowd.devices.catalogue.lookup import look_up, store
 from crowd.devices.models import CatalogueEntry
 from tests.crowd.recognised import described
 

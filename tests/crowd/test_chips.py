@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crowd.devices.chips import graphics, processor, system_on_chip
-from crowd.devices.drivers import driver
+from crowd.devices.naming.drivers import driver
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from django.test import Client
 
-from crowd import codes
-from crowd.problems import Problem
+from crowd.http import codes
+from crowd.http.problems import Problem
 
 ROOT = Path(__file__).resolve().parents[2]
 # Which argument of each refusal is its code.

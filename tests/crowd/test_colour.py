@@ -10,8 +10,10 @@ import pytest
 from django.test import Client
 
 from crowd.dashboard.templatetags.units import pack_size
-from crowd.fronts import contents, selectors, services
-from crowd.fronts.contents import InvalidFrontError
+from crowd.fronts import selectors
+from crowd.fronts.content import front_file
+from crowd.fronts.content.front_file import InvalidFrontError
+from crowd.fronts.publishing import services
 from crowd.fronts.sequences import SequenceError
 from slam.datasets.formats.pack import Pack, colour_folder
 from slam.systems import SYSTEMS
@@ -52,8 +54,8 @@ def document(sequence: Path) -> dict[str, Any]:
 
 def test_applications_are_as_the_systems_say() -> None:
     for name, system in SYSTEMS.items():
-        assert contents.needs_colour(name) == system.colour
-        assert contents.APPLICATIONS[name].backends == system.backends
+        assert front_file.needs_colour(name) == system.colour
+        assert front_file.APPLICATIONS[name].backends == system.backends
 
 
 def test_clients_are_told_of_the_colour(client: Client, db: None, sequence: Path) -> None:
@@ -72,7 +74,7 @@ def test_clients_are_told_of_the_colour(client: Client, db: None, sequence: Path
     again = services.publish_again(front)
     stored = selectors.document(selectors.any_front(again.pk))
     assert stored["sequence"] == document(sequence)["sequence"]
-    assert contents.digest(stored) == again.digest
+    assert front_file.digest(stored) == again.digest
 
 
 def test_pages_tell_of_the_colour_that_is_downloaded_too(client: Client, db: None, sequence: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.reading import correlations, selectors
 from crowd.results.reading.filters import SpeedupFilters
 from tests.crowd.documents import (

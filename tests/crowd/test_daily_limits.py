@@ -113,7 +113,7 @@ def test_the_next_day_it_goes_on(
 ) -> None:
     settings.FRONTRUNNER_BYTES_PER_DAY = int(1.5 * len(BODY))
     body, now = document(), 1_000_000.0
-    monkeypatch.setattr("crowd.counters.time.time", lambda: now)
+    monkeypatch.setattr("crowd.access.counters.time.time", lambda: now)
     participant.submit(document())
     refused = participant.submit(body, key="a")
 

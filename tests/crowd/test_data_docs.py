@@ -11,7 +11,7 @@ from typing import Any
 import duckdb
 import pytest
 
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
 from tests.crowd.documents import device_document, front_document, session_document, submission_document
 from tests.crowd.exported import stored

@@ -5,8 +5,9 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.fronts import selectors, services
-from crowd.fronts.difference import Difference, difference
+from crowd.fronts import selectors
+from crowd.fronts.content.difference import Difference, difference
+from crowd.fronts.publishing import services
 from tests.crowd.documents import STANDARD, front_document
 
 FASTER = {

@@ -2,7 +2,7 @@
 
 import pytest
 
-from crowd.devices.normalisation import DEVICE, EMULATOR, UNKNOWN_DEVICE, VIRTUAL, identify
+from crowd.devices.naming.normalisation import DEVICE, EMULATOR, UNKNOWN_DEVICE, VIRTUAL, identify
 
 
 @pytest.mark.parametrize(

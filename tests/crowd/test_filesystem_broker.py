@@ -8,7 +8,7 @@ from kombu import Connection, Exchange, Queue
 from kombu.transport.virtual import Channel
 
 from crowd import celery
-from crowd.filesystem_broker import Transport
+from crowd.operations.filesystem_broker import Transport
 
 EXCHANGE = Exchange("work", type="direct")
 QUEUE = Queue("work", EXCHANGE, routing_key="work")
@@ -42,7 +42,7 @@ def received(broker: Connection) -> list[str]:
 
 def test_the_project_uses_its_own_transport(broker: Connection) -> None:
     assert celery.app.connection("filesystem://localhost").transport_cls == "filesystem"
-    assert type(broker.transport).__module__ == "crowd.filesystem_broker"
+    assert type(broker.transport).__module__ == "crowd.operations.filesystem_broker"
 
 
 def test_messages_come_in_the_order_in_which_they_were_sent(broker: Connection, tmp_path: Path) -> None:
@@ -71,7 +71,7 @@ def test_what_is_being_written_is_no_message_yet(
     def killed(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("crowd.filesystem_broker.os.replace", killed)
+    monkeypatch.setattr("crowd.operations.filesystem_broker.os.replace", killed)
     with pytest.raises(KeyboardInterrupt):
         send(broker, "half")
     monkeypatch.undo()

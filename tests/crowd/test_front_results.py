@@ -9,10 +9,12 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd import first_run
-from crowd.fronts import contents, selectors, services
-from crowd.fronts.contents import InvalidFrontError
+from crowd.fronts import selectors
+from crowd.fronts.content import front_file
+from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing import services
+from crowd.operations import first_run
 from crowd.results.reading import selectors as selectors_of_results
 from crowd.results.reading.filters import SpeedupFilters
 from tests.crowd.documents import (
@@ -71,8 +73,8 @@ def test_results_and_probes_survive_a_round_trip(front: FrontVersion, pack: dict
 
     again = selectors.document(stored)
 
-    assert contents.canonical(again) == contents.canonical(document(pack))
-    assert contents.digest(again) == front.digest
+    assert front_file.canonical(again) == front_file.canonical(document(pack))
+    assert front_file.digest(again) == front.digest
     assert [point.name for point in stored.points] == ["default", "best", "accurate"]
     assert [point.name for point in stored.probes] == ["probe-02", "probe-03"]
 
@@ -80,8 +82,8 @@ def test_results_and_probes_survive_a_round_trip(front: FrontVersion, pack: dict
 def test_a_front_without_results_keeps_its_digest(pack: dict[str, Any]) -> None:
     plain = front_document(pack)
 
-    assert contents.digest(plain) == contents.digest(plain | {"probes": []})
-    assert "probes" not in contents.canonical(plain)
+    assert front_file.digest(plain) == front_file.digest(plain | {"probes": []})
+    assert "probes" not in front_file.canonical(plain)
 
 
 @pytest.mark.parametrize(

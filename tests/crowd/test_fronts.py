@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 from django.core.management import CommandError, call_command
 
-from crowd.fronts import selectors, services
-from crowd.fronts.contents import InvalidFrontError, digest
+from crowd.fronts import selectors
+from crowd.fronts.content.front_file import InvalidFrontError, digest
 from crowd.fronts.models import Configuration, FrontVersion, FrozenFrontError
+from crowd.fronts.publishing import services
 from crowd.fronts.sequences import SequenceError
 from tests.crowd.documents import front_document
 

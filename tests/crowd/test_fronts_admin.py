@@ -10,8 +10,8 @@ from django.test import Client
 from django.urls import reverse
 
 from crowd.audit.models import AuditEntry
-from crowd.fronts import services
 from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing import services
 from tests.crowd.documents import front_document
 from tests.crowd.roles import browser_of
 

@@ -12,9 +12,10 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from client_kit.delivery import manifest as client_manifest
-from crowd.fronts import protocol, services
-from crowd.fronts.contents import InvalidFrontError
+from crowd.fronts.content import protocol
+from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import Configuration, FrontVersion
+from crowd.fronts.publishing import services
 from crowd.results import tasks
 from crowd.results.intake import checking, checks
 from tests.crowd.documents import front_document, run_document, session_document, submission_document

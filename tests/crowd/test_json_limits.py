@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from crowd import json_limits
-from crowd.problems import Problem
+from crowd.http import json_limits
+from crowd.http.problems import Problem
 
 
 def walk(body: bytes) -> tuple[int, int, int]:

@@ -12,9 +12,9 @@ import pytest
 from django.test import Client, RequestFactory
 from rest_framework.settings import api_settings
 
-from crowd import counters
-from crowd.addresses import address_of
-from crowd.counters import FileStore, RedisStore, Store
+from crowd.access import counters
+from crowd.access.addresses import address_of
+from crowd.access.counters import FileStore, RedisStore, Store
 from crowd.devices.models import Installation
 from crowd.results.models import Submission
 from tests.crowd.documents import submission_document
@@ -59,11 +59,11 @@ def test_a_days_salt_is_one_and_random(store: Store) -> None:
 
 def test_a_window_that_ended_starts_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = FileStore(tmp_path / "counters.sqlite3")
-    monkeypatch.setattr("crowd.counters.time.time", lambda: 1000.0)
+    monkeypatch.setattr("crowd.access.counters.time.time", lambda: 1000.0)
     store.count("gone", 60, 7)
     assert [store.count("a", 60, 3).used for _ in range(2)] == [3, 6]
 
-    monkeypatch.setattr("crowd.counters.time.time", lambda: 1060.0)
+    monkeypatch.setattr("crowd.access.counters.time.time", lambda: 1060.0)
 
     assert store.count("a", 60, 3).used == 3
     keys = sqlite3.connect(store.path).execute("SELECT key FROM counts").fetchall()
@@ -73,7 +73,7 @@ def test_a_window_that_ended_starts_again(tmp_path: Path, monkeypatch: pytest.Mo
 def test_processes_count_together(tmp_path: Path) -> None:
     path = tmp_path / "counters.sqlite3"
     program = (
-        "import sys; from pathlib import Path; from crowd.counters import FileStore; "
+        "import sys; from pathlib import Path; from crowd.access.counters import FileStore; "
         "store = FileStore(Path(sys.argv[1])); [store.count('a', 600) for _ in range(100)]"
     )
     others = [subprocess.Popen([sys.executable, "-c", program, str(path)], cwd=ROOT) for _ in range(2)]

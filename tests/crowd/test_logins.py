@@ -11,7 +11,7 @@ from django.test import Client, RequestFactory
 from django_otp.oath import TOTP
 from django_otp.plugins.otp_totp.models import TOTPDevice
 
-from crowd import counters, device_cookies, logins
+from crowd.access import counters, device_cookies, logins
 
 PASSWORD = "correct horse battery"
 

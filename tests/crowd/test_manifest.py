@@ -5,8 +5,8 @@ from typing import Any
 
 from django.test import Client
 
-from crowd.fronts import services
 from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing import services
 from tests.crowd.documents import front_document
 from tests.crowd.participant import API
 

@@ -12,7 +12,7 @@ from django.test import Client
 from django.utils import timezone
 from rest_framework.settings import api_settings
 
-from crowd import metrics
+from crowd.operations import metrics
 from crowd.results.models import MeasurementSession
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import Participant
@@ -117,7 +117,7 @@ def test_without_a_database_the_rest_is_still_told(
     def refuse(*_: object, **__: object) -> None:
         raise OperationalError("no connection")
 
-    monkeypatch.setattr("crowd.health.Installation.objects.count", refuse)
+    monkeypatch.setattr("crowd.operations.health.Installation.objects.count", refuse)
 
     found = samples(client.get("/metrics").content.decode())
 

@@ -6,7 +6,7 @@ import pytest
 from django.test import Client
 
 from crowd.devices.models import CatalogueEntry
-from crowd.devices.normalisation import identify
+from crowd.devices.naming.normalisation import identify
 from tests.crowd.documents import browser_document, device_document
 from tests.crowd.participant import API
 

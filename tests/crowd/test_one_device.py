@@ -9,12 +9,12 @@ import pytest
 from django.db import connection
 from django.test import Client
 
-from crowd.addresses import network_of
+from crowd.access.addresses import network_of
 from crowd.devices import permits
 from crowd.devices.models import DeviceDescription, Installation
 from crowd.devices.services import bind_device
 from crowd.fronts.models import FrontVersion
-from crowd.problems import Problem
+from crowd.http.problems import Problem
 from crowd.results.models import MeasurementSession, Submission
 from crowd.results.simulation.devices import MAKER
 from tests.crowd.documents import device_document, submission_document

@@ -17,9 +17,9 @@ from schemathesis.specs.openapi.checks import (
     status_code_conformance,
 )
 
+from crowd.access.limits import Attempts, Enrolments, OwnRequests, Reads, Submissions
 from crowd.explorations.measuring.tokens import issue_token
 from crowd.explorations.models import Exploration
-from crowd.limits import Attempts, Enrolments, OwnRequests, Reads, Submissions
 from crowd.openapi import document
 from crowd.results.models import Submission
 from crowd.wsgi import application

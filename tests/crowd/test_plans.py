@@ -10,9 +10,11 @@ import pytest
 from django.conf import LazySettings
 from django.test import Client
 
-from crowd import first_run
-from crowd.fronts import manifests, plans, services
-from crowd.fronts.contents import InvalidFrontError
+from crowd.fronts import manifests
+from crowd.fronts.content import plans
+from crowd.fronts.content.front_file import InvalidFrontError
+from crowd.fronts.publishing import services
+from crowd.operations import first_run
 from slam.configuration import ConfigurationError
 from slam.plans.plan import SCHEMA
 from tests.crowd.participant import API

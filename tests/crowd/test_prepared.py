@@ -8,9 +8,9 @@ import pytest
 from django.db import IntegrityError, connection
 from django.db.models import CharField, Q, UUIDField
 
+from crowd.database.prepared import Placeholder, Query, insert, insert_keyed
 from crowd.devices.models import Installation
 from crowd.explorations.models import ReferenceDevice
-from crowd.prepared import Placeholder, Query, insert, insert_keyed
 from crowd.results.models import WorkerPulse
 
 COLUMNS = ("pk", "created_at", "revoked_at", "show_model", "app")

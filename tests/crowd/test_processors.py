@@ -2,7 +2,7 @@
 
 import pytest
 
-from crowd.devices.processors import Processor, processor_of
+from crowd.devices.naming.processors import Processor, processor_of
 
 POCL = "Portable Computing Language"
 

@@ -10,9 +10,11 @@ from django.core.management import call_command
 from django.db import IntegrityError, connection, transaction
 from django.test import Client
 
-from crowd.fronts import contents, guards, selectors, services
-from crowd.fronts.contents import InvalidFrontError
+from crowd.fronts import selectors
+from crowd.fronts.content import front_file
+from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.models import FrontVersion, Trajectory
+from crowd.fronts.publishing import guards, services
 from tests.crowd.documents import BAND, FRAMES, front_document, trajectory
 from tests.crowd.participant import API
 
@@ -191,7 +193,7 @@ def test_an_altered_trajectory_is_not_published(db: None, pack: dict[str, Any]) 
 
 
 def test_the_digests_of_the_fronts_that_ship_do_not_change() -> None:
-    digests = {path.stem: contents.digest(contents.read(path)) for path in SHIPPED.glob("kfusion-*.json")}
+    digests = {path.stem: front_file.digest(front_file.read(path)) for path in SHIPPED.glob("kfusion-*.json")}
 
     assert digests["kfusion-1"] == "2149cad3641ec14f454dfc08b9b0aceeb318e3ad0524b3a958b9852e99db81d6"
     assert digests["kfusion-2"] == "a7160cdb53d933ba7da41457457c7a2ac905fb38fcfccf32710139d157ae8d96"

@@ -11,7 +11,7 @@ import pytest
 from django.test import Client
 
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import MeasurementSession, Run, SessionSummary
 from crowd.results.opendata import exports
 from tests.crowd.documents import (

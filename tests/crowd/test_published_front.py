@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from crowd.fronts.generalisation import bound
+from crowd.fronts.content.generalisation import bound
 from slam.benchmark import run
 from slam.devices.choice import choose_device
 from slam.systems import open_session

@@ -14,11 +14,13 @@ from django.db import IntegrityError, connection, transaction
 from django.db.models import ProtectedError
 from django.test import Client
 
-from crowd import first_run
 from crowd.audit import guards as audit_guards
 from crowd.audit.models import AppendOnlyError, AuditEntry
-from crowd.fronts import contents, guards, manifests, policy, second_person, selectors, sequences, services
+from crowd.fronts import manifests, policy, selectors, sequences
+from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion, FrozenFrontError, TransitionError
+from crowd.fronts.publishing import guards, second_person, services
+from crowd.operations import first_run
 from tests.crowd.documents import front_document
 
 
@@ -496,7 +498,7 @@ def test_fronts_of_an_earlier_release_are_kept_logged_and_guarded(
             "provenance, created_at, published_at) VALUES ('kfusion-test', 'kfusion', 'test', 'published', "
             "%s, %s, %s, %s, '2026-01-01 00:00:00', '2026-01-02 00:00:00')",
             [
-                contents.digest(content),
+                front_file.digest(content),
                 *(json.dumps(value) for value in (content["protocol"], pack, content["provenance"])),
             ],
         )

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from crowd.problems import Problem
-from crowd.request_bodies import DISCARDED, UNCOUNTED_BYTES, Pool, Share, read
+from crowd.http.problems import Problem
+from crowd.http.request_bodies import DISCARDED, UNCOUNTED_BYTES, Pool, Share, read
 
 LIMIT = 1000
 Receive = Callable[[], Awaitable[dict[str, Any]]]

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from django.core.management import call_command
 
-from crowd import metrics, supervision
 from crowd.explorations.models import ReferenceDevice
-from crowd.supervision import Child
+from crowd.operations import metrics, supervision
+from crowd.operations.supervision import Child
 
 
 def test_preparing_again_changes_and_says_nothing(

@@ -11,12 +11,12 @@ from django.test import Client
 from crowd.audit.models import AuditEntry
 from crowd.devices import permits
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
-from crowd.devices.normalisation import identify
-from crowd.devices.processors import processor_of
+from crowd.devices.naming.normalisation import identify
+from crowd.devices.naming.processors import processor_of
+from crowd.devices.naming.vendors import VENDORS
 from crowd.devices.recognition import recognise
-from crowd.devices.vendors import VENDORS
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.predictions.models import ProbeAssignment
 from crowd.predictions.tables import family
 from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, SessionSummary, Tombstone

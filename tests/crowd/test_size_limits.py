@@ -10,8 +10,8 @@ from django.test import Client, RequestFactory
 from django.test.client import FakePayload
 from rest_framework.request import Request
 
-from crowd import api
-from crowd.problems import Problem
+from crowd.http import api
+from crowd.http.problems import Problem
 from tests.crowd.documents import submission_document
 from tests.crowd.participant import API, Participant
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from crowd.devices.models import DeviceModel
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.figures import sessions as session_figures
 from crowd.results.models import DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
 from crowd.results.validity import rules

@@ -8,11 +8,12 @@ from typing import Any
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from crowd.devices import chips, names
-from crowd.devices.drivers import driver
-from crowd.devices.model_names import SERIES
-from crowd.devices.normalisation import identify
-from crowd.devices.processors import processor_of
+from crowd.devices import chips
+from crowd.devices.naming import names
+from crowd.devices.naming.drivers import driver
+from crowd.devices.naming.model_names import SERIES
+from crowd.devices.naming.normalisation import identify
+from crowd.devices.naming.processors import processor_of
 
 DEVICES = Path(chips.__file__).parent.parent
 TABLES = (

@@ -10,7 +10,7 @@ from django.db import connection
 from crowd.devices.models import Installation
 from crowd.devices.recognition import Recognised
 from crowd.fronts.models import FrontVersion
-from crowd.problems import Problem
+from crowd.http.problems import Problem
 from crowd.results.figures import sessions as session_figures
 from crowd.results.intake import storing
 from crowd.results.intake.allowance import Sender

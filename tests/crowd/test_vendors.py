@@ -1,6 +1,6 @@
 import pytest
 
-from crowd.devices.vendors import CPU, OTHER, vendor
+from crowd.devices.naming.vendors import CPU, OTHER, vendor
 
 
 @pytest.mark.parametrize(

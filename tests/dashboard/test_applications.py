@@ -8,7 +8,7 @@ import pytest
 from django.test import Client
 
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from tests.crowd.documents import front_document
 from tests.crowd.participant import API, Participant
 from tests.dashboard.measuring import measure

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from django.test import Client
 
-from crowd.middleware import _is_page
+from crowd.http.middleware import _is_page
 from frontrunner import __version__
 from tests.dashboard.reading import read
 

@@ -10,7 +10,7 @@ import pytest
 from django.test import Client
 
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.services import publish_content, retire
+from crowd.fronts.publishing.services import publish_content, retire
 from crowd.results.models import DeviceSpeedup, State
 from crowd.results.reading import selectors
 from crowd.results.reading.filters import SpeedupFilters

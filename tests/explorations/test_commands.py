@@ -17,7 +17,7 @@ from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, Measurement
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
-from crowd.fronts.services import publish_file
+from crowd.fronts.publishing.services import publish_file
 from tests.explorations.conftest import SPACE, measurement, run_to_the_end
 
 KFUSION = "pareto/spaces/kfusion.json"

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.predictions import maps
 from tests.crowd.conftest import join
 from tests.crowd.participant import Participant

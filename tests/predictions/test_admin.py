@@ -6,10 +6,10 @@ import pytest
 from django.contrib.auth.models import Group, User
 from django.test import Client
 
+from crowd.access.roles import EDITOR
 from crowd.fronts.models import Configuration
 from crowd.predictions import maps
 from crowd.predictions.models import ProbeRequest
-from crowd.roles import EDITOR
 from tests.predictions.measured import Measured
 from tests.predictions.test_assigning import assign, names
 from tests.predictions.test_recommending import DIFFERENT

@@ -11,7 +11,7 @@ import numpy as np
 from django.db import connection
 from django.db.migrations.executor import MigrationExecutor
 
-from crowd.fronts import guards
+from crowd.fronts.publishing import guards
 from tests.crowd.documents import FRAMES, STAGES, device_document, front_document, write_pack
 
 FIRST = [("results", "0001_initial"), ("explorations", "0001_initial")]

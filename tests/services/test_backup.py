@@ -23,7 +23,7 @@ from tests.services.serving import Services, Serving, command
 RESTORE_ALL = """
 import json
 from pathlib import Path
-from crowd import backup
+from crowd.operations import backup
 reasons = []
 for file in {}:
     try:

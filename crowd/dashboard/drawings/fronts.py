@@ -10,7 +10,7 @@ from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.parameters import parameter_lines
 from crowd.dashboard.points import parameters_of
 from crowd.fronts import selectors as published
-from crowd.fronts.protocol import max_ate
+from crowd.fronts.content.protocol import max_ate
 from crowd.fronts.selectors import Front
 
 

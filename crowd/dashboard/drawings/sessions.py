@@ -11,7 +11,7 @@ from crowd.dashboard.answering import found
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
 from crowd.dashboard.stages import StageTimes, frames, inside_computation, ordered, times_of
-from crowd.fronts.protocol import first_counted_frame
+from crowd.fronts.content.protocol import first_counted_frame
 from crowd.results.reading import selectors as results
 from crowd.results.reading.rows import RunDetail, SessionDetail
 

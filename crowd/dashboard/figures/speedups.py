@@ -11,7 +11,7 @@ from crowd.dashboard import formats
 from crowd.dashboard.figures import layout
 from crowd.dashboard.figures.decimation import decimated, said
 from crowd.dashboard.palette import Theme
-from crowd.devices.vendors import CPU, OTHER
+from crowd.devices.naming.vendors import CPU, OTHER
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import Speedup
 

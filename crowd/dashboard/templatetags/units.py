@@ -8,11 +8,11 @@ from typing import Any
 from django import template
 
 from crowd.dashboard import confirmation, formats
-from crowd.disclosure import public
-from crowd.fronts.protocol import first_counted_frame, max_ate
+from crowd.fronts.content.protocol import first_counted_frame, max_ate
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import Attempts, Device, Speedup
 from crowd.results.validity.rules import RULES
+from slam.disclosure import public
 from slam.protocol import MAX_DRIFT
 
 register = template.Library()

@@ -13,7 +13,7 @@ from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.points import measured_points, parameters_of, results_by_sequence
 from crowd.dashboard.versions import UnknownVersionError, beside
 from crowd.fronts import selectors as published
-from crowd.fronts.generalisation import FACTOR, MARGIN
+from crowd.fronts.content.generalisation import FACTOR, MARGIN
 from crowd.results.reading import selectors as results
 from crowd.results.reading.filters import ALL
 

@@ -14,7 +14,7 @@ from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.race import race
 from crowd.dashboard.stages import frames, spread, stage_table, times_of
 from crowd.fronts import selectors as published
-from crowd.fronts.protocol import first_counted_frame
+from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.selectors import BEST
 from crowd.results.reading import selectors as results
 from crowd.results.reading.rows import SessionDetail

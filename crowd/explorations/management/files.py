@@ -7,7 +7,8 @@ from django.core.management.base import CommandError
 
 from crowd.explorations.models import Exploration
 from crowd.explorations.outcomes import publishing
-from crowd.fronts import contents, sequences
+from crowd.fronts import sequences
+from crowd.fronts.content import front_file
 
 
 def name_of(path: Path) -> tuple[str, str]:
@@ -27,8 +28,8 @@ def write_front(exploration: Exploration, path: Path) -> str:
         raise CommandError(f"{path}: name it {exploration.application}-<version>.json")
     try:
         document = publishing.document(exploration, version)
-        contents.check(document)
-    except (publishing.NothingToPublishError, contents.InvalidFrontError, sequences.SequenceError) as error:
+        front_file.check(document)
+    except (publishing.NothingToPublishError, front_file.InvalidFrontError, sequences.SequenceError) as error:
         raise CommandError(f"{exploration}: {error}") from error
     write(path, json.dumps(document, indent=2) + "\n")
     return f"{len(document['configurations'])} points: {path}"

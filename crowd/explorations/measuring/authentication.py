@@ -4,10 +4,10 @@ from drf_spectacular.extensions import OpenApiAuthenticationExtension
 from rest_framework.authentication import BaseAuthentication
 from rest_framework.request import Request
 
-from crowd.api import Endpoint
 from crowd.explorations.measuring.tokens import device_of
 from crowd.explorations.models import ReferenceDevice
-from crowd.problems import Problem
+from crowd.http.api import Endpoint
+from crowd.http.problems import Problem
 
 
 class DeviceAuthentication(BaseAuthentication):

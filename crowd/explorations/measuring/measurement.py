@@ -12,7 +12,7 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import without_ratios
 from crowd.explorations.searching import ratios
 from crowd.fronts import sequences
-from crowd.fronts.contents import needs_colour
+from crowd.fronts.content.front_file import needs_colour
 from slam import isolated
 from slam.isolated import CannotMeasureHereError, LeaseLostError, Measurement, MeasurementError
 

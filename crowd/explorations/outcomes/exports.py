@@ -9,9 +9,9 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from crowd.disclosure import public
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import MEASURED
+from slam.disclosure import public
 from slam.isolated import STAGES
 
 ABOUT = (

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from django.utils import timezone
 
-from crowd.disclosure import public
 from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import RATIO
@@ -17,12 +16,13 @@ from crowd.explorations.searching import batches, points, search
 from crowd.explorations.searching.points import Point
 from crowd.fronts import selectors as published
 from crowd.fronts import sequences
-from crowd.fronts import services as fronts
-from crowd.fronts.contents import needs_colour
-from crowd.fronts.generalisation import objections
+from crowd.fronts.content.front_file import needs_colour
+from crowd.fronts.content.generalisation import objections
 from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing import services as fronts
 from crowd.fronts.selectors import BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
+from slam.disclosure import public
 from slam.protocol import VALID_BELOW
 
 PREDICTED = ("runtime", "ate_max", "ate_mean")
@@ -115,7 +115,7 @@ def draft(exploration: Exploration, names: Mapping[str, str], by: str) -> FrontV
     """A draft of its application's next version with the points that NAMES names by their keys.
 
     Raises NotReadyError where a point was not measured again often enough, or `best` is not valid, and what
-    crowd.fronts.services.create_draft raises.
+    crowd.fronts.publishing.services.create_draft raises.
     """
     evaluations = list(exploration.evaluations.all())
     found = _keyed(points.measured(evaluations))
@@ -160,7 +160,7 @@ def document(exploration: Exploration, version: str) -> dict[str, Any]:
 def name_points(measured: Sequence[Point], robust: Mapping[str, Robustness]) -> dict[str, Point]:
     """What is published, by name: default, best, accurate, knee, the other known ones, the rest of the front.
 
-    `best` is the fastest point to which nothing is to be said (`crowd.fronts.generalisation.objections`).
+    `best` is the fastest point that `crowd.fronts.content.generalisation.objections` says nothing about.
     `accurate` is the valid one with the least maximal error, `knee` the best compromise between error and
     speed. Points on an edge take no part, and invalid ones only as the default. Where any point was measured
     again, only those that were take part: a single lucky measurement makes no front. Neither does one over a

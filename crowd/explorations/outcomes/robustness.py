@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
-from crowd.fronts.generalisation import Result, Results, bound
+from crowd.fronts.content.generalisation import Result, Results, bound
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.api import answer, body
-from crowd.decoding import decoded
 from crowd.devices.authentication import OwnEndpoint, RightsEndpoint, installation_asking
 from crowd.devices.models import Installation
 from crowd.devices.services import renew_token
-from crowd.problems import not_found
+from crowd.http.api import answer, body
+from crowd.http.decoding import decoded
+from crowd.http.problems import not_found
 from crowd.results.privacy import erasure, own_choice
 from crowd.results.privacy.own_data import own_data
 from crowd.results.privacy.own_page import path_of

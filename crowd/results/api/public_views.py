@@ -7,10 +7,10 @@ from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.api import Endpoint, answer, page
-from crowd.descriptions import PAGING
-from crowd.devices.vendors import VENDORS
-from crowd.problems import Problem, not_found
+from crowd.devices.naming.vendors import VENDORS
+from crowd.http.api import Endpoint, answer, page
+from crowd.http.descriptions import PAGING
+from crowd.http.problems import Problem, not_found
 from crowd.results.api import answers
 from crowd.results.reading import correlations, selectors
 from crowd.results.reading.backends import BACKENDS

@@ -7,14 +7,14 @@ from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd import limits
-from crowd.addresses import address_of, network_of
-from crowd.api import Endpoint, answer, body
+from crowd.access import limits
+from crowd.access.addresses import address_of, network_of
 from crowd.devices import permits
 from crowd.devices.authentication import OwnEndpoint, installation_asking
 from crowd.devices.services import enrol
 from crowd.fronts import policy
-from crowd.problems import Problem, not_found
+from crowd.http.api import Endpoint, answer, body
+from crowd.http.problems import Problem, not_found
 from crowd.results import tasks
 from crowd.results.api import answers
 from crowd.results.intake import schema, storing

@@ -12,10 +12,10 @@ from django.db import transaction
 from django.db.models import Count, Max, Q, QuerySet
 from django.utils import timezone
 
+from crowd.database.prepared import insert
 from crowd.devices.models import DeviceDescription, DeviceModel, Installation
 from crowd.fronts.models import Configuration, FrontVersion
 from crowd.fronts.selectors import DEFAULT
-from crowd.prepared import insert
 from crowd.results.figures import cohorts
 from crowd.results.intake.checks import Protocol
 from crowd.results.models import (

@@ -13,9 +13,9 @@ from typing import Any
 from django.conf import settings
 from django.db.models import Model
 
-from crowd import counters
+from crowd.access import counters
 from crowd.devices.models import Installation
-from crowd.problems import Problem
+from crowd.http.problems import Problem
 from crowd.results.models import MeasurementSession, Run, Submission
 
 # An address may send as much as so many installations.

@@ -8,7 +8,7 @@ from uuid import UUID
 
 from crowd.devices.models import Installation
 from crowd.fronts.models import Configuration, FrontVersion
-from crowd.problems import Problem
+from crowd.http.problems import Problem
 from crowd.results.intake import checks, protocol_2, schema, unknown_members
 from crowd.results.intake.checks import Rejection
 from crowd.results.models import MeasurementSession, Run

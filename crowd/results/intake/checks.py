@@ -6,10 +6,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from crowd.devices.normalisation import RAW_STRINGS
-from crowd.fronts import protocol as fronts
+from crowd.devices.naming.normalisation import RAW_STRINGS
+from crowd.fronts.content import protocol as fronts
 from crowd.fronts.selectors import DEFAULT
-from crowd.problems import Problem
+from crowd.http.problems import Problem
 from crowd.results.intake.schema import Run, Sample
 from slam.protocol import FIXED_PAIRS
 

@@ -11,8 +11,8 @@ from uuid import UUID
 
 import msgspec
 
-from crowd.decoding import decoded, decoded_part, size_of
-from crowd.problems import Problem
+from crowd.http.decoding import decoded, decoded_part, size_of
+from crowd.http.problems import Problem
 
 SCHEMA_VERSION = 1
 MAX_SESSIONS = 50

@@ -10,18 +10,18 @@ from django.db import IntegrityError, transaction
 from django.db.models import CharField, QuerySet, UUIDField
 from django.utils import timezone
 
+from crowd.database.prepared import Placeholder, Query, insert, insert_keyed
 from crowd.devices.models import Installation
 from crowd.devices.recognition import Recognised, recognise
 from crowd.devices.services import bind_device, check_device, choose_disclosure, withdraw_consent
-from crowd.disclosure import public
 from crowd.fronts import policy
 from crowd.fronts.policy import Policy
-from crowd.prepared import Placeholder, Query, insert, insert_keyed
-from crowd.problems import Problem
+from crowd.http.problems import Problem
 from crowd.results.intake import checking, packing, protocol_2, schema, unknown_members
 from crowd.results.intake.allowance import Sender, charge_body, charge_rows
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, State, Submission
+from slam.disclosure import public
 
 CLOSED_SECONDS = 3600
 TRIES = 3  # a request stored beside others of the same content

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from crowd.decoding import decoded_part, size_of
+from crowd.http.decoding import decoded_part, size_of
 from crowd.results.intake import checks
 from crowd.results.intake.schema import Run, Sample, Session, Submission
 

@@ -19,7 +19,7 @@ from django.http import (
 )
 from django.views.decorators.http import require_safe
 
-from crowd.problems import Problem, not_found
+from crowd.http.problems import Problem, not_found
 from crowd.results.models import Export, ExportFile
 from crowd.results.opendata import exports
 from crowd.results.opendata.describing import FORMATS, descriptions

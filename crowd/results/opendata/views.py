@@ -8,7 +8,7 @@ from django.http import HttpResponse
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.api import Endpoint, answer, page
+from crowd.http.api import Endpoint, answer, page
 from crowd.results.models import Export
 from crowd.results.opendata import exports
 from crowd.results.opendata.describing import DATA_PACKAGE, FORMATS, descriptions, ordered_files

@@ -2,7 +2,7 @@
 
 from crowd.devices.models import DeviceModel, Installation
 from crowd.devices.services import choose_disclosure
-from crowd.problems import Problem
+from crowd.http.problems import Problem
 from crowd.results.privacy.disclosure import sync_disclosure
 
 

@@ -7,7 +7,7 @@ from datetime import date
 from typing import Any
 from urllib.parse import urlencode
 
-from crowd.devices import vendors
+from crowd.devices.naming import vendors
 from crowd.fronts.selectors import BEST, DEFAULT_APPLICATION
 from crowd.results.reading.backends import BACKENDS
 
@@ -93,7 +93,7 @@ class SpeedupFilters:
     application: str = DEFAULT_APPLICATION
     configuration: str = BEST  # ALL for every configuration
     device: str = ""
-    vendor: str = ""  # one of crowd.devices.vendors.VENDORS: whose chip computed
+    vendor: str = ""  # one of crowd.devices.naming.vendors.VENDORS: whose chip computed
     soc: str = ""
     gpu: str = ""
     os: str = ""

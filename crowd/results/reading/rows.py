@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd.devices.disclosure import PublicDevice
-from crowd.devices.normalisation import SIMULATED
-from crowd.devices.vendors import vendor
+from crowd.devices.naming.normalisation import SIMULATED
+from crowd.devices.naming.vendors import vendor
 from crowd.fronts.selectors import BEST
 
 
@@ -31,7 +31,7 @@ class Device(PublicDevice):
 
     @property
     def vendor(self) -> str:
-        """The family of its graphics chip, one of crowd.devices.vendors.VENDORS."""
+        """The family of its graphics chip, one of crowd.devices.naming.vendors.VENDORS."""
         return vendor("", self.gpu)
 
 
@@ -70,7 +70,7 @@ class Speedup:
 
     @property
     def vendor(self) -> str:
-        """The family of the chip that computed, one of crowd.devices.vendors.VENDORS."""
+        """The family of the chip that computed, one of crowd.devices.naming.vendors.VENDORS."""
         return vendor(self.processor, self.device.gpu, self.processor_class)
 
     @property
@@ -110,7 +110,7 @@ class Attempt:
 
     @property
     def vendor(self) -> str:
-        """The family of the chip that computed, one of crowd.devices.vendors.VENDORS."""
+        """The family of the chip that computed, one of crowd.devices.naming.vendors.VENDORS."""
         return vendor(self.processor, self.device.gpu, self.processor_class)
 
 

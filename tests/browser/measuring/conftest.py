@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
-from crowd.fronts import manifests, plans
+from crowd.fronts import manifests
+from crowd.fronts.content import plans
 from crowd.fronts.models import FrontVersion
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from slam.datasets.formats.pack import Pack
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import STANDARD

@@ -10,7 +10,7 @@ import pytest
 from django.test import Client
 
 from crowd.devices.models import AttemptCount, DeviceDescription, Installation
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.models import MeasurementSession, Run
 from tests.browser.measuring.conftest import Published
 from tests.browser.visitor import Visitor

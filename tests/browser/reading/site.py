@@ -18,7 +18,7 @@ from pytest_django.live_server_helper import LiveServer
 from crowd.dashboard.urls import urlpatterns
 from crowd.devices.models import Installation
 from crowd.devices.services import enrol
-from crowd.fronts.services import publish_content
+from crowd.fronts.publishing.services import publish_content
 from crowd.results.opendata import exports
 from crowd.results.privacy.own_page import path_of
 from tests.crowd.documents import (

@@ -5,7 +5,6 @@ import json
 
 import pytest
 
-from crowd.disclosure import public
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
 from crowd.explorations.measuring.measurement import Measurement, MeasurementError
@@ -13,6 +12,7 @@ from crowd.explorations.models import Exploration
 from crowd.explorations.objectives import MEASURED, without_ratios
 from crowd.explorations.outcomes import exports
 from slam import isolated
+from slam.disclosure import public
 
 FAILURE = "=2+5: /srv/frontrunner/slam/run.py is gone"
 

@@ -14,8 +14,8 @@ from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import creation_command, publishing
 from crowd.explorations.searching import batches, points
 from crowd.explorations.searching.points import Point, spread
-from crowd.fronts import services as fronts
-from crowd.fronts.contents import InvalidFrontError
+from crowd.fronts.content.front_file import InvalidFrontError
+from crowd.fronts.publishing import services as fronts
 from pareto import Space
 from tests.explorations.conftest import SPACE, finish, run_to_the_end
 

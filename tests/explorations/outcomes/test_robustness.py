@@ -8,7 +8,7 @@ from crowd.explorations import services
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing, robustness
 from crowd.explorations.searching import batches, points
-from crowd.fronts.generalisation import Results, bound, objections
+from crowd.fronts.content.generalisation import Results, bound, objections
 
 DEFAULT, QUICK, QUICKER = {"n": "default"}, {"n": "quick"}, {"n": "quicker"}
 SEQUENCES = ("tiny", "office", "workshop")  # the last is held out

@@ -5,7 +5,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd import backup
+from crowd.operations import backup
 
 
 class Command(BaseCommand):

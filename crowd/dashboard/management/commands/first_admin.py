@@ -4,7 +4,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand
 
-from crowd.first_run import ADMINISTRATOR, create_first_administrator, migrate
+from crowd.operations.first_run import ADMINISTRATOR, create_first_administrator, migrate
 
 
 class Command(BaseCommand):

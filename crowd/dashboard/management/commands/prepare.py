@@ -5,7 +5,7 @@ from typing import Any
 from django.conf import settings
 from django.core.management.base import BaseCommand
 
-from crowd import first_run
+from crowd.operations import first_run
 
 
 class Command(BaseCommand):

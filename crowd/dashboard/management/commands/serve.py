@@ -15,13 +15,13 @@ from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import connections
 
-from crowd import first_run, web_server
 from crowd.devices.models import Installation
-from crowd.environment import DataFolderError
+from crowd.operations import first_run, web_server
+from crowd.operations.environment import DataFolderError
+from crowd.operations.supervision import Child, Supervisor, alone
 from crowd.results.models import MeasurementSession
 from crowd.results.privacy.own_page import path_of
 from crowd.results.reading import selectors
-from crowd.supervision import Child, Supervisor, alone
 
 START_PATIENCE_SECONDS = 60.0
 SUMMARY_PATIENCE_SECONDS = 60.0

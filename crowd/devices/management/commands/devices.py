@@ -5,7 +5,9 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd.devices import catalogue, catalogue_files, decisions, recognition
+from crowd.devices import recognition
+from crowd.devices.aliases import decisions
+from crowd.devices.catalogue import files, lookup
 from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel
 from crowd.devices.signals import models_changed
 
@@ -37,8 +39,8 @@ class Command(BaseCommand):
 
     def _import(self, path: Path) -> None:
         try:
-            done = catalogue.store(catalogue_files.read(path))
-        except (OSError, catalogue_files.CatalogueFileError) as error:
+            done = lookup.store(files.read(path))
+        except (OSError, files.CatalogueFileError) as error:
             raise CommandError(str(error)) from error
         for bad in done.bad[:SHOWN_BAD_LINES]:
             self._say(f"line {bad.number}: {bad.reason}")

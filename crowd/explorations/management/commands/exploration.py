@@ -15,7 +15,7 @@ from crowd.explorations.management.cli_options import add_exploration_options, e
 from crowd.explorations.measuring import reference_devices
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.outcomes import exports, report, watching
-from crowd.first_run import THIS_MACHINE
+from crowd.operations.first_run import THIS_MACHINE
 from slam.devices.device import BACKENDS
 
 LOOK_AGAIN_SECONDS = 5.0

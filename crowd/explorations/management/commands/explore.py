@@ -10,7 +10,6 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 from django.db import transaction
 from django.utils import timezone
 
-from crowd import first_run
 from crowd.audit.services import COMMAND_LINE
 from crowd.explorations import services, steering
 from crowd.explorations.management import files
@@ -20,6 +19,7 @@ from crowd.explorations.measuring.measurement import CannotMeasureHereError, eva
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.outcomes import publishing
 from crowd.explorations.searching.search import FINISHED
+from crowd.operations import first_run
 from slam.protocol import VALID_BELOW
 
 LOOK_AGAIN_SECONDS = 1.0

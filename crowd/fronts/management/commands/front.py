@@ -8,8 +8,10 @@ from typing import Any
 from django.core.exceptions import ValidationError
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from crowd.fronts import contents, preview, selectors, services
+from crowd.fronts import selectors
+from crowd.fronts.content import front_file
 from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing import preview, services
 from crowd.fronts.selectors import Front
 
 
@@ -51,7 +53,7 @@ class Command(BaseCommand):
     def _export(self, version: str, out: Path | None) -> None:
         front = selectors.any_front(self._found(version).pk)
         services.refuse_altered(front)
-        text = contents.text(selectors.document(front))
+        text = front_file.text(selectors.document(front))
         if out is None:
             self.stdout.write(text, ending="")
             return
@@ -76,7 +78,7 @@ class Command(BaseCommand):
         return f"{services.publish(front).slug}: published"
 
     def _publish_file(self, path: Path) -> str:
-        document = contents.read(path)
+        document = front_file.read(path)
         try:
             if (before := services.published(document)) is not None:
                 return f"{before.slug}: was published before, nothing changed"

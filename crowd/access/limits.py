@@ -1,0 +1,146 @@
+"""Rate limits: by installation where there is a token, else by address, which is never stored.
+
+Answers report them in the fields RateLimit-Policy and RateLimit of the IETF's draft "RateLimit header fields
+for HTTP" (draft-ietf-httpapi-ratelimit-headers-10): quota q in a window of w seconds, r left for t seconds.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar, cast
+
+from django.conf import settings
+from django.http import HttpRequest
+from rest_framework.request import Request
+from rest_framework.throttling import BaseThrottle
+
+from crowd.access import counters
+from crowd.access.addresses import address_of
+
+A_MINUTE, AN_HOUR = 60, 3600
+
+
+@dataclass(frozen=True)
+class Usage:
+    """How far the limit NAME is used: `quota` requests in `seconds`, `used` so far."""
+
+    name: str
+    quota: int
+    seconds: int
+    used: int
+    resets_in: float
+
+    @property
+    def exceeded(self) -> bool:
+        return self.used > self.quota
+
+    @property
+    def headers(self) -> dict[str, str]:
+        """The draft's two fields."""
+        left, reset = max(self.quota - self.used, 0), math.ceil(self.resets_in)
+        return {
+            "RateLimit-Policy": f'"{self.name}";q={self.quota};w={self.seconds}',
+            "RateLimit": f'"{self.name}";r={left};t={reset}',
+        }
+
+
+class Limit(BaseThrottle):
+    """One limit: WHAT it counts, its NAME in answers, the setting with its quota, its window in seconds."""
+
+    what: ClassVar[str]
+    name: ClassVar[str]
+    setting: ClassVar[str]
+    seconds: ClassVar[int]
+
+    def __init__(self) -> None:
+        self.usage: Usage | None = None
+
+    @property
+    def quota(self) -> int:
+        """How many requests there may be in the window; 0: no limit."""
+        return int(getattr(settings, self.setting))
+
+    def key(self, request: Request | HttpRequest) -> str:
+        """What requests are counted by; it names nobody."""
+        raise NotImplementedError
+
+    def count(self, request: Request | HttpRequest) -> bool:
+        """Count this request, and say whether it may be answered; `usage` is what its answer reports."""
+        if not (quota := self.quota):
+            return True
+        with counters.counting("requests"):
+            count = counters.count(f"{self.name}:{self.key(request)}", self.seconds)
+            self.usage = Usage(self.name, quota, self.seconds, count.used, count.resets_in)
+            return not self.usage.exceeded
+        return True
+
+    def allow_request(self, request: Request, view: Any) -> bool:
+        """`count`, as Django REST framework calls it: `view.usage` is for the answer."""
+        allowed = self.count(request)
+        view.usage = self.usage or view.usage
+        return allowed
+
+    def wait(self) -> float | None:
+        """Seconds until the next request may be made."""
+        return None if self.usage is None else max(self.usage.resets_in, 1.0)
+
+
+class ByAddress(Limit):
+    """Counts by the client's address, as a keyed hash whose key is deleted the day after."""
+
+    def key(self, request: Request | HttpRequest) -> str:
+        return counters.disguised(address_of(request))
+
+
+class ByInstallation(Limit):
+    """Counts by the installation that the token belongs to."""
+
+    def key(self, request: Request | HttpRequest) -> str:
+        return str(cast(Request, request).auth.pk)
+
+
+class Reads(ByAddress):
+    """API requests without a valid token."""
+
+    what = "other API requests of an address"
+    name, setting, seconds = "reads", "FRONTRUNNER_READS_PER_MINUTE", A_MINUTE
+
+
+class Pages(ByAddress):
+    """Pages, and the tables, cards and exports that they link to."""
+
+    what = "pages, tables, cards and exports read from an address"
+    name, setting, seconds = "pages", "FRONTRUNNER_PAGES_PER_MINUTE", A_MINUTE
+
+
+class Enrolments(ByAddress):
+    """New installations."""
+
+    what = "enrolments of an address"
+    name, setting, seconds = "enrolments", "FRONTRUNNER_ENROLMENTS_PER_HOUR", AN_HOUR
+
+
+class Attempts(ByAddress):
+    """Steps of measuring in a browser, which are counted without a token."""
+
+    what = "counted steps of browsers of an address"
+    name, setting, seconds = "attempts", "FRONTRUNNER_ATTEMPTS_PER_HOUR", AN_HOUR
+
+
+class Submissions(ByInstallation):
+    """Submissions and dry runs."""
+
+    what = "submissions and dry runs of an installation"
+    name, setting, seconds = "submissions", "FRONTRUNNER_SUBMISSIONS_PER_MINUTE", A_MINUTE
+
+
+class OwnRequests(ByInstallation):
+    """What an installation asks about itself."""
+
+    what = "other requests of an installation"
+    name, setting, seconds = "own", "FRONTRUNNER_OWN_REQUESTS_PER_MINUTE", A_MINUTE
+
+
+def in_force() -> list[Limit]:
+    """The limits of this deployment, for people to read."""
+    kinds = (Submissions, OwnRequests, Enrolments, Attempts, Reads, Pages)
+    return [limit for limit in (kind() for kind in kinds) if limit.quota]

@@ -1,0 +1,232 @@
+"""Decisions about models, each kept with who made it and when, each undone without a trace in the figures.
+
+A merge changes no description: `canonical` alone says what a model is shown as, and is always computed from
+the accepted aliases. So undoing one restores exactly what was.
+"""
+
+from collections.abc import Iterable, Sequence
+
+from django.db import transaction
+from django.db.models import Q
+from django.utils import timezone
+
+from crowd.devices import recognition
+from crowd.devices.aliases import candidates
+from crowd.devices.aliases.proposals import propose
+from crowd.devices.models import DeviceAlias, DeviceDescription, DeviceModel, DeviceSplit
+from crowd.devices.naming import normalisation
+
+State = DeviceAlias.State
+BY_HAND = "said by an administrator"
+# Models that one look for aliases takes: it runs with every sweep.
+MOST_EXAMINED = 200
+
+
+class DecisionError(ValueError):
+    """A decision that is not possible; the message says why and what would be right."""
+
+
+@transaction.atomic
+def propose_aliases(limit: int = MOST_EXAMINED) -> int:
+    """Look for aliases of at most LIMIT models that were not looked at yet; how many new proposals there are.
+
+    Only those models and what shares a token with them are read, however many models a maker has.
+    """
+    waiting = DeviceModel.objects.filter(examined=False).order_by("pk")[:limit]
+    unexamined = set(waiting.values_list("pk", flat=True))
+    if not unexamined:
+        return 0
+    new = candidates.candidates(candidates.proposable().filter(pk__in=unexamined))
+    found = propose(candidates.candidates(candidates.partners(new)))
+    pairs = DeviceAlias.objects.exclude(state=State.UNDONE).filter(
+        Q(alias__in=unexamined) | Q(model__in=unexamined)
+    )
+    known = {frozenset(pair) for pair in pairs.values_list("alias", "model")}
+    proposals = [
+        DeviceAlias(alias_id=one.alias, model_id=one.model, reason=one.reason)
+        for one in found
+        if unexamined & {one.alias, one.model} and frozenset({one.alias, one.model}) not in known
+    ]
+    DeviceAlias.objects.bulk_create(proposals)
+    DeviceModel.objects.filter(pk__in=unexamined).update(examined=True)
+    return len(proposals)
+
+
+def propose_all_aliases() -> int:
+    """Look for aliases of every model, also of those looked at before; how many new proposals there are."""
+    DeviceModel.objects.update(examined=False)
+    found = 0
+    while DeviceModel.objects.filter(examined=False).exists():
+        found += propose_aliases()
+    return found
+
+
+@transaction.atomic
+def accept(alias: DeviceAlias, by: str) -> None:
+    """Show the alias as its model from now on. Raises DecisionError."""
+    row = DeviceAlias.objects.select_for_update().select_related("alias", "model").get(pk=alias.pk)
+    if row.state != State.PROPOSED:
+        raise DecisionError(f"{row} is {row.state}: only a proposal can be accepted")
+    _refuse_impossible(row.alias, row.model)
+    row.state, row.decided_at, row.decided_by = State.ACCEPTED, timezone.now(), by
+    row.save()
+    _show_canonically({row.alias_id, row.model_id})
+
+
+@transaction.atomic
+def refuse(alias: DeviceAlias, by: str) -> None:
+    """The two are two; the pair is not proposed again. Raises DecisionError."""
+    row = DeviceAlias.objects.select_for_update().get(pk=alias.pk)
+    if row.state != State.PROPOSED:
+        raise DecisionError(f"{row} is {row.state}: only a proposal can be refused")
+    row.state, row.decided_at, row.decided_by = State.REFUSED, timezone.now(), by
+    row.save()
+
+
+@transaction.atomic
+def merge(models: Sequence[DeviceModel], into: DeviceModel, by: str) -> list[DeviceAlias]:
+    """Show each of MODELS as INTO. Raises DecisionError, and then changes nothing."""
+    done = []
+    for model in models:
+        if model.pk == into.pk:
+            continue
+        _refuse_impossible(model, into)
+        DeviceAlias.objects.filter(alias=model, model=into, state=State.PROPOSED).delete()
+        done.append(
+            DeviceAlias.objects.create(
+                alias=model,
+                model=into,
+                reason=BY_HAND,
+                state=State.ACCEPTED,
+                decided_at=timezone.now(),
+                decided_by=by,
+            )
+        )
+    _show_canonically({into.pk, *(alias.alias_id for alias in done)})
+    return done
+
+
+@transaction.atomic
+def undo(alias: DeviceAlias, by: str) -> None:
+    """Show the two as two again, as before the decision. Raises DecisionError."""
+    row = DeviceAlias.objects.select_for_update().get(pk=alias.pk)
+    if row.state not in (State.ACCEPTED, State.REFUSED):
+        raise DecisionError(f"{row} is {row.state}: there is no decision to undo")
+    row.state, row.undone_at, row.undone_by = State.UNDONE, timezone.now(), by
+    row.save()
+    _show_canonically({row.alias_id, row.model_id})
+
+
+@transaction.atomic
+def split(descriptions: Sequence[DeviceDescription], by: str) -> DeviceSplit:
+    """Take DESCRIPTIONS out of the model that the rules put them in, into one of their own.
+
+    Raises DecisionError for descriptions of several models, of all of a model, or of a split already.
+    """
+    keys = [row.pk for row in descriptions]
+    rows = list(DeviceDescription.objects.select_for_update().filter(pk__in=keys).select_related("model"))
+    if len({row.model_id for row in rows}) != 1:
+        raise DecisionError("choose descriptions of one model, not of several or none")
+    source = rows[0].model
+    if any(row.split_id is not None for row in rows):
+        raise DecisionError(f"{source} was split off already: undo that first")
+    if not source.descriptions.exclude(pk__in=keys).exists():
+        raise DecisionError(f"these are all descriptions of {source}: leave one that stays")
+    model = _split_off(source, normalisation.identify(rows[0].raw, rows[0].simulated))
+    decision = DeviceSplit.objects.create(source=source, model=model, decided_by=by)
+    DeviceDescription.objects.filter(pk__in=keys).update(model=model, split=decision)
+    recognition.announce({source.pk, model.pk})
+    return decision
+
+
+def _split_off(source: DeviceModel, identity: normalisation.Identity) -> DeviceModel:
+    """A new model beside SOURCE, named by its chip where that differs, else counted."""
+    number = source.splits.count() + 2
+    differs = identity.soc if identity.soc and identity.soc != source.soc else f"variant {number}"
+    key = f"{source.key[:150]}|split {number}"
+    return DeviceModel.objects.create(
+        key=key,
+        slug=normalisation.slug_of(source.manufacturer, source.name, key)
+        if identity.named
+        else normalisation.nameless_slug(source.os, key),
+        manufacturer=source.manufacturer,
+        name=f"{source.name[:100]}, {differs[:45]}",
+        market_name=source.market_name,
+        cpu=identity.cpu or source.cpu,
+        soc=identity.soc or source.soc,
+        gpu=identity.gpu or source.gpu,
+        os=identity.os or source.os,
+        kind=source.kind,
+        named=source.named,
+        rare=source.kind != DeviceModel.Kind.SIMULATED,
+        examined=True,
+    )
+
+
+@transaction.atomic
+def undo_split(decision: DeviceSplit, by: str) -> None:
+    """Put the descriptions back where the rules put them. Raises DecisionError where it was undone before."""
+    row = DeviceSplit.objects.select_for_update().get(pk=decision.pk)
+    if row.undone_at is not None:
+        raise DecisionError(f"{row} was undone by {row.undone_by} already")
+    row.undone_at, row.undone_by = timezone.now(), by
+    row.save()
+    row.descriptions.update(model=row.source, split=None)
+    recognition.announce({row.source_id, row.model_id})
+
+
+@transaction.atomic
+def judge(models: Iterable[DeviceModel], kind: str, by: str) -> None:
+    """Set the kind of MODELS by hand; the rules leave it alone from then on. Figures are computed again.
+
+    A real, known device has a known name, too. Simulated models stay what they are.
+    """
+    keys = {model.pk for model in models}
+    chosen = DeviceModel.objects.filter(pk__in=keys).exclude(kind=DeviceModel.Kind.SIMULATED)
+    named = {"named": True} if kind == DeviceModel.Kind.DEVICE else {}
+    chosen.update(kind=kind, judged_by=by, judged_at=timezone.now(), **named)
+    recognition.announce(keys)
+
+
+@transaction.atomic
+def leave_to_rules(models: Iterable[DeviceModel]) -> None:
+    """Undo `judge`: the kind of MODELS is again what the rules say."""
+    keys = {model.pk for model in models}
+    DeviceModel.objects.filter(pk__in=keys).update(judged_by="", judged_at=None)
+    recognition.renormalise(DeviceDescription.objects.filter(model_id__in=keys))
+
+
+def _refuse_impossible(alias: DeviceModel, model: DeviceModel) -> None:
+    if DeviceModel.Kind.SIMULATED in (alias.kind, model.kind) and alias.kind != model.kind:
+        raise DecisionError(f"one of {alias} and {model} is simulated: it never merges with what people have")
+    if not alias.manufacturer or alias.manufacturer.casefold() != model.manufacturer.casefold():
+        makers = f"{alias.manufacturer or 'unknown'} and {model.manufacturer or 'unknown'}"
+        raise DecisionError(f"{alias} and {model} have the makers {makers}: models never merge across makers")
+    if alias.canonical_id is not None:
+        raise DecisionError(f"{alias} is shown as {alias.canonical} already: undo that first")
+    if _root(model.pk, _edges()) == alias.pk:
+        raise DecisionError(f"{model} is shown as {alias}: undo that first")
+
+
+def _edges() -> dict[int, int]:
+    return dict(DeviceAlias.objects.filter(state=State.ACCEPTED).values_list("alias_id", "model_id"))
+
+
+def _root(key: int, edges: dict[int, int]) -> int:
+    while key in edges:
+        key = edges[key]
+    return key
+
+
+def _show_canonically(keys: set[int]) -> None:
+    """Compute `canonical` again for all models that accepted aliases join with KEYS, and for KEYS."""
+    edges = _edges()
+    roots = {_root(key, edges) for key in keys}
+    joined = keys | roots | {alias for alias in edges if _root(alias, edges) in roots}
+    for model in DeviceModel.objects.select_for_update().filter(pk__in=joined).order_by("pk"):
+        root = _root(model.pk, edges)
+        canonical = None if root == model.pk else root
+        if model.canonical_id != canonical:
+            model.canonical_id = canonical
+            model.save(update_fields=["canonical"])
+    recognition.announce(joined)

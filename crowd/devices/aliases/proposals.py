@@ -1,0 +1,122 @@
+"""Which models may be one device under two names: proposals for an administrator, never across makers.
+
+Two names are proposed as one where both are the same in spelling, where one is the market name or Android's
+device name of the other, and where they differ in the letters of a region alone and have the same chip.
+Two different chips are never proposed as one: they do not run alike, whatever is printed on the lid.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from crowd.devices.naming.names import folded
+
+SPELLING, MARKET_NAME, DEVICE_NAME, REGION = (
+    "the same in spelling",
+    "the market name of the other",
+    "the device name of the other",
+    "another region's letters, the same chip",
+)
+# More names than this in one maker's bucket say that the rule does not tell devices apart there.
+MOST_ALIKE = 12
+# What follows the number in a code: the region, the carrier, the number of SIM cards. First match wins.
+REGION_LETTERS = (
+    re.compile(r"^(sm-[a-z]\d{3,4})\w{0,3}(?:/ds)?$"),
+    re.compile(r"^([a-z]{3})-[a-z]{1,2}\d{2}[a-z]?$"),
+    re.compile(r"^((?:[a-z]{1,3}-?)?[a-z]?\d{3,5})[a-z]{1,4}(?:/ds)?$"),
+    re.compile(r"^((?:[a-z]{1,3}-?)?[a-z]?\d{3,5})$"),
+)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model as the rules compare it; `devices` are the Build.DEVICE names that its devices gave."""
+
+    key: int
+    manufacturer: str
+    name: str
+    market_name: str = ""
+    soc: str = ""
+    cpu: str = ""
+    handheld: bool = False
+    devices: frozenset[str] = field(default=frozenset())
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """`alias` may be another name of `model`, as primary keys."""
+
+    alias: int
+    model: int
+    reason: str
+
+
+def propose(candidates: Iterable[Candidate]) -> list[Proposal]:
+    """Proposals among CANDIDATES, each pair once with its strongest reason, in their order."""
+    by_token: dict[tuple[str, str, str], list[Candidate]] = defaultdict(list)
+    for candidate in candidates:
+        if candidate.manufacturer:
+            for reason, token in dict.fromkeys(tokens(candidate)):
+                by_token[(reason, candidate.manufacturer.casefold(), token)].append(candidate)
+    found: dict[frozenset[int], Proposal] = {}
+    for strongest in (SPELLING, MARKET_NAME, DEVICE_NAME, REGION):
+        for (reason, _, _), alike in by_token.items():
+            if reason != strongest or not 2 <= len(alike) <= MOST_ALIKE:
+                continue
+            model = min(alike, key=_preference)
+            for alias in alike:
+                pair = frozenset({alias.key, model.key})
+                if alias is not model and pair not in found and _may_be_one(alias, model, reason):
+                    found[pair] = Proposal(alias.key, model.key, reason)
+    return list(found.values())
+
+
+def tokens(one: Candidate) -> Iterator[tuple[str, str]]:
+    """What ONE shares with its other names, under the rule that finds it. Nothing where its name is only
+    that of its processor: two products with one processor are two.
+    """
+    if one.cpu and folded(one.name) == folded(one.cpu):
+        return
+    spelled = {folded(one.name), folded(one.name).removeprefix(folded(one.manufacturer))} - {""}
+    for name in spelled:
+        yield SPELLING, name
+        yield MARKET_NAME, name
+        yield DEVICE_NAME, name
+    if one.market_name:
+        yield MARKET_NAME, folded(one.market_name)
+    for device in one.devices:
+        yield DEVICE_NAME, folded(device)
+    if one.handheld and one.soc:
+        code = one.name.casefold()
+        stem = next((found[1] for rule in REGION_LETTERS if (found := rule.match(code))), None)
+        if stem is not None:
+            yield REGION, stem
+
+
+def _may_be_one(a: Candidate, b: Candidate, reason: str) -> bool:
+    if a.handheld != b.handheld or (a.cpu and b.cpu and not a.handheld and folded(a.cpu) != folded(b.cpu)):
+        return False
+    if a.soc and b.soc and a.soc != b.soc:
+        return False
+    if reason in (MARKET_NAME, DEVICE_NAME):
+        # Two codes of one market name are one only where the code itself, or the device, says so too.
+        return (
+            _names(a) & _known_as(b) != set()
+            or _names(b) & _known_as(a) != set()
+            or bool(a.devices & b.devices)
+        )
+    return True
+
+
+def _names(one: Candidate) -> set[str]:
+    return {folded(one.name)}
+
+
+def _known_as(one: Candidate) -> set[str]:
+    return {folded(one.market_name), *(folded(device) for device in one.devices)} - {""}
+
+
+def _preference(one: Candidate) -> tuple[bool, bool, int]:
+    """The name to keep: one that the catalogue knows, then one whose chip is known, then the oldest."""
+    return (not one.market_name, not one.soc, one.key)

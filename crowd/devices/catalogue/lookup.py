@@ -1,0 +1,132 @@
+"""The imported catalogue of Android devices: what a maker's code is sold as, and which chips are in it."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from django.db import transaction
+from django.db.models import Q
+
+from crowd.devices import chips
+from crowd.devices.catalogue.files import BadLine, Line
+from crowd.devices.models import CatalogueEntry
+from crowd.devices.naming import names
+from crowd.devices.naming.names import text
+
+BATCH = 2_000
+# A device name that more entries share than this tells nothing.
+MOST_ENTRIES = 100
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What the catalogue knows of a device; empty where it knows nothing for sure."""
+
+    market_name: str = ""
+    soc: str = ""
+    gpu: str = ""
+
+
+@dataclass
+class Imported:
+    """What an import did: lines read, entries new, changed and as before, and the lines without an entry."""
+
+    read: int = 0
+    new: int = 0
+    changed: int = 0
+    same: int = 0
+    bad: list[BadLine] = field(default_factory=list)
+
+
+def look_up(raw: Mapping[str, Any]) -> Entry:
+    """What the catalogue tells of the device behind RAW. One query, none where RAW has no model.
+
+    Lines count that name its maker or its brand, and of those the closest: by code and device name, by code,
+    by device name. A list without makers counts where both agree. Where the closest lines contradict each
+    other, nothing is told of what they contradict each other in.
+    """
+    code, device = text(raw, "model").casefold(), text(raw, "device").casefold()
+    if not code and not device:
+        return Entry()
+    makers = {names.manufacturer(text(raw, member)).casefold() for member in ("manufacturer", "brand")} - {""}
+    sold = (Q(device=device) if device else Q()) | (Q(code=code) if code else Q())
+    wanted = sold & Q(maker__in=makers)
+    if code and device:
+        wanted |= Q(maker="", code=code, device=device)
+    found = CatalogueEntry.objects.filter(wanted)[:MOST_ENTRIES]
+    ranked: dict[int, list[CatalogueEntry]] = {}
+    for entry in found:
+        agreed = 2 * (code != "" and entry.code == code) + (device != "" and entry.device == device)
+        ranked.setdefault(agreed if entry.maker else 0, []).append(entry)
+    closest = ranked[max(ranked)] if ranked else []
+    return Entry(
+        *(_agreed(getattr(entry, part) for entry in closest) for part in ("market_name", "soc", "gpu"))
+    )
+
+
+def _agreed(values: Iterable[str]) -> str:
+    told = set(values) - {""}
+    return told.pop() if len(told) == 1 else ""
+
+
+@transaction.atomic
+def store(lines: Iterable[Line | BadLine]) -> Imported:
+    """Bring the catalogue up to date with LINES; what was there and is not in them stays.
+
+    A line that contradicts an earlier one of the same file in what a device is sold as is bad: the earlier
+    one counts.
+    """
+    done = Imported()
+    stored = {(row.maker, row.device, row.code): row for row in CatalogueEntry.objects.all()}
+    seen: dict[tuple[str, str, str], int] = {}
+    new: list[CatalogueEntry] = []
+    changed: list[CatalogueEntry] = []
+    for line in lines:
+        done.read += 1
+        if isinstance(line, BadLine):
+            done.bad.append(line)
+            continue
+        row = _entry(line)
+        key = (row.maker, row.device, row.code)
+        earlier = stored.get(key)
+        if key in seen:
+            if earlier is not None and names.folded(earlier.market_name) != names.folded(row.market_name):
+                said = (
+                    f"line {seen[key]} sells it as {earlier.market_name!r}, this one as {row.market_name!r}"
+                )
+                done.bad.append(BadLine(line.number, said))
+            else:
+                done.same += 1
+            continue
+        seen[key] = line.number
+        if earlier is None:
+            stored[key] = row
+            new.append(row)
+        elif _differs(earlier, row):
+            earlier.market_name, earlier.soc, earlier.gpu = row.market_name, row.soc, row.gpu
+            changed.append(earlier)
+        else:
+            done.same += 1
+    CatalogueEntry.objects.bulk_create(new, batch_size=BATCH)
+    CatalogueEntry.objects.bulk_update(changed, ["market_name", "soc", "gpu"], batch_size=BATCH // 10)
+    done.new, done.changed = len(new), len(changed)
+    return done
+
+
+def _entry(line: Line) -> CatalogueEntry:
+    """The entry for LINE. A chip that no rule knows stays as it came: an administrator chose the file."""
+    chip = chips.graphics(line.gpu)
+    return CatalogueEntry(
+        maker=names.manufacturer(line.maker).casefold(),
+        device=line.device.casefold(),
+        code=line.code.casefold(),
+        market_name=line.market_name,
+        soc=(chips.system_on_chip(line.soc) or line.soc)[:100],
+        gpu=(chip.name if chip else line.gpu)[:150],
+    )
+
+
+def _differs(stored: CatalogueEntry, row: CatalogueEntry) -> bool:
+    """Whether ROW says something else; a list without chips takes none away."""
+    row.soc, row.gpu = row.soc or stored.soc, row.gpu or stored.gpu
+    return (stored.market_name, stored.soc, stored.gpu) != (row.market_name, row.soc, row.gpu)

@@ -1,0 +1,64 @@
+"""OpenCL drivers, and browsers in their place, by name and version: to tell which release computed."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from crowd.devices.naming import browsers
+from crowd.devices.naming.names import text
+
+FLAGS = re.IGNORECASE | re.ASCII
+# "560.35.03", "24.35.30872", "3602.0"; not the start of a longer number.
+NUMBERS = r"(?<![\d.])(\d{1,4}(?:\.\d{1,6}){0,3})(?![\d.]*\d)"
+
+
+@dataclass(frozen=True)
+class Driver:
+    """A driver: who wrote it, and its version as that maker counts; empty where they are unknown."""
+
+    name: str = ""
+    version: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.version}".strip()
+
+
+# By the platform's name. The version is the first group of the second pattern in the driver's own string:
+# numbers alone, so that no text of a stranger gets into it.
+DRIVERS = tuple(
+    (re.compile(platform, FLAGS), name, re.compile(version, FLAGS))
+    for platform, name, version in (
+        # "3.0 v1.r44p1-00eac0.<digest of the build>": the digest would reveal the phone's firmware.
+        (r"\barm\b", "Mali", r"\b(r\d{1,3}p\d{1,2})(?!\d)"),
+        # "OpenCL 2.0 QUALCOMM build: commit #... Compiler E031.37.12.07"
+        (r"qualcomm|snapdragon", "Adreno", r"compiler (e\d{3}(?:\.\d{2}){1,3})(?![\d.])"),
+        (r"portable computing language|pocl", "PoCL", NUMBERS),
+        (r"rusticl", "rusticl", NUMBERS),
+        (r"nvidia", "NVIDIA", NUMBERS),
+        (r"amd|advanced micro devices", "AMD", NUMBERS),
+        (r"intel", "Intel", NUMBERS),
+        (r"apple", "Apple", NUMBERS),
+        (r"powervr|imagination", "PowerVR", r"(?<![\d.])(\d{1,2}\.\d{1,3}(?:@\d{6,8})?)(?![\d.@])"),
+    )
+)
+
+
+def driver(raw: Mapping[str, Any]) -> Driver:
+    """The driver behind RAW; Driver() where no rule knows its platform.
+
+    Of a browser it is its name and major number: a browser has a WebGPU of its own, and hides the driver.
+    """
+    if browsers.is_browser(raw):
+        name = browsers.known(text(raw, "browser"))
+        return (
+            Driver()
+            if name in ("", browsers.OTHER)
+            else Driver(name, browsers.major(text(raw, "browser_version")))
+        )
+    platform, given = text(raw, "opencl_platform"), text(raw, "opencl_driver")
+    for known, name, version in DRIVERS:
+        if known.search(platform):
+            found = version.search(given)
+            return Driver(name, found[1] if found else "")
+    return Driver()

@@ -1,0 +1,44 @@
+"""What is not a device of its own: emulators of phones, and virtual machines of PCs, found in raw strings.
+
+An emulator computes on another machine than it reports, so its figures say nothing of the model. A PC's
+virtual machine runs on the processor that it names: its figures count, and it is only marked.
+"""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from crowd.devices.naming.names import text
+
+FIELDS = (
+    "manufacturer", "brand", "model", "device", "product", "board", "board_platform", "soc_model", "egl",
+    "cpu", "opencl_device",
+)  # fmt: skip
+EMULATOR = re.compile(
+    r"goldfish|ranchu|sdk_gphone|google_sdk|sdk built for|generic_x86|vbox86|genymotion|bluestacks|bignox|"
+    r"\bnox\b|droid4x|\bttvm|\bmumu|ldplayer|\bmemu\b|android on emulator|\bemulator\b|gce[ _]x86|\bvsoc|"
+    r"cuttlefish|\bcvd_|appcrawler|virtualbox|qemu|vmware",
+    re.IGNORECASE,
+)
+# The SDK's images name the whole field so; a name that merely begins with it is a device's.
+WHOLE = frozenset({"sdk", "sdk_x86", "emu64x", "emu64xa", "emu64a"})
+# A processor that a program emulates.
+EMULATED_PROCESSOR = re.compile(r"qemu (virtual|tcg)|\btcg\b|\bbochs\b", re.IGNORECASE)
+VIRTUAL_MACHINE = re.compile(
+    r"virtualbox|innotek|vmware|qemu|\bkvm\b|bochs|parallels|bhyve|openstack|hvm domu|\bxen\b|"
+    r"standard pc \(|virtual machine|google compute engine|amazon ec2",
+    re.IGNORECASE,
+)
+
+
+def is_emulator(raw: Mapping[str, Any], handheld: bool) -> bool:
+    """Whether RAW is an emulated phone (HANDHELD), or a PC whose processor a program emulates."""
+    if not handheld:
+        return bool(EMULATED_PROCESSOR.search(text(raw, "cpu")))
+    strings = [text(raw, field) for field in FIELDS]
+    return any(EMULATOR.search(line) or line.casefold() in WHOLE for line in strings)
+
+
+def is_virtual_machine(raw: Mapping[str, Any]) -> bool:
+    """Whether a PC's firmware names a hypervisor."""
+    return any(VIRTUAL_MACHINE.search(text(raw, field)) for field in ("manufacturer", "model", "board"))

@@ -1,0 +1,180 @@
+"""What a version of a front gained and lost against another, point by point, and how much it dominates."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from crowd.fronts.content.protocol import max_ate
+from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
+from pareto.fronts.hypervolume import hypervolume
+
+
+@dataclass(frozen=True)
+class Match:
+    """A configuration that both versions have, perhaps under another name or with other predictions."""
+
+    old: Point
+    new: Point
+
+    @property
+    def changed(self) -> bool:
+        return self.old.name != self.new.name or self.old.predicted != self.new.predicted
+
+
+@dataclass(frozen=True)
+class Renewed:
+    """A name that stands for another configuration now: each parameter that differs, before and after."""
+
+    name: str
+    old: Point
+    new: Point
+    parameters: Mapping[str, tuple[Any, Any]]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """NEW against OLD. Volumes are in metres times seconds a frame, up to one reference for both.
+
+    The reference is the limit of the error and the slower of the two defaults. `caveat` says why runtimes
+    or errors of the two do not compare, and is empty where they do.
+    """
+
+    old: Front
+    new: Front
+    gained: tuple[Point, ...]
+    lost: tuple[Point, ...]
+    kept: tuple[Match, ...]
+    renewed: tuple[Renewed, ...]
+    members: Mapping[str, tuple[Any, Any]]
+    reference: tuple[float, float] | None
+    old_volume: float | None
+    new_volume: float | None
+    caveat: str
+
+    @property
+    def changed(self) -> tuple[Match, ...]:
+        """Configurations of both whose names or predictions differ."""
+        return tuple(pair for pair in self.kept if pair.changed)
+
+    @property
+    def growth(self) -> float | None:
+        """The new volume over the old; None where either is unknown or nothing."""
+        return self.new_volume / self.old_volume if self.old_volume and self.new_volume is not None else None
+
+
+def difference(old: Front, new: Front) -> Difference:
+    """NEW against OLD; points are the same where all their parameters are."""
+    before = {_key(point): point for point in old.points}
+    after = {_key(point): point for point in new.points}
+    reference = _reference(old, new)
+    return Difference(
+        old=old,
+        new=new,
+        gained=tuple(point for key, point in after.items() if key not in before),
+        lost=tuple(point for key, point in before.items() if key not in after),
+        kept=tuple(Match(before[key], point) for key, point in after.items() if key in before),
+        renewed=tuple(_renewed(old, new)),
+        members=_members(old, new),
+        reference=reference,
+        old_volume=_volume(old, reference),
+        new_volume=_volume(new, reference),
+        caveat=_caveat(old, new),
+    )
+
+
+def warnings(present: Front, new: Front) -> tuple[str, ...]:
+    """Why the `best` of NEW may be worse than that of PRESENT; empty where it is not.
+
+    Compares the predicted speedup over each front's own default, and the largest error.
+    """
+    figures = (
+        ("speedup over default", _speedup(present), _speedup(new), False, "{:.2f}x"),
+        ("largest error", _error(present), _error(new), True, "{:.4f} m"),
+    )
+    found = []
+    for figure, before, after, less_is_better, shown in figures:
+        if before is None or after is None:
+            where = new.slug if after is None else present.slug
+            found.append(f"The predicted {figure} of best is unknown in {where}: it cannot be compared.")
+        elif (after > before) if less_is_better else (after < before):
+            found.append(
+                f"The predicted {figure} of best gets worse: {shown.format(after)} instead of "
+                f"{shown.format(before)} in {present.slug}."
+            )
+    return tuple(found)
+
+
+def _speedup(front: Front) -> float | None:
+    default, best = front.point(DEFAULT), front.point(BEST)
+    if default is None or best is None:
+        return None
+    return predicted_speedup(default.predicted, best.predicted)
+
+
+def _error(front: Front) -> float | None:
+    best = front.point(BEST)
+    return None if best is None else best.ate_max
+
+
+def _key(point: Point) -> tuple[tuple[str, Any], ...]:
+    return tuple(sorted(point.parameters.items()))
+
+
+def _renewed(old: Front, new: Front) -> list[Renewed]:
+    pairs = [(point, old.point(point.name)) for point in new.points]
+    return [
+        Renewed(after.name, before, after, _differing(before.parameters, after.parameters))
+        for after, before in pairs
+        if before is not None and before.parameters != after.parameters
+    ]
+
+
+def _members(old: Front, new: Front) -> dict[str, tuple[Any, Any]]:
+    """Members of the protocol, and the sequence, that differ: before and after."""
+    found = {f"protocol {name}": pair for name, pair in _differing(old.protocol, new.protocol).items()}
+    if old.sequence["sha256"] != new.sequence["sha256"]:
+        found["sequence"] = (
+            f"{old.sequence['name']} {old.sequence['sha256'][:12]}",
+            f"{new.sequence['name']} {new.sequence['sha256'][:12]}",
+        )
+    return found
+
+
+def _differing(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    return {
+        name: (before.get(name), after.get(name))
+        for name in dict.fromkeys([*before, *after])
+        if before.get(name) != after.get(name)
+    }
+
+
+def _reference(old: Front, new: Front) -> tuple[float, float] | None:
+    """(metres, seconds a frame); None where neither default was measured."""
+    defaults = [front.point(DEFAULT) for front in (old, new)]
+    runtimes = [point.runtime for point in defaults if point is not None and point.runtime]
+    limits = [max_ate(front.protocol) for front in (old, new)]
+    return (max(limits), max(runtimes)) if runtimes else None
+
+
+def _volume(front: Front, reference: tuple[float, float] | None) -> float | None:
+    if reference is None:
+        return None
+    known = [
+        (point.ate_max, point.runtime)
+        for point in front.points
+        if point.ate_max is not None and point.runtime is not None
+    ]
+    return hypervolume(known, reference) if known else 0.0
+
+
+def _caveat(old: Front, new: Front) -> str:
+    differing = [
+        word
+        for word, before, after in (
+            ("sequences", old.sequence["sha256"], new.sequence["sha256"]),
+            ("devices", old.provenance.get("device"), new.provenance.get("device")),
+            ("versions of the software", old.provenance.get("software"), new.provenance.get("software")),
+        )
+        if before != after
+    ]
+    return f"measured with different {' and '.join(differing)}" if differing else ""

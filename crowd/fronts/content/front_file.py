@@ -1,0 +1,319 @@
+"""A front as a file, fixtures/fronts/<application>-<version>.json: its members, their types and ranges."""
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+from crowd.fronts import trajectories
+from crowd.fronts.content.generalisation import Results, objections
+from crowd.fronts.content.protocol import MEMBERS, Metres, Protocol, disagreements
+from crowd.fronts.selectors import BEST, DEFAULT
+from slam.configuration import ConfigurationError
+from slam.elasticfusion.configuration import Configuration as ElasticConfiguration
+from slam.kfusion.configuration import Configuration as KFusionConfiguration
+from slam.protocol import FIXED_PAIRS
+
+A_NAME, A_VERSION, A_DIGEST = r"^[a-z0-9][a-z0-9_-]*$", r"^[a-z0-9][a-z0-9._-]*$", r"^[0-9a-f]{64}$"
+REMEDIES = {
+    A_NAME: "lower-case letters, digits, - and _, starting with a letter or digit",
+    A_VERSION: "lower-case letters, digits, dots, - and _, starting with a letter or digit",
+    A_DIGEST: "a sha256 of 64 hexadecimal digits",
+}
+MISSING = re.compile(r"Object missing required field `(.+)`")
+UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
+# Three numbers, a line each, in indented JSON: one line for a position reads better.
+ONE_POSITION = re.compile(r"\[\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*),\n\s+(-?\d[^\s,]*)\n\s+\]")
+NOT_TEXT = re.compile("[\\x00\\ud800-\\udfff]")
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Name = Annotated[str, msgspec.Meta(pattern=A_NAME, max_length=64)]
+Digest = Annotated[str, msgspec.Meta(pattern=A_DIGEST)]
+SEQUENCE = ("name", "sha256", "colour_sha256")
+LARGEST_FILE_BYTES = 4 << 20
+LARGEST_NUMBER = 2**63 - 1
+
+
+class Application(NamedTuple):
+    """How its parameters are checked (ConfigurationError), the backends that it runs on, and whether it needs
+    colour beside depth.
+    """
+
+    check: Callable[[Mapping[str, Any]], object]
+    backends: tuple[str, ...]
+    colour: bool
+
+
+# As slam.systems has them, without the OpenCL behind those: every start of a server checks what ships.
+APPLICATIONS = {
+    "elasticfusion": Application(ElasticConfiguration.from_mapping, ("opencl",), colour=True),
+    "kfusion": Application(KFusionConfiguration.from_mapping, ("opencl", "webgpu"), colour=False),
+}
+
+
+class InvalidFrontError(ValueError):
+    """Not a valid front; the message names the member and what would be right."""
+
+
+class OnSequence(msgspec.Struct):
+    """Times over the runtime of the default in the same round: of a frame, and of each of its stages."""
+
+    runtime_ratio: Annotated[float, msgspec.Meta(gt=0)]
+    stages: dict[str, NonNegative]
+
+
+class Predicted(msgspec.Struct):
+    """What the reference device measured: seconds a frame, metres. None where the trajectory was lost.
+
+    `runtime_ratio`, where it is known, is the runtime over that of the default in the same round.
+    `on_sequence`: the same on the sequence that clients measure.
+    """
+
+    runtime: NonNegative
+    ate_max: NonNegative | None
+    ate_mean: NonNegative | None
+    runtime_ratio: NonNegative | UnsetType = UNSET
+    on_sequence: OnSequence | UnsetType = UNSET
+
+
+class Result(msgspec.Struct):
+    """The largest error (m), and the most lost frames, of all measurements on one sequence."""
+
+    sequence: str
+    ate_max: NonNegative
+    lost: Annotated[int, msgspec.Meta(ge=0)]
+
+
+class Point(msgspec.Struct):
+    """One configuration of the front, or a probe. Protocol 2 alone has `band` and `trajectory`.
+
+    `trajectory`: the reference positions [x, y, z], one a frame, in metres in the volume's frame. `band`: how
+    far (m) a device's positions may be from these. `learned_on` and `held_out`: the results on the sequences
+    that the search minimised errors on, and on those it never saw.
+    """
+
+    name: Name
+    parameters: dict[str, bool | int | float | str]
+    predicted: Predicted
+    band: Metres | UnsetType = UNSET
+    trajectory: list[tuple[float, float, float]] | UnsetType = UNSET
+    learned_on: list[Result] | UnsetType = UNSET
+    held_out: list[Result] | UnsetType = UNSET
+
+
+class Sequence(msgspec.Struct):
+    """Which pack the front was measured on, and clients measure on; of its colour where that is needed."""
+
+    name: str
+    sha256: Digest
+    colour_sha256: Digest | None = None
+
+
+class Content(msgspec.Struct):
+    """A whole front. `probes` are further configurations that clients measure only when they are asked to."""
+
+    application: Name
+    version: Annotated[str, msgspec.Meta(pattern=A_VERSION, max_length=32)] | int
+    protocol: Protocol
+    sequence: Sequence
+    configurations: list[Point]
+    provenance: dict[str, Any]
+    probes: list[Point] = []
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The document in the JSON file PATH. Raises InvalidFrontError where it cannot be read."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InvalidFrontError(f"{path} cannot be read: {error.strerror}") from error
+    try:
+        return parse(content)
+    except InvalidFrontError as error:
+        raise InvalidFrontError(f"{path}: {error}") from error
+
+
+def parse(content: bytes) -> dict[str, Any]:
+    """The document in CONTENT. Raises InvalidFrontError where that is not a JSON object, or too large."""
+    if len(content) > LARGEST_FILE_BYTES:
+        raise InvalidFrontError(f"too large: a front has at most {LARGEST_FILE_BYTES} bytes")
+    try:
+        document = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise InvalidFrontError(f"cannot be read as JSON: {error}") from error
+    if not isinstance(document, dict):
+        raise InvalidFrontError("not a front: the file must hold one JSON object with the front's members")
+    return document
+
+
+def check(document: dict[str, Any]) -> Content:
+    """DOCUMENT as a front. Raises InvalidFrontError naming the member that is missing or wrong."""
+    try:
+        if (reason := _not_storable(document)) is not None:
+            raise InvalidFrontError(f"not a front: {reason}")
+        content = msgspec.convert(document, Content)
+    except msgspec.ValidationError as error:
+        raise InvalidFrontError(f"not a front: {_with_place(error)}") from error
+    except RecursionError as error:
+        raise InvalidFrontError("not a front: it is nested too deeply") from error
+    for reason in _mistakes(content):
+        raise InvalidFrontError(f"not a front: {reason}")
+    return content
+
+
+def canonical(document: dict[str, Any]) -> dict[str, Any]:
+    """What is kept of DOCUMENT, a front's file: members that a front does not have are left out."""
+    sequence = document["sequence"]
+    return {
+        "application": document["application"],
+        "version": str(document["version"]),
+        "protocol": document["protocol"],
+        "sequence": {name: sequence[name] for name in SEQUENCE if sequence.get(name) is not None},
+        "configurations": [_canonical_point(point) for point in document["configurations"]],
+        "provenance": document["provenance"],
+    } | ({"probes": [_canonical_point(point) for point in probes]} if (probes := _probes(document)) else {})
+
+
+def _canonical_point(point: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {name: point[name] for name in ("name", "parameters", "predicted")}
+    # Numbers as they are read from the database, so that the digest stays the same.
+    if "band" in point:
+        kept["band"] = float(point["band"])
+        kept["trajectory"] = trajectories.floats(point["trajectory"])
+    for member in ("learned_on", "held_out"):
+        if point.get(member):
+            kept[member] = [
+                {name: result[name] for name in ("sequence", "ate_max", "lost")} for result in point[member]
+            ]
+    return kept
+
+
+def _probes(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    return document.get("probes") or []
+
+
+def needs_colour(application: str) -> bool:
+    """Whether APPLICATION runs over colour beside depth; False of one that is not known here."""
+    return application in APPLICATIONS and APPLICATIONS[application].colour
+
+
+def text(document: dict[str, Any]) -> str:
+    """DOCUMENT as a file that people can read too."""
+    return ONE_POSITION.sub(r"[\1, \2, \3]", json.dumps(document, indent=2)) + "\n"
+
+
+def digest(document: dict[str, Any]) -> str:
+    """sha256 over the JSON of what is kept of DOCUMENT; order of members and white space do not matter."""
+    return hashlib.sha256(msgspec.json.encode(canonical(document), order="sorted")).hexdigest()
+
+
+def _with_place(error: msgspec.ValidationError) -> str:
+    """The member first, then what is wrong with it and what would be right."""
+    reason, _, place = str(error).partition(" - at `")
+    member = place.rstrip("`").removeprefix("$").removeprefix(".")
+    if missing := MISSING.fullmatch(reason):
+        member, reason = f"{member}.{missing[1]}".lstrip("."), "is missing, add it"
+    if unknown := UNKNOWN.fullmatch(reason):
+        member, reason = f"{member}.{unknown[1]:.80}", f"is unknown: a protocol has {', '.join(MEMBERS)}"
+    for pattern, remedy in REMEDIES.items():
+        if f"regex '{pattern}'" in reason:
+            reason = f"must be {remedy}"
+    line = " ".join(f"{member}: {reason}".split())
+    return f"{line} (docs/publishing.md shows a whole front)"
+
+
+def _mistakes(content: Content) -> Iterator[str]:
+    """What is wrong although each member has the right type."""
+    names = [point.name for point in content.configurations]
+    every = [*names, *(point.name for point in content.probes)]
+    if len(set(every)) < len(every):
+        yield f"configurations: names repeat in {every}: give each point and probe its own"
+    if DEFAULT not in names:
+        yield f"configurations: none is called {DEFAULT}, which every speedup is measured against"
+    if BEST not in names:
+        yield f"configurations: none is called {BEST}, which clients measure"
+    if content.sequence.colour_sha256 is None and needs_colour(content.application):
+        yield f"sequence.colour_sha256: is missing, add it: {content.application} needs colour"
+    yield from (f"protocol.{reason}" for reason in disagreements(content.protocol, names))
+    for kind in ("configurations", "probes"):
+        for place, point in enumerate(getattr(content, kind)):
+            for member, reason in _point_mistakes(point, content):
+                yield f"{kind}[{place}].{member} of {point.name}: {reason}"
+    for member in ("sequences", "held_out"):
+        if not _is_packs(content.provenance.get(member, [])):
+            yield f"provenance.{member}: give a list of {{name, sha256}}"
+    points = {point.name: point for point in content.configurations}
+    default, best = points.get(DEFAULT), points.get(BEST)
+    if default is not None and best is not None:
+        own, beside = (
+            Results(results_of(point, "learned_on"), results_of(point, "held_out"))
+            for point in (best, default)
+        )
+        for objection in objections(own, beside, content.protocol.max_ate):
+            yield f"configurations: {BEST}: {objection}: choose another"
+
+
+def _is_packs(value: Any) -> bool:
+    """Whether VALUE is a list of sequences by name and digest, which pages show."""
+    return isinstance(value, list) and all(
+        isinstance(pack, dict) and {"name", "sha256"} <= pack.keys() for pack in value
+    )
+
+
+def results_of(point: Point, member: str) -> list[dict[str, Any]]:
+    """The results of POINT on the sequences learned on, or held out, by the name of that MEMBER."""
+    found = getattr(point, member)
+    return [] if found is UNSET else msgspec.to_builtins(found)
+
+
+def _point_mistakes(point: Point, content: Content) -> Iterator[tuple[str, str]]:
+    """Members of POINT that are wrong, and why."""
+    yield from _band_mistakes(point, content.protocol)
+    for member in ("learned_on", "held_out"):
+        names = [result["sequence"] for result in results_of(point, member)]
+        if len(set(names)) < len(names):
+            yield member, f"sequences repeat in {names}: give each one result"
+    try:
+        # Those of an application that is not known here are taken as they are.
+        if content.application in APPLICATIONS:
+            APPLICATIONS[content.application].check(point.parameters)
+    except ConfigurationError as error:
+        yield "parameters", str(error)
+
+
+def _band_mistakes(point: Point, protocol: Protocol) -> Iterator[tuple[str, str]]:
+    """Members of protocol 2 that POINT lacks, has without need, or of a wrong length; and the remedy."""
+    for member in ("band", "trajectory"):
+        present = getattr(point, member) is not UNSET
+        if present and protocol.version != FIXED_PAIRS:
+            yield member, f"belongs to protocol {FIXED_PAIRS}: leave it out, or set protocol.version to it"
+        if not present and protocol.version == FIXED_PAIRS:
+            yield member, f"is missing, add it: protocol {FIXED_PAIRS} compares trajectories"
+    if point.trajectory is not UNSET and len(point.trajectory) != protocol.frames:
+        yield (
+            "trajectory",
+            f"has {len(point.trajectory)} positions: give one for each of the {protocol.frames} frames",
+        )
+
+
+def _not_storable(value: Any, place: str = "") -> str | None:
+    """The first member below PLACE that JSON or a database cannot hold, and why; None where there is none."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{place.removeprefix('.')}: must be a finite number"
+    if isinstance(value, int) and abs(value) > LARGEST_NUMBER:
+        return f"{place.removeprefix('.')}: must be at most {LARGEST_NUMBER}"
+    if isinstance(value, str) and NOT_TEXT.search(value):
+        return f"{place.removeprefix('.')}: has a character that is not text (NUL or half a surrogate pair)"
+    inner: Iterator[tuple[str, Any]] = iter(())
+    if isinstance(value, dict):
+        if (name := next(filter(NOT_TEXT.search, value), None)) is not None:
+            return f"{place.removeprefix('.')}: the name {ascii(name)[:80]} has a character that is not text"
+        inner = ((f"{place}.{name}", member) for name, member in value.items())
+    elif isinstance(value, list):
+        inner = ((f"{place}[{number}]", member) for number, member in enumerate(value))
+    return next((why for name, member in inner if (why := _not_storable(member, name)) is not None), None)

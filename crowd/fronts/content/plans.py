@@ -1,0 +1,152 @@
+"""What a device does with each frame of a configuration, as data for clients that execute it.
+
+A plan follows from the configuration, the sequence's camera and this version of the program. The shaders are
+the WGSL texts of its kernels. The digest of each is its name.
+"""
+
+import hashlib
+import json
+import logging
+from collections.abc import Callable, Mapping
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from crowd.fronts import selectors, sequences
+from crowd.fronts.content.front_file import APPLICATIONS
+from crowd.fronts.selectors import Front, Point
+from slam.configuration import ConfigurationError
+from slam.datasets.formats.pack import Pack
+from slam.datasets.sequence import SequenceError as DamagedError
+
+KFUSION = "kfusion"  # the one system whose frames are planned
+
+if TYPE_CHECKING:
+    from slam.plans.plan import Plan
+
+log = logging.getLogger(__name__)
+
+
+class Document(NamedTuple):
+    """JSON and its digest."""
+
+    content: str
+    sha256: str
+
+
+class FramePlan(NamedTuple):
+    """The plan, the WGSL text of each kernel that it launches, and the backends whose default limits it
+    keeps.
+    """
+
+    plan: Document
+    shaders: Document
+    backends: tuple[str, ...]
+
+
+def of_point(front: Front, point: Point) -> FramePlan | None:
+    """The plan of POINT of FRONT.
+
+    None for a system without plans, where the sequence is not here or damaged, and for parameters that this
+    version of the program refuses.
+    """
+    if front.application != KFUSION:
+        return None
+    try:
+        return make(front.sequence["sha256"], point.parameters)
+    except (ConfigurationError, sequences.SequenceError) as error:
+        log.warning("%s has no plan for %s: %s", front.slug, point.name, error)
+        return None
+
+
+def find(sha256: str) -> str | None:
+    """The JSON of a plan of a front that was ever published; None where none has this digest. One query."""
+    return _find(sha256, lambda plan: plan.plan)
+
+
+def find_shaders(sha256: str) -> str | None:
+    """The JSON object of such a plan's shaders, by kernel; None where none has this digest. One query."""
+    return _find(sha256, lambda plan: plan.shaders)
+
+
+def _find(sha256: str, document: Callable[[FramePlan], Document]) -> str | None:
+    if not sequences.DIGEST.fullmatch(sha256):
+        return None
+    documents = map(document, _of_fronts(selectors.released(KFUSION)))
+    return next((found.content for found in documents if found.sha256 == sha256), None)
+
+
+def make(sequence: str, parameters: Mapping[str, Any]) -> FramePlan:
+    """The plan for PARAMETERS over the sequence with the digest SEQUENCE.
+
+    Raises ConfigurationError for parameters that do not fit the sequence's camera, sequences.SequenceError
+    where the sequence is not here or damaged.
+    """
+    return _made(sequence, tuple(parameters.items()))
+
+
+def workload(front: Front, point: Point) -> Mapping[tuple[str, str], float] | None:
+    """How much POINT of FRONT uses of each resource in each stage (`slam.kfusion.work`), over the frames that
+    count; None where it has no plan.
+    """
+    if of_point(front, point) is None:
+        return None
+    protocol = front.protocol
+    frames = (int(protocol["first_counted_frame"]), int(protocol["frames"]))
+    return _workload(front.sequence["sha256"], tuple(point.parameters.items()), *frames)
+
+
+@lru_cache(maxsize=1)
+def _of_fronts(released: tuple[tuple[str, str], ...]) -> tuple[FramePlan, ...]:
+    """The plan of each configuration of the fronts RELEASED (slug and digest) that has one."""
+    fronts = [selectors.front(slug) for slug, _ in released]
+    plans = [of_point(front, point) for front in fronts if front for point in (*front.points, *front.probes)]
+    return tuple(plan for plan in plans if plan)
+
+
+@cache
+def _made(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> FramePlan:
+    # Imported by the first manifest: a command that only reads tables needs none of it.
+    from slam.devices import webgpu
+    from slam.kfusion.pipeline import FOLDERS
+    from slam.plans.declarations import shaders
+
+    made = _plan(sequence, parameters)
+    largest = max(buffer.planes * buffer.nbytes(made.state_type.itemsize) for buffer in made.buffers)
+    fits = largest <= webgpu.LIMITS["max-storage-buffer-binding-size"]
+    backends = tuple(b for b in APPLICATIONS[KFUSION].backends if fits or b != "webgpu")
+    texts = json.dumps(shaders(made, FOLDERS))
+    return FramePlan(_document(made.to_json()), _document(texts), backends)
+
+
+@cache
+def _workload(
+    sequence: str, parameters: tuple[tuple[str, Any], ...], first: int, frames: int
+) -> Mapping[tuple[str, str], float]:
+    from slam.kfusion.work import work
+
+    return work(_plan(sequence, parameters), range(first, frames))
+
+
+def _plan(sequence: str, parameters: tuple[tuple[str, Any], ...]) -> "Plan":
+    from slam.devices.layout import Layout
+    from slam.kfusion.configuration import Configuration
+    from slam.kfusion.plan import plan
+    from slam.system import scene_of
+
+    return plan(Configuration.from_mapping(dict(parameters)), scene_of(_pack(sequence)), Layout("pixels"))
+
+
+def _document(content: str) -> Document:
+    return Document(content, hashlib.sha256(content.encode()).hexdigest())
+
+
+@lru_cache(maxsize=8)
+def _pack(sha256: str) -> Pack:
+    """The pack of the sequence with that digest; sequences.SequenceError where it is not here or damaged."""
+    for folder in sequences.packs():
+        try:
+            if sequences.described(folder)["sha256"] == sha256:
+                return Pack(folder)
+        except (DamagedError, OSError, ValueError, KeyError) as error:
+            log.warning("the pack %s cannot be read: %s", folder, error)
+    raise sequences.SequenceError(f"no whole pack with digest {sha256} is here")

@@ -1,0 +1,69 @@
+"""What a publication changes for clients: shown to the person who confirms it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from crowd.fronts import selectors
+from crowd.fronts.content.difference import Difference, difference, warnings
+from crowd.fronts.selectors import Front, Point
+
+
+@dataclass(frozen=True)
+class Preview:
+    """The publication of NEW in place of PRESENT, None where its application has no published front."""
+
+    new: Front
+    present: Front | None
+
+    @property
+    def difference(self) -> Difference | None:
+        return None if self.present is None else difference(self.present, self.new)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Why clients may get a worse `best`."""
+        return () if self.present is None else warnings(self.present, self.new)
+
+    @property
+    def token(self) -> str:
+        """Changes with either front: a confirmation counts only for what was shown."""
+        return f"{self.new.slug} {self.new.digest} {self.present.digest if self.present else 'none'}"
+
+
+def preview(new: Front) -> Preview:
+    """The publication of NEW now. Two queries."""
+    return Preview(new, selectors.current(new.application))
+
+
+def lines(shown: Preview) -> list[str]:
+    """The preview for a terminal."""
+    change = shown.difference
+    if change is None:
+        return [f"No front of {shown.new.application} is published now: {shown.new.slug} is the first."]
+    found = [f"Clients measure {shown.new.slug} instead of {change.old.slug}."]
+    found += [
+        f"  {word}: {', '.join(point.name for point in points)}"
+        for word, points in (("gained", change.gained), ("lost", change.lost))
+        if points
+    ]
+    found += [f"  changed: {_change(pair.old, pair.new)}" for pair in change.changed]
+    found += [f"  {one.name} is another configuration: {_pairs(one.parameters)}" for one in change.renewed]
+    if change.members:
+        found.append(f"  {_pairs(change.members)}")
+    if change.growth is not None:
+        found.append(f"  hypervolume: {change.growth:.3f} times the earlier one")
+    if change.caveat:
+        found.append(f"  The two were {change.caveat}: their times compare only roughly.")
+    if not found[1:]:
+        found.append("  Both have the same configurations, predictions and protocol.")
+    return found + [f"WARNING: {warning}" for warning in shown.warnings]
+
+
+def _change(old: Point, new: Point) -> str:
+    name = new.name if old.name == new.name else f"{old.name} -> {new.name}"
+    return f"{name}, runtime {old.runtime} -> {new.runtime} s, largest error {old.ate_max} -> {new.ate_max} m"
+
+
+def _pairs(differing: Mapping[str, tuple[Any, Any]]) -> str:
+    return ", ".join(f"{name} {before} -> {after}" for name, (before, after) in differing.items())

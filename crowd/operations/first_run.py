@@ -1,0 +1,100 @@
+"""What a server needs before it can serve: tables, fronts, an administrator, static files. Each step may
+run again.
+"""
+
+import hashlib
+import re
+import secrets
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from django.conf import settings
+from django.contrib.auth import get_user_model
+from django.contrib.staticfiles.finders import get_finders
+from django.core.management import call_command
+from django.db import connection
+from django.db.migrations.executor import MigrationExecutor
+
+from crowd.explorations.models import ReferenceDevice
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.publishing import services
+from crowd.fronts.publishing.second_person import SERVER_START
+from crowd.operations import metrics
+
+ADMINISTRATOR = "admin"
+THIS_MACHINE = "this-machine"  # the reference device that every server is, and its queue
+
+
+def prepare(say: Callable[[str], object], address: str) -> None:
+    """All steps; SAY hears what is new. ADDRESS is the site's, with a slash at its end."""
+    migrate()
+    create_this_machine()
+    for line in publish_shipped_fronts():
+        say(line)
+    if not FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).exists():
+        say("No front is published: clients have nothing to measure. manage.py front publish FILE")
+    password = create_first_administrator()
+    if password is not None:
+        say(f"Administrator at {address}admin/: user {ADMINISTRATOR}, password {password} (shown only now)")
+    collect_static_files()
+    metrics.forget(Path(settings.FRONTRUNNER_VAR) / "metrics")
+
+
+def migrate() -> None:
+    """Bring the database's tables up to date."""
+    executor = MigrationExecutor(connection)
+    if executor.migration_plan(executor.loader.graph.leaf_nodes()):
+        call_command("migrate", verbosity=0, interactive=False)
+
+
+def publish_shipped_fronts() -> Iterator[str]:
+    """Publish the shipped fronts that are not yet; a line about each new or impossible one."""
+    for path in sorted(Path(settings.FRONTRUNNER_FRONTS).glob("*.json"), key=_in_order):
+        try:
+            front, new = services.publish_file(path, by=SERVER_START)
+        except services.REFUSALS as error:
+            yield f"Not published: {error}"
+            continue
+        if new:
+            points = front.configurations.filter(probe=False).count()
+            yield f"Published the front {front.slug}: {points} configurations"
+
+
+def _in_order(path: Path) -> list[int | str]:
+    """Version 10 comes after version 9."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
+
+
+def create_this_machine() -> ReferenceDevice:
+    """The reference device that this machine is, made where it is missing."""
+    return ReferenceDevice.objects.get_or_create(name=THIS_MACHINE, defaults={"queue": THIS_MACHINE})[0]
+
+
+def create_first_administrator() -> str | None:
+    """Make the account `admin` where no administrator exists; its password, which is kept nowhere else."""
+    users = get_user_model()
+    if users.objects.filter(is_superuser=True).exists():
+        return None
+    password = secrets.token_urlsafe(15)
+    users.objects.create_superuser(ADMINISTRATOR, "", password)
+    return password
+
+
+def collect_static_files() -> None:
+    """Gather and compress static files, unless the gathered ones come from the present sources."""
+    stamp = Path(settings.STATIC_ROOT) / ".sources"
+    sources = _static_sources()
+    if stamp.exists() and stamp.read_text() == sources:
+        return
+    call_command("collectstatic", verbosity=0, interactive=False, clear=True)
+    stamp.write_text(sources)
+
+
+def _static_sources() -> str:
+    """A digest that changes with any static source file."""
+    digest = hashlib.sha256()
+    for finder in get_finders():
+        for name, storage in finder.list([]):
+            status = Path(storage.path(name)).stat()
+            digest.update(f"{name} {storage.path(name)} {status.st_size} {status.st_mtime_ns}\n".encode())
+    return digest.hexdigest()

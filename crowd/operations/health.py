@@ -1,0 +1,145 @@
+"""For monitoring: does the server run, can it work, how much has it done, what waits.
+
+`/healthz` is public. `/readyz` and `/metrics` answer direct requests of this machine and the networks that
+FRONTRUNNER_WATCHERS names; others get 404.
+"""
+
+import shutil
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from functools import wraps
+from pathlib import Path
+
+from django.conf import settings
+from django.db import Error, connection
+from django.db.models import Min
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.utils import timezone
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_safe
+from kombu.exceptions import KombuError, OperationalError
+
+from crowd.access.addresses import is_this_machine, is_within
+from crowd.celery import app
+from crowd.devices.models import DeviceModel, Installation
+from crowd.explorations.models import Evaluation
+from crowd.operations import metrics as exposition
+from crowd.operations.metrics import gauge, label
+from crowd.results.figures import sessions as session_figures
+from crowd.results.models import MeasurementSession, Run, Submission, WorkerPulse
+
+BROKER_PATIENCE_SECONDS = 2
+
+View = Callable[[HttpRequest], HttpResponse]
+
+
+def for_watchers(view: View) -> View:
+    """VIEW for those who may watch the server; 404 for everybody else."""
+
+    @wraps(view)
+    def answer(request: HttpRequest) -> HttpResponse:
+        if not (is_this_machine(request) or is_within(request, settings.FRONTRUNNER_WATCHERS)):
+            raise Http404
+        return view(request)
+
+    return answer
+
+
+@require_safe
+@never_cache
+def healthz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
+    """200 while the process answers; needs neither the database nor the broker."""
+    return HttpResponse("ok\n", content_type="text/plain")
+
+
+@require_safe
+@never_cache
+@for_watchers
+def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
+    """200 when database and broker answer, else 503; seconds since a worker ran a task; free disk.
+
+    A late worker does not make the server unready: it stores submissions, and a worker summarises them later.
+    Neither does a full disk: everything can still be read.
+    """
+    state: dict[str, object] = {"database": _database(), "broker": _broker()}
+    if state["database"] == "ok":
+        last = WorkerPulse.objects.order_by("-at").values_list("at", flat=True).first()
+        state["seconds_since_last_task"] = round(_age(last), 1) if last else None
+        state["sessions_waiting"] = session_figures.waiting().count()
+    state["disk_free_bytes"] = shutil.disk_usage(settings.FRONTRUNNER_VAR).free
+    ready = state["database"] == state["broker"] == "ok"
+    return JsonResponse(state, status=200 if ready else 503)
+
+
+@require_safe
+@never_cache
+@for_watchers
+def metrics(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
+    """Prometheus' text format: requests always, rows and queues while the database answers."""
+    lines = [exposition.histogram(exposition.requests.rows()), *_disk()]
+    try:
+        lines += [*_stored(), *_waiting(), gauge("database_up", "Whether the database answers", {"": 1})]
+    except Error:
+        lines.append(gauge("database_up", "Whether the database answers", {"": 0}))
+    return HttpResponse("".join(lines), content_type="text/plain; version=0.0.4; charset=utf-8")
+
+
+def _disk() -> Iterator[str]:
+    disk = shutil.disk_usage(settings.FRONTRUNNER_VAR)
+    yield gauge("disk_free_bytes", "Free on the disk of the data folder", {"": disk.free})
+    yield gauge("disk_size_bytes", "Size of the disk of the data folder", {"": disk.total})
+
+
+def _stored() -> Iterator[str]:
+    yield gauge("installations", "Enrolled installations", {"": Installation.objects.count()})
+    yield gauge("devices", "Device models", {"": DeviceModel.objects.count()})
+    yield gauge("submissions", "Accepted submissions", {"": Submission.objects.count()})
+    yield gauge("sessions", "Measurement sessions", {"": MeasurementSession.objects.count()})
+    yield gauge("runs", "Runs", {"": Run.objects.count()})
+    yield gauge("database_bytes", "Size of the database on its disk", {"": _database_bytes()})
+
+
+def _waiting() -> Iterator[str]:
+    sessions = session_figures.waiting()
+    oldest = sessions.order_by().aggregate(at=Min("received_at"))["at"]
+    yield gauge("sessions_waiting", "Sessions that wait for their summary", {"": sessions.count()})
+    yield gauge("oldest_waiting_session_seconds", "Age of the oldest of them", {"": _age(oldest)})
+    pending = Evaluation.objects.filter(state=Evaluation.State.PENDING)
+    oldest = pending.order_by().aggregate(at=Min("created_at"))["at"]
+    yield gauge("evaluations_pending", "Evaluations that no worker has yet", {"": pending.count()})
+    yield gauge("oldest_pending_evaluation_seconds", "Age of the oldest of them", {"": _age(oldest)})
+    pulses = {label("task", pulse.task): _age(pulse.at) for pulse in WorkerPulse.objects.order_by("task")}
+    yield gauge("task_age_seconds", "Since a worker last ran this task", pulses)
+
+
+def _age(moment: datetime | None) -> float:
+    """Seconds since MOMENT, 0 where there is none."""
+    return max(0.0, (timezone.now() - moment).total_seconds()) if moment else 0.0
+
+
+def _database_bytes() -> int:
+    if connection.vendor == "postgresql":
+        with connection.cursor() as cursor:
+            cursor.execute("SELECT pg_database_size(current_database())")
+            return int(cursor.fetchone()[0])
+    name = Path(str(connection.settings_dict["NAME"]))
+    files = (name, name.with_name(f"{name.name}-wal"))
+    return sum(file.stat().st_size for file in files if file.exists())
+
+
+def _database() -> str:
+    try:
+        with connection.cursor() as cursor:
+            cursor.execute("SELECT 1")
+    except Error as error:
+        return f"does not answer: {type(error).__name__}"
+    return "ok"
+
+
+def _broker() -> str:
+    try:
+        with app.connection_for_write(connect_timeout=BROKER_PATIENCE_SECONDS) as broker:
+            broker.ensure_connection(max_retries=1, timeout=BROKER_PATIENCE_SECONDS)
+    except (KombuError, OperationalError, OSError) as error:
+        return f"does not answer: {type(error).__name__}"
+    return "ok"
