@@ -127,7 +127,7 @@ def test_a_server_without_a_checkout_serves_pages_static_files_and_fronts(
 
 def fetch(server: "subprocess.Popen[bytes]", address: str, log: Path) -> str:
     """What ADDRESS answers as soon as SERVER, which writes LOG, answers at all."""
-    for _ in range(600):
+    for _ in range(1800):
         assert server.poll() is None, log.read_text()
         try:
             with urllib.request.urlopen(address, timeout=10) as response:

@@ -12,7 +12,7 @@ from uuid import UUID
 
 import pyarrow.parquet
 import pytest
-from django.db import OperationalError, connection
+from django.db import OperationalError, connection, connections
 
 from crowd.devices.disclosure import public_device
 from crowd.devices.models import Installation
@@ -26,7 +26,17 @@ from crowd.results.opendata import exports
 from crowd.results.privacy import disclosure, erasure
 from tests.crowd.documents import run_document, session_document, submission_document
 
-pytestmark = [pytest.mark.django_db(transaction=True), pytest.mark.usefixtures("no_worker")]
+pytestmark = [
+    pytest.mark.django_db(transaction=True),
+    pytest.mark.usefixtures("no_worker", "patient_database"),
+]
+
+
+@pytest.fixture
+def patient_database(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let SQLite wait a minute for its lock: a busy machine would test its patience instead of the code."""
+    if connection.vendor == "sqlite":
+        monkeypatch.setitem(connections.settings["default"]["OPTIONS"], "timeout", 60)
 
 
 def enrolled() -> Installation:

@@ -18,7 +18,10 @@ from crowd.devices.naming.processors import processor_of
 DEVICES = Path(chips.__file__).parent.parent
 TABLES = (
     *DEVICES.glob("chips/*.py"),
-    *(DEVICES / f"{name}.py" for name in ("names", "model_names", "drivers", "processors", "normalisation")),
+    *(
+        DEVICES / f"naming/{name}.py"
+        for name in ("names", "model_names", "drivers", "processors", "normalisation")
+    ),
 )
 RUN = re.compile(r"[^\W\d_]{4,}")
 OURS = {run.casefold() for path in TABLES for run in RUN.findall(path.read_text(encoding="utf-8"))}
