@@ -9,7 +9,7 @@ import segno
 from django import template
 from django.conf import settings
 from django.template.loader import render_to_string
-from django.urls import reverse
+from django.urls import NoReverseMatch, reverse
 from django.utils.html import format_html
 from django.utils.safestring import SafeString, mark_safe
 
@@ -22,7 +22,7 @@ register = template.Library()
 CAPTION = 170
 # Whose measurements of what a page shows: going on to another one keeps it.
 CROWD = ("application", "simulated")
-FILTERED = frozenset({"Devices", "What to use", "Transfer"})
+FILTERED = frozenset({"Devices", "Compare", "What to use", "Transfer"})
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,7 @@ def navigation(context: dict[str, Any]) -> tuple[Item, ...]:
     names = {
         "Measure": "measure",
         "Devices": "devices",
+        "Compare": "compare",
         "What to use": "recommend",
         "Fronts": "fronts",
         "Transfer": "transfer",
@@ -89,6 +90,15 @@ def source() -> str:
     """Where this deployment's source and documentation are; empty where nobody said so."""
     address: str = settings.FRONTRUNNER_SOURCE
     return address
+
+
+@register.simple_tag
+def guide() -> str:
+    """The address of the guide for readers; until there is one, that of the page about the project."""
+    try:
+        return reverse("dashboard:guide")
+    except NoReverseMatch:
+        return reverse("dashboard:about")
 
 
 @register.simple_tag

@@ -7,7 +7,7 @@ from typing import Any
 from django.db import transaction
 from django.db.models import Q
 
-from crowd.devices import chips
+from crowd.devices import chips, revision
 from crowd.devices.catalogue.files import BadLine, Line
 from crowd.devices.models import CatalogueEntry
 from crowd.devices.naming import names
@@ -110,6 +110,7 @@ def store(lines: Iterable[Line | BadLine]) -> Imported:
     CatalogueEntry.objects.bulk_create(new, batch_size=BATCH)
     CatalogueEntry.objects.bulk_update(changed, ["market_name", "soc", "gpu"], batch_size=BATCH // 10)
     done.new, done.changed = len(new), len(changed)
+    revision.bump()
     return done
 
 

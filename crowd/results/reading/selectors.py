@@ -5,6 +5,7 @@ from crowd.results.reading.crowd import Speedups, attempts, breakdown, group_of,
 from crowd.results.reading.devices import device, devices, pending
 from crowd.results.reading.history import history
 from crowd.results.reading.parsing import UnknownFrontError, asked
+from crowd.results.reading.search import search
 from crowd.results.reading.sessions import (
     LISTED_SESSIONS,
     latest_sessions,
@@ -34,6 +35,7 @@ __all__ = [
     "pending",
     "place",
     "run",
+    "search",
     "session",
     "side_by_side",
     "speedups",

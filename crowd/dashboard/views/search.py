@@ -1,0 +1,39 @@
+"""Search for a device: the page, and the suggestions while somebody types."""
+
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.utils.cache import patch_vary_headers
+
+from crowd.dashboard.answering import page
+from crowd.dashboard.filtering import SCRIPT
+from crowd.devices.models import DeviceModel
+from crowd.results.reading import selectors as results
+
+LONGEST = 100
+LISTED = 40
+SUGGESTED = 7
+
+
+@page
+def search(request: HttpRequest) -> HttpResponse:
+    """Devices that fit ?q=, with what is known of them; to a script the first few alone."""
+    text = " ".join(request.GET.get("q", "").split())[:LONGEST]
+    simulated = request.GET.get("simulated") == "1"
+    by_script = SCRIPT in request.headers
+    most = SUGGESTED if by_script else LISTED
+    found = results.search(text, simulated)
+    response = render(
+        request,
+        "dashboard/suggestions.html" if by_script else "dashboard/search.html",
+        {
+            "found": found,
+            "devices": found.devices[:most],
+            "unmeasured": found.unmeasured[: max(most - len(found.devices), 3 if not by_script else 0)],
+            "simulated": simulated,
+            "simulations": not simulated
+            and not found.devices
+            and DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED).exists(),
+        },
+    )
+    patch_vary_headers(response, [SCRIPT])
+    return response

@@ -1,0 +1,194 @@
+"""Devices by what people type: names, makers, codes, former names, chips; and known ones nobody measured.
+
+It sees what the public sees: a masked model is found by its chip alone, never by its name.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from django.conf import settings
+from django.db.models import Count, Q
+
+from crowd.devices import revision
+from crowd.devices.disclosure import is_disclosed
+from crowd.devices.models import CatalogueEntry, DeviceModel
+from crowd.devices.naming import names
+from crowd.devices.naming.spelling import LEAST_INSIDE, Vocabulary, words
+from crowd.devices.naming.vendors import VENDORS
+from crowd.results.reading.devices import devices
+from crowd.results.reading.rows import DeviceRow
+from crowd.results.reading.versioned_cache import VersionedCache
+
+MOST_WORDS = 8
+MOST_ENTRIES = 300  # of the catalogue are looked at
+CODE = re.compile(r"(.+) \((.+)\)")
+# How well a word of a name fits a word that was typed.
+EXACT, BEGINS, INSIDE = 4, 3, 1
+
+
+@dataclass(frozen=True)
+class Unmeasured:
+    """A device of the catalogue without a figure under its name: its maker, market name and codes."""
+
+    maker: str
+    name: str
+    codes: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        return f"{self.maker} {self.name}".strip()
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """What was found for `text`, the best match first. `corrected`: what was searched for in its place, ""
+    where that was TEXT.
+    """
+
+    text: str
+    corrected: str
+    devices: tuple[DeviceRow, ...]
+    unmeasured: tuple[Unmeasured, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Entry:
+    """A measured device: the words that it is found by, and the folded names that the catalogue may use."""
+
+    row: DeviceRow
+    words: tuple[str, ...]
+    folded: str
+    called: frozenset[str]
+
+
+@dataclass(frozen=True)
+class _Index:
+    entries: tuple[_Entry, ...]
+    vocabulary: Vocabulary
+
+
+_indexes: VersionedCache[_Index] = VersionedCache(2)
+
+
+def search(text: str, simulated: bool = False) -> SearchResult:
+    """Devices that have every word of TEXT in a name or a chip; of the SIMULATED ones, or of those that
+    people measured. A word that nothing has is corrected where one letter makes it a known one.
+
+    Twenty-two queries at most; four where nothing changed since this process answered.
+    """
+    typed = words(text)[:MOST_WORDS]
+    if not typed:
+        return SearchResult(text, "", (), ())
+    index = _indexes.get(revision.current, simulated, lambda: _index(simulated))
+    wanted = [index.vocabulary.correct(word) for word in typed]
+    scores = {entry: score for entry in index.entries if (score := _score(wanted, entry))}
+    unmeasured = []
+    for group in [] if simulated else _catalogue(wanted):
+        measured = [entry for entry in index.entries if entry.called & _called(group)]
+        for entry in measured:
+            scores.setdefault(entry, INSIDE)
+        if not measured:
+            unmeasured.append(group)
+    ranked = sorted(
+        scores, key=lambda entry: (-scores[entry], len(entry.row.device.title), entry.row.device.slug)
+    )
+    return SearchResult(
+        text=text,
+        corrected=" ".join(wanted) if wanted != typed else "",
+        devices=tuple(entry.row for entry in ranked),
+        unmeasured=tuple(unmeasured),
+    )
+
+
+def _index(simulated: bool) -> _Index:
+    former = {} if simulated else _former_names()
+    entries = [_entry(row, former.get(row.device.slug, ())) for row in devices(simulated)]
+    texts = [" ".join(entry.words) for entry in entries]
+    if not simulated:
+        lines = CatalogueEntry.objects.values_list("maker", "market_name", "soc", "gpu")
+        texts += [" ".join(line) for line in lines.iterator(chunk_size=10_000)]
+    return _Index(tuple(entries), Vocabulary(texts))
+
+
+def _entry(row: DeviceRow, former: Iterable[str]) -> _Entry:
+    device = row.device
+    parts = (device.title, *former, device.soc, device.gpu, device.cpu, device.os, VENDORS[device.vendor])
+    coded = CODE.fullmatch(device.name)
+    own = coded.groups() if coded else (device.name,)
+    return _Entry(
+        row=row,
+        words=tuple(dict.fromkeys(words(" ".join(parts)))),
+        folded=names.folded(" ".join((device.title, *former))),
+        called=frozenset(names.folded(f"{device.manufacturer}{name}") for name in own if not device.masked),
+    )
+
+
+def _former_names() -> dict[str, list[str]]:
+    """The names of aliases, by the public address of the model that each is an alias of.
+
+    An alias that few installations were called by is left out: it could say who measured.
+    """
+    aliases = (
+        DeviceModel.objects.filter(canonical__isnull=False, named=True)
+        .select_related("canonical")
+        .annotate(installations=Count("descriptions__sessions__installation", distinct=True))
+    )
+    found: dict[str, list[str]] = defaultdict(list)
+    for alias in aliases:
+        common = alias.installations == 0 or alias.installations >= settings.FRONTRUNNER_RARE_BELOW
+        if common and is_disclosed(alias.shown):
+            found[alias.shown.slug].append(str(alias))
+    return found
+
+
+def _score(wanted: Sequence[str], entry: _Entry) -> int:
+    """How well ENTRY fits the words WANTED; 0 where it lacks one of them."""
+    total = 0
+    for word in wanted:
+        best = max((_fit(own, word) for own in entry.words), default=0)
+        if not best and len(word) >= LEAST_INSIDE and word in entry.folded:
+            best = INSIDE
+        if not best:
+            return 0
+        total += best
+    return total
+
+
+def _fit(own: str, word: str) -> int:
+    if own == word:
+        return EXACT
+    if own.startswith(word):
+        return BEGINS
+    return INSIDE if len(word) >= LEAST_INSIDE and word in own else 0
+
+
+def _catalogue(wanted: Sequence[str]) -> list[Unmeasured]:
+    """Devices of the catalogue that have every word, the shortest names first. One query."""
+    lines = CatalogueEntry.objects.all()
+    for word in wanted:
+        columns = ("market_name", "maker", "code", "device", "soc", "gpu")
+        any_of = Q()
+        for column in columns:
+            any_of |= Q(**{f"{column}__icontains": word})
+        lines = lines.filter(any_of)
+    groups: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for maker, name, code, device in lines.order_by("pk").values_list(
+        "maker", "market_name", "code", "device"
+    )[:MOST_ENTRIES]:
+        groups[maker, name].append((code or device).upper())
+    found = []
+    for (maker, name), codes in groups.items():
+        brand = names.manufacturer(maker)
+        found.append(Unmeasured(brand, names.without_maker(name, brand), tuple(sorted(set(codes)))))
+    return sorted(found, key=lambda group: (-_name_fit(wanted, group), len(group.title), group.title))
+
+
+def _name_fit(wanted: Sequence[str], group: Unmeasured) -> int:
+    own = words(group.title)
+    return sum(max((_fit(each, word) for each in own), default=0) for word in wanted)
+
+
+def _called(group: Unmeasured) -> frozenset[str]:
+    return frozenset(names.folded(f"{group.maker}{name}") for name in (group.name, *group.codes))
