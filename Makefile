@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 export FRONTRUNNER_PORT := $(PORT)
 export FRONTRUNNER_VAR := $(abspath $(DATA))
 
-.PHONY: install run serve test check bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
+.PHONY: install run serve test check docs wheel bench bench-slam bench-pareto bench-crowd bench-device_map lock clean
 
 install: $(VENV)/.installed
 
@@ -49,6 +49,14 @@ check: $(VENV)/.installed-development
 	    *) echo "Dependency audit: nothing known";; \
 	esac
 
+# The guide, which a server shows at /guide/. Nothing is downloaded; a broken link is an error.
+docs: $(VENV)/.installed-development
+	rm -rf frontrunner/guide
+	$(BIN)/python -m sphinx --nitpicky --fail-on-warning --keep-going --quiet --doctree-dir build/doctrees docs frontrunner/guide
+
+wheel: docs
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+
 bench: bench-slam bench-pareto bench-crowd bench-device_map
 
 bench-slam bench-pareto bench-crowd bench-device_map: bench-%: $(VENV)/.installed-development
@@ -61,4 +69,4 @@ lock:
 	$(LOCK) --extra server --extra development --constraints requirements.lock --output-file requirements-development.lock
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) build dist frontrunner/guide *.egg-info .pytest_cache .mypy_cache .ruff_cache

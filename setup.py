@@ -1,4 +1,4 @@
-"""The packages of an installation and their data; `fixtures/` goes inside `frontrunner`."""
+"""The packages of an installation and their data. `fixtures/` and a built guide go inside `frontrunner`."""
 
 from setuptools import find_packages, setup
 
@@ -10,6 +10,7 @@ setup(
     package_dir={"frontrunner.fixtures": "fixtures"},
     package_data={
         "": ["*.json", "kernels/*", *WEB],
+        "frontrunner": ["guide/**/*"],
         "frontrunner.fixtures": ["fronts/*", "sequences/**/*", "surfaces/*"],
     },
 )

@@ -5,6 +5,7 @@ from django.urls import include, path, re_path
 
 from crowd import openapi
 from crowd.fronts.views import chunk, plan, shaders, trajectory
+from crowd.guide import guide
 from crowd.http import problems
 from crowd.operations import health
 from crowd.results.opendata.serving import export_file
@@ -29,6 +30,8 @@ urlpatterns = [
     path("api/v1/", include("crowd.explorations.urls")),
     path("api/v1/openapi.json", openapi.OpenApiView.as_view(), name="openapi"),
     path("api/v1/docs", openapi.docs, name="docs"),
+    path("guide/", guide, {"path": ""}, name="guide"),
+    path("guide/<path:path>", guide, name="guide-file"),
     re_path(r"^api/", problems.unknown_address),
     path("", include("crowd.dashboard.urls")),
 ]

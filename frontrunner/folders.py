@@ -10,6 +10,8 @@ INSTALLED = ROOT / "frontrunner" / "fixtures"
 # Of a checkout, or inside the installed package.
 FIXTURES = INSTALLED if INSTALLED.is_dir() else ROOT / "fixtures"
 SEQUENCES = FIXTURES / "sequences"
+# Built by `make docs`, never committed; a wheel has it where it was built before.
+GUIDE = ROOT / "frontrunner" / "guide"
 
 
 def user_folder(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> Path:

@@ -33,8 +33,8 @@ MISTAKES = (
 )
 
 
-def main(arguments: Ordered[str] | None = None, prog: str = "python -m slam") -> int:
-    """Carry out one command as the program PROG; its exit code is 2 for a mistake, 3 without a device."""
+def make_parser(prog: str = "python -m slam") -> argparse.ArgumentParser:
+    """The parser of every command; what it parses has the command's function as `execute`."""
     parser = argparse.ArgumentParser(
         prog=prog,
         description="Measure and compare configurations of dense SLAM, judge trajectories, make sequences.",
@@ -43,7 +43,12 @@ def main(arguments: Ordered[str] | None = None, prog: str = "python -m slam") ->
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (run, compare, surface, evaluate, devices, plan, reference, datasets):
         command.add(subparsers)
-    options = parser.parse_args(arguments)
+    return parser
+
+
+def main(arguments: Ordered[str] | None = None, prog: str = "python -m slam") -> int:
+    """Carry out one command as the program PROG; its exit code is 2 for a mistake, 3 without a device."""
+    options = make_parser(prog).parse_args(arguments)
     try:
         options.execute(options)
         sys.stdout.flush()

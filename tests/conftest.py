@@ -10,6 +10,7 @@ from xdist.scheduler import LoadScopeScheduling
 
 from crowd.celery import app
 from crowd.results.reading.versioned_cache import VersionedCache
+from tests import guide as documentation
 from tests.wheel import build
 
 # How fast a loaded machine makes up examples says nothing of the code.
@@ -49,9 +50,15 @@ def django_db_modify_db_settings(tmp_path_factory: pytest.TempPathFactory) -> No
 
 
 @pytest.fixture(scope="session")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The project's wheel, built once."""
-    return build(tmp_path_factory.mktemp("wheel"))
+def guide(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The guide's pages, built once."""
+    return documentation.build(tmp_path_factory.mktemp("guide"))
+
+
+@pytest.fixture(scope="session")
+def wheel(tmp_path_factory: pytest.TempPathFactory, guide: Path) -> Path:
+    """The project's wheel with the guide in it, built once."""
+    return build(tmp_path_factory.mktemp("wheel"), guide)
 
 
 @pytest.fixture(autouse=True)

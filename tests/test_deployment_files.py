@@ -61,9 +61,9 @@ def test_caddy_asks_by_the_name_that_it_serves() -> None:
 
 
 def test_the_page_names_only_files_that_are_there() -> None:
-    page = (ROOT / "docs/deploy.md").read_text()
+    page = (ROOT / "docs/operate/deploy.md").read_text()
 
     for name in re.findall(r"frontrunner-?[a-z]*@?[a-zA-Z]*\.(?:service|timer)", page):
         assert re.sub(r"@[a-zA-Z]+", "@", name) in UNITS
     for link in re.findall(r"\]\(([^)#:]+)\)", page):
-        assert (ROOT / "docs" / link).exists(), link
+        assert (ROOT / "docs/operate" / link).exists(), link

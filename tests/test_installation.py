@@ -119,6 +119,8 @@ def test_a_server_without_a_checkout_serves_pages_static_files_and_fronts(
         style = re.search(r'href="(/static/[^"]+\.css)"', page)
         assert style is not None
         assert "{" in fetch(server, f"http://127.0.0.1:{port}{style[1]}", tmp_path / "serve.log")
+        guide = fetch(server, f"http://127.0.0.1:{port}/guide/", tmp_path / "serve.log")
+        assert "toctree" in guide
     finally:
         server.send_signal(signal.SIGTERM)
         server.wait(30)

@@ -10,14 +10,15 @@ PACKAGES = ("frontrunner", "slam", "pareto", "client_kit", "crowd", "fixtures")
 OFFLINE = ("--quiet", "--disable-pip-version-check", "--no-index", "--no-deps")
 
 
-def build(folder: Path) -> Path:
-    """The wheel, made in FOLDER: a build inside the checkout would leave its files there."""
+def build(folder: Path, guide: Path) -> Path:
+    """The wheel with GUIDE, made in FOLDER: a build inside the checkout would leave its files there."""
     source = folder / "source"
     source.mkdir()
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(PROJECT / name, source)
     for name in PACKAGES:
-        shutil.copytree(PROJECT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(PROJECT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "guide"))
+    shutil.copytree(guide, source / "frontrunner" / "guide")
     command = [sys.executable, "-m", "pip", "wheel", *OFFLINE, "--no-build-isolation"]
     subprocess.run([*command, "--wheel-dir", str(folder), str(source)], check=True)
     [wheel] = folder.glob("frontrunner-*.whl")

@@ -1,5 +1,5 @@
 /**
- * Sends what waits, once: the same bytes under the same key until the server answers (docs/protocol.md).
+ * Sends what waits, once: the same bytes under the same key until the server answers (docs/data/protocol.md).
  */
 
 import * as database from "./database.js";

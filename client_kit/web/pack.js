@@ -1,5 +1,5 @@
 /**
- * The codec of sequence packs (docs/protocol.md, section 2; slam/datasets/codec.py): a header, then chunks of
+ * The codec of sequence packs (docs/data/protocol.md, section 2; slam/datasets/codec.py): a header, then chunks of
  * depth images. The caller has compared the chunks with their digests.
  */
 

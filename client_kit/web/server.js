@@ -90,7 +90,7 @@ function secondsOf(header) {
 /** @typedef {{sha256: string, url: string}} Addressed */
 
 /**
- * What a client is asked to measure (docs/protocol.md).
+ * What a client is asked to measure (docs/data/protocol.md).
  * @typedef {object} Manifest
  * @property {string} application
  * @property {string} front_version

@@ -149,7 +149,7 @@ export async function agreedTo(version) {
 }
 
 /**
- * What POST /submissions takes (docs/protocol.md).
+ * What POST /submissions takes (docs/data/protocol.md).
  * @param {Session} session
  * @param {SessionClock} clock
  */

@@ -34,7 +34,7 @@ class ImportForm(forms.Form):
     """A front's file, as `manage.py front export` writes it."""
 
     file = forms.FileField(
-        help_text="fixtures/fronts/kfusion-1.json is one; docs/publishing.md describes every member"
+        help_text="fixtures/fronts/kfusion-1.json is one; docs/operate/publishing.md describes every member"
     )
 
 

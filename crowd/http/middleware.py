@@ -36,6 +36,7 @@ NOT_PAGES = (
     "/readyz",
     "/metrics",
     "/api/",
+    "/guide/_static/",
 )
 # A page; the files below it come with it, and are asked for each time.
 MEASURE = "/measure/"

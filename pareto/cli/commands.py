@@ -29,7 +29,7 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
     words = sys.argv[1:] if arguments is None else arguments
     loaded = False
     try:
-        parser = _parser(words, prog)
+        parser = make_parser(words, prog)
         loaded = True
         options = parser.parse_args(words)
         code = int(options.act(options))
@@ -56,7 +56,8 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
         return 130
 
 
-def _parser(words: list[str], prog: str) -> argparse.ArgumentParser:
+def make_parser(words: list[str], prog: str) -> argparse.ArgumentParser:
+    """The parser, in which the options of the command that WORDS begin with are read."""
     parser = Parser(prog=prog, description="Search for the best configurations of a program.")
     parser.add_argument("--version", action="version", version=f"frontrunner {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

@@ -1,4 +1,4 @@
-"""The Python example of docs/client.md, run as it stands, and the commands that the page names."""
+"""The Python example of docs/take-part.md, run as it stands, and the commands that the page names."""
 
 import argparse
 import re
@@ -14,7 +14,7 @@ from tests.client_kit import documents, room
 from tests.client_kit.counting import Counting
 from tests.client_kit.scripted import ScriptedServer
 
-PAGE = Path(__file__).parents[2] / "docs/client.md"
+PAGE = Path(__file__).parents[2] / "docs/take-part.md"
 
 
 def example() -> str:

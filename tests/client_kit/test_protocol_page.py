@@ -1,4 +1,4 @@
-"""The JSON of docs/protocol.md against a real server: what it writes is taken, what it reads is so."""
+"""The JSON of docs/data/protocol.md against a real server: what it writes is taken, what it reads is so."""
 
 import json
 import re
@@ -19,7 +19,7 @@ from slam.datasets.formats.pack import Pack
 from tests.client_kit import canned, room
 from tests.client_kit.published import VERSION, publish
 
-PAGE = (Path(__file__).parents[2] / "docs/protocol.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/data/protocol.md").read_text(encoding="utf-8")
 EXAMPLES: dict[str, Any] = {
     name: json.loads(text)
     for name, text in re.findall(r"^```json (\w+)\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)

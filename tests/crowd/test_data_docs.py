@@ -1,4 +1,4 @@
-"""The examples of docs/data.md run as they stand, on an export of a server that answers."""
+"""The examples of docs/data/open-data.md run as they stand, on an export of a server that answers."""
 
 import re
 import shutil
@@ -17,7 +17,7 @@ from tests.crowd.documents import device_document, front_document, session_docum
 from tests.crowd.exported import stored
 from tests.crowd.participant import Participant
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "data.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "data" / "open-data.md"
 SERVER = "http://127.0.0.1:8000"
 
 

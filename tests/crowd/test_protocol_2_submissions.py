@@ -27,7 +27,7 @@ from tests.crowd.exported import table
 from tests.crowd.participant import API, Participant
 from tests.crowd.refusals import nothing_is_stored, problem
 
-PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs" / "data" / "protocol.md").read_text()
 
 
 @pytest.fixture

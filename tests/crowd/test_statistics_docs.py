@@ -1,11 +1,11 @@
-"""docs/statistics.md says what the registry of rules says."""
+"""docs/results/statistics.md says what the registry of rules says."""
 
 import re
 from pathlib import Path
 
 from crowd.results.validity.rules import RULES, Rule
 
-DOCS = Path(__file__).parents[2] / "docs" / "statistics.md"
+DOCS = Path(__file__).parents[2] / "docs" / "results" / "statistics.md"
 
 
 def row(rule: Rule) -> tuple[str, ...]:

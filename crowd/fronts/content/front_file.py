@@ -224,7 +224,7 @@ def _with_place(error: msgspec.ValidationError) -> str:
         if f"regex '{pattern}'" in reason:
             reason = f"must be {remedy}"
     line = " ".join(f"{member}: {reason}".split())
-    return f"{line} (docs/publishing.md shows a whole front)"
+    return f"{line} (docs/operate/publishing.md shows a whole front)"
 
 
 def _mistakes(content: Content) -> Iterator[str]:

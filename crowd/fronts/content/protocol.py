@@ -27,7 +27,7 @@ Metres = Annotated[float, msgspec.Meta(gt=0, le=10)]
 class Protocol(msgspec.Struct, forbid_unknown_fields=True):
     """How clients measure. Times are seconds, `max_ate` metres, frames are counted from 0.
 
-    The last three belong to version 1, for which clients have their own defaults (docs/protocol.md).
+    The last three belong to version 1, for which clients have their own defaults (docs/data/protocol.md).
     """
 
     version: Version

@@ -1,4 +1,4 @@
-"""docs/tutorial.md works as it stands: its files are saved and its commands run."""
+"""docs/tune/tutorial.md works as it stands: its files are saved and its commands run."""
 
 import json
 import os
@@ -13,7 +13,7 @@ import pytest
 from tests.pareto.conftest import rows
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "tune" / "tutorial.md").read_text(encoding="utf-8")
 FILES = dict(re.findall(r"Save this as `([\w.]+)`:\n\n```\w+\n(.*?)```", PAGE, re.DOTALL))
 COMMANDS = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 
@@ -60,5 +60,5 @@ def test_the_page_tunes_a_program_from_nothing(tmp_path):
 
 
 def test_the_tutorial_is_linked_from_the_overviews():
-    for page, link in (("README.md", "docs/tutorial.md"), ("docs/pareto.md", "tutorial.md")):
+    for page, link in (("README.md", "docs/tune/tutorial.md"), ("docs/tune/command-line.md", "tutorial.md")):
         assert f"({link})" in (ROOT / page).read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The examples of docs/spaces.md are what happens."""
+"""The examples of docs/tune/spaces.md are what happens."""
 
 import ast
 import json
@@ -11,7 +11,7 @@ from pareto.spaces.constraint import Constraint
 from pareto.spaces.parameter import Parameter
 from pareto.spaces.space import Space
 
-PAGE = (Path(__file__).parents[3] / "docs" / "spaces.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs" / "tune" / "spaces.md").read_text(encoding="utf-8")
 
 
 def block(language: str) -> str:

@@ -1,0 +1,42 @@
+"""How Sphinx builds the guide: `make docs`."""
+
+import os
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(Path(__file__).parent / "tools")]
+# The help texts of the reference are wrapped at this width, whatever the terminal.
+os.environ["COLUMNS"] = "94"
+
+from frontrunner import __version__  # noqa: E402 - the project is on the path only now
+
+project = "Frontrunner"
+author = "the authors of Frontrunner"
+copyright = author
+release = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "command_reference"]
+exclude_patterns = ["tools", "_templates", "_static"]
+templates_path = ["_templates"]
+
+myst_heading_anchors = 3
+nitpicky = True
+# Types of NumPy, pandas and this project's internals, which the reference does not describe.
+nitpick_ignore_regex = [("py:.*", r".*")]
+autodoc_typehints = "signature"
+autodoc_member_order = "bysource"
+python_use_unqualified_type_names = True
+
+html_theme = "furo"
+html_title = "Frontrunner's guide"
+html_static_path = ["_static"]
+html_favicon = "../crowd/dashboard/static/dashboard/mark.svg"
+html_css_files = ["guide.css"]
+html_copy_source = False
+html_show_sourcelink = False
+html_show_copyright = False
+html_domain_indices = False
+html_use_index = False
+pygments_style = "default"
+pygments_dark_style = "monokai"

@@ -1,0 +1,101 @@
+"""A directive for Sphinx: the help texts of every command, as the programs print them.
+
+```{command-reference} measure
+```
+"""
+
+import argparse
+import os
+import re
+from collections.abc import Iterator
+
+from docutils import nodes
+from docutils.parsers.rst import Directive
+from sphinx.application import Sphinx
+
+DJANGOS_OPTIONS = frozenset(
+    ("version", "verbosity", "settings", "pythonpath", "traceback", "no_color", "force_color", "skip_checks")
+)
+
+
+def commands(program: str) -> Iterator[tuple[str, str]]:
+    """Each command of PROGRAM with its help text: `frontrunner measure run` and so on."""
+    readers = {"measure": _measure, "tune": _tune, "slam": _slam, "admin": _admin}
+    for name, parser in readers[program]():
+        yield name, re.sub(r"[ \t]+$", "", parser.format_help(), flags=re.MULTILINE)
+
+
+def _measure() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    from client_kit import cli_options
+
+    yield from _leaves("frontrunner measure", cli_options.parser("frontrunner measure"))
+
+
+def _tune() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    from pareto.cli import commands
+
+    for word in commands.COMMANDS:
+        whole = commands.make_parser([word], "frontrunner tune")
+        yield f"frontrunner tune {word}", _choices(whole)[word]
+
+
+def _slam() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    from slam.__main__ import make_parser
+
+    yield from _leaves("frontrunner slam", make_parser("frontrunner slam"))
+
+
+def _admin() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    os.environ.setdefault("DJANGO_SETTINGS_MODULE", "crowd.settings")
+    import django
+    from django.core.management import get_commands, load_command_class
+
+    django.setup()
+    for name, home in sorted(get_commands().items()):
+        if not home.startswith("crowd.") or name == "flush":
+            continue
+        parser = load_command_class(home, name).create_parser("frontrunner admin", name)
+        _hide_djangos_options(parser)
+        yield from _leaves(f"frontrunner admin {name}", parser)
+
+
+def _hide_djangos_options(parser: argparse.ArgumentParser) -> None:
+    for action in parser._actions:
+        if action.dest in DJANGOS_OPTIONS:
+            action.help = argparse.SUPPRESS
+
+
+def _choices(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}
+
+
+def _leaves(name: str, parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """The commands below PARSER, or PARSER itself where there are none."""
+    below = _choices(parser)
+    if not below:
+        yield name, parser
+    for word, command in below.items():
+        yield from _leaves(f"{name} {word}", command)
+
+
+class CommandReference(Directive):
+    """A section for each command of one program."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        sections: list[nodes.Node] = []
+        for name, text in commands(self.arguments[0]):
+            section = nodes.section(ids=[nodes.make_id(name)], names=[name])
+            section += nodes.title(name, name)
+            section += nodes.literal_block(text, text, language="text")
+            sections.append(section)
+        return sections
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_directive("command-reference", CommandReference)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
