@@ -9,7 +9,7 @@ import segno
 from django import template
 from django.conf import settings
 from django.template.loader import render_to_string
-from django.urls import NoReverseMatch, reverse
+from django.urls import reverse
 from django.utils.html import format_html
 from django.utils.safestring import SafeString, mark_safe
 
@@ -90,15 +90,6 @@ def source() -> str:
     """Where this deployment's source and documentation are; empty where nobody said so."""
     address: str = settings.FRONTRUNNER_SOURCE
     return address
-
-
-@register.simple_tag
-def guide() -> str:
-    """The address of the guide for readers; until there is one, that of the page about the project."""
-    try:
-        return reverse("dashboard:guide")
-    except NoReverseMatch:
-        return reverse("dashboard:about")
 
 
 @register.simple_tag
