@@ -7,7 +7,7 @@ from rest_framework.request import Request
 
 from crowd.access import limits
 from crowd.devices import attempts, model_choice
-from crowd.http.api import Endpoint, answer, body
+from crowd.http.api import Endpoint, answer, body, refuse_unknown
 from crowd.http.problems import Problem
 
 LONGEST = 100
@@ -60,6 +60,7 @@ class ModelsView(Endpoint):
         responses={200: ModelChoices},
     )
     def get(self, request: Request) -> HttpResponse:
+        refuse_unknown(request, "maker", "search")
         asked = {name: request.query_params.get(name, "") for name in ("maker", "search")}
         for name, text in asked.items():
             if len(text) > LONGEST:

@@ -1,6 +1,7 @@
 """What every endpoint of the API shares: JSON in and out, bodies with a limit, lists by cursor."""
 
 import base64
+import hashlib
 import re
 import zlib
 from collections.abc import Callable, Sequence
@@ -9,7 +10,9 @@ from urllib.parse import urlencode
 
 import msgspec
 from django.conf import settings
-from django.http import HttpRequest, HttpResponse
+from django.http import HttpRequest, HttpResponse, HttpResponseBase
+from django.utils.cache import get_conditional_response
+from django.utils.http import quote_etag
 from rest_framework.negotiation import BaseContentNegotiation
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -137,24 +140,58 @@ def page(
     """One page of ROWS (in their order): `results`, and `next`, the address of the following page or null.
 
     The cursor names the last row's KEY and not its number, so that rows which come or go meanwhile are
-    neither skipped nor repeated. Raises Problem 400 for a limit or cursor that is none.
+    neither skipped nor repeated. Raises Problem 400 for an invalid limit or cursor.
+    """
+
+    def behind(limit: int, last: str | None) -> Sequence[T] | None:
+        start = 0
+        if last is not None:
+            start = next((place + 1 for place, row in enumerate(rows) if key(row) == last), -1)
+        return rows[start : start + limit] if start >= 0 else None
+
+    return page_behind(request, behind, key, encode)
+
+
+def page_behind(
+    request: Request,
+    read: Callable[[int, str | None], Sequence[T] | None],
+    key: Callable[[T], str],
+    encode: Callable[[T], Any],
+) -> dict[str, Any]:
+    """The same of rows that READ reads a page at a time: so many at most, behind the row with that key, from
+    the first where it is None. READ answers None where there is no such row.
     """
     text = request.query_params.get("limit", str(PAGE))
     if not WHOLE_NUMBER.fullmatch(text) or not 1 <= int(text) <= LONGEST_PAGE:
         raise Problem(400, "invalid_limit", f"limit={text:.50}: give 1 to {LONGEST_PAGE}", field="limit")
-    limit, start = int(text), 0
-    cursor = request.query_params.get("cursor")
-    if cursor is not None:
-        last = _uncover(cursor)
-        start = next((place + 1 for place, row in enumerate(rows) if key(row) == last), -1)
-        if start < 0:
-            raise Problem(400, "invalid_cursor", "start again without a cursor", field="cursor")
-    shown = rows[start : start + limit]
+    limit, cursor = int(text), request.query_params.get("cursor")
+    rows = read(limit + 1, None if cursor is None else _uncover(cursor))
+    if rows is None:
+        raise Problem(400, "invalid_cursor", "start again without a cursor", field="cursor")
+    shown = rows[:limit]
     following = None
-    if start + limit < len(rows):
+    if len(rows) > limit:
         query = request.query_params.dict() | {"cursor": _cover(key(shown[-1]))}
         following = f"{request.path}?{urlencode(query)}"
     return {"results": [encode(row) for row in shown], "next": following}
+
+
+def refuse_unknown(request: Request, *known: str) -> None:
+    """Raises Problem 400 for a query parameter of REQUEST that is none of those KNOWN and not empty: a
+    filter that is ignored would seem to match everything.
+    """
+    for name, given in request.query_params.dict().items():
+        if given.strip() and name not in known:
+            right = f"this address takes {', '.join(known)}" if known else "this address takes no parameters"
+            raise Problem(400, "invalid_filter", f"{name:.50}={given:.50}: {right}", field=f"{name:.50}")
+
+
+def answer_or_unchanged(request: Request, content: Any) -> HttpResponseBase:
+    """CONTENT as JSON with an ETag that is a digest of it; 304 without a body where the client has it."""
+    full = answer(content, headers={"Cache-Control": "public, no-cache"})
+    etag = quote_etag(hashlib.sha256(full.content).hexdigest()[:32])
+    full["ETag"] = etag
+    return get_conditional_response(request._request, etag=etag, response=full) or full
 
 
 def _cover(key: str) -> str:

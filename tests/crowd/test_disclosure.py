@@ -80,6 +80,9 @@ def public(client: Client, session: dict[str, Any]) -> dict[str, str]:
         f"{API}/speedups",
         f"{API}/speedups?since=2020-01-01",
         f"{API}/speedups?configuration=all",
+        f"{API}/sessions",
+        f"{API}/sessions/{session['id']}",
+        f"{API}/runs",
         f"/devices/{NAMED}/",
         f"{API}/devices/{NAMED}",
     ]

@@ -170,7 +170,7 @@ def test_the_list_of_devices_refuses_filters_that_it_does_not_take(client: Clien
     for name, value in {"device": "zzz", "front": "kfusion-test", "min_sessions": "3"}.items():
         refused = client.get(f"{API}/devices", {name: value})
         assert (refused.status_code, refused.json()["field"]) == (400, name)
-        assert "takes application and simulated" in refused.json()["detail"]
+        assert "takes application, simulated" in refused.json()["detail"]
     assert client.get(f"{API}/devices?application=kfusion&simulated=0&device=").json() == everything
 
 

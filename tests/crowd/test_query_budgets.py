@@ -18,6 +18,8 @@ READS = {
     "/speedups?gpu=mali&min_sessions=2&limit=1": 3,
     "/devices": 6,
     "/devices/google-pixel-8": 7,
+    "/sessions": 5,
+    "/runs": 3,
     "/compare?devices=google-pixel-8,google-pixel-9": 17,
     "/explorations": 1,
     "/exports": 2,

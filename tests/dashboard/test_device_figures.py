@@ -24,8 +24,20 @@ from tests.dashboard.rows import device, run, speedup
 
 
 def session(*runs: Any, samples: Any = ()) -> SessionDetail:
+    moment = datetime(2026, 11, 20, tzinfo=UTC)
     row = SessionRow(
-        UUID(int=1), device(), "kfusion-test", "opencl", "Mali", datetime(2026, 11, 20, tzinfo=UTC), True, ()
+        uuid=UUID(int=1),
+        device=device(),
+        application="kfusion",
+        front="kfusion-test",
+        protocol_version=1,
+        backend="opencl",
+        processor="Mali",
+        processor_class="gpu",
+        started_at=moment,
+        received_at=moment,
+        summarised=True,
+        speedups=(),
     )
     return SessionDetail(row, {"first_counted_frame": 10}, "", list(samples), tuple(runs))
 

@@ -23,6 +23,7 @@ AGAIN = (
     "crowd/test_protocol_2_fronts.py",
     "crowd/test_protocol_2_submissions.py",
     "crowd/test_public_api.py",
+    "crowd/test_session_lists.py",
     "crowd/test_unknown_members.py",
     "crowd/test_open_data.py",
     "crowd/test_open_data_erasure.py",

@@ -1,29 +1,28 @@
-"""The API's addresses that anybody may read: speedups, devices, comparisons."""
-
-from dataclasses import fields
+"""The API's addresses that anybody may read of figures: speedups, devices, comparisons."""
 
 from django.http import HttpResponse
-from drf_spectacular.types import OpenApiTypes
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
-from crowd.devices.naming.vendors import VENDORS
-from crowd.http.api import Endpoint, answer, page
+from crowd.http.api import Endpoint, answer, page, refuse_unknown
 from crowd.http.descriptions import PAGING
 from crowd.http.problems import Problem, not_found
 from crowd.results.api import answers
+from crowd.results.api.parameters import (
+    DEVICE,
+    PAGE_PARAMETERS,
+    PERIOD,
+    SIMULATED,
+    SWITCH,
+    TEXT,
+    names_of,
+    understood,
+)
 from crowd.results.reading import correlations, selectors
-from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.filters import LONGEST, MOST, MOST_WORDS, InvalidFilterError, SpeedupFilters
+from crowd.results.reading.filters import MOST, SpeedupFilters
 from crowd.results.reading.rows import DeviceDetail
 
 MOST_COMPARED = 6
-TEXT = {"type": "string", "maxLength": LONGEST}
-SWITCH = {"type": "string", "enum": ["0", "1"]}
-MATCHED = "matches anywhere, whatever the case; in quotation marks, as a whole"
-SIMULATED = OpenApiParameter(
-    "simulated", SWITCH, description="1 shows simulated devices, and none that anybody has; 0 where absent"
-)
 
 
 class SpeedupsView(Endpoint):
@@ -42,24 +41,8 @@ class SpeedupsView(Endpoint):
             OpenApiParameter("front", TEXT, description="version; the newest measured one where absent"),
             OpenApiParameter("application", TEXT, description="that of `front`, else kfusion where absent"),
             OpenApiParameter("configuration", TEXT, description="best where absent; all for every one"),
-            OpenApiParameter(
-                "device",
-                TEXT,
-                description=f"at most {MOST_WORDS} different words, each of which is in its maker or name",
-            ),
-            OpenApiParameter(
-                "vendor", str, enum=list(VENDORS), description="whose chip computed; CPU: the processor did"
-            ),
-            OpenApiParameter("soc", TEXT, description=MATCHED),
-            OpenApiParameter("gpu", TEXT, description=MATCHED),
-            OpenApiParameter("os", TEXT, description=MATCHED),
-            OpenApiParameter("backend", str, enum=list(BACKENDS), description="with what it was measured"),
-            OpenApiParameter(
-                "since", OpenApiTypes.DATE, description="a day, as 2026-11-30: only sessions from then on"
-            ),
-            OpenApiParameter(
-                "until", OpenApiTypes.DATE, description="a day: only sessions up to its end (UTC)"
-            ),
+            *DEVICE,
+            *PERIOD,
             OpenApiParameter("min_sessions", {"type": "integer", "minimum": 1, "maximum": MOST}),
             OpenApiParameter(
                 "suspect", SWITCH, description="0 leaves out figures that come from suspect sessions alone"
@@ -70,6 +53,7 @@ class SpeedupsView(Endpoint):
         responses={200: answers.SpeedupPage},
     )
     def get(self, request: Request) -> HttpResponse:
+        refuse_unknown(request, *names_of(SpeedupFilters), *PAGE_PARAMETERS)
         found = selectors.speedups(_filters(request))
         rows = page(request, found.rows, lambda row: row.key, answers.speedup)
         return answer({"front": found.front, **rows, "summary": answers.crowd(found.headline, found.fared)})
@@ -81,7 +65,7 @@ class DevicesView(Endpoint):
     @extend_schema(
         operation_id="devices",
         summary="Measured devices, fastest first",
-        description="Other filters than these are refused: /speedups takes them.",
+        description="`/speedups` takes more filters.",
         parameters=[
             OpenApiParameter("application", TEXT, description="whose speedups; kfusion where absent"),
             SIMULATED,
@@ -90,7 +74,7 @@ class DevicesView(Endpoint):
         responses={200: answers.DevicePage},
     )
     def get(self, request: Request) -> HttpResponse:
-        _refuse_others(request, "application", "simulated")
+        refuse_unknown(request, "application", "simulated", *PAGE_PARAMETERS)
         filters = _filters(request)
         rows = selectors.devices(filters.simulated, filters.application)
         return answer(page(request, rows, lambda row: row.device.slug, answers.device))
@@ -131,26 +115,7 @@ class CompareView(Endpoint):
 
 
 def _filters(request: Request) -> SpeedupFilters:
-    """The filters of REQUEST. Raises Problem 400 for one that cannot be understood, 404 for a front that was
-    never published.
-    """
-    try:
-        return selectors.asked(request.query_params)
-    except selectors.UnknownFrontError as error:
-        raise Problem(404, "not_found", str(error), field=error.name) from error
-    except InvalidFilterError as error:
-        raise Problem(400, "invalid_filter", str(error), field=error.name) from error
-
-
-def _refuse_others(request: Request, *taken: str) -> None:
-    """Raises Problem 400 for a filter of REQUEST that is none of those TAKEN: ignored, it would seem to match
-    everything.
-    """
-    for name in (field.name for field in fields(SpeedupFilters)):
-        given = request.query_params.get(name, "").strip()
-        if given and name not in taken:
-            right = f"this list takes {' and '.join(taken)}; GET /api/v1/speedups takes {name}"
-            raise Problem(400, "invalid_filter", f"{name}={given:.50}: {right}", field=name)
+    return understood(selectors.asked, request)
 
 
 def _detail(slug: str) -> answers.DeviceDetailAnswer:

@@ -2,7 +2,7 @@
 
 from django.urls import path
 
-from crowd.results.api import own_views, public_views, views
+from crowd.results.api import own_views, public_views, session_views, views
 from crowd.results.opendata.views import ExportsView
 
 urlpatterns = [
@@ -18,5 +18,8 @@ urlpatterns = [
     path("speedups", public_views.SpeedupsView.as_view()),
     path("devices", public_views.DevicesView.as_view()),
     path("devices/<slug:slug>", public_views.DeviceView.as_view()),
+    path("sessions", session_views.SessionsView.as_view()),
+    path("sessions/<uuid:key>", session_views.SessionView.as_view()),
+    path("runs", session_views.RunsView.as_view()),
     path("compare", public_views.CompareView.as_view()),
 ]

@@ -90,6 +90,7 @@ class SessionSummary(models.Model):
                 name="summary_period",
                 condition=models.Q(counted=True),
             ),
+            models.Index(fields=["session"], name="summary_not_valid", condition=~models.Q(state="valid")),
         ]
         constraints = [
             models.UniqueConstraint(fields=["session", "configuration"], name="session_summary_key"),

@@ -111,6 +111,8 @@ class MeasurementSession(models.Model):
             models.Index(fields=["description", "device"], name="session_description"),
             models.Index(fields=["device", "-id"], name="session_device_newest"),
             models.Index(fields=["device", "installation", "started_at"], name="session_device_activity"),
+            # Lists of sessions and runs are read along it, and filtered from it alone.
+            models.Index(fields=["-started_at", "-id", "device", "front", "backend"], name="session_listed"),
         ]
 
     def __str__(self) -> str:
@@ -164,6 +166,10 @@ class Run(models.Model):
         ordering = ["session_id", "order"]
         constraints = [
             models.UniqueConstraint(fields=["session", "configuration", "repeat"], name="run_repeat"),
+        ]
+        indexes = [
+            # The few runs that do not count are found without a look at all others.
+            models.Index(fields=["session"], name="run_not_valid", condition=~models.Q(state="valid")),
         ]
 
     def __str__(self) -> str:

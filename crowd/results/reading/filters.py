@@ -40,7 +40,7 @@ def _number(name: str, given: str) -> int:
     return int(given)
 
 
-def _switch(name: str, given: str) -> bool:
+def read_switch(name: str, given: str) -> bool:
     if given not in ("0", "1"):
         raise InvalidFilterError(name, f"{name}={given:.50}: give 1 for yes or 0 for no")
     return given == "1"
@@ -59,14 +59,14 @@ def _backend(name: str, given: str) -> str:
     return given.casefold()
 
 
-def _text(name: str, given: str) -> str:
+def read_text(name: str, given: str) -> str:
     if len(given) > LONGEST:
         raise InvalidFilterError(name, f"{name}={given:.50}...: give at most {LONGEST} characters")
     return given
 
 
 def _few_words(name: str, given: str) -> str:
-    if len(set(_text(name, given).split())) > MOST_WORDS:
+    if len(set(read_text(name, given).split())) > MOST_WORDS:
         raise InvalidFilterError(name, f"{name}={given:.50}: give at most {MOST_WORDS} different words")
     return given
 
@@ -78,8 +78,8 @@ READERS: dict[str, Callable[[str, str], Any]] = {
     "since": _day,
     "until": _day,
     "min_sessions": _number,
-    "suspect": _switch,
-    "simulated": _switch,
+    "suspect": read_switch,
+    "simulated": read_switch,
 }
 
 
@@ -108,12 +108,11 @@ class SpeedupFilters:
     def parse(cls, query: Mapping[str, str]) -> "SpeedupFilters":
         """Filters of a query string; absent and empty ones are the defaults. Raises InvalidFilterError."""
         given = {f.name: query[f.name].strip() for f in fields(cls) if query.get(f.name, "").strip()}
-        values: dict[str, Any] = {name: READERS.get(name, _text)(name, text) for name, text in given.items()}
+        values: dict[str, Any] = {
+            name: READERS.get(name, read_text)(name, text) for name, text in given.items()
+        }
         filters = cls(**values)
-        if filters.since and filters.until and filters.until < filters.since:
-            raise InvalidFilterError(
-                "until", f"until={filters.until} is before since={filters.since}: give a later day"
-            )
+        check_period(filters.since, filters.until)
         return filters
 
     @property
@@ -151,6 +150,12 @@ class SpeedupFilters:
             f"at least {self.min_sessions} sessions" if self.min_sessions > 1 else "",
             "" if self.suspect else "without suspect figures",
         ]
+
+
+def check_period(since: date | None, until: date | None) -> None:
+    """Raises InvalidFilterError for a period that ends before it begins."""
+    if since and until and until < since:
+        raise InvalidFilterError("until", f"until={until} is before since={since}: give a later day")
 
 
 def whole(text: str) -> str | None:

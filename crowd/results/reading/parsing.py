@@ -33,20 +33,26 @@ def asked(query: Mapping[str, str], names: Sequence[tuple[str, str]] | None = No
     if filters.application in applications.values() or not (named or applications):
         return filters
     if named:
-        raise _unknown("application", named, applications.values())
+        raise unknown_front("application", named, applications.values())
     return replace(filters, application=names[-1][1])
 
 
 def _application_of(front: str, named: str, applications: Mapping[str, str]) -> str:
     if front not in applications:
-        raise _unknown("front", front, applications)
+        raise unknown_front("front", front, applications)
     own = applications[front]
-    if named not in ("", own):
-        raise InvalidFilterError("front", f"front={front} is one of {own}, not of {named}: name either alone")
+    check_application(front, own, named)
     return own
 
 
-def _unknown(name: str, given: str, known: Iterable[str]) -> UnknownFrontError:
+def check_application(front: str, own: str, named: str) -> None:
+    """Raises InvalidFilterError where FRONT, which is one of the application OWN, goes with another NAMED."""
+    if named not in ("", own):
+        raise InvalidFilterError("front", f"front={front} is one of {own}, not of {named}: name either alone")
+
+
+def unknown_front(name: str, given: str, known: Iterable[str]) -> UnknownFrontError:
+    """The refusal of the filter NAME, which was GIVEN and is none of those KNOWN."""
     there = list(dict.fromkeys(known))
     right = f"give one of {', '.join(there[:NAMED])}" if there else "nothing has been published yet"
     return UnknownFrontError(name, f"{name}={given:.50}: {right}")

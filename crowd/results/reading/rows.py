@@ -268,10 +268,14 @@ class SessionRow:
 
     uuid: UUID
     device: Device
+    application: str
     front: str
+    protocol_version: int
     backend: str
     processor: str
+    processor_class: str
     started_at: datetime
+    received_at: datetime
     summarised: bool
     speedups: tuple[SessionSpeedup, ...]
     empty_frame_us: float | None = None
@@ -284,6 +288,36 @@ class SessionRow:
     def speedup(self, configuration: str = BEST) -> SessionSpeedup | None:
         """The answer for CONFIGURATION, None if the session has none."""
         return next((row for row in self.speedups if row.configuration == configuration), None)
+
+
+@dataclass(frozen=True)
+class ListedRun:
+    """A run in a list of runs of many sessions, with what its session tells. Times in microseconds, errors
+    and the deviation (protocol 2) in metres.
+    """
+
+    uuid: UUID
+    session: UUID
+    device: Device
+    application: str
+    front: str
+    configuration: str
+    backend: str
+    processor: str
+    processor_class: str
+    started_at: datetime
+    repeat: int
+    order: int
+    status: str
+    failure: str
+    mean_us: float | None
+    tracked_frames: int | None
+    ate_max: float | None
+    ate_mean: float | None
+    ate_rmse: float | None
+    deviation: float | None
+    state: str
+    reason: str
 
 
 @dataclass(frozen=True)

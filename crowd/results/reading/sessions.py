@@ -103,12 +103,16 @@ def session_row(row: MeasurementSession) -> SessionRow:
     return SessionRow(
         uuid=row.uuid,
         device=device_of(row.device),
+        application=row.front.application,
         front=row.front.slug,
+        protocol_version=row.protocol_version,
         backend=row.backend,
         processor=row.processor,
+        processor_class=row.processor_class,
         empty_frame_us=row.empty_frame_us,
         stage_clock=row.stage_clock,
         started_at=hour(row.started_at),
+        received_at=hour(row.received_at),
         summarised=row.summary_algorithm is not None,
         speedups=tuple(_session_speedup(answer) for answer in row.summaries.all()),
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from datetime import UTC, date, datetime, time, timedelta
-from typing import Any
+from typing import Any, Protocol
 
 from django.db.models import QuerySet
 
@@ -65,7 +65,24 @@ def _speedups(filters: SpeedupFilters, front: str | None) -> Speedups:
     return Speedups(filters, front, ordered, tuple(_attempts(filters, front)))
 
 
-def matches(filters: SpeedupFilters, device: Device, vendor: str, backend: str) -> bool:
+class DeviceFilters(Protocol):
+    """The filters that a device and its chip decide."""
+
+    @property
+    def device(self) -> str: ...
+    @property
+    def vendor(self) -> str: ...
+    @property
+    def backend(self) -> str: ...
+    @property
+    def soc(self) -> str: ...
+    @property
+    def gpu(self) -> str: ...
+    @property
+    def os(self) -> str: ...
+
+
+def matches(filters: DeviceFilters, device: Device, vendor: str, backend: str) -> bool:
     """Whether FILTERS ask for what DEVICE measured with BACKEND on a chip of VENDOR.
 
     They see what the public sees: a masked model is found by its chip alone.

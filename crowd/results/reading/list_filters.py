@@ -1,0 +1,75 @@
+"""Which sessions and runs to list: the filters of their addresses in the API."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from datetime import date
+from typing import Any, Self
+from uuid import UUID
+
+from crowd.fronts import selectors as published
+from crowd.results.reading.filters import READERS, InvalidFilterError, check_period, read_switch, read_text
+from crowd.results.reading.parsing import check_application, unknown_front
+
+
+def _uuid(name: str, given: str) -> UUID:
+    try:
+        return UUID(given)
+    except ValueError:
+        raise InvalidFilterError(name, f"{name}={given:.50}: give the id of a session") from None
+
+
+@dataclass(frozen=True)
+class SessionFilters:
+    """Which sessions to list. Empty texts and None restrict nothing. The texts of the device mean what they
+    mean in SpeedupFilters: they see what the public sees.
+    """
+
+    application: str = ""
+    front: str = ""
+    configuration: str = ""  # only sessions with an answer for it
+    device: str = ""
+    vendor: str = ""
+    soc: str = ""
+    gpu: str = ""
+    os: str = ""
+    backend: str = ""
+    since: date | None = None
+    until: date | None = None
+    valid: bool | None = None  # whether an answer (for `configuration`) is valid, or one is not
+    confirmed: bool | None = None  # whether the figure (of `configuration`, else best) is confirmed
+    simulated: bool = False
+
+    @classmethod
+    def parse(cls, query: Mapping[str, str]) -> Self:
+        """The filters of QUERY; absent and empty ones restrict nothing. One query at most.
+
+        Raises InvalidFilterError, UnknownFrontError.
+        """
+        readers = READERS | {"valid": read_switch, "confirmed": read_switch, "session": _uuid}
+        given = {f.name: query[f.name].strip() for f in fields(cls) if query.get(f.name, "").strip()}
+        values: dict[str, Any] = {
+            name: readers.get(name, read_text)(name, text) for name, text in given.items()
+        }
+        filters = cls(**values)
+        check_period(filters.since, filters.until)
+        return filters._published() if filters.front or filters.application else filters
+
+    def _published(self) -> Self:
+        """The same, with the application of the front. Raises UnknownFrontError, InvalidFilterError."""
+        applications = dict(published.names())
+        if not self.front:
+            if self.application not in applications.values():
+                raise unknown_front("application", self.application, applications.values())
+            return self
+        if self.front not in applications:
+            raise unknown_front("front", self.front, applications)
+        own = applications[self.front]
+        check_application(self.front, own, self.application)
+        return replace(self, application=own)
+
+
+@dataclass(frozen=True)
+class RunFilters(SessionFilters):
+    """Which runs to list: those of such sessions. `configuration` is the run's, and `valid` its state."""
+
+    session: UUID | None = None

@@ -1,0 +1,245 @@
+"""Pages of sessions and of runs, newest first, and a session with its runs.
+
+The order is that of the start of the session, then of its primary key, then of the run's. A page goes on
+behind a row that is named by its id, so that rows which come or go meanwhile are neither skipped nor
+repeated.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from operator import itemgetter
+from typing import Any
+from uuid import UUID
+
+from django.db.models import Exists, OuterRef, Q, QuerySet
+
+from crowd.devices.naming.vendors import vendor
+from crowd.fronts.models import Configuration, FrontVersion
+from crowd.fronts.selectors import BEST
+from crowd.results.figures import statistics
+from crowd.results.figures.confirmation import confirmed
+from crowd.results.models import Cohort, DeviceSpeedup, MeasurementSession, Run, SessionSummary, State
+from crowd.results.reading.devices import public_devices
+from crowd.results.reading.failures import public_failure
+from crowd.results.reading.figures import devices_of, hour, simulated_only
+from crowd.results.reading.list_filters import RunFilters, SessionFilters
+from crowd.results.reading.rows import ListedRun, SessionRow, SessionSpeedup
+from crowd.results.reading.speedups import between, matches
+
+CHIP = ("backend", "processor", "processor_class")
+# What sessions of a cohort, and the figures made of them, have in common.
+COHORT = ("device", "front", *CHIP)
+# Shown as they are stored.
+PLAIN = (*CHIP, "uuid", "protocol_version", "empty_frame_us", "stage_clock")
+SESSION_COLUMNS = ("pk", "device_id", "front_id", "started_at", "received_at", "summary_algorithm", *PLAIN)
+FRONT_COLUMNS = ("front__application", "front__slug")
+SUMMARY_COLUMNS = (
+    "session_id", "configuration_id", "baseline_id", "log_ratio", "low", "high", "pairs", "drift", "ate_max",
+    "state", "reason",
+)  # fmt: skip
+RUN_COLUMNS = (
+    "uuid", "repeat", "order", "status", "mean_us", "tracked_frames", "ate_max", "ate_mean", "ate_rmse",
+    "deviation", "state", "reason",
+)  # fmt: skip
+
+
+def sessions(filters: SessionFilters, limit: int, after: str | None) -> Sequence[SessionRow] | None:
+    """The first LIMIT sessions under FILTERS behind the session AFTER; None where that does not exist. Eleven
+    queries at most, twelve for the first after a change.
+    """
+    rows = _sessions(filters)
+    if filters.configuration or filters.valid is not None:
+        answers = SessionSummary.objects.filter(_conditions(filters), session=OuterRef("pk"))
+        rows = rows.filter(Exists(answers))
+    if after is not None:
+        if not _is_uuid(after):
+            return None
+        last = MeasurementSession.objects.filter(uuid=after).values_list("started_at", "pk").first()
+        if last is None:
+            return None
+        started_at, key = last
+        # The first condition alone is one that an index can begin with.
+        rows = rows.filter(Q(started_at__lt=started_at) | Q(pk__lt=key), started_at__lte=started_at)
+    keys = rows.order_by("-started_at", "-pk").values_list("pk", flat=True)[:limit]
+    return _session_rows(list(keys))
+
+
+def runs(filters: RunFilters, limit: int, after: str | None) -> Sequence[ListedRun] | None:
+    """The first LIMIT runs under FILTERS behind the run AFTER; None where that does not exist. Ten queries at
+    most, eleven for the first after a change.
+    """
+    around = _sessions(filters)
+    if filters.session is not None:
+        around = around.filter(uuid=filters.session)
+    rows = Run.objects.filter(_conditions(filters))
+    if after is not None:
+        if not _is_uuid(after):
+            return None
+        position = Run.objects.filter(uuid=after).values_list("session__started_at", "session_id", "pk")
+        last = position.first()
+        if last is None:
+            return None
+        started_at, session, key = last
+        around = around.filter(Q(started_at__lt=started_at) | Q(pk__lte=session), started_at__lte=started_at)
+        rows = rows.exclude(session_id=session, pk__gte=key)
+    # Each of these has a run at least, so that as many sessions as runs are enough.
+    having = around.filter(Exists(rows.filter(session=OuterRef("pk"))))
+    keys = list(having.order_by("-started_at", "-pk").values_list("pk", flat=True)[:limit])
+    found = rows.filter(session__in=keys).order_by("-session__started_at", "-session_id", "-pk")
+    return _run_rows(found[:limit])
+
+
+def _is_uuid(text: str) -> bool:
+    try:
+        UUID(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _sessions(filters: SessionFilters) -> QuerySet[MeasurementSession]:
+    """The sessions under FILTERS, but for what their answers or runs decide."""
+    rows = MeasurementSession.objects.filter(
+        simulated_only(filters.simulated), **between(filters.since, filters.until)
+    )
+    fronts = _fronts(filters)
+    if fronts is not None:
+        rows = rows.filter(front__in=fronts)
+    if filters.backend:
+        rows = rows.filter(backend=filters.backend)
+    if filters.simulated or any((filters.device, filters.soc, filters.gpu, filters.os)):
+        rows = rows.filter(device__in=_devices(filters))
+    if filters.vendor:
+        rows = rows.filter(_of_cohorts(Cohort.objects.filter(pk__in=_cohorts(filters, fronts))))
+    if filters.confirmed is not None:
+        figures = DeviceSpeedup.objects.filter(
+            Q() if filters.simulated else confirmed(),
+            configuration__name=filters.configuration or BEST,
+            state=State.VALID,
+        )
+        rows = rows.filter(_of_cohorts(figures) if filters.confirmed else ~_of_cohorts(figures))
+    return rows
+
+
+def _fronts(filters: SessionFilters) -> list[int] | None:
+    """The keys of the fronts that FILTERS leave; None where all are left."""
+    if not (filters.front or filters.application):
+        return None
+    rows = FrontVersion.objects.filter(application=filters.application)
+    if filters.front:
+        rows = rows.filter(slug=filters.front)
+    return list(rows.values_list("pk", flat=True))
+
+
+def _devices(filters: SessionFilters) -> list[int]:
+    """The keys of the models whose public side FILTERS match."""
+    return [
+        key
+        for key, device in public_devices().items()
+        if device.simulated == filters.simulated and matches(filters, device, filters.vendor, filters.backend)
+    ]
+
+
+def _cohorts(filters: SessionFilters, fronts: list[int] | None) -> list[int]:
+    """The keys of the cohorts of FRONTS (None: all) whose chip FILTERS match."""
+    devices = public_devices()
+    cohorts = Cohort.objects.filter(simulated_only(filters.simulated))
+    if fronts is not None:
+        cohorts = cohorts.filter(front__in=fronts)
+    columns = cohorts.values_list("pk", "device_id", "backend", "processor", "processor_class")
+    return [
+        key
+        for key, device, backend, processor, kind in columns
+        if device in devices
+        and matches(filters, devices[device], vendor(processor, devices[device].gpu, kind), backend)
+    ]
+
+
+def _of_cohorts(rows: "QuerySet[Any]") -> Exists:
+    """Whether one of ROWS, cohorts or figures, is of the session's device, front, backend and chip."""
+    return Exists(rows.filter(**{name: OuterRef(name) for name in COHORT}))
+
+
+def _conditions(filters: SessionFilters) -> Q:
+    """What FILTERS ask of an answer of a session, or of a run."""
+    named = Q(configuration__name=filters.configuration) if filters.configuration else Q()
+    if filters.valid is None:
+        return named
+    return named & (Q(state=State.VALID) if filters.valid else ~Q(state=State.VALID))
+
+
+def _session_rows(keys: list[int]) -> tuple[SessionRow, ...]:
+    """The sessions KEYS with their answers, in that order. Four queries."""
+    found = list(
+        MeasurementSession.objects.filter(pk__in=keys).order_by().values(*SESSION_COLUMNS, *FRONT_COLUMNS)
+    )
+    devices = devices_of(row["device_id"] for row in found)
+    names = _configurations({row["front_id"] for row in found})
+    answers: dict[int, list[tuple[int, SessionSpeedup]]] = defaultdict(list)
+    for row in SessionSummary.objects.filter(session__in=keys).order_by().values(*SUMMARY_COLUMNS):
+        place, configuration = names[row["configuration_id"]]
+        speedup = SessionSpeedup(
+            configuration=configuration,
+            baseline=names[row["baseline_id"]][1],
+            speedup=_ratio(row["log_ratio"]),
+            low=_ratio(row["low"]),
+            high=_ratio(row["high"]),
+            **{name: row[name] for name in ("pairs", "drift", "ate_max", "state", "reason")},
+        )
+        answers[row["session_id"]].append((place, speedup))
+    rows = {
+        row["pk"]: SessionRow(
+            device=devices[row["device_id"]],
+            application=row["front__application"],
+            front=row["front__slug"],
+            started_at=hour(row["started_at"]),
+            received_at=hour(row["received_at"]),
+            summarised=row["summary_algorithm"] is not None,
+            speedups=tuple(answer for _, answer in sorted(answers[row["pk"]], key=itemgetter(0))),
+            **{name: row[name] for name in PLAIN},
+        )
+        for row in found
+    }
+    return tuple(rows[key] for key in keys if key in rows)
+
+
+def _configurations(fronts: Iterable[int]) -> dict[int, tuple[int, str]]:
+    """Place and name of each configuration of FRONTS by its key."""
+    rows = Configuration.objects.filter(front__in=fronts).order_by().values_list("pk", "position", "name")
+    return {key: (place, name) for key, place, name in rows}
+
+
+def _run_rows(found: QuerySet[Run]) -> tuple[ListedRun, ...]:
+    """FOUND in its order. Two queries."""
+    rows = list(
+        found.values(
+            *RUN_COLUMNS,
+            "failure",
+            "session__uuid",
+            "session__device_id",
+            "session__front__application",
+            "session__front__slug",
+            "session__started_at",
+            "configuration__name",
+            *(f"session__{name}" for name in CHIP),
+        )
+    )
+    devices = devices_of(row["session__device_id"] for row in rows)
+    return tuple(
+        ListedRun(
+            session=row["session__uuid"],
+            device=devices[row["session__device_id"]],
+            application=row["session__front__application"],
+            front=row["session__front__slug"],
+            configuration=row["configuration__name"],
+            failure=public_failure(row["failure"]),
+            started_at=hour(row["session__started_at"]),
+            **{name: row[name] for name in RUN_COLUMNS},
+            **{name: row[f"session__{name}"] for name in CHIP},
+        )
+        for row in rows
+    )
+
+
+def _ratio(log: float | None) -> float | None:
+    return None if log is None else statistics.ratio(log)
