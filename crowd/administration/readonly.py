@@ -1,12 +1,72 @@
 """Admin pages that show and never change: raw data is what people sent, derived data is computed again."""
 
+import json
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 from django.contrib import admin
+from django.contrib.admin.options import BaseModelAdmin
+from django.contrib.admin.utils import flatten_fieldsets
+from django.core.exceptions import FieldDoesNotExist
+from django.db.models import JSONField, Model
 from django.http import HttpRequest
+from django.utils.safestring import SafeString
+from django.utils.text import capfirst
+
+from crowd.administration.json_tables import shown
 
 
-class ReadOnlyAdmin(admin.ModelAdmin):
+class JsonTables(BaseModelAdmin):
+    """Shows JSON fields as tables, in forms that change nothing.
+
+    `json_texts` names text fields that hold JSON, too.
+    """
+
+    json_texts: tuple[str, ...] = ()
+
+    def get_fieldsets(self, request: HttpRequest, obj: Any = None) -> Any:
+        """As without this class, each JSON field replaced by what shows it as tables."""
+        return [
+            (title, {**options, "fields": self.as_tables(options["fields"])})
+            for title, options in super().get_fieldsets(request, obj)
+        ]
+
+    def as_tables(self, fields: Sequence[Any]) -> list[Any]:
+        """FIELDS, as fieldsets name them, each JSON field replaced."""
+        return [
+            self.as_tables(field) if isinstance(field, list | tuple) else self._as_table(field)
+            for field in fields
+        ]
+
+    def _as_table(self, name: Any) -> Any:
+        try:
+            field = self.opts.get_field(name)
+        except (FieldDoesNotExist, TypeError):
+            return name
+        label = str(getattr(field, "verbose_name", name))
+        if name in self.json_texts:
+            return _table_of(name, label, json.loads)
+        return _table_of(name, label) if isinstance(field, JSONField) else name
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
+
+
+@cache  # Django compares fields that are functions: the same field is the same function
+def _table_of(name: str, label: str, read: Callable[[Any], Any] = _as_it_is) -> Callable[[Model], SafeString]:
+    """What shows the JSON field NAME of a row under its label, as Django's admin wants it."""
+
+    def table(row: Model) -> SafeString:
+        return shown(read(getattr(row, name)))
+
+    table.__name__ = name  # Django finds the field's help text by it
+    table.short_description = capfirst(label)  # type: ignore[attr-defined]
+    return table
+
+
+class ReadOnlyAdmin(JsonTables, admin.ModelAdmin):
     """Lists, searches and shows rows."""
 
     list_per_page = 50
@@ -22,12 +82,17 @@ class ReadOnlyAdmin(admin.ModelAdmin):
         return False
 
 
-class ReadOnlyInline(admin.TabularInline):
+class ReadOnlyInline(JsonTables, admin.TabularInline):
     """Rows of a parent, shown."""
 
+    template = "admin/readonly_rows.html"
     extra = 0
     can_delete = False
     show_change_link = True
+
+    def get_readonly_fields(self, request: HttpRequest, obj: Any = None) -> Any:
+        """All of its `fields`."""
+        return flatten_fieldsets(self.get_fieldsets(request, obj))
 
     def has_add_permission(self, request: HttpRequest, obj: Any = None) -> bool:  # noqa: ARG002
         return False

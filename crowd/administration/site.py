@@ -4,6 +4,6 @@ from django.contrib.admin.apps import AdminConfig
 
 
 class Administration(AdminConfig):
-    """django.contrib.admin with the log-in of crowd.access.logins."""
+    """django.contrib.admin with the first page of crowd.administration.first_page."""
 
-    default_site = "crowd.access.logins.Site"
+    default_site = "crowd.administration.first_page.Site"

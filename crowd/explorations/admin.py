@@ -13,7 +13,7 @@ from django.shortcuts import redirect
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
 
-from crowd.administration.readonly import ReadOnlyAdmin
+from crowd.administration.readonly import JsonTables, ReadOnlyAdmin
 from crowd.explorations import selectors, services, steering
 from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initial_of
 from crowd.explorations.measuring import tokens
@@ -95,7 +95,7 @@ class ReferenceDeviceAdmin(PagesAdmin):
 
 
 @admin.register(Exploration)
-class ExplorationAdmin(PagesAdmin):
+class ExplorationAdmin(JsonTables, PagesAdmin):
     """What was created stays as it is; it is steered by buttons, and points of it become a draft front."""
 
     form = ExplorationForm
@@ -133,11 +133,23 @@ class ExplorationAdmin(PagesAdmin):
         ),
         ("Against noise", {"fields": ("points", "repeats", "recheck", "synchronous")}),
     )
-    shown_fields = (
-        *("state", "note", "application", "sequence", "sequence_sha256", "further_sequences"),
-        *("held_out_sequences", "error_quantile", "reference_device", "objectives", "limits", "method"),
-        *("options", "seed", "frames", "synchronous", "recheck", "budget", "batch"),
-        *("points", "repeats", "warm_start_from", "command", "created_at", "finished_at", "space"),
+    shown = (
+        ("How far it is", ("state", "note", "created_at", "finished_at")),
+        (
+            "What is searched",
+            (
+                *("application", "space", "sequence", "sequence_sha256", "further_sequences"),
+                *("held_out_sequences", "reference_device"),
+            ),
+        ),
+        ("What for", ("objectives", "limits", "error_quantile")),
+        (
+            "How",
+            (
+                *("method", "options", "budget", "batch", "seed", "frames", "warm_start_from", "synchronous"),
+                *("recheck", "points", "repeats", "command"),
+            ),
+        ),
     )
 
     def get_urls(self) -> list[URLPattern]:
@@ -151,7 +163,9 @@ class ExplorationAdmin(PagesAdmin):
         return selectors.counted()
 
     def get_fieldsets(self, request: HttpRequest, obj: Any = None) -> Any:  # noqa: ARG002
-        return self.fieldsets if obj is None else ((None, {"fields": self.shown_fields}),)
+        if obj is None:
+            return self.fieldsets
+        return [(title, {"fields": self.as_tables(fields)}) for title, fields in self.shown]
 
     def get_form(self, request: HttpRequest, obj: Any = None, change: bool = False, **kwargs: Any) -> Any:
         """The form creates; what exists is only shown."""

@@ -1,5 +1,6 @@
 """Fronts for administrators: drafts, reviews, publications. Content comes from files and explorations."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,9 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.template.response import TemplateResponse
 from django.urls import URLPattern, path, reverse
+from django.utils.safestring import SafeString
 
+from crowd.administration.json_tables import shown
 from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.audit.models import AuditEntry
 from crowd.fronts import manifests, policy, selectors
@@ -26,7 +29,7 @@ from crowd.fronts.selectors import Front
 
 class ConfigurationInline(ReadOnlyInline):
     model = Configuration
-    fields = ("position", "name", "probe", "parameters", "predicted", "band", "learned_on", "held_out")
+    fields = ("position", "name", "probe", "band")
     show_change_link = False
 
 
@@ -66,6 +69,21 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     ordering = ("-created_at",)
     inlines = (ConfigurationInline,)
     actions = ("publish", "retire")
+    readonly_fields = ("parameters", "predictions", "errors", "held_out_errors")
+    fieldsets = (
+        (
+            "Version",
+            {
+                "fields": (
+                    *("slug", "application", "version", "state", "digest", "created_at", "published_at"),
+                    "retired_at",
+                )
+            },
+        ),
+        ("Configurations", {"fields": readonly_fields}),
+        ("How clients measure", {"fields": ("protocol", "sequence")}),
+        ("Where it comes from", {"fields": ("provenance",)}),
+    )
 
     def get_urls(self) -> list[URLPattern]:
         def page(route: str, view: Any, name: str) -> URLPattern:
@@ -106,6 +124,22 @@ class FrontVersionAdmin(ReadOnlyAdmin):
     @admin.display(description="digest")
     def short_digest(self, row: FrontVersion) -> str:
         return row.digest[:12]
+
+    @admin.display
+    def parameters(self, row: FrontVersion) -> SafeString:
+        return _by_name(row, lambda point: point.parameters)
+
+    @admin.display(description="predictions (s, m)")
+    def predictions(self, row: FrontVersion) -> SafeString:
+        return _by_name(row, lambda point: point.predicted)
+
+    @admin.display(description="errors on the sequences learned on (m)")
+    def errors(self, row: FrontVersion) -> SafeString:
+        return _by_name(row, lambda point: _by_sequence(point.learned_on))
+
+    @admin.display(description="errors on held-out sequences (m)")
+    def held_out_errors(self, row: FrontVersion) -> SafeString:
+        return _by_name(row, lambda point: _by_sequence(point.held_out))
 
     @admin.action(description="Publish those in review", permissions=["publish"])
     def publish(self, request: HttpRequest, queryset: QuerySet[FrontVersion]) -> HttpResponse | None:
@@ -273,6 +307,19 @@ def _published_by(step: Step, front: Front) -> Front:
 
 def _log(front: FrontVersion) -> QuerySet[AuditEntry]:
     return AuditEntry.objects.filter(subject=front.slug)
+
+
+def _by_name(front: FrontVersion, of: Callable[[Configuration], dict[str, Any]]) -> SafeString:
+    """A table with a row for each configuration of FRONT that has something to say."""
+    return shown({point.name: members for point in front.configurations.all() if (members := of(point))})
+
+
+def _by_sequence(errors: list[dict[str, Any]]) -> dict[str, str]:
+    """The largest error on each sequence, with the frames that were lost."""
+    return {
+        error["sequence"]: f"{error['ate_max']:.4f}" + (f", {error['lost']} lost" if error["lost"] else "")
+        for error in errors
+    }
 
 
 def _name(request: HttpRequest) -> str:

@@ -13,11 +13,14 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
 from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
+from django.utils.safestring import SafeString
 
+from crowd.administration.json_tables import shown
 from crowd.administration.readonly import ReadOnlyAdmin, ReadOnlyInline
 from crowd.results import moderation
 from crowd.results.erasure_page import ERASE, erase_measurements
 from crowd.results.figures import statistics
+from crowd.results.intake import packing
 from crowd.results.models import (
     Decision,
     DeviceSpeedup,
@@ -121,6 +124,8 @@ class SessionSimulatedFilter(SimulatedFilter):
 class SubmissionAdmin(ReadOnlyAdmin):
     """Requests that were accepted, with the answers given."""
 
+    json_texts = ("answer",)
+
     list_display = ("id", "installation", "app_version", "schema_version", "received_at")
     list_filter = ("app_version", "consent_version")
     list_select_related = ("installation",)
@@ -143,7 +148,12 @@ class MeasurementSessionAdmin(ModeratedAdmin):
     list_select_related = ("device", "front")
     search_fields = ("uuid", "installation__id", "device__name", "device__slug", "processor")
     date_hierarchy = "received_at"
+    readonly_fields = ("device_strings",)
     inlines = (SummaryInline, RunInline)
+
+    @admin.display(description="what the device said of itself")
+    def device_strings(self, row: MeasurementSession) -> SafeString:
+        return shown(row.description.raw)
 
 
 @admin.register(Run)
@@ -158,6 +168,7 @@ class RunAdmin(ModeratedAdmin):
     list_select_related = ("configuration__front", "session__device")
     search_fields = ("uuid", "session__uuid", "session__device__name", "configuration__name")
     exclude = ("frame_us", "stages_us", "tracked")
+    readonly_fields = ("times", "page")
 
     def get_queryset(self, request: HttpRequest) -> QuerySet[Run]:
         return super().get_queryset(request).defer("frame_us", "stages_us", "tracked")
@@ -174,9 +185,26 @@ class RunAdmin(ModeratedAdmin):
     def largest_error(self, row: Run) -> str:
         return "" if row.ate_max is None else f"{row.ate_max * 100:.2f}"
 
-    @admin.display(description="")
+    @admin.display(description="times over all frames")
+    def times(self, row: Run) -> SafeString:
+        """Of a frame and of each of its stages."""
+        series = {"frame": packing.unpack(row.frame_us)} | packing.unpack_stages(row.stages, row.stages_us)
+        return shown(
+            {
+                name: {
+                    "mean (ms)": float(times.mean()) / 1000,
+                    "least (ms)": float(times.min()) / 1000,
+                    "most (ms)": float(times.max()) / 1000,
+                    "frames": len(times),
+                }
+                for name, times in series.items()
+                if len(times)
+            }
+        )
+
+    @admin.display(description="frames")
     def page(self, row: Run) -> str:
-        return format_html('<a href="{}">frames</a>', reverse("dashboard:run", args=[row.uuid]))
+        return format_html('<a href="{}">each frame</a>', reverse("dashboard:run", args=[row.uuid]))
 
 
 @admin.register(DeviceSpeedup)
