@@ -30,7 +30,7 @@ class Balanced(HTMLParser):
         self.open: list[str] = []
         self.names: set[str] = set()
 
-    def handle_starttag(self, tag: str, attrs: Any) -> None:
+    def handle_starttag(self, tag: str, attrs: Any) -> None:  # noqa: ARG002
         self.names.add(tag)
         if tag not in VOID:
             self.open.append(tag)
