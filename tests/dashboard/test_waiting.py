@@ -73,6 +73,6 @@ def test_the_overview_shows_the_queues_of_the_lists_that_the_account_may_see(
 
     page = client.get(reverse("admin:index"))
 
-    assert "Proposed aliases 0" in text(page)
+    assert "Proposed aliases two names that may be one device: accept or refuse 0" in text(page)
     assert "Quarantined" not in text(page)
     assert queues()["Proposed aliases"].address in unescape(page.content.decode())
