@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from typing import Any
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, urlencode
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect, QueryDict
 from django.utils.cache import patch_vary_headers
@@ -16,6 +16,7 @@ from django.utils.cache import patch_vary_headers
 from crowd.dashboard.answering import page
 from crowd.dashboard.choosing import named, onward
 from crowd.dashboard.drawings.drawing import with_query
+from crowd.dashboard.sorting import Order
 from crowd.devices.models import DeviceModel
 from crowd.devices.naming.vendors import VENDORS
 from crowd.fronts import selectors as published
@@ -26,6 +27,16 @@ from crowd.results.reading.filters import ALL, InvalidFilterError, SpeedupFilter
 
 SYSTEMS = ("Android", "iOS", "Linux", "macOS", "Windows")
 SCRIPT = "HX-Request"  # htmx asks with this header
+OF_TABLE = frozenset({"page", "sort", "rows"})
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """One filter in words, how many figures there are without it, and the address of the page without it."""
+
+    words: str
+    figures: int
+    address: str
 
 
 @dataclass(frozen=True)
@@ -33,7 +44,8 @@ class Filtering:
     """What a visitor asked for. `problem` says what was not understood; everything is shown then.
 
     `others` are the page's own choices (a colour, a version to compare with) of the same address; `published`
-    are the fronts to choose from, newest first, each with its application.
+    are the fronts to choose from, newest first, each with its application. `order` and `all_rows` are about
+    the page's table alone: no chart depends on them.
     """
 
     path: str
@@ -41,21 +53,24 @@ class Filtering:
     problem: str
     others: QueryDict
     published: tuple[tuple[str, str], ...]
+    order: Order
+    all_rows: bool
 
     @classmethod
     def of(cls, request: HttpRequest) -> "Filtering":
         """The filters and other choices of the query string, without the page of a table."""
         names = published.names()
         try:
-            filters, problem = results.asked(request.GET, names), ""
+            filters, order, problem = results.asked(request.GET, names), _order_of(request), ""
         except InvalidFilterError as error:
-            filters, problem = results.asked({}, names), str(error)
+            filters, order, problem = results.asked({}, names), Order.parse(""), str(error)
         others = QueryDict(mutable=True)
         for name, values in request.GET.lists():
             given = [value for value in values if value]
-            if name not in SpeedupFilters.__dataclass_fields__ and name != "page" and given:
+            if name not in SpeedupFilters.__dataclass_fields__ and name not in OF_TABLE and given:
                 others.setlist(name, given)
-        return cls(request.path, filters, problem, others, names)
+        all_rows = request.GET.get("rows") == "all"
+        return cls(request.path, filters, problem, others, names, order, all_rows)
 
     @property
     def query(self) -> str:
@@ -63,9 +78,29 @@ class Filtering:
         return "&".join(filter(None, [self.filters.query(), self.others.urlencode()]))
 
     @property
+    def table_query(self) -> str:
+        """The same with the order of the table."""
+        return "&".join(filter(None, [self.query, urlencode(dict(self.table_fields))]))
+
+    @property
+    def table_fields(self) -> list[tuple[str, str]]:
+        """What is asked of the table, by the names of a form's fields."""
+        asked = (("sort", self.order.text), ("rows", "all" if self.all_rows else ""))
+        return [(name, value) for name, value in asked if value]
+
+    @property
     def address(self) -> str:
         """The address of the page under these filters."""
-        return with_query(self.path, self.query)
+        return with_query(self.path, self.table_query)
+
+    @property
+    def with_all_rows(self) -> str:
+        """The address of the page with the whole table."""
+        return replace(self, all_rows=True).address
+
+    def sorted_by(self, order: Order) -> str:
+        """The address of the page with the table in ORDER."""
+        return replace(self, order=order).address
 
     @property
     def fields(self) -> list[tuple[str, str]]:
@@ -108,6 +143,17 @@ class Filtering:
     def filtered(self) -> bool:
         """Whether anything of the application's crowd is left out."""
         return self.filters != SpeedupFilters(application=self.filters.application)
+
+    def emptied_by(self) -> list[Dropped]:
+        """The filters that leave nothing, each of which alone could be removed; none where only several
+        together could. A read of the figures for each filter: call it for an empty answer.
+        """
+        found = []
+        for without in self.filters.each_left_out():
+            if rows := results.speedups(without.filters).rows:
+                address = replace(self, filters=without.filters).address
+                found.append(Dropped(without.words, len(rows), address))
+        return found
 
     @property
     def shown(self) -> str:
@@ -152,6 +198,10 @@ class Filtering:
         """Whether there are simulated devices to ask for."""
         simulated = DeviceModel.objects.filter(kind=DeviceModel.Kind.SIMULATED)
         return self.filters.simulated or simulated.exists()
+
+
+def _order_of(request: HttpRequest) -> Order:
+    return Order.parse(request.GET.get("sort", "").strip())
 
 
 def filtered(view: Callable[..., HttpResponse]) -> Callable[..., HttpResponseBase]:

@@ -10,7 +10,7 @@ from crowd.dashboard.advice import Advice, Limits, of_device
 from crowd.dashboard.answering import page
 from crowd.dashboard.choosing import measured, named, onward, query
 from crowd.dashboard.comparison import InvalidComparisonError
-from crowd.dashboard.confirmation import confirmed_by_chip, left_out, ordered
+from crowd.dashboard.confirmation import confirmed_by_chip, left_out
 from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.drawings.devices import attempts_of, crowd_of, rank_of
 from crowd.dashboard.drawings.speedups import colour_of
@@ -26,14 +26,15 @@ from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
 from crowd.results.reading.filters import InvalidFilterError
 
-PAGE = 100
+PAGE = 40
 
 
 @filtered
 def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
     """Every measured device, under the filters of the query string."""
     crowd = results.speedups(asked.filters)
-    rows = ordered(crowd.rows)
+    rows = asked.order.sort(crowd.rows)
+    pages = Paginator(rows, max(len(rows), 1) if asked.all_rows else PAGE)
     return render(
         request,
         "dashboard/devices.html",
@@ -43,9 +44,10 @@ def devices(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "crowd": crowd,
             "rows": rows,
             "others": left_out(crowd),
-            "part": Paginator(rows, PAGE).get_page(request.GET.get("page")),
+            "part": pages.get_page(request.GET.get("page")),
             "height": bars_height(len(crowd.rows)),
-            "query": asked.query,
+            "emptied_by": () if crowd.rows or not asked.filtered else asked.emptied_by(),
+            "query": asked.table_query,
             "pending": () if asked.filtered else results.pending(application=asked.filters.application),
         },
     )

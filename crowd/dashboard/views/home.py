@@ -18,13 +18,13 @@ from crowd.results.reading.filters import quoted
 from crowd.results.reading.rows import Attempt, Attempts, Share
 from crowd.results.reading.selectors import Speedups
 
-NEWEST = 6
+NEWEST = 5
 # What the crowd is broken down by, and what a page calls it.
 PARTS = {
-    "vendor": "chip that computed",
+    "vendor": "chip maker",
     "backend": "backend",
-    "soc": "system on a chip",
-    "os": "operating system",
+    "soc": "SoC",
+    "os": "system",
 }
 EXACT = frozenset({"vendor", "backend"})  # filters that match a whole name anyway
 
@@ -50,6 +50,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "breakdowns": [(by, name, _parts(crowd, by)) for by, name in PARTS.items()],
             "sessions": results.latest_sessions(NEWEST, asked.filters.simulated, crowd.front),
             "height": bars_height(len(crowd.rows)),
+            "emptied_by": () if crowd.rows or not asked.filtered else asked.emptied_by(),
         },
     )
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from datetime import date
 from typing import Any
 from urllib.parse import urlencode
@@ -84,6 +84,14 @@ READERS: dict[str, Callable[[str, str], Any]] = {
 
 
 @dataclass(frozen=True)
+class LeftOut:
+    """Filters without one of them, and that one in words."""
+
+    filters: "SpeedupFilters"
+    words: str
+
+
+@dataclass(frozen=True)
 class SpeedupFilters:
     """What to show. Empty text means no restriction. The texts soc, gpu and os match anywhere, whatever the
     case, or as a whole where they stand in quotation marks; of `device` each word does, in maker or name.
@@ -130,6 +138,22 @@ class SpeedupFilters:
         changed = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
         return urlencode({name: int(v) if isinstance(v, bool) else v for name, v in changed.items()})
 
+    def each_left_out(self) -> list[LeftOut]:
+        """These filters without each one that restricts them; the application and the crowd stay. The two
+        ends of a period are one filter.
+        """
+        own = [
+            (f.name,) for f in fields(self) if f.name not in {"application", "simulated", "since", "until"}
+        ]
+        found = []
+        for names in [*own, ("since", "until")]:
+            defaults: dict[str, Any] = {f.name: f.default for f in fields(self) if f.name in names}
+            filters = replace(self, **defaults)
+            if filters != self:
+                alone = {name: getattr(self, name) for name in names}
+                found.append(LeftOut(filters, SpeedupFilters(**alone).describe()))
+        return found
+
     def describe(self) -> str:
         """What is shown, in words: "Adreno, Android, since 2026-10-01"; "" where nothing is restricted."""
         return ", ".join(filter(None, self._words()))
@@ -142,8 +166,8 @@ class SpeedupFilters:
             "" if self.configuration == BEST else _configurations(self.configuration),
             f"device “{self.device}”" if self.device else "",
             vendors.VENDORS[self.vendor] if self.vendor else "",
-            _matched("system on a chip", self.soc),
-            _matched("graphics chip", self.gpu),
+            _matched("SoC", self.soc),
+            _matched("GPU", self.gpu),
             _matched("system", self.os),
             BACKENDS.get(self.backend, ""),
             _period(self.since, self.until),

@@ -91,7 +91,7 @@ def test_without_scripts_the_numbers_are_all_there_and_filters_work(visit: Visit
     page.goto(f"{visitor.server}/devices/")
     assert page.locator("table tbody tr").count() == BARS
 
-    page.get_by_label("Computed by").select_option("NVIDIA")
+    page.get_by_label("Chip maker").select_option("NVIDIA")
     page.get_by_role("button", name="Show", exact=True).click()
 
     assert page.locator("table tbody tr").count() == 1
@@ -114,7 +114,7 @@ def test_the_keyboard_alone_filters_and_opens_what_a_chart_offers(visit: Visit) 
     visitor = visit()
     page = visitor.open("/devices/")
 
-    page.get_by_label("Computed by").focus()
+    page.get_by_label("Chip maker").focus()
     page.keyboard.type("NVIDIA")
     page.wait_for_url("**/devices/?vendor=NVIDIA")
     page.locator(f"{CHANGED}[data-drawn]").wait_for()
@@ -136,7 +136,7 @@ def test_filters_change_address_figure_and_headline_and_the_way_back_brings_them
     assert page.locator(f"{CHANGED} .barlayer .point").count() == BARS
     page.evaluate("window.loadedOnce = true")
 
-    page.get_by_label("Computed by").select_option("Mali")
+    page.get_by_label("Chip maker").select_option("Mali")
     page.wait_for_url("**/?vendor=Mali")
     page.locator(f"{CHANGED}[data-drawn]").wait_for()
 
@@ -157,7 +157,7 @@ def test_on_a_phone_figures_come_first_and_filters_are_one_tap_away_without_scri
     visitor = visit(width=390, java_script_enabled=False)
     page = visitor.page
     page.goto(f"{visitor.server}/")
-    choice = page.get_by_label("Computed by")
+    choice = page.get_by_label("Chip maker")
     assert not choice.is_visible()
     form, figures = page.locator(".folded").bounding_box(), page.locator(".readings").bounding_box()
     assert form["y"] + form["height"] < figures["y"]
