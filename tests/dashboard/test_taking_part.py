@@ -54,7 +54,7 @@ def test_the_source_is_linked_where_the_deployment_says_where_it_is(
     client: Client, front: FrontVersion, settings: Any
 ) -> None:
     settings.FRONTRUNNER_SOURCE = "https://example.org/frontrunner"
-    assert '<a href="https://example.org/frontrunner">Source and documentation</a>' in home(client)
+    assert '<a href="https://example.org/frontrunner">Source</a>' in home(client)
 
     settings.FRONTRUNNER_SOURCE = ""
     assert "Source and documentation" not in home(client)
