@@ -1,4 +1,5 @@
-"""Answers a drawing's addresses: the figure, its numbers as CSV and JSON, and a page to embed.
+"""Answers a drawing's addresses: the figure (for a page, or to save as a file), its numbers as CSV and JSON,
+and a page to embed.
 
 Each has an ETag: what the caller holds already is not sent again.
 """
@@ -16,12 +17,16 @@ from csp.decorators import csp_replace
 from django.http import HttpRequest, HttpResponse, HttpResponseBase, QueryDict
 from django.template.loader import render_to_string
 from django.urls import URLPattern, path, reverse
+from django.utils import timezone
 from django.views.decorators.clickjacking import xframe_options_exempt
+from plotly.io.json import to_json_plotly
 
+from crowd.dashboard import citation
 from crowd.dashboard.answering import conditional, kept, page
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.confirmation import private_notice
 from crowd.dashboard.drawings.drawing import Cell, Drawing, with_query
+from crowd.dashboard.figures.saving import MEDIA, Medium, saved
 from crowd.dashboard.palette import LIGHT, THEMES
 from crowd.explorations.outcomes.exports import FORMULA
 from crowd.results.opendata.tables import LICENCE
@@ -33,6 +38,8 @@ HTML = "text/html; charset=utf-8"
 JSON = "application/json"
 # Which figures an embedded page asks for: those that other sites show.
 EMBEDDED = "embedded"
+# The medium that a figure is saved for.
+SAVE = "save"
 
 View = Callable[..., HttpResponseBase]
 Show = Callable[[HttpRequest, Drawing[Any], Any, dict[str, Any]], str]
@@ -130,9 +137,7 @@ def _shown(drawing: Drawing[Any], show: Show, kind: str) -> View:
         rows = drawing.read(request, **arguments)
         response = conditional(request, show(request, drawing, rows, arguments).encode(), kind)
         if kind != HTML:
-            # Nothing inside a CSV says so.
-            label = "-simulated" if drawing.simulated(rows) else ""
-            name = f"frontrunner-{drawing.name}{label}.{'csv' if kind == CSV else 'json'}"
+            name = f"{_file_name(drawing, rows)}.{'csv' if kind == CSV else 'json'}"
             response["Content-Disposition"] = f'attachment; filename="{name}"'
         return response
 
@@ -140,9 +145,14 @@ def _shown(drawing: Drawing[Any], show: Show, kind: str) -> View:
 
 
 def _figure(drawing: Drawing[Any]) -> View:
-    """The figure in the theme that ?theme= names; one with a stamp is drawn once for all who ask soon."""
+    """The figure in the theme that ?theme= names, or for the medium that ?save= names; one with a stamp is
+    drawn once for all who ask soon.
+    """
 
     def view(request: HttpRequest, **arguments: Any) -> HttpResponseBase:
+        medium = MEDIA.get(request.GET.get(SAVE, ""))
+        if medium:
+            return conditional(request, _saved(request, drawing, medium, arguments), JSON)
         theme = THEMES.get(request.GET.get("theme", ""), LIGHT)
         embedded = bool(request.GET.get(EMBEDDED))
 
@@ -159,11 +169,38 @@ def _figure(drawing: Drawing[Any]) -> View:
     return view
 
 
+def _saved(request: HttpRequest, drawing: Drawing[Any], medium: Medium, arguments: dict[str, Any]) -> bytes:
+    """The figure for MEDIUM, with the lines of text around it."""
+    rows = drawing.read(request, **arguments)
+    title, n, simulated = drawing.title(rows), f"n = {drawing.n(rows)}", drawing.simulated(rows)
+    page = request.build_absolute_uri(page_address(request, drawing, arguments))
+    today = timezone.now().date()
+    source = citation.source(page, today, citation.newest_version(), simulated, private_notice())
+    picture = saved(drawing.draw(rows, LIGHT), medium, title, n, source)
+    about = {
+        "name": f"{_file_name(drawing, rows)}-{medium.name}",
+        "title": title,
+        "description": " ".join([f"{n}.", drawing.definition, *source]),
+    }
+    document = picture.figure.to_dict() | {"saved": picture.frame() | about}
+    # Fonts of papers lack the narrow space.
+    text = to_json_plotly(document)
+    for narrow, usual in ((r"\u202f", r"\u00a0"), ("\N{NARROW NO-BREAK SPACE}", "\N{NO-BREAK SPACE}")):
+        text = text.replace(narrow, usual)
+    return text.encode()
+
+
+def _file_name(drawing: Drawing[Any], rows: Any) -> str:
+    # Nothing inside a CSV says that it is simulated.
+    return f"frontrunner-{drawing.name}{'-simulated' if drawing.simulated(rows) else ''}"
+
+
 def _query(request: HttpRequest) -> QueryDict:
     """What the caller asked for, without what says how a figure is drawn."""
     query = request.GET.copy()
     query.pop("theme", None)
     query.pop(EMBEDDED, None)
+    query.pop(SAVE, None)
     return query
 
 
