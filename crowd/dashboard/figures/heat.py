@@ -64,7 +64,8 @@ def bar(theme: Theme, title: str, **changes: Any) -> dict[str, Any]:
 def named_axis(names: Sequence[str], title: str = "") -> dict[str, Any]:
     """An axis with a name at each whole number."""
     return {
-        "title": {"text": title},
+        # Farther away than elsewhere: plotly measures named ticks too small.
+        "title": {"text": title, "standoff": 18},
         "tickmode": "array",
         "tickvals": list(range(len(names))),
         "ticktext": [layout.text(name) for name in names],

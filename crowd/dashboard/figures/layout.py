@@ -16,10 +16,10 @@ from crowd.results.reading.rows import Speedup
 
 FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberation Sans', sans-serif"
 
-# Room above the plot for a legend in one line or the name of an upright line, pixels.
-PAGE_TOP = 32
 # Thickness of a flat bar, in rows.
 BAR = 0.4
+# What the names of flat bars are called among the annotations.
+ROW_NAME = "row"
 # How bars are filled whose figure does not count. Both patterns differ by shape, not by colour alone.
 SUSPECT_PATTERN, UNCONFIRMED_PATTERN = "/", "."
 
@@ -43,7 +43,7 @@ def blank(theme: Theme, height: int) -> go.Figure:
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",
             "font": {"family": FONT, "size": 13, "color": theme.ink},
-            "margin": {"l": 8, "r": 12, "t": PAGE_TOP, "b": 8},
+            "margin": {"l": 8, "r": 12, "t": 32, "b": 8},
             "hoverlabel": {
                 "bgcolor": theme.surface,
                 "bordercolor": theme.muted,
@@ -100,6 +100,7 @@ def name_bars(figure: go.Figure, bars: Iterable[tuple[str, str]], theme: Theme) 
     """
     names = [
         {
+            "name": ROW_NAME,
             "x": 0,
             # The axis points down: this is the bar's upper edge.
             "y": rank - BAR / 2,

@@ -4,31 +4,32 @@ Plotly draws the body; title and source are lines of text around it, so that not
 the CSS pixel of the figures: a column is as wide as a phone, which every figure is legible on.
 """
 
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from plotly import graph_objects as go
 
-from crowd.dashboard.figures.layout import PAGE_TOP
+from crowd.dashboard.figures.layout import ROW_NAME
+from crowd.dashboard.figures.wrapping import wrapped
 from crowd.dashboard.palette import LIGHT
 
 # Fonts that papers and slides use, and that are there where a file is opened.
 FONT = "Helvetica, Arial, 'Liberation Sans', sans-serif"
 EDGE = 8  # units between the text and the edge of the picture
-# A figure keeps its rows apart at this share of its height on a page.
-SHRINK = 0.62
 # Vertical pitch of lines of text, in font sizes.
 LINE = 1.3
-WIDE, NARROW = "MWmw@%\N{EM DASH}", "ijltfrI.,:;|!'()[]/ \N{NO-BREAK SPACE}"
+WORDS_ABOVE = 24  # units, for words above an upright line
+AXIS_FONT = 13
+AROUND_ROWS = 90  # units, for what is above and below the rows of a plot
 
 
 @dataclass(frozen=True)
 class Medium:
-    """A place for a saved figure. Sizes of fonts are in units; SMALLEST and LARGEST bound those of the body.
+    """A place for a saved figure. Sizes are in units; `smallest` and `largest` bound the fonts of the body.
 
-    `ratio` is width over height, None where the height follows the figure.
+    `body` is the least height of the body. At the share `shrink` of its height on a page a figure still keeps
+    its rows apart. `ratio` is width over height, None where the height follows the figure.
     """
 
     name: str
@@ -40,13 +41,21 @@ class Medium:
     title: float
     note: float
     source: float
+    shrink: float
+    names_beside: bool
     smallest: float = 11.5
     largest: float = 14.5
 
 
 # 85 mm: a unit is 0.615 pt, so 13 units are 8 pt. A slide is 13.33 inches wide, as PowerPoint's.
-COLUMN = Medium("column", 392, 300, None, 85 / 25.4, 300, title=14.5, note=12, source=11.5)
-SLIDE = Medium("slide", 720, 250, 16 / 9, 1920 / 144, 144, title=20, note=14, source=12)
+COLUMN = Medium(
+    "column", 392, 300, None, 85 / 25.4, 300,
+    title=14.5, note=12, source=11.5, shrink=0.62, names_beside=False,
+)  # fmt: skip
+SLIDE = Medium(
+    "slide", 720, 250, 16 / 9, 1920 / 144, 144,
+    title=20, note=14, source=12, shrink=0.4, names_beside=True,
+)  # fmt: skip
 MEDIA = {medium.name: medium for medium in (COLUMN, SLIDE)}
 
 
@@ -96,7 +105,7 @@ def saved(figure: go.Figure, medium: Medium, title: str, note: str, source: Sequ
     """FIGURE, which is drawn in the light theme, for MEDIUM: TITLE and NOTE above it, the parts of SOURCE
     below it, its legend between axis and source.
     """
-    needed = max(min(figure.layout.height, medium.body), round(SHRINK * figure.layout.height))
+    needed = _needed(figure, medium)
     above = [
         *_lines([title], medium, medium.title, 700, LIGHT.ink),
         *_lines([note], medium, medium.note, 400, LIGHT.muted),
@@ -120,38 +129,80 @@ def saved(figure: go.Figure, medium: Medium, title: str, note: str, source: Sequ
     return Saved(body, width, height, top, tuple(lines), medium)
 
 
+def _needed(figure: go.Figure, medium: Medium) -> float:
+    """The least height of FIGURE's body in units: its rows and their names stay apart."""
+    height = figure.layout.height
+    rows = len(figure.layout.yaxis.tickvals or ())
+    return max(min(height, medium.body), medium.shrink * height, rows * AXIS_FONT * LINE + AROUND_ROWS)
+
+
 def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.Figure:
     """FIGURE alone at WIDTH x HEIGHT units, its legend at the bottom."""
     layout = _fitted(figure.layout.to_plotly_json(), medium)
-    for name, axis in layout.items():
-        room = height - 110 if name.startswith("yaxis") else width - 70
-        if name.startswith(("xaxis", "yaxis")) and axis.get("title", {}).get("text"):
-            domain = axis.get("domain", (0, 1))
-            share = domain[1] - domain[0] if name.startswith("yaxis") else 1.0
-            size = axis["title"].get("font", {}).get("size", 13)
-            axis["title"]["text"] = "<br>".join(wrapped(axis["title"]["text"], size, room * share))
-    layout["font"] = {**layout.get("font", {}), "family": FONT}
+    if medium.names_beside:
+        _put_names_beside(layout)
+    _wrap_axis_titles(layout, width, height)
+    for axis in layout["template"]["layout"].values():
+        # The first labels of both axes meet at their corner.
+        axis["ticklabelstandoff"] = 4
+    _keep_words_inside(layout)
+    layout["font"] = {**layout["font"], "family": FONT}
     layout["paper_bgcolor"] = layout["plot_bgcolor"] = LIGHT.surface
     layout |= {"width": round(width), "height": round(height)}
-    layout["margin"] = {**layout["margin"], "t": _top(layout)}
-    # A legend that hangs on the container makes room for itself below the axis, whatever its height.
+    # A colour scale makes room for itself, as the legend does at its new place.
+    layout["margin"] = {**layout["margin"], "t": WORDS_ABOVE if _above(layout) else EDGE}
     place = {"x": EDGE / width, "xanchor": "left", "xref": "container", "y": 0, "yanchor": "bottom"}
-    layout["legend"] = {
-        **layout["legend"],
-        **place,
-        "yref": "container",
-        "orientation": "h",
-        "entrywidth": None,
+    layout["legend"] |= {**place, "yref": "container", "orientation": "h", "entrywidth": None}
+    traces = [_fitted(trace.to_plotly_json(), medium) for trace in figure.data]
+    for trace in traces:
+        if trace["type"] == "bar":
+            # Plotly would make a value smaller that has no room beside its bar.
+            trace["constraintext"] = "none"
+    return go.Figure(traces, layout)
+
+
+def _put_names_beside(layout: dict[str, Any]) -> None:
+    """Write the names of flat bars beside them: above them they would need twice the height."""
+    names = [words for words in layout.get("annotations", ()) if words.get("name") == ROW_NAME]
+    if not names:
+        return
+    layout["annotations"] = [words for words in layout["annotations"] if words not in names]
+    layout["yaxis"] = layout["yaxis"] | {
+        "visible": True,
+        "showgrid": False,
+        "zeroline": False,
+        "tickvals": list(range(len(names))),
+        "ticktext": [words["text"] for words in names],
+        "tickfont": names[0]["font"],
     }
-    return go.Figure(figure.data, layout)
 
 
-def _top(layout: dict[str, Any]) -> float:
-    """Room above the plot: what the figure asks for, without that for a legend."""
-    if layout["margin"]["t"] > PAGE_TOP:
-        return float(layout["margin"]["t"])
-    above = [words for words in layout.get("annotations", ()) if words.get("y") == 1]
-    return 24 if above else EDGE
+def _wrap_axis_titles(layout: dict[str, Any], width: float, height: float) -> None:
+    """Break the titles of axes that are longer than their axis."""
+    for name, axis in layout.items():
+        if not name.startswith(("xaxis", "yaxis")) or not axis.get("title", {}).get("text"):
+            continue
+        start, end = axis.get("domain", (0, 1))
+        # Beside an axis are the other axis, its title and the legend.
+        room = (height - 110 if name.startswith("yaxis") else width - 70) * (end - start)
+        axis["title"]["text"] = "<br>".join(wrapped(axis["title"]["text"], AXIS_FONT, room, cut=False))
+
+
+def _keep_words_inside(layout: dict[str, Any]) -> None:
+    """Words above a line near the right edge end at the line."""
+    low, high = layout.get("xaxis", {}).get("range") or (0, 0)
+    for words in _above(layout):
+        if words.get("xref", "x") == "x" and low < high and words["x"] > low + 0.7 * (high - low):
+            words["xanchor"] = "right"
+
+
+def _above(layout: dict[str, Any]) -> list[dict[str, Any]]:
+    """The words above the plot."""
+    return [
+        words
+        for words in layout.get("annotations", ())
+        if words.get("yref") == "paper" and words.get("y", 0) >= 1 and words.get("yanchor") == "bottom"
+    ]
 
 
 def _fitted(part: Any, medium: Medium) -> Any:
@@ -177,7 +228,7 @@ def _lines(parts: Sequence[str], medium: Medium, size: float, weight: int, colou
     room /= 1.08 if weight > 400 else 1.0
     return [
         Line(text, EDGE, 0.0, size, weight, colour)
-        for text in wrapped(" \N{MIDDLE DOT} ".join(filter(None, parts)), size, room)
+        for text in wrapped("\N{NO-BREAK SPACE}\N{MIDDLE DOT} ".join(filter(None, parts)), size, room)
     ]
 
 
@@ -194,46 +245,3 @@ def _placed(lines: Sequence[Line], top: float, scale: float) -> list[Line]:
         baseline = top - 0.3 * line.size * scale
         placed.append(replace(line, x=line.x * scale, y=round(baseline, 2), size=round(line.size * scale, 2)))
     return placed
-
-
-def wrapped(text: str, size: float, room: float) -> list[str]:
-    """TEXT in lines no wider than ROOM at a font SIZE; a word that is wider, such as an address, is cut."""
-    lines: list[str] = []
-    for word in text.split(" "):
-        joined = f"{lines[-1]} {word}" if lines else word
-        if text_width(joined, size) <= room:
-            lines[-1:] = [joined]
-            continue
-        if lines and text_width(word, size) > room:
-            # What fits goes behind the words before it.
-            head, word = _cut(word, size, room - text_width(lines[-1] + " ", size))
-            lines[-1] = f"{lines[-1]} {head}".rstrip()
-        while text_width(word, size) > room:
-            head, word = _cut(word, size, room)
-            lines.append(head)
-        lines.append(word)
-    return lines
-
-
-def _cut(word: str, size: float, room: float) -> tuple[str, str]:
-    """WORD in two parts of which the first fits into ROOM: behind a separator where there is one."""
-    fits = max((length for length in range(len(word)) if text_width(word[:length], size) <= room), default=0)
-    at = max(word.rfind(sign, 0, fits) for sign in "/?&=-,")
-    at = at + 1 if at > fits // 3 else fits
-    return word[:at], word[at:]
-
-
-def text_width(text: str, size: float) -> float:
-    """Units that TEXT takes at most in FONT at SIZE."""
-    return size * sum(_letter_width(letter) for letter in text)
-
-
-def _letter_width(letter: str) -> float:
-    """Width of LETTER in font sizes, rounded up from Helvetica's."""
-    if unicodedata.east_asian_width(letter) in "WF":
-        return 1.0
-    if letter in WIDE:
-        return 1.0
-    if letter in NARROW:
-        return 0.34
-    return 0.72 if letter.isupper() else 0.56

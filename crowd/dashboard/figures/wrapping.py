@@ -1,0 +1,50 @@
+"""Text in lines of a given width, without a browser: how wide letters of Helvetica and Arial are at most."""
+
+import unicodedata
+
+WIDE, NARROW = "MWmw@%\N{EM DASH}", "ijltfrI.,:;|!'()[]/ \N{NO-BREAK SPACE}"
+
+
+def wrapped(text: str, size: float, room: float, cut: bool = True) -> list[str]:
+    """TEXT in lines no wider than ROOM at a font SIZE. A wider word, such as an address, is cut; where CUT is
+    false it has a line of its own.
+    """
+    lines: list[str] = []
+    for word in text.split(" "):
+        joined = f"{lines[-1]} {word}" if lines else word
+        if text_width(joined, size) <= room:
+            lines[-1:] = [joined]
+            continue
+        if cut and lines and text_width(word, size) > room:
+            # What fits goes behind the words before it.
+            head, word = _cut(word, size, room - text_width(lines[-1] + " ", size))
+            lines[-1] = f"{lines[-1]} {head}".rstrip()
+        while cut and text_width(word, size) > room:
+            head, word = _cut(word, size, room)
+            lines.append(head)
+        lines.append(word)
+    return lines
+
+
+def _cut(word: str, size: float, room: float) -> tuple[str, str]:
+    """WORD in two parts of which the first fits into ROOM: behind a separator where there is one."""
+    fits = max((length for length in range(len(word)) if text_width(word[:length], size) <= room), default=0)
+    at = max(word.rfind(sign, 0, fits) for sign in "/?&=-,")
+    at = at + 1 if at > fits // 3 else fits
+    return word[:at], word[at:]
+
+
+def text_width(text: str, size: float) -> float:
+    """Units that TEXT takes at most in FONT at SIZE."""
+    return size * sum(_letter_width(letter) for letter in text)
+
+
+def _letter_width(letter: str) -> float:
+    """Width of LETTER in font sizes, rounded up from Helvetica's."""
+    if unicodedata.east_asian_width(letter) in "WF":
+        return 1.0
+    if letter in WIDE:
+        return 1.0
+    if letter in NARROW:
+        return 0.34
+    return 0.72 if letter.isupper() else 0.56

@@ -1,0 +1,94 @@
+"""Figures as people save them for a paper and a slide: nothing is cut, nothing overlaps."""
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from crowd.dashboard.drawings import DRAWINGS
+from tests.browser.reading.site import EMBEDDED, Site
+from tests.browser.visitor import Visitor
+
+pytestmark = pytest.mark.django_db
+
+MEASURE = (Path(__file__).parent / "saved.js").read_text()
+# Fonts in points; those of a slide are smaller where it shows many rows.
+FONTS = {"column": (7.0, 9.05), "slide": (6.0, 30.0)}
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def visitor(chromium: Any, site: Site) -> Iterator[Visitor]:
+    """A tab in the dark theme: saved figures are white all the same."""
+    one = Visitor(chromium, site.url, scheme="dark")
+    one.open("/devices/")
+    yield one
+    one.context.close()
+
+
+@pytest.mark.parametrize("name", [drawing.name for drawing in DRAWINGS])
+def test_the_text_of_a_saved_figure_is_whole_and_overlaps_nothing(
+    site: Site, visitor: Visitor, name: str
+) -> None:
+    visitor.complaints.clear()
+    path, _, query = site.pages[f"{name}{EMBEDDED}"].removeprefix("/embed/").partition("?")
+    for medium, fonts in FONTS.items():
+        address = f"/figures/{path.rstrip('/')}.json?{query}&save={medium}"
+
+        told = visitor.page.evaluate(MEASURE, [address, *fonts])
+
+        assert told["found"] == [], medium
+        assert "frame" in told["parts"]
+        assert not told["legend"] or "legend" in told["parts"]
+        assert told["texts"] > 3
+    assert visitor.complaints == []
+
+
+@pytest.fixture
+def taken(visitor: Visitor, tmp_path: Path) -> Callable[[str, str], bytes]:
+    """What the button for a format and a medium downloads to, on the page of devices."""
+
+    def take(kind: str, medium: str) -> bytes:
+        visitor.complaints.clear()
+        details = visitor.page.locator("figure[data-name=frontrunner-speedups] details.take")
+        if details.get_attribute("open") is None:
+            details.locator("summary").click()
+        with visitor.page.expect_download() as download:
+            details.get_by_role("button", name=f"{kind.upper()} for a {medium}").click()
+        target = tmp_path / download.value.suggested_filename
+        download.value.save_as(target)
+        where = {"paper": "column"}.get(medium, medium)
+        assert target.name == f"frontrunner-speedups-{where}.{kind}"
+        assert visitor.complaints == []
+        return target.read_bytes()
+
+    return take
+
+
+def test_an_svg_stands_for_itself_and_says_what_it_shows(taken: Callable[[str, str], bytes]) -> None:
+    drawing = ElementTree.fromstring(taken("svg", "paper"))
+
+    words = " ".join("".join(drawing.itertext()).split())
+    assert drawing.attrib["width"] == "85mm"
+    assert drawing.attrib["role"] == "img"
+    assert "Speedup by device" in drawing.findtext(f"{SVG}title", "")
+    assert drawing.findtext(f"{SVG}desc")
+    assert "Pixel 8" in words
+    assert "open data of" in words
+    assert not re.search(r"url\((?!['\"]?#)|@font-face|href=\"http", ElementTree.tostring(drawing).decode())
+
+
+@pytest.mark.parametrize(("medium", "width", "dpi"), [("paper", 1004, 300), ("slide", 1920, 144)])
+def test_a_png_has_the_pixels_and_the_resolution_of_its_medium(
+    taken: Callable[[str, str], bytes], medium: str, width: int, dpi: int
+) -> None:
+    picture = taken("png", medium)
+
+    assert picture.startswith(b"\x89PNG")
+    assert int.from_bytes(picture[16:20], "big") == width
+    assert medium == "paper" or int.from_bytes(picture[20:24], "big") == 1080
+    at = picture.index(b"pHYs") + 4
+    assert round(int.from_bytes(picture[at : at + 4], "big") * 0.0254) == dpi
