@@ -38,6 +38,8 @@
 | FRONTRUNNER_WEB_THREADS | 4 | requests that one web server process works on at a time |
 | FRONTRUNNER_PAGES_PER_MINUTE | 600 | pages, tables, cards and exports read from one address |
 | FRONTRUNNER_SOURCE | (none) | address of the source and documentation, to which the home page links |
+| FRONTRUNNER_OPERATOR | (none) | who runs the server, for participants; shown on /about/ |
+| FRONTRUNNER_CONTACT | (none) | whom they can ask: a mail address, or a page's; shown on /about/ |
 | FRONTRUNNER_WATCHERS | (none) | networks that may read /metrics and /readyz, such as 10.0.0.5/32,fd00::/8 |
 | FRONTRUNNER_LEASE_SECONDS | 90 | after so long without a heartbeat a measurement's worker counts as dead |
 | FRONTRUNNER_HEARTBEAT_SECONDS | 15 | between two heartbeats of a measurement, less than a lease |
@@ -74,6 +76,13 @@ FRONTRUNNER_ATTEMPTS_PER_HOUR = integer("FRONTRUNNER_ATTEMPTS_PER_HOUR", 240)
 FRONTRUNNER_READS_PER_MINUTE = integer("FRONTRUNNER_READS_PER_MINUTE", 600)
 FRONTRUNNER_PAGES_PER_MINUTE = integer("FRONTRUNNER_PAGES_PER_MINUTE", 600)
 FRONTRUNNER_SOURCE = matching("FRONTRUNNER_SOURCE", "", r"(https?://.+)?", "https://host/project")
+FRONTRUNNER_OPERATOR = matching("FRONTRUNNER_OPERATOR", "", r"[^\n<>]{0,200}", "The lab of your university")
+FRONTRUNNER_CONTACT = matching(
+    "FRONTRUNNER_CONTACT",
+    "",
+    r"(|[^@\s<>]+@[^@\s<>]+\.[^@\s<>]+|https?://[^\s<>]+)",
+    "frontrunner@host.example, or https://host.example/contact",
+)
 FRONTRUNNER_WATCHERS = networks("FRONTRUNNER_WATCHERS")
 FRONTRUNNER_BYTES_PER_DAY = integer("FRONTRUNNER_BYTES_PER_DAY", 16 << 20)
 FRONTRUNNER_VALUES_PER_DAY = integer("FRONTRUNNER_VALUES_PER_DAY", 2_000_000)

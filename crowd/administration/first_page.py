@@ -1,16 +1,22 @@
 """The administration's site: its first page is arranged by what an administrator does."""
 
+from functools import partial
 from typing import Any
 
 from django.http import HttpRequest
-from django.urls import reverse
+from django.urls import URLPattern, URLResolver, path, reverse
 
 from crowd.access import logins
 from crowd.administration import sections
+from crowd.administration.public_page import NAME, public_page
 
 
 class Site(logins.Site):
-    """The site with the log-in of crowd.access.logins."""
+    """The site with the log-in of crowd.access.logins, and the page "Before you go public"."""
+
+    def get_urls(self) -> list[URLPattern | URLResolver]:
+        page = self.admin_view(partial(public_page, site=self))
+        return [path("public/", page, name=NAME), *super().get_urls()]
 
     def get_app_list(self, request: HttpRequest, app_label: str | None = None) -> list[Any]:
         """The lists that the account may see, in sections; of one application as Django arranges them."""

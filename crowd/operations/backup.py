@@ -30,6 +30,7 @@ from crowd.results.models import Export, ExportFile
 
 FORMAT = 1
 ABOUT, DATABASE, SEQUENCES = "backup.json", "database", "sequences"
+TASK = "backup"  # the name under which its last time is kept
 TOOL_REMEDY = "install PostgreSQL's client programs (Debian: postgresql-client) of the server's version"
 
 

@@ -61,7 +61,7 @@ def readyz(request: HttpRequest) -> HttpResponse:  # noqa: ARG001
     A late worker does not make the server unready: it stores submissions, and a worker summarises them later.
     Neither does a full disk: everything can still be read.
     """
-    state: dict[str, object] = {"database": _database(), "broker": _broker()}
+    state: dict[str, object] = {"database": _database(), "broker": broker_state()}
     if state["database"] == "ok":
         last = WorkerPulse.objects.order_by("-at").values_list("at", flat=True).first()
         state["seconds_since_last_task"] = round(_age(last), 1) if last else None
@@ -96,7 +96,7 @@ def _stored() -> Iterator[str]:
     yield gauge("submissions", "Accepted submissions", {"": Submission.objects.count()})
     yield gauge("sessions", "Measurement sessions", {"": MeasurementSession.objects.count()})
     yield gauge("runs", "Runs", {"": Run.objects.count()})
-    yield gauge("database_bytes", "Size of the database on its disk", {"": _database_bytes()})
+    yield gauge("database_bytes", "Size of the database on its disk", {"": database_bytes()})
 
 
 def _waiting() -> Iterator[str]:
@@ -117,7 +117,8 @@ def _age(moment: datetime | None) -> float:
     return max(0.0, (timezone.now() - moment).total_seconds()) if moment else 0.0
 
 
-def _database_bytes() -> int:
+def database_bytes() -> int:
+    """Size of the database on its disk."""
     if connection.vendor == "postgresql":
         with connection.cursor() as cursor:
             cursor.execute("SELECT pg_database_size(current_database())")
@@ -136,7 +137,8 @@ def _database() -> str:
     return "ok"
 
 
-def _broker() -> str:
+def broker_state() -> str:
+    """ "ok", or why no message reaches the broker."""
     try:
         with app.connection_for_write(connect_timeout=BROKER_PATIENCE_SECONDS) as broker:
             broker.ensure_connection(max_retries=1, timeout=BROKER_PATIENCE_SECONDS)

@@ -1,4 +1,4 @@
-"""What pages say about masks, confirmation and deleted runs."""
+"""What pages say about the operator, masks, confirmation and deleted runs."""
 
 from django import template
 from django.conf import settings
@@ -25,6 +25,14 @@ def requirement() -> str:
 def private_notice() -> str:
     """What a private server says about its figures; "" on others."""
     return confirmation.private_notice()
+
+
+@register.simple_tag
+def operator() -> dict[str, str]:
+    """Who runs the server, and the contact with its address; each may be empty."""
+    contact = settings.FRONTRUNNER_CONTACT
+    address = f"mailto:{contact}" if "@" in contact and "://" not in contact else contact
+    return {"name": settings.FRONTRUNNER_OPERATOR, "contact": contact, "address": address}
 
 
 @register.simple_tag

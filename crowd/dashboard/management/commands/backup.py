@@ -6,6 +6,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from crowd.operations import backup
+from crowd.results.figures import sessions as session_figures
 
 
 class Command(BaseCommand):
@@ -19,5 +20,6 @@ class Command(BaseCommand):
             about = backup.make(file)
         except (backup.BackupError, OSError) as error:
             raise CommandError(str(error)) from error
+        session_figures.pulse(backup.TASK)
         size = file.stat().st_size / 1e6
         self.stdout.write(f"{file}: {about.vendor} database and {len(about.files) - 1} files, {size:.1f} MB")

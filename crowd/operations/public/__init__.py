@@ -1,0 +1,1 @@
+"""What must be right before strangers use a server: `checks.lines()` looks, page and command show it."""

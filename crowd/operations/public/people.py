@@ -1,0 +1,113 @@
+"""Checks of accounts, and of what only a person can confirm."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from django.conf import settings
+from django.contrib.auth import get_user_model
+from django.contrib.auth.models import Permission
+from django.db.models import Q, QuerySet
+from django_otp.plugins.otp_totp.models import TOTPDevice
+
+from crowd.audit.models import AuditEntry
+from crowd.audit.services import record
+from crowd.fronts.publishing.steps import PUBLISH
+from crowd.operations.public.line import Line, passed, to_do
+
+MOST_NAMES = 5
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """What a person confirms in the audit log: of a certain text of the consent, or once for all."""
+
+    name: str
+    title: str
+    action: str
+    finding: str
+    remedy: str
+
+    @property
+    def subject(self) -> str:
+        """What the entries of the log are about: another consent is confirmed again."""
+        return f"{self.name}, consent {settings.FRONTRUNNER_CONSENT_VERSION}"
+
+
+CONFIRMATIONS = {
+    one.name: one
+    for one in (
+        Confirmation(
+            "privacy",
+            "Privacy text",
+            "privacy text reviewed",
+            "nobody has confirmed that it was read for this server",
+            "read /about/#privacy, the consent on /measure/ and docs/privacy.md: do they hold for your "
+            "proxy, your logs and your law? Then confirm it in the administration",
+        ),
+        Confirmation(
+            "passwords",
+            "First password",
+            "first password changed",
+            "nobody has confirmed that the printed password was changed",
+            "change the password that the first start printed (manage.py changepassword admin), then confirm "
+            "it in the administration",
+        ),
+    )
+}
+
+
+def lines() -> Iterator[Line]:
+    """Every check of accounts and confirmations."""
+    yield _one_time_passwords()
+    yield _second_person()
+    for confirmation in CONFIRMATIONS.values():
+        yield _confirmed(confirmation)
+
+
+def confirm(name: str, by: str) -> None:
+    """Log that BY confirms NAME of CONFIRMATIONS. Raises KeyError for another name."""
+    confirmation = CONFIRMATIONS[name]
+    record(by, confirmation.action, confirmation.subject)
+
+
+def _confirmed(confirmation: Confirmation) -> Line:
+    entry = AuditEntry.objects.filter(subject=confirmation.subject, action=confirmation.action).first()
+    if entry is None:
+        return to_do(confirmation.title, confirmation.finding, confirmation.remedy, confirmation.name)
+    return passed(confirmation.title, f"confirmed by {entry.actor} on {entry.at:%Y-%m-%d}")
+
+
+def _staff() -> QuerySet:
+    return get_user_model().objects.filter(is_active=True, is_staff=True)
+
+
+def _one_time_passwords() -> Line:
+    title = "One-time passwords"
+    devices = TOTPDevice.objects.filter(confirmed=True).values("user")
+    without = list(_staff().exclude(pk__in=devices).order_by("pk").values_list("username", flat=True))
+    if without:
+        names = ", ".join(without[:MOST_NAMES]) + (" and others" if len(without) > MOST_NAMES else "")
+        remedy = "manage.py totp USER for each, then FRONTRUNNER_REQUIRE_TOTP=1"
+        return to_do(title, f"a password alone lets in {names}", remedy)
+    if not settings.FRONTRUNNER_REQUIRE_TOTP:
+        remedy = "set FRONTRUNNER_REQUIRE_TOTP=1"
+        return to_do(title, "all accounts have them, but a new account would not need one", remedy)
+    return passed(title, f"all {_staff().count()} accounts of the administration need them")
+
+
+def _second_person() -> Line:
+    title, publishers = "Second person", _publishers().count()
+    if not settings.FRONTRUNNER_SECOND_PERSON:
+        remedy = "set FRONTRUNNER_SECOND_PERSON=1: who drafted a front cannot publish it then"
+        return to_do(title, "one person alone can publish a front", remedy)
+    if publishers < 2:
+        remedy = "give a second person an account in the group publisher"
+        return to_do(title, f"{publishers} account can publish: its own fronts never", remedy)
+    return passed(title, f"{publishers} accounts can publish, nobody a front of their own")
+
+
+def _publishers() -> QuerySet:
+    application, codename = PUBLISH.split(".")
+    permission = Permission.objects.filter(content_type__app_label=application, codename=codename)
+    may = Q(is_superuser=True) | Q(user_permissions__in=permission) | Q(groups__permissions__in=permission)
+    return _staff().filter(may).distinct()

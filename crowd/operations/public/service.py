@@ -1,0 +1,170 @@
+"""Checks of the running service: workers, backups, disk, database, data, clocks."""
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+
+from django.conf import settings
+from django.db import connection
+from django.utils import timezone
+
+from crowd.fronts import policy
+from crowd.fronts.models import FrontVersion
+from crowd.operations import health
+from crowd.operations.backup import TASK as BACKUP_TASK
+from crowd.operations.public.line import Line, passed, to_do, unknown
+from crowd.results.models import Export, MeasurementSession, WorkerPulse
+
+# The sweep runs every half minute, in the worker, because the beat asks for it.
+SWEEP, SWEEP_AGE = "sweep", timedelta(minutes=3)
+BACKUP_AGE = EXPORT_AGE = timedelta(hours=50)  # every night, and one may fail
+LEAST_FREE_BYTES = 2 << 30
+# A backup needs room for the database twice, and the database grows.
+LEAST_FREE_DATABASES = 4
+MOST_CLOCK_SECONDS = 2.0
+CLOCK_PATIENCE_SECONDS = 5
+
+
+def lines() -> Iterator[Line]:
+    """Every check of the service."""
+    yield _database()
+    yield _broker()
+    yield _worker()
+    yield _backup()
+    yield _disk()
+    yield _fronts()
+    yield _intake()
+    yield _open_data()
+    yield _clocks()
+    yield _watching()
+
+
+def _database() -> Line:
+    if connection.vendor == "sqlite":
+        advice = "for a large crowd, or several machines, set DATABASE_URL to a PostgreSQL"
+        return passed("Database", "SQLite, for one machine", advice)
+    return passed("Database", f"{connection.vendor} answers")
+
+
+def _broker() -> Line:
+    state = health.broker_state()
+    if state != "ok":
+        return to_do("Broker", state, "start the broker that CELERY_BROKER_URL names")
+    return passed("Broker", "answers")
+
+
+def _worker() -> Line:
+    title, remedy = "Worker and beat", "start both: frontrunner serve, or deploy/frontrunner-worker and -beat"
+    age = _age_of(SWEEP)
+    if age is None:
+        return to_do(title, "no periodic task ever ran", remedy)
+    if age > SWEEP_AGE:
+        return to_do(title, f"the last periodic task ran {_long(age)} ago", remedy)
+    return passed(title, f"a periodic task ran {_long(age)} ago")
+
+
+def _backup() -> Line:
+    title, age = "Backup", _age_of(BACKUP_TASK)
+    remedy = "start deploy/frontrunner-backup.timer, or run manage.py backup FILE; try a restore once"
+    if age is None and connection.vendor != "sqlite":
+        return unknown(title, "manage.py backup was never run; other tools are not seen", remedy)
+    if age is None:
+        return to_do(title, "none was made", remedy)
+    if age > BACKUP_AGE:
+        return to_do(title, f"the last one was made {_long(age)} ago", remedy)
+    return passed(title, f"made {_long(age)} ago", "keep it on another machine, and try a restore once")
+
+
+def _disk() -> Line:
+    free, stored = shutil.disk_usage(settings.FRONTRUNNER_VAR).free, health.database_bytes()
+    finding = f"{free / 1e9:.1f} GB free, the database has {stored / 1e9:.2f} GB"
+    if free < max(LEAST_FREE_BYTES, LEAST_FREE_DATABASES * stored):
+        least = max(LEAST_FREE_BYTES, LEAST_FREE_DATABASES * stored) / 1e9
+        return to_do("Disk", finding, f"make room for {least:.1f} GB at {settings.FRONTRUNNER_VAR}")
+    return passed("Disk", finding)
+
+
+def _fronts() -> Line:
+    slugs = FrontVersion.objects.filter(state=FrontVersion.State.PUBLISHED).values_list("slug", flat=True)
+    if not slugs:
+        remedy = "publish a front: manage.py front publish FILE, or the administration"
+        return to_do("Fronts", "none is published: clients have nothing to measure", remedy)
+    return passed("Fronts", f"{len(slugs)} published, the newest is {slugs[0]}")
+
+
+def _intake() -> Line:
+    if policy.current().accepting:
+        return passed("Intake", "measurements are taken")
+    remedy = "open it under Intake policy, or set FRONTRUNNER_ACCEPTING=1"
+    return to_do("Intake", "measurements are not taken", remedy)
+
+
+def _open_data() -> Line:
+    title = "Open data"
+    newest = Export.objects.filter(published_at__isnull=False, withdrawn_at=None).first()
+    remedy = "the worker writes them every night; manage.py results export writes them now"
+    if newest is None or newest.published_at is None:
+        return to_do(title, "no file was written", remedy)
+    age = timezone.now() - newest.published_at
+    if age > EXPORT_AGE:
+        return to_do(title, f"the newest files were written {_long(age)} ago", remedy)
+    return passed(title, f"written {_long(age)} ago (/data/)")
+
+
+def _clocks() -> Line:
+    title, remedy = "Clocks", "let this machine follow a time server (systemd-timesyncd, chrony)"
+    newest = MeasurementSession.objects.order_by("-pk").values_list("received_at", flat=True).first()
+    ahead = max((newest - timezone.now()).total_seconds() if newest else 0.0, _database_ahead())
+    if ahead > MOST_CLOCK_SECONDS:
+        return to_do(title, f"this machine's clock is {ahead:.0f} s behind stored times", remedy)
+    followed = _follows_a_time_server()
+    if followed is None:
+        return unknown(title, "whether this machine follows a time server cannot be read here", remedy)
+    if not followed:
+        return to_do(title, "this machine follows no time server", remedy)
+    return passed(title, "this machine follows a time server")
+
+
+def _watching() -> Line:
+    title = "Somebody is told"
+    remedy = "the server sends no mail: let a monitor read /readyz and /metrics (FRONTRUNNER_WATCHERS)"
+    if settings.FRONTRUNNER_WATCHERS:
+        networks = ", ".join(map(str, settings.FRONTRUNNER_WATCHERS))
+        return passed(title, f"{networks} may read /metrics", "the server itself sends no mail")
+    return unknown(title, "a monitor on this machine is not seen", remedy)
+
+
+def _age_of(task: str) -> timedelta | None:
+    last = WorkerPulse.objects.filter(task=task).values_list("at", flat=True).first()
+    return None if last is None else max(timezone.now() - last, timedelta())
+
+
+def _database_ahead() -> float:
+    """Seconds between the database's clock and this machine's; SQLite has none of its own."""
+    if connection.vendor != "postgresql":
+        return 0.0
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT clock_timestamp()")
+        there: datetime = cursor.fetchone()[0]
+    return abs((there - timezone.now()).total_seconds())
+
+
+def _follows_a_time_server() -> bool | None:
+    """What systemd says of this machine's clock; None where it says nothing."""
+    command = ["timedatectl", "show", "--property=NTPSynchronized", "--value"]
+    try:
+        said = subprocess.run(
+            command, capture_output=True, text=True, timeout=CLOCK_PATIENCE_SECONDS, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return {"yes": True, "no": False}.get(said.stdout.strip()) if said.returncode == 0 else None
+
+
+def _long(age: timedelta) -> str:
+    seconds = age.total_seconds()
+    for size, name in ((86_400, "days"), (3_600, "hours"), (60, "minutes")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {name}"
+    return f"{seconds:.0f} seconds"
