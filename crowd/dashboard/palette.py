@@ -1,7 +1,8 @@
 """Two themes, one meaning a colour: the figures' copy of the custom properties in style.css.
 
 Default is slate, best is orange: a pair that every kind of colour vision tells apart, and that differs in
-lightness as well. Stages and GPU vendors use hues of different lightness in a fixed order.
+lightness as well. Stages use hues of different lightness in a fixed order. Families of chips have hues and
+lightnesses that every kind of colour vision tells apart; two of them are greys.
 """
 
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ class Theme:
     limit: str
     stages: dict[str, str]
     series: tuple[str, ...]
+    families: dict[str, str]
 
 
 LIGHT = Theme(
@@ -40,6 +42,18 @@ LIGHT = Theme(
         "raycasting": "#6b4592",
     },
     series=("#1f6f9f", "#d99a00", "#6b4592", "#2c8a5b", "#a3195b", "#4fa3c7", "#6a7f92"),
+    families={
+        "Adreno": "#2e97ee",
+        "Mali": "#9b7c1a",
+        "PowerVR": "#c468c5",
+        "Xclipse": "#197e88",
+        "Apple": "#676e3a",
+        "NVIDIA": "#5f2370",
+        "Radeon": "#e06761",
+        "Intel": "#11510d",
+        "CPU": "#8a9197",
+        "other": "#51575c",
+    },
 )
 
 DARK = Theme(
@@ -59,6 +73,28 @@ DARK = Theme(
         "raycasting": "#b08fd6",
     },
     series=("#4a9fd1", "#f0bd3f", "#b08fd6", "#4fbd88", "#f46ba8", "#a6d3ea", "#8ba0b3"),
+    families={
+        "Adreno": "#4a84fc",
+        "Mali": "#c8901d",
+        "PowerVR": "#ad52bb",
+        "Xclipse": "#9be7e8",
+        "Apple": "#e9dc49",
+        "NVIDIA": "#e1a0f5",
+        "Radeon": "#cf3732",
+        "Intel": "#67cf8e",
+        "CPU": "#686f74",
+        "other": "#959ca2",
+    },
 )
 
 THEMES = {theme.name: theme for theme in (LIGHT, DARK)}
+
+
+def mixed(colour: str, ground: str, share: float) -> str:
+    """COLOUR laid over GROUND with an opacity of SHARE (0 to 1), as #rrggbb."""
+    pairs = zip(_channels(colour), _channels(ground), strict=True)
+    return "#" + "".join(f"{round(share * over + (1 - share) * under):02x}" for over, under in pairs)
+
+
+def _channels(colour: str) -> tuple[int, ...]:
+    return tuple(int(colour[start : start + 2], 16) for start in (1, 3, 5))

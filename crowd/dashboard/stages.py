@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,12 @@ class StageTable:
     rows: tuple[StageRow, ...]
     total: StageRow
     compared: bool
+
+    @property
+    def turned(self) -> tuple[tuple[str, tuple[float | None, ...]], ...]:
+        """The same with configurations as rows: the seconds of each stage, and at the end of all of them."""
+        columns = zip(*(row.seconds for row in (*self.rows, self.total)), strict=True)
+        return tuple(zip(self.configurations, columns, strict=True))
 
 
 def stage_table(times: Sequence[StageTimes]) -> StageTable:
@@ -150,6 +157,35 @@ def frames(series: RunSeries, first_counted: int) -> tuple[Frame, ...]:
             tracked=series.tracked[number] if number < len(series.tracked) else None,
         )
         for number, seconds in enumerate(series.frame_seconds)
+    )
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """How a run tracked the camera: of its FRAMES it tried `tried`, and lost the camera on `lost` of these.
+    `every`: from number `first` on the camera is tracked on every frame (1), every second one (2), ...; None
+    where frames are skipped without such a rule.
+    """
+
+    frames: int
+    tried: int
+    lost: int
+    first: int
+    every: int | None
+
+
+def tracking(series: RunSeries) -> Tracking | None:
+    """How SERIES tracked the camera; None where the client did not tell."""
+    numbers = [number for number, tracked in enumerate(series.tracked) if tracked is not None]
+    if not numbers:
+        return None
+    steps = {later - earlier for earlier, later in pairwise(numbers)}
+    return Tracking(
+        frames=len(series.frame_seconds),
+        tried=len(numbers),
+        lost=series.tracked.count(False),
+        first=numbers[0],
+        every=steps.pop() if len(steps) == 1 else None,
     )
 
 

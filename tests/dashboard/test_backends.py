@@ -1,6 +1,7 @@
 """Backends never mix: a model counts once, and its page shows them side by side."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, get_args
 
 import pytest
@@ -10,7 +11,13 @@ from crowd.results.intake.schema import Backend
 from crowd.results.reading import selectors
 from crowd.results.reading.backends import BACKENDS, side_by_side
 from crowd.results.reading.filters import SpeedupFilters
-from tests.crowd.documents import browser_document, device_document, session_document, submission_document
+from tests.crowd.documents import (
+    browser_document,
+    device_document,
+    run_document,
+    session_document,
+    submission_document,
+)
 from tests.crowd.participant import API, Participant
 from tests.dashboard.measuring import measure
 from tests.dashboard.reading import read
@@ -112,9 +119,44 @@ def test_a_page_leads_with_the_backend_that_counts(both: None, client: Client) -
     page = read(client, "/devices/google-pixel-8/")
 
     assert "Speedup of best over default 8.00x" in page
-    assert "best , newest session 10.0 ms" in page
+    assert "A frame of best 10.0 ms 100 fps, 8.00x faster in that session" in page
     assert "This page leads with OpenCL." in page
     assert "Speedup of best over default 4.00x" in read(client, "/devices/google-pixel-9/")
+
+
+def test_times_on_a_page_are_those_whose_quotient_is_the_speedup_of_the_session(
+    client: Client, participant: Participant, front: Any, django_assert_max_num_queries: Any
+) -> None:
+    """Repeats differ: the quotient of arithmetic means would be another one."""
+    runs = [
+        run_document("default", 0, 0, 80_000),
+        run_document("best", 0, 1, 10_000),
+        run_document("best", 1, 2, 11_000),
+        run_document("default", 1, 3, 90_000),
+    ]
+    measure(participant, runs=runs)
+    detail = selectors.device("google-pixel-8")
+    assert detail is not None
+    assert detail.latest is not None
+    (figure,) = detail.speedups
+    answer = detail.latest.session.speedup()
+    assert answer is not None
+
+    with django_assert_max_num_queries(0):
+        shown = selectors.newest_times(detail, figure)
+    asked = selectors.newest_times(replace(detail, latest=None), figure)
+
+    assert shown is not None
+    assert asked is not None
+    assert shown.speedup == pytest.approx(answer.speedup, rel=1e-9)
+    assert (asked.session, asked.default) == (shown.session, pytest.approx(shown.default))
+    assert (shown.default, shown.best) == (
+        pytest.approx(0.0848528, rel=1e-5),
+        pytest.approx(0.0104881, rel=1e-5),
+    )
+    page = read(client, "/devices/google-pixel-8/")
+    assert "A frame of default 84.9 ms" in page
+    assert "A frame of best 10.5 ms" in page
 
 
 def test_the_comparison_of_backends_costs_so_many_queries(

@@ -7,7 +7,7 @@ from uuid import UUID
 import numpy as np
 import pytest
 
-from crowd.dashboard.drift import Readings, readings, steps
+from crowd.dashboard.drift import Readings, Step, readings, steps
 from crowd.dashboard.figures.devices import (
     configuration_bars,
     crowd_bars,
@@ -45,11 +45,12 @@ def session(*runs: Any, samples: Any = ()) -> SessionDetail:
 def test_configurations_are_sorted_and_best_has_its_colour() -> None:
     rows = [speedup(3.0, configuration="best"), speedup(5.0, configuration="fast", low=4.0, high=7.0)]
 
-    bars, whiskers = configuration_bars(rows, LIGHT).data
+    bars, whiskers, values = configuration_bars(rows, LIGHT).data
 
     assert list(bars.x) == [5.0, 3.0]
     assert list(bars.marker.color) == [LIGHT.series[0], LIGHT.best]
     assert (list(whiskers.x), list(whiskers.error_x.array)) == ([5.0], [2.0])
+    assert list(values.x) == [7.0, 3.0]
     assert "95 % interval" in bars.customdata[0]
     assert "95 % interval" not in bars.customdata[1]
 
@@ -127,6 +128,33 @@ def test_sensors_that_told_less_than_twice_are_left_out() -> None:
 
     assert readings(samples) == (Readings("temperature", "°C", (0.0, 2.0), (31.0, 36.5)),)
     assert readings([]) == ()
+
+
+def test_a_clock_that_hardly_changes_is_drawn_flat() -> None:
+    flat = Readings("processor clock", "MHz", (0.0, 1.0, 2.0), (2399.0, 2401.0, 2400.0))
+    throttled = Readings("processor clock", "MHz", (0.0, 1.0), (2400.0, 1200.0))
+    cold = Readings("battery", "%", (0.0, 1.0), (1.0, 0.0))
+
+    ranges = [sensor_lines([each], LIGHT).layout.yaxis.range for each in (flat, throttled, cold)]
+
+    assert ranges == [(2150.0, 2650.0), (1140.0, 2460.0), (0.0, 10.0)]
+
+
+def test_of_many_configurations_the_drift_colours_default_and_best_and_names_the_farthest() -> None:
+    names = ["default", "best", *(f"front-{number}" for number in range(6))]
+    found = [
+        Step(place + 1, name, 0, 1.0 if place < 8 else 1.0 + place / 1000)
+        for place, name in enumerate([*names, *names])
+    ]
+
+    figure = drift_steps(found, LIGHT)
+
+    lit = {trace.name: trace.line.color for trace in figure.data if trace.showlegend}
+    assert lit == {"default": LIGHT.default, "best": LIGHT.best}
+    assert {trace.line.color for trace in figure.data} == {LIGHT.default, LIGHT.best, LIGHT.muted}
+    assert [trace.name for trace in figure.data][-2:] == ["default", "best"]
+    (label,) = figure.layout.annotations
+    assert (label.x, "front-5" in label.text) == (16, True)
 
 
 def test_each_sensor_has_an_axis_of_its_own() -> None:

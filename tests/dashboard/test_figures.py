@@ -4,12 +4,13 @@ import json
 
 import pytest
 
+from crowd.dashboard.figures import marks
 from crowd.dashboard.figures.decimation import MOST_DRAWN
-from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
+from crowd.dashboard.figures.frames import frame_lines, frames_height, stage_areas, stage_bars
 from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.layout import log_ticks
 from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, bar_names, speedup_bars
-from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme
+from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme, mixed
 from crowd.dashboard.stages import stage_times
 from crowd.fronts.selectors import Point
 from tests.dashboard.rows import RUN, device, run, speedup
@@ -71,22 +72,25 @@ def test_only_due_intervals_get_whiskers() -> None:
     assert (list(whiskers.error_x.arrayminus), list(whiskers.error_x.array)) == ([1.0], [2.0])
 
 
-def test_suspect_figures_are_hatched_and_say_so() -> None:
+def test_suspect_figures_are_striped_and_say_so() -> None:
     (trace,) = bars([speedup(6.0, "a"), speedup(5.0, "b", suspect=True)])
 
     assert list(trace.marker.pattern.shape) == ["", "/"]
     assert "suspect" in trace.customdata[1][0]
 
 
-def test_unconfirmed_figures_stand_behind_all_that_count_with_a_pattern_of_their_own() -> None:
+def test_unconfirmed_figures_stand_hollow_behind_all_that_count_and_the_legend_says_so() -> None:
     rows = [speedup(23.0, "invented", confirmed=False), speedup(9.0, "hot", suspect=True), speedup(2.0, "a")]
 
     for theme in THEMES.values():
         (trace,) = bars(rows, theme)
         assert list(trace.x) == [2.0, 23.0, 9.0]
-        shapes = list(trace.marker.pattern.shape)
-        assert shapes[0] == ""
-        assert len(set(shapes)) == 3
+        assert list(trace.marker.pattern.shape) == ["", "", "/"]
+        assert list(trace.marker.line.width) == [0, 1.5, 0]
+        filled, hollow, _ = trace.marker.color
+        assert hollow == mixed(filled, theme.surface, marks.INSIDE)
+        legend = [other.name for other in speedup_bars(rows, theme).data if other.x == (None,)]
+        assert legend == ["\N{WHITE CIRCLE} unconfirmed (hollow)", "! suspect (striped)"]
     assert "unconfirmed" in trace.customdata[1][0]
     assert "unconfirmed" not in trace.customdata[0][0]
 
@@ -94,10 +98,11 @@ def test_unconfirmed_figures_stand_behind_all_that_count_with_a_pattern_of_their
 def test_the_interval_of_one_session_is_grey_and_says_what_it_is() -> None:
     row = speedup(6.0, "b", confirmed=False, session_low=5.0, session_high=8.0)
 
-    over_installations, of_one = (
+    legend, over_installations, of_one = (
         trace for trace in speedup_bars([row], LIGHT).data if trace.type == "scatter"
     )
 
+    assert "unconfirmed" in legend.name
     assert list(over_installations.x) == []
     assert (list(of_one.x), list(of_one.error_x.array)) == ([6.0], [2.0])
     assert of_one.error_x.color == LIGHT.muted
@@ -115,14 +120,29 @@ def test_without_a_figure_the_chart_says_so() -> None:
     assert "No figure to show yet" in speedup_bars([], LIGHT).layout.annotations[0].text
 
 
-def test_many_devices_stand_upright_without_names() -> None:
+def test_of_many_devices_the_largest_the_smallest_and_the_median_are_named() -> None:
     rows = [speedup(2.0 + number / 10, f"device-{number}") for number in range(NAMED_BARS + 1)]
 
     figure = speedup_bars(rows, LIGHT)
 
     assert {trace.orientation for trace in figure.data if trace.type == "bar"} == {"v"}
-    assert not figure.layout.annotations
+    labels = {label.x: label.text for label in figure.layout.annotations}
+    assert labels == {
+        0: "<b>5.00\N{MULTIPLICATION SIGN}</b> largest, Device-30",
+        NAMED_BARS: "<b>2.00\N{MULTIPLICATION SIGN}</b> smallest, Device-0",
+        NAMED_BARS / 2: "<b>3.50\N{MULTIPLICATION SIGN}</b> median",
+    }
     assert figure.layout.height == 460
+
+
+def test_labels_are_of_figures_that_count_and_above_every_bar() -> None:
+    rows = [speedup(2.0 + number / 10, f"device-{number}") for number in range(NAMED_BARS + 1)]
+
+    figure = speedup_bars([*rows, speedup(0.1, "invented", confirmed=False)], LIGHT)
+
+    assert all("Invented" not in label.text for label in figure.layout.annotations)
+    assert min(label.y for label in figure.layout.annotations) > 5.0
+    assert len({label.y for label in figure.layout.annotations}) == 3
 
 
 def test_of_more_bars_than_a_browser_draws_every_second_stands_for_all() -> None:
@@ -163,6 +183,39 @@ def test_lines_are_in_milliseconds_and_lead_to_their_run() -> None:
     assert [trace.line.color for trace in figure.data] == [LIGHT.default, LIGHT.best, LIGHT.best]
     assert figure.data[0].customdata[0][1] == f"/runs/{RUN}/"
     assert figure.layout.yaxis.type == "log"
+
+
+def test_of_many_configurations_each_has_a_row_with_the_fastest_on_top() -> None:
+    names = ["default", "best", *(f"front-{number}" for number in range(5))]
+    runs = [
+        run(name, 0.1 - place / 100, repeat=repeat) for repeat in (0, 1) for place, name in enumerate(names)
+    ]
+
+    figure = frame_lines(runs, 10, LIGHT)
+
+    single, means = figure.data
+    assert list(figure.layout.yaxis.ticktext) == names[::-1]
+    assert list(means.x) == pytest.approx([40, 50, 60, 70, 80, 90, 100])
+    assert len(single.x) == 14
+    assert list(means.marker.color)[-2:] == [LIGHT.best, LIGHT.default]
+    assert figure.layout.height == frames_height(7) < 400
+
+
+def test_times_that_hardly_differ_are_drawn_flat() -> None:
+    axis = frame_lines([run("default", 0.1), run("best", 0.101)], 10, LIGHT).layout.yaxis
+
+    assert 10 ** (axis.range[1] - axis.range[0]) == pytest.approx(1.5)
+    assert frame_lines([run("default", 0.1), run("best", 0.01)], 10, LIGHT).layout.yaxis.range is None
+
+
+def test_close_bars_of_stages_have_their_names_on_the_axis() -> None:
+    rows = stage_times([run("default", 0.1), run("best", 0.02)], 10)
+
+    figure = stage_bars(rows, LIGHT, close=True)
+
+    assert figure.layout.yaxis.ticktext == ("default", "best")
+    assert not figure.layout.annotations
+    assert figure.layout.height < stage_bars(rows, LIGHT).layout.height
 
 
 def test_frames_that_do_not_count_are_shaded() -> None:

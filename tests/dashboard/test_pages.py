@@ -90,7 +90,8 @@ def test_the_device_page_shows_its_speedup_and_stages_and_no_raw_strings(
     assert "Google Pixel 8" in page
     assert "Speedup of best over default 8.00x 95 % interval of its one session: 8.00-8.00x" in page
     assert "best did not finish in 0 of 1 session, lost the camera in 0 of 1" in page
-    assert "default , newest session 80.0 ms" in page
+    assert "A frame of default 80.0 ms 12.5 fps, in the newest session that counts" in page
+    assert "Raycasting takes 50 % of the time of default" in page
     assert "raycasting 40.0 ms 5.00 ms 8.00x" in page
     assert "3.0 v1.r44p1" not in page
     assert session["id"] in client.get("/devices/google-pixel-8/").content.decode()
@@ -195,7 +196,7 @@ def test_a_valid_run_shows_its_frames_parameters_and_rule(client: Client, partic
     assert "Computation time a frame 10.0 ms 100 fps; mean over the frames from number 10 on" in page
     assert "its trajectory stays within 5 cm of the truth" in page
     assert "compute size ratio 4" in page
-    assert "Frames tracked 96" in page
+    assert "Frames tracked 96 of 96 tried. Every frame is tracked" in page
     assert "99 10.0 ms" in page
 
 

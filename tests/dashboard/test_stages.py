@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from crowd.dashboard.stages import frames, spread, stage_table, stage_times
+from crowd.dashboard.stages import Tracking, frames, spread, stage_table, stage_times, tracking
 from tests.dashboard.rows import run
 
 
@@ -69,3 +71,34 @@ def test_an_empty_run_has_neither_spread_nor_frames() -> None:
     empty = run(frames=0)
 
     assert (spread(empty, 10), frames(empty, 10)) == ((), ())
+
+
+def test_the_table_turned_has_a_row_for_each_configuration() -> None:
+    times = stage_times([run("default", 0.1), run("best", 0.01, {"tracking": 0.6, "raycasting": 0.4})], 10)
+
+    turned = dict(stage_table(times).turned)
+
+    assert turned["default"] == pytest.approx((0.02, 0.03, 0.05, 0.1))
+    assert turned["best"] == (None, pytest.approx(0.006), pytest.approx(0.004), pytest.approx(0.01))
+
+
+@pytest.mark.parametrize(
+    ("told", "tried", "lost", "first", "every"),
+    [
+        ((None, True, True, True), 3, 0, 1, 1),
+        ((None, None, True, None, False, None, True), 3, 1, 2, 2),
+        ((None, True, None, None, True, None, None, True), 3, 0, 1, 3),
+        ((True, True, None, True), 3, 0, 0, None),
+        ((None, True), 1, 0, 1, None),
+    ],
+)
+def test_tracking_says_on_which_frames_the_camera_was_tracked(
+    told: tuple[bool | None, ...], tried: int, lost: int, first: int, every: int | None
+) -> None:
+    series = replace(run(frames=len(told)), tracked=told)
+
+    assert tracking(series) == Tracking(len(told), tried, lost, first, every)
+
+
+def test_tracking_is_not_known_where_the_client_did_not_tell() -> None:
+    assert tracking(run()) is None

@@ -51,7 +51,7 @@ def test_losses_are_sorted_and_winners_are_marked() -> None:
 
     assert list(bars.y) == [0.0, 0.5]
     assert [address for _, address in bars.customdata] == ["/devices/here/", "/devices/far/"]
-    assert list(marks.x) == [1]
+    assert list(marks.x) == [0]
     assert "rank 3 of 5" in bars.customdata[1][0]
 
 
@@ -74,6 +74,21 @@ def test_the_map_shows_the_coefficient_asked_for_and_blanks_what_is_unknown() ->
     assert (cells.zmin, cells.zmax) == (-0.5, 1)
     assert "n = 5" in cells.customdata[0][1]
     assert correlation_map(MATRIX, PEARSON, LIGHT).data[0].z[0][1] == 0.9
+
+
+def test_axes_have_names_and_a_phone_has_fewer_and_shorter_ones() -> None:
+    many = tuple(
+        winner(f"phone-{number:02}-of-a-long-name", "fast", 1 + number / 100, 2) for number in range(80)
+    )
+
+    layout = regret_bars(many, LIGHT).layout
+    map_layout = correlation_map(MATRIX, PEARSON, LIGHT).layout
+
+    wide, narrow = layout.xaxis.ticktext, layout.meta["narrow"]["xaxis.ticktext"]
+    assert len(wide) > len(narrow) > 5
+    assert max(map(len, narrow)) <= 12 < max(map(len, wide))
+    assert map_layout.xaxis.ticktext == map_layout.yaxis.ticktext == ("A", "B", "C", "Alone")
+    assert map_layout.meta["narrow"]["yaxis.ticktext"] == ["A", "B", "C", "Alone"]
 
 
 def test_devices_without_a_common_configuration_get_words_instead_of_a_map() -> None:

@@ -5,11 +5,13 @@ from uuid import UUID
 
 from django.http import HttpRequest
 from django.urls import reverse
+from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
 from crowd.dashboard.drawings.drawing import Drawing, Table
-from crowd.dashboard.figures.frames import frame_lines, stage_areas, stage_bars
+from crowd.dashboard.figures.frames import MOST_LINES, frame_lines, stage_areas, stage_bars
+from crowd.dashboard.palette import Theme
 from crowd.dashboard.stages import StageTimes, frames, inside_computation, ordered, times_of
 from crowd.fronts.content.protocol import first_counted_frame
 from crowd.results.reading import selectors as results
@@ -68,6 +70,10 @@ def run_table(detail: RunDetail) -> Table:
     )
 
 
+def _stages(rows: Sequence[StageTimes], theme: Theme) -> go.Figure:
+    return stage_bars(rows, theme, close=len(rows) > MOST_LINES)
+
+
 def _session_n(session: SessionDetail) -> str:
     return f"{formats.plural(len(session.runs), 'run')} of one session"
 
@@ -95,7 +101,7 @@ DRAWINGS = (
         definition="Mean wall time a frame of each stage, over the frames that count and over the runs of a "
         "configuration.",
         read=read_session,
-        draw=lambda session, theme: stage_bars(times_of(session), theme),
+        draw=lambda session, theme: _stages(times_of(session), theme),
         table=lambda session: stages_table(times_of(session)),
         title=lambda session: f"Where the time goes on {session.session.device.title}",
         n=_session_n,

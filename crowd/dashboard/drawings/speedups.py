@@ -8,6 +8,7 @@ from django.urls import reverse
 from crowd.dashboard import formats
 from crowd.dashboard.confirmation import confirmed_only, left_out, ordered
 from crowd.dashboard.drawings.drawing import Drawing, Table, titled
+from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.speedups import SOC, VENDOR, speedup_bars
 from crowd.devices import revision
 from crowd.results.reading import selectors as results
@@ -85,6 +86,17 @@ def _n(bars: Bars) -> str:
         return f"{figures} from {sessions}"
     missing = len(bars.rows) < len(bars.crowd.rows)
     return f"{figures} from {sessions}; {'not shown' if missing else 'among them'}: {others}"
+
+
+def finding_of(crowd: Speedups) -> str:
+    """What the bars of CROWD show, in one sentence."""
+    filters = crowd.filters
+    return findings.crowd(
+        list(results.model_speedups(crowd.rows, filters.configuration).values()),
+        filters.leading,
+        left_out(crowd).devices,
+        "simulated device" if filters.simulated else "device",
+    )
 
 
 DRAWINGS = (

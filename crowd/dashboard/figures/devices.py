@@ -8,14 +8,18 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.drift import Readings, Step
-from crowd.dashboard.figures import layout
-from crowd.dashboard.palette import Theme
-from crowd.fronts.selectors import BEST
+from crowd.dashboard.figures import layout, marks
+from crowd.dashboard.palette import Theme, mixed
+from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import Place, Release, Speedup
 from slam.protocol import MAX_DRIFT
 
 ROW = 28  # pixels of a bar
 SENSOR = 130  # pixels of a sensor
+# The least that the axis of a sensor spans, by its unit: a clock that changes by 1 MHz is flat.
+LEAST_SPAN = {"MHz": 500.0, "°C": 10.0, "%": 10.0}
+# Above this many configurations their colours can no longer be told apart.
+MOST_COLOURED = 5
 
 
 def configurations_height(rows: int) -> int:
@@ -26,8 +30,8 @@ def configurations_height(rows: int) -> int:
 def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     """Every configuration that one device measured, largest gain first, with intervals where one is due.
 
-    `best` has its colour, unconfirmed and suspect figures have a pattern. ROWS are of one front, backend,
-    processor and class of processor.
+    `best` has its colour, unconfirmed figures are hollow and suspect ones striped. ROWS are of one front,
+    backend, processor and class of processor.
     """
     ranked = sorted(rows, key=lambda row: (-row.speedup, row.configuration))
     figure = layout.blank(theme, configurations_height(len(ranked)))
@@ -36,20 +40,29 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
         y=list(range(len(ranked))),
         orientation="h",
         width=0.62,
-        marker={
-            "color": [theme.best if row.configuration == BEST else theme.series[0] for row in ranked],
-            "pattern": layout.pattern(ranked, theme),
-        },
-        text=[formats.speedup(row.speedup) for row in ranked],
-        textposition="outside",
-        textangle=0,
-        textfont={"color": theme.ink},
-        cliponaxis=False,
+        marker=marks.bar_marks(
+            ranked,
+            [theme.best if row.configuration == BEST else theme.series[0] for row in ranked],
+            theme,
+        ),
         customdata=[_detail(row) for row in ranked],
         hovertemplate="%{customdata}<extra></extra>",
         showlegend=False,
     )
+    marks.add_legend(figure, ranked, theme)
     _add_intervals(figure, list(enumerate(ranked)), theme)
+    figure.add_scatter(
+        # Behind the whisker, which would strike it out.
+        x=[round(row.high or row.speedup, 4) for row in ranked],
+        y=list(range(len(ranked))),
+        mode="text",
+        text=[f" {formats.speedup(row.speedup)}" for row in ranked],
+        textposition="middle right",
+        textfont={"color": theme.ink},
+        cliponaxis=False,
+        hoverinfo="skip",
+        showlegend=False,
+    )
     figure.add_shape(
         type="line",
         x0=1,
@@ -73,42 +86,43 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
             "range": [len(ranked) - 0.4, -0.6],
             "showgrid": False,
         },
-        margin={"t": 12},
+        margin={"t": 12 if all(row.counts for row in ranked) else 32},
     )
 
 
 def crowd_bars(place: Place, theme: Theme, confirmed: bool = True) -> go.Figure:
     """One bar a device model, largest gain first; the one that PLACE is about is lit and named.
 
-    Where its figure is not CONFIRMED its bar is dotted: PLACE is where it would stand.
+    Where its figure is not CONFIRMED its bar is hollow: PLACE is where it would stand.
     """
     figure = layout.blank(theme, 300)
     slugs = [device.slug for device, _ in place.models]
+    own_colour = theme.best if confirmed else mixed(theme.best, theme.surface, marks.INSIDE)
+    lit = [slug == place.device.slug for slug in slugs]
     figure.add_bar(
         x=list(range(1, len(slugs) + 1)),
         y=[round(speedup, 3) for _, speedup in place.models],
         width=0.85,
         marker={
-            "color": [theme.best if slug == place.device.slug else theme.default for slug in slugs],
-            "line": {"width": 0},
-            "pattern": {
-                "shape": [
-                    "" if confirmed or slug != place.device.slug else layout.UNCONFIRMED_PATTERN
-                    for slug in slugs
-                ],
-                "fillmode": "overlay",
-                "fgcolor": theme.surface,
-            },
+            "color": [own_colour if own else theme.default for own in lit],
+            "line": {"color": theme.best, "width": [1.5 if own and not confirmed else 0 for own in lit]},
         },
         # Plotly copies and checks lists of lists item by item.
         customdata=np.array(
             [
-                [f"<b>{layout.text(device.title)}</b>", reverse("dashboard:device", args=[device.slug])]
-                for device, _ in place.models
+                [
+                    layout.lines(
+                        [f"<b>{layout.text(device.title)}</b>", f"{formats.speedup(speedup)}, place {number}"]
+                    ),
+                    reverse("dashboard:device", args=[device.slug]),
+                ]
+                for number, (device, speedup) in enumerate(place.models, 1)
             ],
             dtype=object,
         ),
-        hovertemplate="%{customdata[0]}<br>%{y:.3~r}" + formats.TIMES + ", place %{x}<extra></extra>",
+        hovertemplate="%{customdata[0]}<extra></extra>",
+        # Without x and y: no label of the axis beside that of the bar.
+        hoverinfo="text",
         showlegend=False,
     )
     own = slugs.index(place.device.slug) + 1
@@ -138,6 +152,7 @@ def crowd_bars(place: Place, theme: Theme, confirmed: bool = True) -> go.Figure:
             "ticksuffix": formats.TIMES,
         },
         bargap=0.15,
+        hovermode="x",
     )
 
 
@@ -185,20 +200,33 @@ def release_marks(releases: Sequence[Release], theme: Theme) -> go.Figure:
 
 
 def drift_steps(steps: Sequence[Step], theme: Theme) -> go.Figure:
-    """How much slower each run was than the first of its configuration, in the order of measurement."""
+    """How much slower each run was than the first of its configuration, in the order of measurement.
+
+    Of more than MOST_COLOURED configurations only default and best have a colour, and the run that is
+    farthest from its first is named.
+    """
     figure = layout.blank(theme, 320)
-    colours = layout.configuration_colours([step.configuration for step in steps], theme)
-    for name in dict.fromkeys(step.configuration for step in steps):
+    names = list(dict.fromkeys(step.configuration for step in steps))
+    colours = layout.configuration_colours(names, theme)
+    many = len(names) > MOST_COLOURED
+    if many:
+        colours = {name: colours[name] if name in (DEFAULT, BEST) else theme.muted for name in names}
+    # Default and best last: they lie on top.
+    for name in sorted(names, key=lambda name: many and name in (DEFAULT, BEST)):
         own = [step for step in steps if step.configuration == name]
+        lit = not many or name in (DEFAULT, BEST)
         figure.add_scatter(
             x=[step.place for step in own],
             y=layout.rounded([(step.ratio - 1) * 100 for step in own]),
             mode="lines+markers",
             name=layout.text(name),
-            line={"color": colours[name], "width": 1.75},
-            marker={"size": 9, "color": colours[name]},
+            line={"color": colours[name], "width": 1.75 if lit else 0.75},
+            marker={"size": 9 if lit else 5, "color": colours[name]},
             hovertemplate=f"{layout.text(name)}, run %{{x}}: <b>%{{y:+.1f}} %</b><extra></extra>",
+            showlegend=lit,
         )
+    if many:
+        _name_farthest(figure, steps, theme)
     limit = (MAX_DRIFT - 1) * 100
     figure.add_shape(
         type="line",
@@ -222,6 +250,22 @@ def drift_steps(steps: Sequence[Step], theme: Theme) -> go.Figure:
             "zeroline": True,
         },
         showlegend=True,
+    )
+
+
+def _name_farthest(figure: go.Figure, steps: Sequence[Step], theme: Theme) -> None:
+    """Write the configuration beside the run that is farthest from the first of its configuration."""
+    farthest = max(steps, key=lambda step: abs(step.ratio - 1))
+    early = farthest.place <= steps[-1].place / 2
+    name = layout.text(layout.clipped(farthest.configuration, 18))
+    figure.add_annotation(
+        x=farthest.place,
+        y=(farthest.ratio - 1) * 100,
+        text=f"<b>{formats.change(farthest.ratio)}</b> {name}",
+        font={"color": theme.ink, "size": 12},
+        xanchor="left" if early else "right",
+        yanchor="bottom" if farthest.ratio >= 1 else "top",
+        showarrow=False,
     )
 
 
@@ -256,6 +300,7 @@ def sensor_lines(sensors: Sequence[Readings], theme: Theme) -> go.Figure:
                     "domain": [top - share * 0.82, top],
                     "title": {"text": f"{sensor.name},<br>{sensor.unit}"},
                     "nticks": 4,
+                    "range": layout.span(sensor.values, LEAST_SPAN.get(sensor.unit, 1.0)),
                 }
             }
         )

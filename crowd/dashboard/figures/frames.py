@@ -1,20 +1,36 @@
 """Charts of single runs: frame by frame, and where the time goes."""
 
+import math
 from collections.abc import Sequence
 
+import numpy as np
 from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import layout
+from crowd.dashboard.figures import heat, layout
 from crowd.dashboard.palette import Theme
 from crowd.dashboard.stages import StageTimes, inside_computation, ordered
+from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.results.reading.rows import RunSeries
 
+# Above this many configurations lines cross too often to be followed: each gets a row of its own.
+MOST_LINES = 5
+ROW = 28  # pixels
+# The ends of a row's line: most frames lie between these percentiles.
+ENDS = (5, 95)
+# The least that an axis of times spans, as a ratio: jitter of one per cent is no cliff.
+LEAST_RATIO = 1.5
 
-def stages_height(rows: int) -> int:
+
+def frames_height(configurations: int) -> int:
+    """Pixels that frame_lines needs for so many configurations."""
+    return 400 if configurations <= MOST_LINES else 90 + ROW * configurations
+
+
+def stages_height(rows: int, close: bool = False) -> int:
     """Pixels that stage_bars needs for ROWS configurations."""
-    return 120 + 62 * max(rows, 1)
+    return 120 + (ROW if close else 62) * max(rows, 1)
 
 
 def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> go.Figure:
@@ -22,8 +38,10 @@ def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> 
     equal ratios.
 
     Runs of one configuration share a colour and a place in the legend. Frames that no statistic counts
-    are shaded.
+    are shaded. Of more than MOST_LINES configurations `frame_rows` are drawn instead.
     """
+    if len({series.run.configuration for series in runs}) > MOST_LINES:
+        return frame_rows(runs, first_counted, theme)
     figure = layout.blank(theme, 400)
     colours = layout.configuration_colours([series.run.configuration for series in runs], theme)
     seen: set[str] = set()
@@ -47,20 +65,105 @@ def frame_lines(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> 
     return figure.update_layout(
         hovermode="closest",
         xaxis={"title": {"text": "frame"}, "zeroline": False},
-        yaxis=layout.log_axis("computation, ms a frame (log)"),
+        yaxis=_times_axis(runs),
     )
 
 
-def stage_bars(rows: Sequence[StageTimes], theme: Theme) -> go.Figure:
-    """Mean time a frame of each configuration: one bar each, stacked by stage in the pipeline's order."""
-    figure = layout.blank(theme, stages_height(len(rows)))
+def _times_axis(runs: Sequence[RunSeries]) -> dict[str, object]:
+    """A logarithmic axis for the frames of RUNS that spans LEAST_RATIO or more."""
+    title = "computation, ms a frame (log)"
+    times = np.concatenate([series.frame_seconds * 1e3 for series in runs]) if runs else np.empty(0)
+    times = times[times > 0]
+    if not times.size or times.max() >= LEAST_RATIO * times.min():
+        return layout.log_axis(title)
+    middle, half = math.log10(float(times.min() * times.max())) / 2, math.log10(LEAST_RATIO) / 2
+    ends = [middle - half, middle + half]
+    return layout.log_axis(title, [10**end for end in ends]) | {"range": ends}
+
+
+def frame_rows(runs: Sequence[RunSeries], first_counted: int, theme: Theme) -> go.Figure:
+    """The times of the counted frames of each configuration in a row of its own, the fastest on top: a large
+    mark at the mean over its runs, a small one at that of each run, a line over most of the frames.
+    """
+    times: dict[str, list[np.ndarray]] = {}
+    for series in runs:
+        counted = series.frame_seconds[first_counted:] * 1e3
+        if (counted > 0).any():
+            times.setdefault(series.run.configuration, []).append(counted[counted > 0])
+    means = {name: float(np.mean([each.mean() for each in own])) for name, own in times.items()}
+    names = sorted(times, key=lambda name: (means[name], name))
+    figure = layout.blank(theme, frames_height(len(names)))
+    fixed = {DEFAULT: theme.default, BEST: theme.best}
+    colours = [fixed.get(name, theme.series[0]) for name in names]
+    ends = [np.percentile(np.concatenate(times[name]), ENDS) for name in names]
+    figure.add_scatter(
+        x=layout.rounded([run.mean() for name in names for run in times[name]]),
+        y=[rank for rank, name in enumerate(names) for _ in times[name]],
+        mode="markers",
+        marker={"size": 14, "symbol": "line-ns", "line": {"width": 1.25, "color": theme.muted}},
+        hoverinfo="skip",
+        showlegend=False,
+    )
+    figure.add_scatter(
+        x=layout.rounded([means[name] for name in names]),
+        y=list(range(len(names))),
+        mode="markers",
+        marker={"size": 10, "color": colours},
+        error_x={
+            "type": "data",
+            "symmetric": False,
+            "array": layout.rounded(
+                [max(high - means[name], 0) for name, (_, high) in zip(names, ends, strict=True)]
+            ),
+            "arrayminus": layout.rounded(
+                [max(means[name] - low, 0) for name, (low, _) in zip(names, ends, strict=True)]
+            ),
+            "color": theme.muted,
+            "thickness": 1.5,
+            "width": 0,
+        },
+        customdata=[
+            layout.lines(
+                [
+                    f"<b>{layout.text(name)}</b>",
+                    f"mean {formats.milliseconds(means[name] / 1e3)} a frame",
+                    f"{formats.plural(len(times[name]), 'run')}; 90 % of the frames from "
+                    f"{formats.milliseconds(low / 1e3)} to {formats.milliseconds(high / 1e3)}",
+                ]
+            )
+            for name, (low, high) in zip(names, ends, strict=True)
+        ],
+        hovertemplate="%{customdata}<extra></extra>",
+        hoverinfo="text",
+        showlegend=False,
+    )
+    reached = [end for pair in ends for end in pair]
+    return figure.update_layout(
+        hovermode="y",
+        xaxis=layout.log_axis("computation, ms a frame (log)", reached),
+        yaxis=named_rows(names),
+        margin={"t": 12},
+    )
+
+
+def named_rows(names: Sequence[str]) -> dict[str, object]:
+    """A y axis with a name for each row, the first on top."""
+    return heat.named_axis(names) | {"range": [len(names) - 0.4, -0.6], "showgrid": False}
+
+
+def stage_bars(rows: Sequence[StageTimes], theme: Theme, close: bool = False) -> go.Figure:
+    """Mean time a frame of each configuration: one bar each, stacked by stage in the pipeline's order.
+
+    Names are above the bars, or on the axis where bars are CLOSE: for many of short names.
+    """
+    figure = layout.blank(theme, stages_height(len(rows), close))
     for stage in ordered({stage for row in rows for stage in row.seconds}):
         figure.add_bar(
             x=layout.rounded([row.seconds.get(stage, 0.0) * 1e3 for row in rows]),
             y=list(range(len(rows))),
             orientation="h",
             name=stage,
-            width=layout.BAR,
+            width=0.62 if close else layout.BAR,
             marker={
                 "color": theme.stages.get(stage, theme.muted),
                 "line": {"width": 1, "color": theme.surface},
@@ -68,12 +171,13 @@ def stage_bars(rows: Sequence[StageTimes], theme: Theme) -> go.Figure:
             customdata=[row.configuration for row in rows],
             hovertemplate="%{customdata}, " + layout.text(stage) + ": <b>%{x:.3~r} ms</b><extra></extra>",
         )
-    names = [(formats.milliseconds(row.computation), row.configuration) for row in rows]
-    layout.name_bars(figure, names, theme)
+    if not close:
+        names = [(formats.milliseconds(row.computation), row.configuration) for row in rows]
+        layout.name_bars(figure, names, theme)
     return figure.update_layout(
         barmode="stack",
         xaxis={"title": {"text": "mean ms a frame"}, "rangemode": "tozero"},
-        yaxis=layout.flat_rows(len(rows)),
+        yaxis=named_rows([row.configuration for row in rows]) if close else layout.flat_rows(len(rows)),
         legend={"traceorder": "normal"},
     )
 

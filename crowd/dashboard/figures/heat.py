@@ -56,6 +56,7 @@ def bar(theme: Theme, title: str, **changes: Any) -> dict[str, Any]:
         "yanchor": "bottom",
         "outlinewidth": 0,
         "tickfont": {"color": theme.muted, "size": 12},
+        "tickangle": 0,
         "title": {"text": title, "side": "top", "font": {"color": theme.muted, "size": 13}},
         **changes,
     }

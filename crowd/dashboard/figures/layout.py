@@ -20,8 +20,6 @@ FONT = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'Liberatio
 BAR = 0.4
 # What the names of flat bars are called among the annotations.
 ROW_NAME = "row"
-# How bars are filled whose figure does not count. Both patterns differ by shape, not by colour alone.
-SUSPECT_PATTERN, UNCONFIRMED_PATTERN = "/", "."
 
 
 def blank(theme: Theme, height: int) -> go.Figure:
@@ -60,21 +58,6 @@ def blank(theme: Theme, height: int) -> go.Figure:
             "dragmode": False,
         }
     )
-
-
-def pattern(rows: Iterable[Speedup], theme: Theme) -> dict[str, Any]:
-    """The fill of a bar for each of ROWS: striped for suspect, dotted for unconfirmed, plain for others."""
-    shapes = [
-        SUSPECT_PATTERN if row.suspect else "" if row.confirmed else UNCONFIRMED_PATTERN for row in rows
-    ]
-    return {
-        "shape": shapes,
-        "fillmode": "overlay",
-        "fgcolor": theme.surface,
-        "fgopacity": 0.75,
-        "size": 7,
-        "solidity": 0.35,
-    }
 
 
 def state_words(row: Speedup) -> list[str]:
@@ -122,6 +105,17 @@ def name_bars(figure: go.Figure, bars: Iterable[tuple[str, str]], theme: Theme) 
 def flat_rows(rows: int) -> dict[str, Any]:
     """The y axis of ROWS flat bars, the first on top, with room for a name above each."""
     return {"range": [max(rows, 1) - 0.6, -0.72], "visible": False}
+
+
+def span(values: Sequence[float], least: float) -> list[float]:
+    """The range of an axis for VALUES, LEAST or more wide and never below 0 where they are not: what is flat
+    looks flat.
+    """
+    low, high = min(values), max(values)
+    room = max((least - (high - low)) / 2, (high - low) * 0.05)
+    if low >= 0 and low < room:
+        return [0.0, max(high + room, least)]
+    return [low - room, high + room]
 
 
 def log_ticks(low: float, high: float) -> list[float]:

@@ -2,16 +2,19 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
+from statistics import median
+from typing import Any
 
 import numpy as np
 from django.urls import reverse
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import layout
+from crowd.dashboard.figures import layout, marks
 from crowd.dashboard.figures.decimation import decimated, said
+from crowd.dashboard.figures.names import brief
 from crowd.dashboard.palette import Theme
-from crowd.devices.naming.vendors import CPU, OTHER
+from crowd.devices.naming.vendors import OTHER
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import Speedup
 
@@ -25,8 +28,10 @@ LEGEND_ENTRY = 58
 # What bars can be coloured by.
 VENDOR, SOC = "vendor", "soc"
 UNKNOWN = "unknown"
-# Vendors with a colour of their own, in the order of the palette; CPU gets its grey.
-COLOURED = ("Adreno", "Mali", "NVIDIA", "Intel", "Radeon", "Apple", CPU)
+# Pixels of a row of labels above upright bars, and letters that a phone has room for in one.
+LABEL_ROW = 22
+LABEL_LENGTH = 20
+PLOT_HEIGHT = 300
 
 
 def bars_height(rows: int) -> int:
@@ -38,10 +43,11 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     """One bar a device and processor, with a line at 1 (no gain); coloured by the maker of the chip that
     computed, or BY the system on a chip.
 
-    Figures that count come first, largest gain first. Unconfirmed figures follow them and are dotted, suspect
+    Figures that count come first, largest gain first. Unconfirmed figures follow them and are hollow, suspect
     ones are striped. Whiskers are 95 % intervals over installations, grey ones the interval of the one
-    session behind a figure. Up to NAMED_BARS bars lie flat with the name above each. Of more than
-    decimation.MOST_DRAWN bars every n-th is drawn, and the figure says so.
+    session behind a figure. Up to NAMED_BARS bars lie flat with the name above each; of more, the largest,
+    the smallest and the median are named. Of more than decimation.MOST_DRAWN bars every n-th is drawn, and
+    the figure says so.
     """
     by_gain = sorted(rows, key=lambda row: (not row.counts, -row.speedup, row.device.slug, row.processor))
     # None is kept beyond its turn: the outline of the bars stays what it is.
@@ -54,8 +60,8 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         groups = frequent([row.device.soc or UNKNOWN for row in ranked], len(theme.series) - 1)
         colours = _group_colours(groups, theme)
     else:
-        groups = [name if name in COLOURED else OTHER for name in vendors]
-        colours = _vendor_colours(groups, theme)
+        groups = vendors
+        colours = {name: colour for name, colour in theme.families.items() if name in groups}
     for name, colour in colours.items():
         ranks = [rank for rank, other in enumerate(groups) if other == name]
         members = [ranked[rank] for rank in ranks]
@@ -66,11 +72,9 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
             orientation="h" if flat else "v",
             name=layout.text(layout.clipped(name, 24)),
             width=layout.BAR if flat else 0.8 if len(ranked) <= DENSE else 1.0,
-            marker={
-                "color": colour,
-                "line": {"width": 0},
-                "pattern": layout.pattern(members, theme),
-            },
+            marker=marks.bar_marks(
+                members, [colour] * len(members), theme, edge=1.5 if len(ranked) <= DENSE else 0
+            ),
             # Plotly copies and checks lists of lists item by item.
             customdata=np.array(
                 [
@@ -80,17 +84,21 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
                 dtype=object,
             ),
             hovertemplate="%{customdata[0]}<extra></extra>",
+            # Without x and y: no label of the axis beside that of the bar.
+            hoverinfo="text",
             showlegend=len(colours) > 1,
         )
+    marks.add_legend(figure, ranked, theme)
     _add_intervals(figure, ranked, flat, theme)
     if not ranked:
         layout.note(figure, "No figure to show yet", theme)
     # A figure that does not count may lie far beyond all others: it must not flatten them.
     in_sight = [row for row in ranked if row.counts] or ranked
     reach = max([row.high or row.session_high or row.speedup for row in in_sight], default=1.0)
-    values_axis = {
+    top = max(reach * 1.06, 1.5)
+    values_axis: dict[str, Any] = {
         "title": {"text": "speedup over the default, on the same device"},
-        "range": [0, max(reach * 1.06, 1.5)],
+        "range": [0, top],
         "ticksuffix": formats.TIMES,
     }
     no_gain = {"type": "line", "line": {"color": theme.ink, "width": 1.5, "dash": "dot"}}
@@ -99,7 +107,10 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         layout.name_bars(figure, zip(written, names, strict=True), theme)
         figure.add_shape(x0=1, x1=1, yref="paper", y0=0, y1=1, **no_gain)
         return figure.update_layout(
-            xaxis=values_axis, yaxis=layout.flat_rows(len(ranked)), legend={"entrywidth": LEGEND_ENTRY}
+            xaxis=values_axis,
+            yaxis=layout.flat_rows(len(ranked)),
+            legend={"entrywidth": LEGEND_ENTRY},
+            hovermode="y",
         )
     figure.add_shape(y0=1, y1=1, xref="paper", x0=0, x1=1, **no_gain)
     left_out = said(len(ranked), len(by_gain))
@@ -109,7 +120,64 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         "range": [-0.7, len(ranked) - 0.3],
         "title": {"text": ", ".join(filter(None, (_order(ranked), left_out)))},
     }
-    return figure.update_layout(xaxis=devices_axis, yaxis=values_axis, legend={"entrywidth": LEGEND_ENTRY})
+    values_axis["range"] = [0, top * (1 + 3 * LABEL_ROW / PLOT_HEIGHT)]
+    values_axis |= {"tick0": 0, "nticks": 8}
+    _name_extremes(figure, ranked, names, top, theme)
+    return figure.update_layout(
+        xaxis=devices_axis,
+        yaxis=values_axis,
+        legend={"entrywidth": LEGEND_ENTRY},
+        # A finger or a pointer does not have to meet a bar of three pixels: the nearest one answers.
+        hovermode="x",
+    )
+
+
+def _name_extremes(
+    figure: go.Figure, ranked: Sequence[Speedup], names: Sequence[str], top: float, theme: Theme
+) -> None:
+    """Name the largest and the smallest of RANKED that count and their median, in three rows above TOP, each
+    with a line down to its bar. In this order no line crosses a label that it does not belong to.
+    """
+    last = sum(row.counts for row in ranked) or len(ranked)
+    middle = (last - 1) / 2
+
+    def called(rank: int) -> str:
+        # What tells it from other bars of its device stays.
+        title = ranked[rank].device.title
+        return layout.clipped(brief(title) + names[rank].removeprefix(title), LABEL_LENGTH)
+
+    labels = [
+        (0, ranked[0].speedup, f"largest, {called(0)}", "left"),
+        (
+            last - 1,
+            ranked[last - 1].speedup,
+            f"smallest, {called(last - 1)}",
+            "right",
+        ),
+        (middle, median(row.speedup for row in ranked[:last]), "median", "center"),
+    ]
+    step = top * LABEL_ROW / PLOT_HEIGHT
+    for number, (rank, value, words, anchor) in enumerate(labels):
+        level = top + step * (2.5 - number)
+        figure.add_shape(
+            type="line",
+            x0=rank,
+            x1=rank,
+            y0=value,
+            y1=level - step / 3,
+            line={"color": theme.muted, "width": 1},
+            layer="below",
+        )
+        figure.add_annotation(
+            x=rank,
+            y=level,
+            text=f"<b>{formats.speedup(value)}</b> {layout.text(words)}",
+            font={"color": theme.ink, "size": 12},
+            xanchor=anchor,
+            xshift={"left": -4, "right": 4, "center": 0}[anchor],
+            yanchor="middle",
+            showarrow=False,
+        )
 
 
 def _order(rows: Sequence[Speedup]) -> str:
@@ -164,12 +232,6 @@ def frequent(groups: Sequence[str], most: int) -> list[str]:
     counts = Counter(group for group in groups if group != OTHER)
     kept = {group for group, _ in sorted(counts.items(), key=lambda item: (-item[1], item[0]))[:most]}
     return [group if group in kept else OTHER for group in groups]
-
-
-def _vendor_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:
-    """The colour of each vendor among GROUPS: the same whatever the filters leave."""
-    known = dict(zip(COLOURED, theme.series, strict=True)) | {OTHER: theme.stages["acquisition"]}
-    return {name: colour for name, colour in known.items() if name in groups}
 
 
 def _group_colours(groups: Sequence[str], theme: Theme) -> dict[str, str]:

@@ -1,6 +1,8 @@
 """Whether a front transfers: how alike devices are, and how its best does on each of them."""
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from django.urls import reverse
@@ -8,6 +10,7 @@ from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.figures import heat, layout
+from crowd.dashboard.figures.names import short_names
 from crowd.dashboard.palette import Theme
 from crowd.fronts.selectors import BEST
 from crowd.results.reading.transfer_rows import CorrelationMatrix, Winner
@@ -15,6 +18,12 @@ from crowd.results.reading.transfer_rows import CorrelationMatrix, Winner
 PEARSON, SPEARMAN = "pearson", "spearman"
 CELL = 22  # pixels
 BAR = 26
+REGRET_HEIGHT = 400
+# Letters of a name on an axis, where there is room and on a phone; pixels that one beside another needs.
+LETTERS, NARROW_LETTERS = 22, 12
+NAME = 15
+# What a phone and a desk have for the plot between its margins, in pixels.
+NARROW_PLOT, WIDE_PLOT = 210, 900
 
 
 def correlation_height(devices: int) -> int:
@@ -23,8 +32,8 @@ def correlation_height(devices: int) -> int:
 
 
 def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Figure:
-    """The coefficient KIND of every two devices, numbered from 1 in the order of MATRIX; blank where nothing
-    is known.
+    """The coefficient KIND of every two devices in the order of MATRIX, with their short names; blank where
+    nothing is known.
 
     Colours span what occurs, up to 1.
     """
@@ -44,19 +53,42 @@ def correlation_map(matrix: CorrelationMatrix, kind: str, theme: Theme) -> go.Fi
         theme,
         zmin=min(np.floor(lowest * 10) / 10, 0.9),
         zmax=1,
-        colorbar=heat.bar(theme, f"{kind.title()} correlation of times", nticks=5),
+        colorbar=heat.bar(theme, f"{kind.title()} correlation of times", nticks=4),
     )
-    numbers = heat.named_axis([str(number) for number in range(1, len(devices) + 1)])
+    names, narrow = short_names(devices, LETTERS), short_names(devices, NARROW_LETTERS)
     return figure.update_layout(
-        # Numbers: of names a phone has no room for.
-        xaxis=numbers | {"tickvals": numbers["tickvals"][4::5], "ticktext": numbers["ticktext"][4::5]},
-        yaxis=numbers,
+        xaxis=_upright_names(names, WIDE_PLOT),
+        yaxis=heat.named_axis(names),
         margin={"t": 64},
+        # What figures.js puts in place of the above on a phone.
+        meta={
+            "narrow": {
+                **_paths("xaxis", _upright_names(narrow, NARROW_PLOT)),
+                **_paths("yaxis", heat.named_axis(narrow) | {"tickfont": {"size": 11}}),
+            }
+        },
     )
+
+
+def _upright_names(names: Sequence[str], pixels: int) -> dict[str, Any]:
+    """An x axis with NAMES at 0, 1, 2, ... written upwards: as many as PIXELS have room for, every n-th."""
+    every = max(1, math.ceil(len(names) * NAME / pixels))
+    axis = heat.named_axis(names)
+    return axis | {
+        "tickvals": axis["tickvals"][::every],
+        "ticktext": axis["ticktext"][::every],
+        "tickangle": -90,
+        "tickfont": {"size": 11},
+    }
+
+
+def _paths(axis: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """SETTINGS of AXIS by their paths in a layout, without its title."""
+    return {f"{axis}.{name}": value for name, value in settings.items() if name != "title"}
 
 
 def _pair(matrix: CorrelationMatrix, values: np.ndarray, first: int, second: int) -> str:
-    names = [f"{number + 1}: {layout.text(matrix.devices[number].title)}" for number in (first, second)]
+    names = [layout.text(matrix.devices[number].title) for number in (first, second)]
     return layout.lines(
         [
             f"<b>{names[0]}</b>",
@@ -75,36 +107,44 @@ def regret_bars(rows: Sequence[Winner], theme: Theme) -> go.Figure:
         (row for row in rows if row.regret is not None),
         key=lambda row: (row.regret, row.best_rank, row.device.slug),
     )
-    figure = layout.blank(theme, 340)
+    figure = layout.blank(theme, REGRET_HEIGHT)
     told = np.array(
         [[_regret(row), reverse("dashboard:device", args=[row.device.slug])] for row in judged], dtype=object
     ).reshape(-1, 2)
     figure.add_bar(
-        x=list(range(1, len(judged) + 1)),
+        x=list(range(len(judged))),
         # From 1 on: what is above is what a search on the device itself would have gained.
         base=1,
         y=[round((row.regret or 1.0) - 1, 4) for row in judged],
         marker={"color": theme.series[0], "line": {"width": 0}},
         customdata=told,
         hovertemplate="%{customdata[0]}<extra></extra>",
+        hoverinfo="text",
         showlegend=False,
     )
     winning = [place for place, row in enumerate(judged) if row.best_rank == 1]
     figure.add_scatter(
-        x=[place + 1 for place in winning],
+        x=winning,
         y=[1.0] * len(winning),
         mode="markers",
         marker={"color": theme.best, "size": 7},
-        customdata=told[winning],
-        hovertemplate="%{customdata[0]}<extra></extra>",
+        # The bar of no height at the same place answers.
+        hoverinfo="skip",
         name="best wins here too",
         showlegend=True,
     )
     if not judged:
         layout.note(figure, "Nobody has measured several configurations yet", theme)
     most = max((row.regret or 1.0 for row in judged), default=1.0)
+    devices = [row.device for row in judged]
+    wide, narrow = (
+        _upright_names(short_names(devices, letters), pixels)
+        for letters, pixels in ((LETTERS, WIDE_PLOT), (NARROW_LETTERS, NARROW_PLOT))
+    )
     return figure.update_layout(
-        xaxis={"title": {"text": "devices, least loss first"}, "showgrid": False, "tickformat": "d"},
+        xaxis=wide | {"title": {"text": "devices, least loss first"}, "showgrid": False},
+        meta={"narrow": _paths("xaxis", narrow)},
+        hovermode="x",
         yaxis={
             "title": {"text": "time of best over the device's fastest"},
             "range": [1 - (most - 1) * 0.06 - 0.005, 1 + max((most - 1) * 1.08, 0.05)],

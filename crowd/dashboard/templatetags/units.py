@@ -8,9 +8,10 @@ from typing import Any
 from django import template
 
 from crowd.dashboard import confirmation, formats
+from crowd.dashboard.stages import tracking
 from crowd.fronts.content.protocol import first_counted_frame, max_ate
 from crowd.results.reading.backends import BACKENDS
-from crowd.results.reading.rows import Attempts, Device, Speedup
+from crowd.results.reading.rows import Attempts, Device, RunSeries, Speedup
 from crowd.results.validity.rules import RULES
 from slam.disclosure import public
 from slam.protocol import MAX_DRIFT
@@ -157,6 +158,15 @@ def session_failures(counts: tuple[int, int, int]) -> str:
 def share(number: int, of: int) -> str:
     """A count out of another one."""
     return formats.share(number, of)
+
+
+@register.filter
+def tracked_of(series: RunSeries) -> str:
+    """On how many frames a run tracked the camera, of those on which it tried; the first number alone where
+    the client did not tell the second.
+    """
+    tracked, shown = series.run.tracked_frames, tracking(series)
+    return formats.count(tracked) if tracked is None or shown is None else formats.share(tracked, shown.tried)
 
 
 @register.filter

@@ -12,19 +12,21 @@ from crowd.dashboard.choosing import measured, named, onward, query
 from crowd.dashboard.comparison import InvalidComparisonError
 from crowd.dashboard.confirmation import confirmed_by_chip, left_out
 from crowd.dashboard.drawings.comparison import read
-from crowd.dashboard.drawings.devices import attempts_of, crowd_of, rank_of
+from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, rank_of
 from crowd.dashboard.drawings.speedups import colour_of
+from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import configurations_height, releases_height
 from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.race import race
-from crowd.dashboard.standing import standing
+from crowd.dashboard.standing import Standing, standing
 from crowd.dashboard.views.sessions import of_session
 from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
 from crowd.results.reading.filters import InvalidFilterError
+from crowd.results.reading.rows import History
 
 PAGE = 40
 
@@ -69,6 +71,8 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
         limits, problem = Limits.of(request.GET), ""
     except InvalidFilterError as error:
         limits, problem = Limits(), str(error)
+    rank = rank_of(crowd, slug)
+    shown_session = of_session(detail.latest)
     front_query = {"application": shown.application} if query(shown) else {}
     return render(
         request,
@@ -85,7 +89,7 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "figure": figure,
             "by_chip": confirmed_by_chip(figure),
             "lanes": race(figure.speedup if figure else None),
-            "rank": rank_of(crowd, slug),
+            "rank": rank,
             "fared": attempts_of(crowd, slug, figure),
             "standing": here,
             "advice": Advice.of(known, limits) if known else None,
@@ -96,10 +100,24 @@ def device(request: HttpRequest, slug: str) -> HttpResponse:
             "backends": results.side_by_side(slug, detail.speedups, figure.front) if figure else (),
             "history": history,
             "releases_height": releases_height(len(history.releases) if history else 0),
-            **of_session(detail.latest),
+            **shown_session,
+            "findings": shown_session["findings"] | _findings(rank, here, history),
+            "newest": results.newest_times(detail, figure) if figure else None,
         },
         status=400 if problem else 200,
     )
+
+
+def _findings(rank: Rank | None, here: Standing | None, history: History | None) -> dict[str, str]:
+    """The titles of the charts that are not of one session."""
+    found = {"releases": findings.releases(history.releases if history else ())}
+    if rank:
+        found["place"] = findings.place(rank.place, rank.confirmed)
+    if here:
+        found["configurations"] = findings.configurations(
+            here.winner, here.winner_speedup, here.configurations, here.best_rank
+        )
+    return found
 
 
 @page

@@ -8,7 +8,7 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.confirmation import LeftOut, left_out, ordered
-from crowd.dashboard.drawings.speedups import colour_of
+from crowd.dashboard.drawings.speedups import colour_of, finding_of
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.race import race
@@ -42,6 +42,7 @@ def home(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "asked": asked,
             "colour": colour_of(request),
             "crowd": crowd,
+            "finding": finding_of(crowd),
             "rows": ordered(crowd.rows),
             "others": others,
             "front": front,

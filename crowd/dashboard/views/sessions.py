@@ -9,10 +9,11 @@ from django.shortcuts import render
 from crowd.dashboard.answering import found, page
 from crowd.dashboard.choosing import onward
 from crowd.dashboard.drift import readings, steps
+from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import sensors_height
-from crowd.dashboard.figures.frames import stages_height
+from crowd.dashboard.figures.frames import MOST_LINES, frames_height, stages_height
 from crowd.dashboard.race import race
-from crowd.dashboard.stages import frames, spread, stage_table, times_of
+from crowd.dashboard.stages import frames, spread, stage_table, times_of, tracking
 from crowd.fronts import selectors as published
 from crowd.fronts.content.protocol import first_counted_frame
 from crowd.fronts.selectors import BEST
@@ -43,6 +44,7 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
     """One run: its frames, where the time went, and whether it counts."""
     detail = found(results.run(uuid))
     first_counted = first_counted_frame(detail.protocol)
+    stages = spread(detail.run, first_counted)
     return render(
         request,
         "dashboard/run.html",
@@ -51,7 +53,9 @@ def run(request: HttpRequest, uuid: UUID) -> HttpResponse:
             "run": detail.run.run,
             "onward": _onward(detail.session.front),
             "protocol": detail.protocol,
-            "spread": spread(detail.run, first_counted),
+            "spread": stages,
+            "finding": findings.run(stages),
+            "tracking": tracking(detail.run),
             "frames": frames(detail.run, first_counted),
         },
     )
@@ -67,11 +71,21 @@ def of_session(detail: SessionDetail | None) -> dict[str, Any]:
     """What the charts of a session need: its stages, how it held out, how high they are."""
     stages = times_of(detail)
     sensors = readings(detail.samples) if detail else ()
+    drifts = steps(detail) if detail else ()
+    configurations = len({series.run.configuration for series in detail.runs}) if detail else 0
     return {
         "stages": stages,
         "stage_table": stage_table(stages),
-        "stages_height": stages_height(len(stages)),
-        "steps": steps(detail) if detail else (),
+        "stages_height": stages_height(len(stages), close=len(stages) > MOST_LINES),
+        "frames_height": frames_height(configurations),
+        "many": configurations > MOST_LINES,
+        "findings": {
+            "frames": findings.session(detail.session.speedups if detail else ()),
+            "stages": findings.stages(stages),
+            "drift": findings.drift(drifts),
+            "sensors": findings.sensors(sensors),
+        },
+        "steps": drifts,
         "sensors": sensors,
         "sensors_height": sensors_height(len(sensors)),
     }

@@ -6,7 +6,8 @@ from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.drawings.transfer import kind_of
-from crowd.dashboard.figures.transfer import correlation_height, winners_height
+from crowd.dashboard.figures import findings
+from crowd.dashboard.figures.transfer import REGRET_HEIGHT, correlation_height, winners_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.judgements import judgements, maps_of
 from crowd.dashboard.transfer import KINDS, alike, ordered, pairs
@@ -38,6 +39,12 @@ def transfer(request: HttpRequest, asked: Filtering) -> HttpResponse:
             "kinds": [(name, asked.with_other("correlation", name)) for name in KINDS],
             "alike": alike(matrix, kind),
             "pairs": len(every),
+            "findings": {
+                "regret": findings.regret(found.wins, found.judged, found.median_regret),
+                "winners": findings.winners(found.counts, len(found.rows)),
+                "alike": findings.alike(every.tolist(), kind),
+            },
+            "regret_height": REGRET_HEIGHT,
             "median": float(np.median(every)) if len(every) else None,
             "height": correlation_height(len(matrix.devices)),
             "winners_height": winners_height(len(found.counts)),

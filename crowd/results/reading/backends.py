@@ -3,12 +3,11 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from django.db.models import Avg
-
 from crowd.devices.disclosure import find
 from crowd.devices.models import ProcessorClass
-from crowd.fronts.selectors import BEST, DEFAULT
-from crowd.results.models import Run, SessionSummary, State
+from crowd.fronts.selectors import BEST
+from crowd.results.reading import newest_times
+from crowd.results.reading.newest_times import NewestTimes
 from crowd.results.reading.rows import Speedup
 
 # In the order in which they count where a model has several: a browser adds a cost to every frame that has
@@ -26,13 +25,12 @@ ORDER = tuple(BACKENDS)
 
 @dataclass(frozen=True)
 class BackendRow:
-    """A backend on one device: its figure of `best`, and seconds a frame of default and best in its newest
-    session that counts; None where the figure comes from suspect sessions alone.
+    """A backend on one device: its figure of `best`, and the times of its newest session that counts; None
+    where the figure comes from suspect sessions alone.
     """
 
     figure: Speedup
-    default: float | None
-    best: float | None
+    newest: NewestTimes | None
 
 
 def preference(row: Speedup) -> tuple[bool, int]:
@@ -65,24 +63,4 @@ def side_by_side(slug: str, rows: Iterable[Speedup], front: str) -> tuple[Backen
     if model is None:
         return ()
     figures = sorted((leading(each)[slug] for each in own.values()), key=preference)
-    return tuple(_timed(figure, model.pk) for figure in figures)
-
-
-def _timed(figure: Speedup, device: int) -> BackendRow:
-    cohort = {
-        "device": device,
-        "front__slug": figure.front,
-        "backend": figure.backend,
-        "processor": figure.processor,
-        "processor_class": figure.processor_class,
-    }
-    counted = SessionSummary.objects.filter(
-        **{f"cohort__{name}": value for name, value in cohort.items()},
-        configuration__name=BEST,
-        state=State.VALID,
-    )
-    newest = counted.order_by("-session").values_list("session", flat=True).first()
-    runs = Run.objects.filter(session=newest, state=State.VALID, configuration__name__in=(DEFAULT, BEST))
-    means = runs.order_by().values_list("configuration__name").annotate(mean=Avg("mean_us"))
-    times = {name: mean * 1e-6 for name, mean in means if mean is not None}
-    return BackendRow(figure, times.get(DEFAULT), times.get(BEST))
+    return tuple(BackendRow(figure, newest_times.of_device(figure, model.pk)) for figure in figures)

@@ -87,6 +87,11 @@ def headline(rows: Iterable[Speedup], configuration: str = BEST) -> Headline:
     )
 
 
+def model_speedups(rows: Iterable[Speedup], configuration: str = BEST) -> dict[str, float]:
+    """The speedup of each model that the headline of ROWS is over, by its slug."""
+    return _by_model(one_kind([row for row in _of(rows, configuration) if row.counts]))
+
+
 def one_kind(rows: Sequence[Speedup]) -> list[Speedup]:
     """Of each model in ROWS the figures of one processor class and one backend, the preferred ones."""
     best: dict[str, tuple[bool, int]] = {}

@@ -74,6 +74,30 @@ def test_a_bar_leads_to_its_device(visit: Visit) -> None:
     page.wait_for_url("**/devices/google-p30/")
 
 
+def test_a_first_tap_names_a_bar_and_a_second_one_opens_its_device(visit: Visit) -> None:
+    visitor = visit(width=390, has_touch=True, is_mobile=True)
+    page = visitor.open("/?vendor=NVIDIA")
+    bar = page.locator(f"{CHANGED} .barlayer .point").first
+    bar.scroll_into_view_if_needed()
+    box = bar.bounding_box()
+    assert box
+
+    def tap() -> None:
+        page.touchscreen.tap(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+
+    tap()
+    note = page.locator(f"{CHANGED} .named")
+    note.wait_for()
+
+    assert "P30" in note.inner_text()
+    assert "over its own default" in note.inner_text()
+    assert note.get_by_role("link").get_attribute("href") == "/devices/google-p30/"
+    assert page.url.endswith("/?vendor=NVIDIA")
+    tap()
+    page.wait_for_url("**/devices/google-p30/")
+    assert visitor.complaints == []
+
+
 def test_a_chart_that_cannot_be_fetched_says_so_and_points_to_the_table(visit: Visit) -> None:
     visitor = visit()
     visitor.page.route("**/figures/**", lambda route: route.abort())
@@ -158,11 +182,14 @@ def test_on_a_phone_figures_come_first_and_filters_are_one_tap_away_without_scri
     page.goto(f"{visitor.server}/")
     choice = page.get_by_label("Chip maker")
     assert not choice.is_visible()
-    form, figures = page.locator(".folded").bounding_box(), page.locator(".readings").bounding_box()
+    form, figures = (
+        page.locator("section:has(#filters) .folded").bounding_box(),
+        page.locator(".readings").bounding_box(),
+    )
     assert form["y"] + form["height"] < figures["y"]
     assert form["height"] < 60
 
-    page.locator(".folded > summary").click()
+    page.locator("section:has(#filters) .folded > summary").click()
     choice.select_option("NVIDIA")
     page.get_by_role("button", name="Show", exact=True).click()
 

@@ -2,6 +2,8 @@
 "use strict";
 
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
+// Below this width, in pixels, names on axes are shorter and fewer.
+const NARROW = 560;
 const still = { displayModeBar: false, responsive: true, scrollZoom: false, doubleClick: "reset" };
 
 async function draw(figure) {
@@ -13,7 +15,7 @@ async function draw(figure) {
     if (!answer.ok) throw new Error(`${answer.status} ${answer.statusText}`);
     const { data, layout } = await answer.json();
     plot.querySelector(".waiting")?.remove();
-    await window.Plotly.react(plot, data, layout, still);
+    await window.Plotly.react(plot, data, fitted(layout, plot.clientWidth), still);
     figure.dataset.drawn = address.searchParams.get("theme");
     if (!figure.dataset.wired) {
       wire(figure, plot);
@@ -29,13 +31,59 @@ async function draw(figure) {
   }
 }
 
+// LAYOUT with what it says under meta.narrow, by path ("xaxis.ticktext"), where the plot has a phone's width.
+function fitted(layout, width) {
+  const changes = width < NARROW ? (layout.meta?.narrow ?? {}) : {};
+  for (const [path, value] of Object.entries(changes)) {
+    const names = path.split(".");
+    const last = names.pop();
+    names.reduce((part, name) => (part[name] ??= {}), layout)[last] = value;
+  }
+  return layout;
+}
+
 // A mark that stands for a page (a device, a run) carries its address as the last item of customdata.
 function wire(figure, plot) {
   figure.dataset.wired = "yes";
-  plot.on("plotly_click", ({ points }) => {
-    const target = [points[0].customdata].flat().at(-1);
-    if (typeof target === "string" && /^\/[^/]/.test(target)) window.location.assign(target);
+  let pointer = "mouse";
+  let taps = 0;
+  const named = { target: null, tap: 0 };
+  const press = ({ pointerType }) => {
+    pointer = pointerType;
+    taps += 1;
+  };
+  plot.addEventListener("pointerdown", press, { capture: true });
+  plot.on("plotly_click", ({ points: [point] }) => {
+    const [words, target] = told(point);
+    if (!target) return;
+    // A finger cannot hover: its first tap says what a mark is, a second one on the same mark opens it. Of one tap
+    // plotly may tell twice.
+    if (pointer === "mouse" || (named.target === target && named.tap < taps)) window.location.assign(target);
+    else if (named.target !== target) {
+      Object.assign(named, { target, tap: taps });
+      name(figure, words, target);
+    }
   });
+}
+
+// What a mark's label says, as lines of text, and the page that it stands for.
+function told(point) {
+  const [words, target] = [point.customdata].flat();
+  const page = typeof target === "string" && /^\/[^/]/.test(target) ? target : null;
+  const lines = new DOMParser().parseFromString(String(words).replaceAll("<br>", "\n"), "text/html");
+  return [lines.body.textContent.split("\n"), page];
+}
+
+// Writes below the plot which mark was tapped, with a link to its page.
+function name(figure, [title, ...lines], target) {
+  const note = figure.querySelector(".named") ?? document.createElement("p");
+  note.className = "named";
+  note.setAttribute("role", "status");
+  const link = document.createElement("a");
+  link.href = target;
+  link.textContent = title;
+  note.replaceChildren(link, ...lines.flatMap((line) => [document.createElement("br"), line]));
+  figure.querySelector(".plot").after(note);
 }
 
 function figures() {

@@ -1,0 +1,211 @@
+"""What a chart shows, in one sentence: its title on a page. Pure functions of the rows that it draws.
+
+Each sentence is true whatever filters leave: no device, one, two, all slower, ties.
+"""
+
+from collections.abc import Sequence
+from statistics import median
+
+from crowd.dashboard import formats
+from crowd.dashboard.drift import Readings, Step
+from crowd.dashboard.stages import Spread, StageTimes
+from crowd.fronts.selectors import DEFAULT
+from crowd.results.models import State
+from crowd.results.reading.rows import Place, Release, SessionSpeedup
+from slam.protocol import MAX_DRIFT
+
+# A sensor whose readings stay within this share of the largest one is steady.
+STEADY = 0.02
+
+
+def crowd(speedups: Sequence[float], configuration: str, uncounted: int = 0, noun: str = "device") -> str:
+    """On how many device models CONFIGURATION is faster. SPEEDUPS has one number for each model that counts;
+    UNCOUNTED others were measured.
+    """
+    if not speedups:
+        return _none_counts(uncounted, noun)
+    if len(speedups) == 1:
+        kind = f"confirmed {noun}" if uncounted else noun
+        return f"One {kind} so far: {configuration} is {_gain(speedups[0])}"
+    faster = sum(speedup > 1 for speedup in speedups)
+    if len(speedups) == 2:
+        values = f"{formats.speedup(max(speedups))} and {formats.speedup(min(speedups))}"
+    else:
+        values = f"{formats.speedup(median(speedups))} in the median"
+    return f"{_of_all(faster, len(speedups), noun)} faster with {configuration}: {values}"
+
+
+def _gain(speedup: float) -> str:
+    words = "faster than" if speedup > 1 else "as fast as"
+    return f"{formats.speedup(speedup)} {words} the default"
+
+
+def _none_counts(uncounted: int, noun: str) -> str:
+    if not uncounted:
+        return f"No {noun} has been measured yet"
+    if uncounted == 1:
+        return f"One {noun} was measured, and its figure is not confirmed yet"
+    return f"None of {formats.plural(uncounted, noun)} has a confirmed figure yet"
+
+
+def _of_all(some: int, count: int, noun: str) -> str:
+    """Subject and verb: SOME of COUNT, which is two or more."""
+    if some == count:
+        return f"Both {noun}s are" if count == 2 else f"Every one of {formats.plural(count, noun)} is"
+    if not some:
+        return f"Neither of two {noun}s is" if count == 2 else f"None of {formats.plural(count, noun)} is"
+    return f"{some:,} of {formats.plural(count, noun)} {'is' if some == 1 else 'are'}"
+
+
+def regret(wins: int, judged: int, median_regret: float | None) -> str:
+    """How the configuration that is best on the reference device does on JUDGED others."""
+    if not judged or median_regret is None:
+        return "No device has a valid figure of best to compare yet"
+    if judged == 1:
+        if wins:
+            return "On the one device best is the fastest configuration"
+        return f"On the one device best takes {formats.speedup(median_regret)} the time of the fastest"
+    devices = formats.plural(judged, "device")
+    if wins == judged:
+        return f"On all of {devices} best is the fastest configuration"
+    where = f"On {formats.count(wins)} of {devices}" if wins else f"On none of {devices}"
+    return f"{where} best is the fastest: in the median it takes {formats.speedup(median_regret)} the time"
+
+
+def winners(counts: Sequence[tuple[str, int]], devices: int) -> str:
+    """Which configuration is the fastest on the most of DEVICES; COUNTS has most first."""
+    if not counts:
+        return "No device has measured several configurations yet"
+    most = counts[0][1]
+    leaders = [name for name, count in counts if count == most]
+    if devices == 1:
+        return f"On the one device {leaders[0]} is the fastest"
+    of = f"{formats.count(most)} of {formats.plural(devices, 'device')}"
+    if len(leaders) == 1:
+        return f"On {of} {leaders[0]} is the fastest"
+    if len(leaders) == 2:
+        return f"Two configurations, {leaders[0]} and {leaders[1]}, are each the fastest on {of}"
+    return f"{formats.count(len(leaders))} configurations are each the fastest on {of}"
+
+
+def alike(coefficients: Sequence[float], kind: str) -> str:
+    """How alike devices are: COEFFICIENTS has one number for each pair of them, KIND names it."""
+    if not len(coefficients):
+        return "No two devices can be compared yet"
+    where = "on the one pair of devices"
+    if len(coefficients) > 1:
+        where = f"in the median of {formats.plural(len(coefficients), 'pair')} of devices"
+    return f"Times correlate with {formats.coefficient(float(median(coefficients)))} ({kind.title()}) {where}"
+
+
+def place(found: Place, confirmed: bool) -> str:
+    """Where a device stands among those that count."""
+    if found.slower is None:
+        return "The first device with a confirmed figure" if confirmed else "No other device is confirmed yet"
+    of = f"{formats.count(found.rank)} of {formats.plural(len(found.models), 'device model')}"
+    if not confirmed:
+        return f"No rank yet: once confirmed it would have rank {of}"
+    ties = sum(speedup == found.speedup for _, speedup in found.models) > 1
+    if found.rank == 1:
+        return f"Rank {of}: {'no other gains more' if ties else 'it gains the most'}"
+    if not found.slower:
+        return f"Rank {of}: no other gains less"
+    return f"Rank {of}: it gains more than {formats.percent(found.slower)} of the others"
+
+
+def configurations(winner: str, speedup: float, count: int, best_rank: int | None) -> str:
+    """Which of COUNT configurations is the fastest on one device, and where `best` comes in."""
+    of = formats.plural(count, "configuration")
+    if winner == DEFAULT:
+        return f"Of {of} none is faster than the default here"
+    rank = f"; best has rank {best_rank}" if best_rank is not None and best_rank > 1 else ""
+    return f"Of {of} {winner} is the fastest here: {formats.speedup(speedup)}{rank}"
+
+
+def releases(rows: Sequence[Release]) -> str:
+    """How far the speedups under several drivers and systems lie apart."""
+    if not rows:
+        return "No driver is known"
+    if len(rows) == 1:
+        return f"{formats.speedup(rows[0].speedup)} under the one driver and system seen so far"
+    low, high = min(row.speedup for row in rows), max(row.speedup for row in rows)
+    where = f"{formats.plural(len(rows), 'release')} of driver and system"
+    if formats.speedup(low) == formats.speedup(high):
+        return f"{formats.speedup(low)} under each of {where}"
+    return f"{formats.interval(low, high)} under {where}"
+
+
+def session(answers: Sequence[SessionSpeedup]) -> str:
+    """Which configuration one session found the fastest; its suspect answers are left out."""
+    found = {
+        row.configuration: row.speedup
+        for row in answers
+        if row.speedup is not None and row.state == State.VALID
+    }
+    if not found:
+        return "No pair of its runs can be compared"
+    name = min(found, key=lambda each: (-found[each], each))
+    if len(found) == 1:
+        return f"In this session {name} is {_gain(found[name])}"
+    if found[name] <= 1:
+        return f"None of {formats.plural(len(found), 'configuration')} is faster than the default"
+    of = formats.plural(len(found) + 1, "configuration")
+    return f"Of {of} {name} is the fastest: {formats.speedup(found[name])}"
+
+
+def stages(rows: Sequence[StageTimes]) -> str:
+    """Which stage takes most of the first configuration's time, and its share in the one that is fastest."""
+    shares = {row.configuration: _shares(row) for row in rows}
+    first = DEFAULT if shares.get(DEFAULT) else next((name for name, each in shares.items() if each), None)
+    if first is None:
+        return "No times of single stages"
+    stage = max(shares[first], key=lambda name: shares[first][name])
+    words = f"{stage.capitalize()} takes {formats.percent(shares[first][stage])} of the time of {first}"
+    fastest = min(rows, key=lambda row: row.computation).configuration
+    if fastest == first or not shares[fastest]:
+        return words
+    return f"{words} and {formats.percent(shares[fastest].get(stage, 0.0))} of {fastest}"
+
+
+def _shares(row: StageTimes) -> dict[str, float]:
+    whole = sum(row.seconds.values())
+    return {stage: seconds / whole for stage, seconds in row.seconds.items()} if whole else {}
+
+
+def run(spread: Sequence[Spread]) -> str:
+    """Which stage takes most of one run's time."""
+    if not spread:
+        return "No times of single stages"
+    most = max(spread, key=lambda row: row.share)
+    return f"{most.stage.capitalize()} takes {formats.percent(most.share)} of the time"
+
+
+def drift(steps: Sequence[Step]) -> str:
+    """How much the runs of a session slowed down."""
+    if len({step.configuration for step in steps}) == len(steps):
+        return "No configuration ran twice"
+    worst = max(steps, key=lambda step: step.ratio)
+    if worst.ratio <= 1:
+        return "No run took longer than the first of its configuration"
+    longer = f"{formats.percent(worst.ratio - 1)} longer"
+    if worst.ratio > MAX_DRIFT:
+        return f"Run {worst.place}, of {worst.configuration}, took {longer} than its first"
+    return f"No run took more than {longer} than the first of its configuration"
+
+
+def sensors(rows: Sequence[Readings]) -> str:
+    """What temperature, clock and battery did over a session."""
+    words = "; ".join(map(_sensor, rows)) or "no sensor was reported"
+    return words[0].upper() + words[1:]
+
+
+def _sensor(readings: Readings) -> str:
+    first, last = readings.values[0], readings.values[-1]
+    low, high = min(readings.values), max(readings.values)
+    gap = formats.GAP
+    if high - low <= STEADY * abs(high):
+        return f"{readings.name} steady at {formats.significant(last)}{gap}{readings.unit}"
+    verb = "rose" if last > first else "fell" if last < first else "varied"
+    ends = (low, high) if verb == "varied" else (first, last)
+    from_to = f"from {formats.significant(ends[0])} to {formats.significant(ends[1])}{gap}{readings.unit}"
+    return f"{readings.name} {verb} {from_to}"

@@ -1,0 +1,80 @@
+"""How a figure is drawn that does not count, the same in every chart: hollow is unconfirmed, striped suspect.
+
+The words in tables have the same signs: a ring and an exclamation mark.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from plotly import graph_objects as go
+
+from crowd.dashboard.palette import Theme, mixed
+from crowd.results.reading.rows import Speedup
+
+STRIPES = "/"
+UNCONFIRMED, SUSPECT = "unconfirmed", "suspect"
+# How much of its colour the inside of a hollow bar has: a touch, so that bars can be told from gaps.
+INSIDE = 0.15
+
+
+def bar_marks(
+    rows: Sequence[Speedup], colours: Sequence[str], theme: Theme, edge: float = 1.5
+) -> dict[str, Any]:
+    """The marker of a bar for each of ROWS in its one of COLOURS. EDGE: pixels of a hollow one's line."""
+    states = [_state(row) for row in rows]
+    alike = len(set(colours)) == 1 and UNCONFIRMED not in states
+    return {
+        "color": colours[0]
+        if alike
+        else [
+            mixed(colour, theme.surface, INSIDE) if state == UNCONFIRMED else colour
+            for colour, state in zip(colours, states, strict=True)
+        ],
+        "line": _edges(states, colours, edge),
+        "pattern": {
+            "shape": [STRIPES if state == SUSPECT else "" for state in states],
+            "fillmode": "overlay",
+            "fgcolor": theme.surface,
+            "fgopacity": 0.75,
+            "size": 7,
+            "solidity": 0.35,
+        },
+    }
+
+
+def _state(row: Speedup) -> str:
+    if row.suspect:
+        return SUSPECT
+    return "" if row.confirmed else UNCONFIRMED
+
+
+def _edges(states: Sequence[str], colours: Sequence[str], edge: float) -> dict[str, Any]:
+    if UNCONFIRMED not in states:
+        return {"width": 0}
+    return {"color": list(colours), "width": [edge if state == UNCONFIRMED else 0 for state in states]}
+
+
+def add_legend(figure: go.Figure, rows: Sequence[Speedup], theme: Theme) -> None:
+    """Say in the legend what hollow and striped bars are, where ROWS have some."""
+    states = {_state(row) for row in rows} - {""}
+    for state, symbol, name in (
+        (UNCONFIRMED, "square", "\N{WHITE CIRCLE} unconfirmed (hollow)"),
+        (SUSPECT, "square-x", "! suspect (striped)"),
+    ):
+        if state in states:
+            figure.add_scatter(
+                x=[None],
+                y=[None],
+                mode="markers",
+                name=name,
+                marker={
+                    "symbol": symbol,
+                    "size": 12,
+                    "color": mixed(theme.muted, theme.surface, INSIDE),
+                    "line": {"color": theme.muted, "width": 1.5},
+                },
+                hoverinfo="skip",
+                showlegend=True,
+            )
+    if states:
+        figure.update_layout(showlegend=True)

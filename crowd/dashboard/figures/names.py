@@ -1,0 +1,43 @@
+"""Short names of devices for an axis, which has room for a few letters: all of them differ."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+from crowd.results.reading.rows import Device
+
+ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
+# What a reader misses least: what stands in brackets and behind a comma.
+LEAST = re.compile(r"\s*\([^)]*\)|,.*")
+
+
+def brief(name: str) -> str:
+    """NAME without what is in brackets or behind a comma, unless nothing would be left."""
+    return LEAST.sub("", name).strip() or name
+
+
+def short_names(devices: Sequence[Device], length: int) -> list[str]:
+    """A name of at most LENGTH characters (eight or more) for each of DEVICES, in their order.
+
+    Without the maker where that leaves something, and then without what is in brackets or behind a comma,
+    unless two would be called the same. Too long ones lose their middle; equal ones are numbered.
+    """
+    full = [device.name or device.title for device in devices]
+    plain = [brief(name) for name in full]
+    taken = Counter(plain)
+    chosen = [short if taken[short] == 1 else name for short, name in zip(plain, full, strict=True)]
+    cut = [_cut(name, length) for name in chosen]
+    counts, seen = Counter(cut), Counter[str]()
+    found = []
+    for name in cut:
+        seen[name] += 1
+        number = f" {seen[name]}"
+        found.append(f"{name[: length - len(number)]}{number}" if counts[name] > 1 else name)
+    return found
+
+
+def _cut(name: str, length: int) -> str:
+    if len(name) <= length:
+        return name
+    tail = (length - 1) // 3
+    return f"{name[: length - 1 - tail].rstrip()}{ELLIPSIS}{name[-tail:].lstrip()}"

@@ -1,0 +1,86 @@
+"""What a frame takes with default and best: the times of the newest session that counts behind a figure."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from statistics import fmean
+from uuid import UUID
+
+from crowd.devices.disclosure import find
+from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.results.models import Run, SessionSummary, State
+from crowd.results.reading.rows import DeviceDetail, Speedup
+
+
+@dataclass(frozen=True)
+class NewestTimes:
+    """Seconds a frame of default and best in one session.
+
+    Geometric means over the pairs of runs: their quotient is exactly the session's `speedup`.
+    """
+
+    session: UUID
+    default: float
+    best: float
+
+    @property
+    def speedup(self) -> float:
+        return self.default / self.best
+
+
+def newest_times(detail: DeviceDetail, figure: Speedup) -> NewestTimes | None:
+    """The times behind FIGURE of the device in DETAIL; without a query where the newest session shown is the
+    one, else three queries. None where no session counts.
+    """
+    latest = detail.latest
+    measured_as = (figure.front, figure.backend, figure.processor)
+    classes = {
+        row.processor_class
+        for row in detail.speedups
+        if (row.front, row.backend, row.processor) == measured_as
+    }
+    if latest is not None and len(classes) == 1:
+        session = latest.session
+        answer = session.speedup(BEST)
+        shown = (session.front, session.backend, session.processor)
+        if answer is not None and answer.state == State.VALID and shown == measured_as:
+            runs = [series.run for series in latest.runs if series.run.state == State.VALID]
+            return _paired(session.uuid, ((run.configuration, run.repeat, run.mean_seconds) for run in runs))
+    model = find(figure.device.slug)
+    return None if model is None else of_device(figure, model.pk)
+
+
+def of_device(figure: Speedup, device: int) -> NewestTimes | None:
+    """The times behind FIGURE of the device with the key DEVICE; two queries."""
+    cohort = {
+        "device": device,
+        "front__slug": figure.front,
+        "backend": figure.backend,
+        "processor": figure.processor,
+        "processor_class": figure.processor_class,
+    }
+    counted = SessionSummary.objects.filter(
+        **{f"cohort__{name}": value for name, value in cohort.items()},
+        configuration__name=BEST,
+        state=State.VALID,
+    )
+    newest = counted.order_by("-session").values_list("session", "session__uuid").first()
+    if newest is None:
+        return None
+    key, uuid = newest
+    runs = Run.objects.filter(session=key, state=State.VALID, configuration__name__in=(DEFAULT, BEST))
+    times = runs.order_by().values_list("configuration__name", "repeat", "mean_us")
+    return _paired(uuid, ((name, repeat, mean and mean * 1e-6) for name, repeat, mean in times))
+
+
+def _paired(session: UUID, runs: Iterable[tuple[str, int, float | None]]) -> NewestTimes | None:
+    """Of RUNS (configuration, repeat, seconds a frame) the repeats that default and best both have."""
+    logs: dict[str, dict[int, float]] = {DEFAULT: {}, BEST: {}}
+    for name, repeat, seconds in runs:
+        if name in logs and seconds:
+            logs[name][repeat] = math.log(seconds)
+    pairs = logs[DEFAULT].keys() & logs[BEST].keys()
+    if not pairs:
+        return None
+    default, best = (math.exp(fmean(logs[name][repeat] for repeat in pairs)) for name in (DEFAULT, BEST))
+    return NewestTimes(session, default, best)
