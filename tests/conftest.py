@@ -85,11 +85,17 @@ def no_front_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("crowd.results.intake.checking._released", {})
 
 
-CACHES = ("speedups._speedups_cache", "speedups._front_cache", "tables._cache", "devices._devices_cache")
+CACHES = (
+    "results.reading.speedups._speedups_cache",
+    "results.reading.speedups._front_cache",
+    "results.reading.tables._cache",
+    "results.reading.devices._devices_cache",
+    "dashboard.points._measured_cache",
+)
 
 
 @pytest.fixture(autouse=True)
 def nothing_is_cached(monkeypatch: pytest.MonkeyPatch) -> None:
     """And revisions of another test's database mean other figures."""
     for cache in CACHES:
-        monkeypatch.setattr(f"crowd.results.reading.{cache}", VersionedCache(8))
+        monkeypatch.setattr(f"crowd.{cache}", VersionedCache(8))

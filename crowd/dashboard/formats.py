@@ -4,6 +4,7 @@ Each function takes SI units (seconds, metres, bytes) and answers text; None bec
 """
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 
@@ -62,11 +63,6 @@ def frames_per_second(seconds: float | None) -> str:
 def centimetres(metres: float | None) -> str:
     """Metres as centimetres with two decimals: a trajectory error's usual unit and precision."""
     return ABSENT if metres is None else f"{metres * 100:,.2f}{GAP}cm"
-
-
-def hypervolume(volume: float | None) -> str:
-    """Metres times seconds as centimetres times milliseconds, the units of the axes that it is an area of."""
-    return ABSENT if volume is None else f"{significant(volume * 1e5)}{GAP}cm{GAP}ms"
 
 
 def data_size(size: int | None) -> str:
@@ -144,6 +140,19 @@ def parameter(value: object) -> str:
 def words(name: str) -> str:
     """A field's name as people read it."""
     return name.replace("_", " ")
+
+
+_NUMBERED = re.compile(r"(front|probe)-[0-9]+")
+
+
+def numbered(name: str) -> bool:
+    """Whether a configuration has a number alone, as front-03 has, and no name of its own."""
+    return _NUMBERED.fullmatch(name) is not None
+
+
+def configuration(name: str, number: int | None = None) -> str:
+    """What pages and figures call a configuration: its NAME, else the NUMBER of its first measurement."""
+    return name or (ABSENT if number is None else f"no.\N{NO-BREAK SPACE}{number:,}")
 
 
 # As their authors write them.

@@ -1,12 +1,19 @@
-"""Which figures a page leads with: a front's configurations as measured, a device's newest speedup."""
+"""What pages of fronts and devices lead with: a front as the crowd measures it, a device's newest speedup."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
+from crowd.devices import revision
+from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
+from crowd.results.reading import selectors as results
+from crowd.results.reading.filters import ALL, SpeedupFilters
 from crowd.results.reading.rows import Attempts, DeviceDetail, Headline, Speedup
 from crowd.results.reading.selectors import Speedups, attempts, headline
+from crowd.results.reading.transfer_rows import Winners
+from crowd.results.reading.versioned_cache import VersionedCache
 
 
 @dataclass(frozen=True)
@@ -22,19 +29,83 @@ class MeasuredPoint:
     crowd: Headline | None
     attempts: Attempts
 
+    @property
+    def n(self) -> int:
+        """How many devices stand behind the crowd's figure."""
+        return self.crowd.devices if self.crowd else 0
 
-def measured_points(front: Front, crowd: Speedups) -> tuple[MeasuredPoint, ...]:
+
+@dataclass(frozen=True)
+class MeasuredFront:
+    """A front as predicted and as the crowd under `filters` measures it.
+
+    `points` are sorted along the front: fastest first as predicted, without a time last. `most` is the
+    largest number of devices behind a figure of them; `headline` is the crowd's of `best`. `covered` is the
+    share of `rectangle` that the front dominates.
+    """
+
+    front: Front
+    filters: SpeedupFilters
+    points: tuple[MeasuredPoint, ...]
+    headline: Headline
+    winners: Winners
+    rectangle: Rectangle | None
+    covered: float | None
+
+    @property
+    def most(self) -> int:
+        return max((row.n for row in self.points), default=0)
+
+    @property
+    def uneven(self) -> bool:
+        """Whether figures rest on different numbers of devices."""
+        return any(0 < row.n < self.most for row in self.points)
+
+    @property
+    def measured(self) -> bool:
+        """Whether any device under the filters has a figure of any configuration, confirmed or not."""
+        return any(row.crowd and row.crowd.devices + row.crowd.unconfirmed for row in self.points)
+
+
+# A front of twenty points under filters takes some 10 kB, and its winners 200 bytes a device.
+_measured_cache: VersionedCache[MeasuredFront] = VersionedCache(32)
+
+
+def measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
+    """FRONT with the crowd under FILTERS. Its queries are those of the speedups and the table of all devices;
+    one where nothing changed since this process answered the same.
+    """
+    filters = replace(filters, front=front.slug, application=front.application, configuration=BEST)
+    return _measured_cache.get(
+        revision.current, (front.digest, filters), lambda: _measured_front(front, filters)
+    )
+
+
+def _measured_front(front: Front, filters: SpeedupFilters) -> MeasuredFront:
+    crowd = results.speedups(replace(filters, configuration=ALL))
+    area = rectangle(front)
+    points = sorted(_points(front, crowd), key=lambda row: row.point.runtime or math.inf)
+    return MeasuredFront(
+        front=front,
+        filters=filters,
+        points=tuple(points),
+        headline=crowd.headline,
+        winners=results.winners(filters),
+        rectangle=area,
+        covered=coverage(front, area),
+    )
+
+
+def _points(front: Front, crowd: Speedups) -> Iterator[MeasuredPoint]:
     """FRONT's points in published order; CROWD holds the speedups of all its configurations."""
     default = front.point(DEFAULT)
-    return tuple(
-        MeasuredPoint(
+    for point in front.points:
+        yield MeasuredPoint(
             point=point,
             predicted_speedup=predicted_speedup(default.predicted, point.predicted) if default else None,
             crowd=None if point.name == DEFAULT else headline(crowd.rows, point.name),
             attempts=attempts(crowd.attempts, point.name),
         )
-        for point in front.points
-    )
 
 
 @dataclass(frozen=True)

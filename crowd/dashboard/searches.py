@@ -55,13 +55,29 @@ def yield_of(exploration: Exploration, have: Found) -> Yield:
     )
 
 
-def growth_of(seen: Watch) -> list[float]:
-    """The hypervolume after each configuration that the search measured, failures included, in that order.
+def measured_again(exploration: Exploration, have: Found) -> int:
+    """On how many configurations the front rests because they were measured again; 0 while it rests on all
+    that were measured.
+    """
+    rested = settled(exploration, have.points)
+    done = exploration.state == Exploration.State.DONE
+    return len(rested) if done and rested and all(point.repeats for point in rested) else 0
 
-    Where objectives have no limit, it ends at the worst value measured so far.
+
+def growth_of(seen: Watch) -> list[float]:
+    """The share (0 to 1) of a rectangle that is covered after each configuration that the search measured,
+    failures included, in that order.
+
+    The rectangle goes from the ideal point, the least value of each objective found so far within the limits,
+    to the limits; where an objective has none, to its worst value measured so far.
     """
     names = seen.exploration.objectives
     values = [[(row or {}).get(name) for name in names] for row in found(seen).values]
     table = np.array(values, dtype=np.float64).reshape(-1, len(names))
     limits = [seen.exploration.limits.get(name) for name in names]
-    return hypervolume_growth(table, limits).tolist()
+    growth = hypervolume_growth(table, limits)
+    grew = np.diff(growth, prepend=0.0) > 0
+    if not grew.any():
+        return growth.tolist()
+    whole = hypervolume_growth(np.vstack([table, table[grew].min(axis=0)]), limits)[-1]
+    return np.minimum(growth / whole, 1.0).tolist()

@@ -1,5 +1,6 @@
 """What a version gained and lost against another."""
 
+from math import log
 from typing import Any
 
 import pytest
@@ -52,13 +53,17 @@ def test_points_are_told_apart_by_their_parameters(compared: Difference) -> None
     }
 
 
-def test_both_volumes_are_measured_from_one_reference(compared: Difference) -> None:
-    assert compared.reference == (0.05, 0.08)
-    # default (1 cm, 80 ms: nothing left of the reference), best (4 cm, 10 ms), accurate (beyond it).
-    assert compared.old_volume == pytest.approx(0.01 * 0.07)
-    # default (1 cm, 70 ms), best (2 cm, 5 ms); what was best is dominated.
-    assert compared.new_volume == pytest.approx(0.04 * 0.01 + 0.03 * 0.065)
-    assert compared.growth == pytest.approx(compared.new_volume / compared.old_volume)
+def test_both_are_shares_of_one_rectangle_on_logarithmic_axes(compared: Difference) -> None:
+    # The faster best (2 cm, 5 ms) and the default (1 cm, 70 ms) bound it; the far corner is the limit at the
+    # slower default.
+    assert compared.rectangle == ((0.01, 0.005), (0.05, 0.08))
+    whole = log(0.05 / 0.01) * log(0.08 / 0.005)
+    # Old: best (4 cm, 10 ms); its default is no faster than the corner.
+    assert compared.old_coverage == pytest.approx(log(0.05 / 0.04) * log(0.08 / 0.01) / whole)
+    # New: best, and left of it the default; what was best is dominated.
+    left = log(0.02 / 0.01) * log(0.08 / 0.07)
+    assert compared.new_coverage == pytest.approx((log(0.05 / 0.02) * log(0.08 / 0.005) + left) / whole)
+    assert compared.growth == pytest.approx((compared.new_coverage or 0.0) / (compared.old_coverage or 1.0))
 
 
 def test_what_clients_would_meet_differently_is_listed(compared: Difference) -> None:

@@ -1,10 +1,9 @@
-"""Figures of one device and of a front's parameters."""
+"""Figures of one device."""
 
 from datetime import UTC, datetime
 from typing import Any
 from uuid import UUID
 
-import numpy as np
 import pytest
 
 from crowd.dashboard.drift import Readings, Step, readings, steps
@@ -15,9 +14,7 @@ from crowd.dashboard.figures.devices import (
     release_marks,
     sensor_lines,
 )
-from crowd.dashboard.figures.parameters import parameter_lines
 from crowd.dashboard.palette import DARK, LIGHT
-from crowd.fronts.selectors import Point
 from crowd.results.reading import selectors
 from crowd.results.reading.rows import Release, SessionDetail, SessionRow
 from tests.dashboard.rows import device, run, speedup
@@ -168,26 +165,3 @@ def test_each_sensor_has_an_axis_of_its_own() -> None:
     assert [trace.yaxis for trace in figure.data] == ["y", "y2"]
     assert figure.layout.yaxis.domain[0] > figure.layout.yaxis2.domain[1]
     assert figure.layout.xaxis.anchor == "y2"
-
-
-def test_parameters_stand_in_order_and_lines_are_coloured_by_runtime() -> None:
-    points = [
-        Point("default", {"mu": 0.1, "rate": 1}, 0.08, 0.01, 0.01, {}),
-        Point("best", {"mu": 0.4, "rate": 20}, 0.002, 0.03, 0.01, {}),
-        Point("middle", {"mu": 0.2, "rate": 20}, 0.01, 0.02, 0.01, {}),
-        Point("untold", {"mu": 0.1}, None, None, None, {}),
-    ]
-
-    figure = parameter_lines(points, LIGHT)
-
-    lines = {trace.name: trace for trace in figure.data if trace.name}
-    assert lines["best"].line.color == LIGHT.best
-    assert lines["default"].line.color == LIGHT.default
-    assert lines["untold"].line.color == LIGHT.muted
-    assert lines["middle"].line.color.startswith("rgb")
-    assert np.diff([lines[name].x[0] for name in ("default", "middle", "best")]) == pytest.approx(
-        0.5, abs=0.05
-    )
-    assert list(lines["untold"].y) == [0]
-    ticks = [annotation.text for annotation in figure.layout.annotations]
-    assert ticks == ["mu", "0.1", "0.2", "0.4", "rate", "1", "20"]

@@ -17,14 +17,14 @@ from crowd.dashboard.drawings import explorations as drawings
 from crowd.dashboard.figures.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.figures.explorations import (
     exploration_plane,
-    hypervolume_line,
+    growth_line,
     importance_bars,
     prediction_plane,
 )
 from crowd.dashboard.palette import LIGHT
 from crowd.explorations import services
 from crowd.explorations.measuring import leases
-from crowd.explorations.measuring.measurement import MeasurementError
+from crowd.explorations.measuring.measurement import Measurement, MeasurementError
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
 from crowd.explorations.outcomes.insights import milestone
 from crowd.explorations.outcomes.watching import SILENT, watch
@@ -59,6 +59,7 @@ def test_a_search_shows_what_it_measured_and_gained(client: Client, pack: dict[s
     assert "Configurations measured 8 in 9 measurements, of which 1 failed" in page
     assert "Valid among them 5" in page
     assert "On the front 5" in page
+    assert "The front is that of all measurements so far." in page
     assert "Fastest valid over the default, on the reference device 10.0x 10.0 ms a frame" in page
     assert "given failed - - - fast4 the process ended with signal 6" in page
     assert "8 random done 200 ms 1.00 cm" in page
@@ -66,14 +67,24 @@ def test_a_search_shows_what_it_measured_and_gained(client: Client, pack: dict[s
 
 
 @pytest.mark.django_db
-def test_a_search_that_has_measured_nothing_yet_says_so(client: Client, pack: dict[str, Any]) -> None:
-    search = exploration(pack)
+def test_a_search_that_has_measured_nothing_yet_says_what_to_expect(
+    client: Client, pack: dict[str, Any]
+) -> None:
+    search = exploration(pack, budget=40)
 
     page = read(client, f"/explorations/{search.pk}/")
 
-    assert "running 0 of 4 configurations searched." in page
+    assert "running 0 of 40 configurations searched." in page
     assert "waiting 5" in page
-    assert "nothing valid yet" in page
+    assert "The first configuration waits for test-board." in page
+    assert "from 20 configurations on, which parameters matter" in page
+    assert "data-figure" not in client.get(f"/explorations/{search.pk}/").content.decode()
+    with leases.leased(services.waiting(search)[0].pk):
+        assert "test-board measures the first configuration now." in read(
+            client, f"/explorations/{search.pk}/"
+        )
+    services.cancel(search)
+    assert "It ended before anything was measured" in read(client, f"/explorations/{search.pk}/")
     for name in ("", "/hypervolume", "/importance", "/predictions/runtime"):
         figure = client.get(f"/figures/explorations/{search.pk}{name}.json").json()
         assert not figure["data"]
@@ -81,6 +92,60 @@ def test_a_search_that_has_measured_nothing_yet_says_so(client: Client, pack: di
             "Nothing measured yet",
             "Too few measurements to tell",
         }
+
+
+@pytest.mark.django_db
+def test_figures_come_one_after_the_other_and_only_then_are_they_exchanged(
+    client: Client, pack: dict[str, Any]
+) -> None:
+    search = exploration(pack, budget=40)
+    address = f"/explorations/{search.pk}/live/"
+
+    def kind() -> str:
+        return client.get(address).content.decode().partition('data-kind="')[2].partition('"')[0]
+
+    def figures() -> list[str]:
+        parts = client.get(address).content.decode().split('data-figure="/figures/explorations/')[1:]
+        return [part.partition('.json"')[0].removeprefix(str(search.pk)) for part in parts]
+
+    kinds = [kind()]
+    assert figures() == []
+    measure(search, KNOWN)
+    kinds.append(kind())
+    assert figures() == [""]
+    searched = [(0.01 * (number % 7 + 1), 0.01 + 0.001 * number) for number in range(40)]
+    for waiting, (ate, runtime) in zip(services.advance(search.pk), searched, strict=True):
+        with leases.leased(waiting.pk) as evaluation:
+            assert isinstance(evaluation, Evaluation)
+            leases.record(evaluation, Measurement({"runtime": runtime, "ate_max": ate}, {}, {}))
+        if waiting.number == 10:
+            kinds.append(kind())
+            assert figures() == ["", "/hypervolume"]
+    kinds.append(kind())
+    assert figures() == ["", "/hypervolume", "/importance", "/predictions/runtime", "/predictions/ate_max"]
+    assert len(set(kinds)) == len(kinds)
+
+
+@pytest.mark.django_db
+def test_a_page_says_which_front_it_shows_and_when_that_changes(client: Client, pack: dict[str, Any]) -> None:
+    search = exploration(pack)
+    Exploration.objects.filter(pk=search.pk).update(repeats=2, points=3)
+    measure(search, KNOWN)
+
+    running = read(client, f"/explorations/{search.pk}/")
+    measure(search, [(0.03, 0.05), (0.049, 0.01), (0.5, 0.004), (0.01, 0.2)])
+    services.advance(search.pk)
+    for waiting in services.waiting(search):
+        with leases.leased(waiting.pk) as evaluation:
+            assert isinstance(evaluation, Evaluation)
+            leases.record(evaluation, Measurement({"runtime": 0.02, "ate_max": 0.02}, {}, {}))
+    services.advance(search.pk)
+    done = read(client, f"/explorations/{search.pk}/")
+
+    changes = "It changes once: when the search is done, up to 3 points are measured 2 more times"
+    assert changes in running.replace("\N{NO-BREAK SPACE}", " ")
+    assert "It changes once" not in done
+    assert "that were measured again after the search, by the medians of those measurements" in done
 
 
 @pytest.mark.django_db
@@ -285,7 +350,7 @@ def test_phases_look_different_and_lie_under_the_front() -> None:
         "front (2)",
     ]
     assert len({trace.marker.symbol for trace in figure.data[:3]}) == 3
-    assert [label.text for label in figure.layout.annotations] == ["default", "valid below 5 cm"]
+    assert [label.text for label in figure.layout.annotations] == ["valid below 5 cm", "default"]
 
 
 def test_the_front_is_a_staircase_from_the_most_accurate_on() -> None:
@@ -343,21 +408,57 @@ def test_hovering_tells_every_parameter_of_a_point() -> None:
     assert list(trace.customdata[0][3:]) == ["0.1", "2"]
 
 
-def test_the_growth_is_a_staircase_that_says_where_learning_began() -> None:
-    figure = hypervolume_line([0.0, 1.0, 1.0, 2.0], 2, LIGHT)
+def test_the_growth_is_a_staircase_in_per_cent_that_says_where_learning_began() -> None:
+    figure = growth_line([0.0, 0.5, 0.5, 1.0], 2, LIGHT)
 
-    assert list(figure.data[0].y) == [0.0, 1.0, 1.0, 2.0]
+    assert list(figure.data[0].y) == [0.0, 50.0, 50.0, 100.0]
     assert [label.text for label in figure.layout.annotations] == ["active learning begins"]
-    assert not hypervolume_line([0.0, 1.0], 2, LIGHT).layout.shapes
+    assert not growth_line([0.0, 1.0], 2, LIGHT).layout.shapes
+
+
+@pytest.mark.django_db
+def test_the_growth_is_the_share_of_the_rectangle_between_the_ideal_point_and_the_limits(
+    pack: dict[str, Any],
+) -> None:
+    search = exploration(pack)
+    Exploration.objects.filter(pk=search.pk).update(limits={"ate_max": 0.04, "runtime": 0.4})
+    measure(search, KNOWN)
+    measure(search, [(0.02, 0.2), None, (0.01, 0.2), (0.02, 0.1)])
+    seen = watch(search.pk)
+    assert seen is not None
+
+    # Each side of the rectangle, from (1 cm, 0.1 s) to (4 cm, 0.4 s), is halved twice.
+    assert drawings.growth_table(seen).rows == [
+        (1, pytest.approx(1 / 4)),
+        (2, pytest.approx(1 / 4)),
+        (3, pytest.approx(1 / 2)),
+        (4, pytest.approx(3 / 4)),
+    ]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_few_results_have_axes_around_them(count: int) -> None:
+    points = [point(0.020, 0.1), point(0.021, 0.11), point(0.022, 0.09)][:count]
+
+    shown = exploration_plane(points, points[:1], 0.05, LIGHT).layout
+
+    (left, right), (low, high) = ((10.0**a, 10.0**b) for a, b in (shown.xaxis.range, shown.yaxis.range))
+    assert left < 2.0 < 5.0 < right < 10.0
+    assert 40.0 < low < 90.0 < 110.0 < high < 250.0
+    assert len(shown.xaxis.ticktext) >= 3
+    assert len(shown.yaxis.ticktext) >= 3
+    (marks,) = growth_line([0.4], 1, LIGHT).data
+    assert marks.mode == "markers"
+    assert list(growth_line([0.4], 1, LIGHT).layout.xaxis.range) == [0, pytest.approx(5.1)]
 
 
 def test_a_long_growth_is_drawn_by_its_corners() -> None:
     growth = np.repeat(np.arange(10.0), MOST_DRAWN).tolist()
 
-    (line,) = hypervolume_line(growth, 0, LIGHT).data
+    (line,) = growth_line(growth, 0, LIGHT).data
 
     assert len(line.x) == 11
-    assert (line.x[-1], line.y[-1]) == (10 * MOST_DRAWN, 9.0)
+    assert (line.x[-1], line.y[-1]) == (10 * MOST_DRAWN, 900.0)
 
 
 def test_what_matters_most_stands_on_top() -> None:

@@ -4,20 +4,14 @@ import json
 
 import pytest
 
-from crowd.dashboard.figures import marks
+from crowd.dashboard.figures import layout, marks
 from crowd.dashboard.figures.decimation import MOST_DRAWN
 from crowd.dashboard.figures.frames import frame_lines, frames_height, stage_areas, stage_bars
-from crowd.dashboard.figures.fronts import front_plane
 from crowd.dashboard.figures.layout import log_ticks
 from crowd.dashboard.figures.speedups import NAMED_BARS, SOC, bar_names, speedup_bars
 from crowd.dashboard.palette import DARK, LIGHT, THEMES, Theme, mixed
 from crowd.dashboard.stages import stage_times
-from crowd.fronts.selectors import Point
 from tests.dashboard.rows import RUN, device, run, speedup
-
-
-def point(name: str, runtime: float | None, ate: float | None) -> Point:
-    return Point(name, {"mu": 0.1}, runtime, ate, ate, {})
 
 
 def bars(rows: list, theme: Theme = LIGHT) -> list:
@@ -240,40 +234,10 @@ def test_a_run_without_stages_shows_its_computation() -> None:
     assert (trace.name, trace.y[0]) == ("computation", 50.0)
 
 
-def test_the_front_marks_what_is_not_valid() -> None:
-    points = [point("default", 0.1, 0.02), point("best", 0.01, 0.04), point("wild", 0.005, 0.31)]
-
-    figure = front_plane(points, 0.05, LIGHT)
-
-    marks = {trace.name: (trace.x[0], trace.y[0], trace.marker.symbol) for trace in figure.data}
-    assert marks == {
-        "default": (2.0, 100.0, "circle"),
-        "best": (4.0, 10.0, "circle"),
-        "wild": (31.0, 5.0, "x"),
-    }
-    assert [shape.x0 for shape in figure.layout.shapes] == [5.0]
-
-
-def test_of_many_points_the_ends_of_the_front_are_named() -> None:
-    points = [point(f"front-{number}", 0.01 + number / 100, 0.04 - number / 500) for number in range(12)]
-
-    figure = front_plane([point("default", 0.2, 0.04), point("best", 0.005, 0.045), *points], 0.05, LIGHT)
-
-    assert [trace.name for trace in figure.data if "text" in trace.mode] == ["default", "best", "front-11"]
-
-
-def test_a_front_whose_points_are_nearly_as_fast_has_ticks_between_them() -> None:
-    axis = front_plane(
-        [point("default", 0.0514, 0.0085), point("best", 0.037, 0.0047)], 0.05, LIGHT
-    ).layout.yaxis
-
-    assert axis.ticktext == ("35", "40", "45", "50", "55")
+def test_a_logarithmic_axis_has_ticks_between_values_that_are_nearly_the_same() -> None:
+    assert layout.log_axis("", [51.4, 37.0])["ticktext"] == ["35", "40", "45", "50", "55"]
     assert log_ticks(0.3, 40.0) == pytest.approx([0.5, 1, 2, 5, 10, 20])
     assert log_ticks(2.0, 12.0) == pytest.approx([2, 3, 5, 7, 10])
-
-
-def test_a_point_without_a_prediction_is_left_out_of_the_plane() -> None:
-    assert not front_plane([point("lost", 0.01, None)], 0.05, LIGHT).data
 
 
 @pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
@@ -282,7 +246,6 @@ def test_no_rows_make_an_empty_figure(theme: Theme) -> None:
         speedup_bars([], theme),
         frame_lines([], 10, theme),
         stage_bars([], theme),
-        front_plane([], 0.05, theme),
     ):
         assert not any(len(trace.x) for trace in figure.data)
 
@@ -301,7 +264,6 @@ def test_nothing_in_a_figure_needs_eval_or_webgl() -> None:
         frame_lines([run()], 10, LIGHT),
         stage_bars(stage_times([run()], 10), LIGHT),
         stage_areas(run(), 10, LIGHT),
-        front_plane([point("best", 0.1, 0.02)], 0.05, LIGHT),
     )
 
     kinds = {trace["type"] for figure in figures for trace in json.loads(figure.to_json())["data"]}

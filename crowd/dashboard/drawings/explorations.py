@@ -16,7 +16,7 @@ from crowd.dashboard.answering import found
 from crowd.dashboard.drawings.drawing import Drawing, Table
 from crowd.dashboard.figures.explorations import (
     exploration_plane,
-    hypervolume_line,
+    growth_line,
     importance_bars,
     prediction_plane,
 )
@@ -85,8 +85,8 @@ def _cells(
 
 
 def growth_table(seen: Watch) -> Table:
-    """The hypervolume after each configuration that was searched."""
-    return Table(("configurations", "hypervolume"), list(enumerate(growth_of(seen), 1)))
+    """The share covered after each configuration that was searched."""
+    return Table(("configurations", "covered_share"), list(enumerate(growth_of(seen), 1)))
 
 
 def shares(seen: Watch) -> dict[str, Any]:
@@ -149,10 +149,10 @@ DRAWINGS: tuple[Drawing[Any], ...] = (
     Drawing(
         name="exploration-hypervolume",
         path="explorations/<int:key>/hypervolume",
-        definition="How much of the plane of the objectives, on logarithmic axes, the configurations "
-        "measured so far dominate, up to the limits.",
+        definition="How much of a rectangle the configurations measured so far dominate. It goes from the "
+        "best value of each objective found within the limits to the limits, on logarithmic axes.",
         read=read,
-        draw=lambda seen, theme: hypervolume_line(growth_of(seen), seen.phases["random"], theme),
+        draw=lambda seen, theme: growth_line(growth_of(seen), seen.phases["random"], theme),
         table=growth_table,
         title=lambda seen: _titled("How the front grew", seen),
         n=_n,

@@ -5,39 +5,49 @@ from django.urls import reverse
 
 from crowd.dashboard import formats
 from crowd.dashboard.answering import found
-from crowd.dashboard.drawings.drawing import Drawing, Table
+from crowd.dashboard.drawings.drawing import Drawing, Table, titled
 from crowd.dashboard.figures.fronts import front_plane
-from crowd.dashboard.figures.parameters import parameter_lines
-from crowd.dashboard.points import parameters_of
+from crowd.dashboard.points import MeasuredFront, measured_front, parameters_of
+from crowd.devices import revision
 from crowd.fronts import selectors as published
-from crowd.fronts.content.protocol import max_ate
-from crowd.fronts.selectors import Front
+from crowd.results.reading.filters import SpeedupFilters
 
 
-def read(request: HttpRequest, slug: str) -> Front:  # noqa: ARG001
-    return found(published.front(slug))
+def read(request: HttpRequest, slug: str) -> MeasuredFront:
+    front = found(published.front(slug))
+    return measured_front(front, SpeedupFilters.parse(request.GET))
 
 
-def stamp(request: HttpRequest, slug: str) -> str:
-    return read(request, slug).digest
+def stamp(request: HttpRequest, slug: str) -> tuple[str, str, str]:
+    front = found(published.front(slug))
+    return front.digest, SpeedupFilters.parse(request.GET).query(), revision.current()
 
 
-def points_table(front: Front) -> Table:
-    """A row for each point, with its parameters."""
-    parameters = parameters_of(front)
+def points_table(shown: MeasuredFront) -> Table:
+    """A row for each point, fastest first: predicted, as the crowd measures it, with its parameters."""
+    parameters = parameters_of(shown.front)
     return Table(
-        ("configuration", "runtime_s", "ate_max_m", "ate_mean_m", *parameters),
+        (
+            "configuration", "runtime_s", "ate_max_m", "ate_mean_m", "crowd_speedup", "crowd_low",
+            "crowd_high", "crowd_devices", *parameters,
+        ),
         [
             (
-                point.name,
-                point.runtime,
-                point.ate_max,
-                point.ate_mean,
-                *(point.parameters.get(name) for name in parameters),
+                row.point.name, row.point.runtime, row.point.ate_max, row.point.ate_mean,
+                row.crowd.geometric_mean if row.crowd else None,
+                row.crowd.low if row.crowd else None,
+                row.crowd.high if row.crowd else None,
+                row.crowd.devices if row.crowd else None,
+                *(row.point.parameters.get(name) for name in parameters),
             )
-            for point in front.points
+            for row in shown.points
         ],
-    )
+    )  # fmt: skip
+
+
+def _n(shown: MeasuredFront) -> str:
+    count = formats.plural(len(shown.points), "configuration")
+    return f"{count}, the crowd: up to {formats.plural(shown.most, 'device')}" if shown.most else count
 
 
 DRAWINGS = (
@@ -45,26 +55,15 @@ DRAWINGS = (
         name="front",
         path="fronts/<str:slug>",
         definition="Largest distance between the estimated and the true trajectory, and mean computation "
-        "time a frame, on the reference device alone.",
+        "time a frame, on the reference device. The staircase joins what nothing valid beats. Diamonds: the "
+        "default's time over the crowd's mean speedup, hollow where fewer devices stand behind it.",
         read=read,
-        draw=lambda front, theme: front_plane(front.points, max_ate(front.protocol), theme),
+        draw=front_plane,
         table=points_table,
-        title=lambda front: f"Front {front.slug}: error against runtime",
-        n=lambda front: formats.plural(len(front.points), "configuration"),
+        title=lambda shown: titled("Error against time", shown.front.slug, shown.filters),
+        n=_n,
         page=lambda slug: reverse("dashboard:front", args=[slug]),
-        stamp=stamp,
-    ),
-    Drawing(
-        name="front-parameters",
-        path="fronts/<str:slug>/parameters",
-        definition="Each configuration's value of each parameter; runtime is the mean computation time a "
-        "frame on the reference device.",
-        read=read,
-        draw=lambda front, theme: parameter_lines(front.points, theme),
-        table=points_table,
-        title=lambda front: f"Front {front.slug}: its parameters",
-        n=lambda front: formats.plural(len(front.points), "configuration"),
-        page=lambda slug: reverse("dashboard:front", args=[slug]),
+        simulated=lambda shown: shown.filters.simulated and shown.measured,
         stamp=stamp,
     ),
 )

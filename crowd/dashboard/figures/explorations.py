@@ -1,6 +1,5 @@
 """Figures of an exploration: what was measured and its front, how it grew, what a model makes of it."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import layout
+from crowd.dashboard.figures import labels, layout
 from crowd.dashboard.figures.decimation import MOST_DRAWN, decimated, said
 from crowd.dashboard.palette import Theme
 from crowd.explorations.searching.points import Point
@@ -17,6 +16,9 @@ from pareto.surrogates.prediction import Prediction
 # Metres between which errors are drawn. 0 has no place on a logarithmic axis, and how far a lost camera
 # has drifted tells nothing, but would squeeze the rest into a corner.
 LEAST_ATE, MOST_ATE = 1e-4, 1.0
+HEIGHT = 520
+MARGIN = {"l": 62, "r": 14, "t": 84, "b": 58}
+LEAST_SEARCHED = 5  # configurations, on the axis of the growth
 # Phases in the order in which they are drawn: later ones lie on top.
 PHASES = {
     "known": "earlier exploration",
@@ -36,7 +38,7 @@ def exploration_plane(
     drawn there; of more than MOST_DRAWN a regular selection and all of the front are drawn, and the figure
     says so. Both axes are logarithmic.
     """
-    figure = layout.blank(theme, 520)
+    figure = layout.blank(theme, HEIGHT)
     every = placed(points)
     drawn = decimated(every, lambda point: point.label)
     looks = {
@@ -67,43 +69,56 @@ def exploration_plane(
             marker={"color": theme.best, "size": 8},
             **_told(stairs),
         )
-    for point in drawn:
-        if point.label:
-            _add_label(figure, point, theme)
+    limit = max_ate * 100
+    plane = labels.Plane.around(
+        [*(x for x in _errors(drawn) if x), limit],
+        [y for y in _runtimes(drawn) if y],
+        HEIGHT - MARGIN["t"] - MARGIN["b"],
+    )
+    # Names keep off the front and off each other: among ten thousand points there is no room.
+    spots = _spots([point for point in drawn if point.label] + stairs, plane)
     if drawn:
-        layout.limit_line(figure, max_ate * 100, theme, log=True)
+        layout.limit_line(figure, limit, theme, log=True, anchor=plane.anchor(limit))
     else:
         layout.note(figure, "Nothing measured yet", theme)
+    labels.add(figure, plane, [spot for spot in spots if spot.name], spots, theme)
     if words := said(len(drawn), len(every)):
         layout.corner(figure, words, theme)
+    across, up = plane.ranges
     return figure.update_layout(
-        xaxis=layout.log_axis("maximum trajectory error, cm (log)"),
-        yaxis=layout.log_axis("runtime, ms a frame (log)"),
-        legend={"y": 1.05},
-        margin={"t": 56},
+        xaxis=layout.log_axis("maximum trajectory error, cm (log)", plane.across)
+        | {"range": across, "automargin": False},
+        yaxis=layout.log_axis("time, ms a frame (log)", plane.up) | {"range": up, "automargin": False},
+        legend={"y": 1.06},
+        margin=MARGIN,
         uirevision="stays",
     )
 
 
-def hypervolume_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure:
-    """The hypervolume after each searched measurement; the first RANDOM of them were random samples.
-
-    Only its growth means something: it ends where the limits are, or at the worst value measured so far.
+def growth_line(growth: Sequence[float], random: int, theme: Theme) -> go.Figure:
+    """The share (0 to 1) that is covered after each searched measurement, the first RANDOM of them random
+    samples.
     """
     figure = layout.blank(theme, 320)
     figure.update_layout(
-        xaxis={"title": {"text": "configurations searched"}, "rangemode": "tozero"},
-        yaxis={"title": {"text": "hypervolume"}, "rangemode": "tozero"},
+        xaxis={
+            "title": {"text": "configurations searched"},
+            "range": [0, max(len(growth), LEAST_SEARCHED) * 1.02],
+            "tickformat": ",d",
+        },
+        yaxis={"title": {"text": "covered, %"}, "range": [0, 105]},
     )
     if not growth:
         return layout.note(figure, "Nothing measured yet", theme)
     rows = range(len(growth)) if len(growth) <= MOST_DRAWN else _corners(growth)
     figure.add_scatter(
         x=[row + 1 for row in rows],
-        y=layout.rounded([growth[row] for row in rows]),
-        mode="lines",
+        y=layout.rounded([growth[row] * 100 for row in rows]),
+        # One point makes no line.
+        mode="lines" if len(rows) > 1 else "markers",
         line={"shape": "hv", "color": theme.best, "width": 2},
-        hovertemplate="after %{x:,} configurations: %{y}<extra></extra>",
+        marker={"color": theme.best, "size": 8},
+        hovertemplate="after %{x:,} configurations: %{y} %<extra></extra>",
         showlegend=False,
     )
     if 0 < random < len(growth):
@@ -131,7 +146,7 @@ def importance_bars(shares: Mapping[str, Mapping[str, float] | None], theme: The
     if not told:
         layout.note(figure, "Too few measurements to tell", theme)
     return figure.update_layout(
-        xaxis={"title": {"text": "share of the variance, %"}, "rangemode": "tozero"},
+        xaxis={"title": {"text": "variance, %"}, "rangemode": "tozero"},
         bargap=0.35,
         legend={"traceorder": "normal"},
     )
@@ -139,12 +154,12 @@ def importance_bars(shares: Mapping[str, Mapping[str, float] | None], theme: The
 
 def importance_height(parameters: int) -> int:
     """Pixels that the bars of so many parameters need."""
-    return 120 + 44 * max(parameters, 3)
+    return 120 + 34 * max(parameters, 3)
 
 
 def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme) -> go.Figure:
     """What a model foretold of each measurement that it had not seen, against what was measured."""
-    figure = layout.blank(theme, 420)
+    figure = layout.blank(theme, 320)
     if prediction is None:
         return layout.note(figure, "Too few measurements to tell", theme)
     scale = formats.OBJECTIVES.get(objective, ("", 1.0))[1]
@@ -166,11 +181,10 @@ def prediction_plane(objective: str, prediction: Prediction | None, theme: Theme
         hovertemplate="measured %{x:.4g}, predicted %{y:.4g}<extra></extra>",
         showlegend=False,
     )
-    name = formats.objective(objective)
-    if prediction.log:
-        axes = layout.log_axis(f"measured: {name}"), layout.log_axis(f"predicted: {name}")
-    else:
-        axes = {"title": {"text": f"measured: {name}"}}, {"title": {"text": f"predicted: {name}"}}
+    # Which objective it is stands below the figure: a phone has no room for it on both axes.
+    unit = formats.objective(objective).partition(", ")[2]
+    titles = [", ".join(filter(None, (word, unit))) for word in ("measured", "predicted")]
+    axes = [layout.log_axis(title) if prediction.log else {"title": {"text": title}} for title in titles]
     return figure.update_layout(xaxis=axes[0], yaxis=axes[1])
 
 
@@ -185,21 +199,10 @@ def placed(points: Sequence[Point]) -> list[Point]:
     return [point for point in points if {"ate_max", "runtime"} <= point.values.keys()]
 
 
-def _add_label(figure: go.Figure, point: Point, theme: Theme) -> None:
-    (error,), (runtime,) = _errors([point]), _runtimes([point])
-    figure.add_annotation(
-        # Plotly places annotations on a logarithmic axis by exponent.
-        x=math.log10(error or LEAST_ATE),
-        y=math.log10(runtime or LEAST_ATE),
-        text=layout.text(point.label),
-        font={"color": theme.ink, "size": 12},
-        bgcolor=theme.surface,
-        opacity=0.85,
-        borderpad=1,
-        yanchor="bottom",
-        yshift=7,
-        showarrow=False,
-    )
+def _spots(points: Sequence[Point], plane: labels.Plane) -> list[labels.Spot]:
+    """Where POINTS lie in PLANE, each with the name that it has, if any."""
+    pairs = zip(points, _errors(points), _runtimes(points), strict=True)
+    return [plane.spot(point.label, x or LEAST_ATE, y or LEAST_ATE) for point, x, y in pairs]
 
 
 def _errors(points: Sequence[Point]) -> list[float | None]:
@@ -215,7 +218,7 @@ def _told(points: Sequence[Point]) -> dict[str, Any]:
     names = list(dict.fromkeys(name for point in points for name in point.configuration))
     rows = [
         [
-            f"<b>{layout.text(point.label)}</b><br>" if point.label else "",
+            f"<b>{layout.text(formats.configuration(point.label, point.number))}</b><br>",
             formats.milliseconds(point.values["runtime"]),
             ("at least " if point.censored else "") + formats.centimetres(point.values["ate_max"]),
             *(layout.text(formats.parameter(point.configuration.get(name))) for name in names),

@@ -1,72 +1,263 @@
-"""A front in the plane of error and runtime."""
+"""A front in the plane of error and time: as the reference device predicts it, and as the crowd measures."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
+import numpy as np
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
-from crowd.dashboard.figures import layout
+from crowd.dashboard.figures import labels, layout
 from crowd.dashboard.palette import Theme
+from crowd.dashboard.points import MeasuredFront, MeasuredPoint
+from crowd.fronts.content.coverage import LEAST_ATE, Rectangle
+from crowd.fronts.content.protocol import max_ate
 from crowd.fronts.selectors import BEST, DEFAULT, Point
+from pareto.fronts.front import nondominated
 
-# More names than this run into each other; the others are in the table and on hover.
-NAMED_POINTS = 9
+HEIGHT = 500
+MARGIN = {"l": 62, "r": 14, "t": 92, "b": 58}
+DIMMED = 0.45
 
 
-def front_plane(points: Sequence[Point], max_ate: float, theme: Theme) -> go.Figure:
-    """Published configurations in the plane (max ATE, runtime), with the line at MAX_ATE (m).
+class Drawn(NamedTuple):
+    """A point with its place, in cm and ms, and whether it is on the front: valid, and beaten by no other."""
 
-    Valid points are discs, invalid ones crosses. Points without a prediction are left out.
+    row: MeasuredPoint
+    error: float
+    time: float
+    valid: bool
+    best: bool
+
+    @property
+    def point(self) -> Point:
+        return self.row.point
+
+
+class Crowd(NamedTuple):
+    """The crowd's figure of a point, as the time that it makes of the default's on the reference device."""
+
+    drawn: Drawn
+    time: float
+    low: float
+    high: float
+
+
+def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
+    """The configurations of a front in the plane (max ATE, time a frame), both logarithmic.
+
+    A staircase joins those that no other valid one beats; the others are pale, invalid ones crosses. The area
+    is what the front covers of its rectangle. A diamond is the crowd's mean: the default's time on the
+    reference device over the crowd's speedup, at the error of the reference device. It is hollow where fewer
+    devices stand behind it than behind others. Points without a prediction are left out.
     """
-    figure = layout.blank(theme, 460)
-    drawn = [point for point in points if point.runtime and point.ate_max is not None]
-    colours = {DEFAULT: theme.default, BEST: theme.best}
-    named = _named(drawn)
-    for point in drawn:
-        figure.add_scatter(
-            x=layout.rounded([(point.ate_max or 0.0) * 100]),
-            y=layout.rounded([(point.runtime or 0.0) * 1e3]),
-            mode="markers+text" if point.name in named else "markers",
-            text=[layout.text(point.name)],
-            textposition="top center",
-            textfont={"color": theme.ink, "size": 13},
-            cliponaxis=False,
-            name=point.name,
-            marker={
-                "symbol": "circle" if (point.ate_max or 0.0) < max_ate else "x",
-                "size": 15 if point.name in colours else 11,
-                "color": colours.get(point.name, theme.series[0]),
-                "line": {"width": 1.5, "color": theme.surface},
-            },
-            hovertemplate=_detail(point) + "<extra></extra>",
-            showlegend=False,
-        )
-    widest = max([(point.ate_max or 0.0) * 100 for point in drawn], default=0.0)
-    layout.limit_line(figure, max_ate * 100, theme)
+    figure = layout.blank(theme, HEIGHT)
+    drawn = _drawn(shown)
+    crowd = list(_crowd(drawn))
+    limit = max_ate(shown.front.protocol) * 100
+    plane = _plane(drawn, crowd, limit)
+    stairs = [one for one in drawn if one.best]
+    if shown.rectangle:
+        _add_area(figure, stairs, shown.rectangle, theme)
+    if stairs:
+        _add_stairs(figure, stairs, plane, theme)
+    _add_links(figure, crowd, theme)
+    for name, members, look in (
+        ("beaten by another", [one for one in drawn if one.valid and not one.best], {"opacity": DIMMED}),
+        ("not valid", [one for one in drawn if not one.valid], {"opacity": DIMMED, "symbol": "x"}),
+        ("on the front", stairs, {}),
+    ):
+        if members:
+            figure.add_trace(_marks(name, members, look, theme))
+    for few in (True, False):
+        means = [one for one in crowd if (one.drawn.row.n < shown.most) == few]
+        if means:
+            figure.add_trace(_crowd_marks(means, few, theme))
+    spots = {one.point.name: plane.spot(one.point.name, one.error, one.time) for one in drawn}
+    others = [plane.spot("", one.drawn.error, one.time) for one in crowd]
+    if stairs:
+        others += plane.line(_staircase(stairs, plane))
+    names = [spots[name] for name in labels.named(spots)]
+    layout.limit_line(figure, limit, theme, log=True, anchor=plane.anchor(limit))
+    labels.add(figure, plane, names, [*spots.values(), *others], theme)
+    across, up = plane.ranges
     return figure.update_layout(
-        xaxis={
-            "title": {"text": "maximum trajectory error, cm"},
-            "range": [0, max(widest, max_ate * 100) * 1.12],
-        },
-        yaxis=layout.log_axis("runtime, ms a frame (log)", [(point.runtime or 0.0) * 1e3 for point in drawn]),
+        xaxis=layout.log_axis("maximum trajectory error, cm (log)", plane.across)
+        | {"range": across, "automargin": False},
+        yaxis=layout.log_axis("time, ms a frame (log)", plane.up) | {"range": up, "automargin": False},
+        margin=MARGIN,
+        legend={"y": 1.09, "itemclick": False, "itemdoubleclick": False},
     )
 
 
-def _named(points: Sequence[Point]) -> set[str]:
-    """Whose names there is room for: all of a few, else default, best and the most accurate."""
-    if len(points) <= NAMED_POINTS:
-        return {point.name for point in points}
-    return {DEFAULT, BEST, min(points, key=lambda point: point.ate_max or 0.0).name}
+def _drawn(shown: MeasuredFront) -> list[Drawn]:
+    """What has a place in the plane, the most accurate first."""
+    rows = [row for row in shown.points if row.point.runtime and row.point.ate_max is not None]
+    errors = [max(row.point.ate_max or 0.0, LEAST_ATE) for row in rows]
+    times = [row.point.runtime or 0.0 for row in rows]
+    limit = max_ate(shown.front.protocol)
+    # What is not valid beats nothing.
+    table = [(e, t) if e < limit else (np.nan, np.nan) for e, t in zip(errors, times, strict=True)]
+    best = nondominated(np.array(table).reshape(-1, 2))
+    drawn = [
+        Drawn(row, error * 100, time * 1e3, error < limit, bool(on))
+        for row, error, time, on in zip(rows, errors, times, best, strict=True)
+    ]
+    return sorted(drawn, key=lambda one: (one.error, one.time))
+
+
+def _crowd(drawn: Sequence[Drawn]) -> Iterator[Crowd]:
+    default = next((one.time for one in drawn if one.point.name == DEFAULT), None)
+    for one in drawn:
+        figure = one.row.crowd
+        if default and figure and figure.geometric_mean:
+            time = default / figure.geometric_mean
+            # Below three devices there is no interval.
+            ends = figure.high or figure.geometric_mean, figure.low or figure.geometric_mean
+            yield Crowd(one, time, default / ends[0], default / ends[1])
+
+
+def _plane(drawn: Sequence[Drawn], crowd: Sequence[Crowd], limit: float) -> labels.Plane:
+    errors = [*(one.error for one in drawn), limit]
+    times = [*(one.time for one in drawn), *(end for one in crowd for end in (one.low, one.high))]
+    return labels.Plane.around(errors, times, HEIGHT - MARGIN["t"] - MARGIN["b"])
+
+
+def _add_area(figure: go.Figure, stairs: Sequence[Drawn], area: Rectangle, theme: Theme) -> None:
+    """What the staircase covers of AREA, and the whole of it as an outline."""
+    (left, bottom), (right, top) = ((error * 100, time * 1e3) for error, time in area)
+    inside = [one for one in stairs if one.error < right and one.time < top]
+    xs, ys = [left, left, right, right, left], [bottom, top, top, bottom, bottom]
+    look = {"color": theme.best, "width": 1, "dash": "dot"}
+    figure.add_scatter(
+        x=layout.rounded(xs), y=layout.rounded(ys), mode="lines", line=look, opacity=0.6,
+        hoverinfo="skip", showlegend=False,
+    )  # fmt: skip
+    if inside:
+        corners = _corners(inside)
+        corners = [(inside[0].error, top), *corners, (right, inside[-1].time), (right, top)]
+        figure.add_scatter(
+            x=layout.rounded([x for x, _ in corners]), y=layout.rounded([y for _, y in corners]),
+            mode="lines", line={"width": 0}, fill="toself",
+            fillcolor=_faint(theme.best), hoverinfo="skip", showlegend=False,
+        )  # fmt: skip
+
+
+def _corners(stairs: Sequence[Drawn]) -> list[tuple[float, float]]:
+    """The staircase of points that are sorted by their error: what is attained left of the next is as fast as
+    the last.
+    """
+    corners = [(stairs[0].error, stairs[0].time)]
+    for before, after in pairwise(stairs):
+        corners += [(after.error, before.time), (after.error, after.time)]
+    return corners
+
+
+def _staircase(stairs: Sequence[Drawn], plane: labels.Plane) -> list[tuple[float, float]]:
+    """The staircase, up from its most accurate and to the right of its fastest point to the plane's edges."""
+    return [(stairs[0].error, plane.up[1]), *_corners(stairs), (plane.across[1], stairs[-1].time)]
+
+
+def _add_stairs(figure: go.Figure, stairs: Sequence[Drawn], plane: labels.Plane, theme: Theme) -> None:
+    corners = _staircase(stairs, plane)
+    figure.add_scatter(
+        x=layout.rounded([x for x, _ in corners]),
+        y=layout.rounded([y for _, y in corners]),
+        mode="lines",
+        name="staircase",
+        line={"color": theme.best, "width": 1.5},
+        hoverinfo="skip",
+        showlegend=False,
+    )
+
+
+def _add_links(figure: go.Figure, crowd: Sequence[Crowd], theme: Theme) -> None:
+    """A thin line from each point to what the crowd makes of it."""
+    if crowd:
+        figure.add_scatter(
+            x=[x for one in crowd for x in (*layout.rounded([one.drawn.error] * 2), None)],
+            y=[y for one in crowd for y in (*layout.rounded([one.drawn.time, one.time]), None)],
+            mode="lines",
+            line={"color": theme.muted, "width": 1, "dash": "dot"},
+            hoverinfo="skip",
+            showlegend=False,
+        )
+
+
+def _marks(name: str, members: Sequence[Drawn], look: dict[str, Any], theme: Theme) -> go.Scatter:
+    colours = {DEFAULT: theme.default, BEST: theme.best}
+    # The legend has the colour of the first.
+    members = sorted(members, key=lambda one: one.point.name in colours)
+    opacities = [1 if one.point.name == DEFAULT else look.get("opacity", 1) for one in members]
+    return go.Scatter(
+        x=layout.rounded([one.error for one in members]),
+        y=layout.rounded([one.time for one in members]),
+        mode="markers",
+        name=name,
+        marker={
+            "symbol": look.get("symbol", "circle"),
+            "size": [15 if one.point.name in colours else 11 for one in members],
+            "opacity": opacities,
+            "color": [colours.get(one.point.name, theme.series[0]) for one in members],
+            "line": {"width": 1.5, "color": theme.surface},
+        },
+        customdata=[_detail(one.point) for one in members],
+        hovertemplate="%{customdata}<extra></extra>",
+    )
+
+
+def _crowd_marks(members: Sequence[Crowd], few: bool, theme: Theme) -> go.Scatter:
+    counts = sorted({one.drawn.row.n for one in members})
+    devices = f"{counts[0]:,} to {counts[-1]:,}" if len(counts) > 1 else f"{counts[0]:,}"
+    noun = "device" if counts == [1] else "devices"
+    return go.Scatter(
+        x=layout.rounded([one.drawn.error for one in members]),
+        y=layout.rounded([one.time for one in members]),
+        mode="markers",
+        name=f"mean of the crowd, {devices} {noun}",
+        marker={
+            "symbol": "diamond-open" if few else "diamond",
+            "size": 9,
+            "color": theme.ink,
+            "line": {"width": 1.5} | ({} if few else {"color": theme.surface}),
+        },
+        error_y={
+            "type": "data",
+            "symmetric": False,
+            "array": layout.rounded([one.high - one.time for one in members]),
+            "arrayminus": layout.rounded([one.time - one.low for one in members]),
+            "color": theme.ink,
+            "thickness": 1.25,
+            "width": 3,
+        },
+        customdata=[_crowd_detail(one) for one in members],
+        hovertemplate="%{customdata}<extra></extra>",
+    )
 
 
 def _detail(point: Point) -> str:
     parameters = [
-        f"{layout.text(name)} {formats.parameter(value)}" for name, value in point.parameters.items()
+        f"{layout.text(formats.words(name))} {layout.text(formats.parameter(value))}"
+        for name, value in point.parameters.items()
     ]
     figures = f"{formats.milliseconds(point.runtime)} a frame, max ATE {formats.centimetres(point.ate_max)}"
-    # Braces would be read as a field of the hover template.
-    return (
-        layout.lines([f"<b>{layout.text(point.name)}</b>", figures, *parameters])
-        .replace("{", "(")
-        .replace("}", ")")
+    return layout.lines([f"<b>{layout.text(formats.configuration(point.name))}</b>", figures, *parameters])
+
+
+def _crowd_detail(one: Crowd) -> str:
+    figure = one.drawn.row.crowd
+    assert figure is not None  # it has a mean
+    return layout.lines(
+        [
+            f"<b>{layout.text(formats.configuration(one.drawn.point.name))}</b>, the crowd",
+            f"{formats.speedup(figure.geometric_mean)} over the default, "
+            f"95 % interval {formats.interval(figure.low, figure.high)}",
+            f"n = {formats.plural(figure.devices, 'device')}",
+        ]
     )
+
+
+def _faint(colour: str) -> str:
+    red, green, blue = (int(colour[start : start + 2], 16) for start in (1, 3, 5))
+    return f"rgba({red},{green},{blue},0.10)"

@@ -171,9 +171,11 @@ def shade_uncounted(figure: go.Figure, first_counted: int, theme: Theme) -> None
     )
 
 
-def limit_line(figure: go.Figure, centimetres: float, theme: Theme, log: bool = False) -> None:
+def limit_line(
+    figure: go.Figure, centimetres: float, theme: Theme, log: bool = False, anchor: str = "center"
+) -> None:
     """The upright line between valid and invalid trajectories, with its label."""
-    upright_line(figure, centimetres, f"valid below {centimetres:g} cm", theme.limit, log=log)
+    upright_line(figure, centimetres, f"valid below {centimetres:g} cm", theme.limit, log, anchor)
 
 
 def upright_line(

@@ -1,27 +1,26 @@
 """A front on one device, as measured there or predicted, in the plane of error and time."""
 
 from collections.abc import Sequence
-from math import log10
 from typing import Any
 
 from plotly import graph_objects as go
 
 from crowd.dashboard import formats
 from crowd.dashboard.advice import Advice
-from crowd.dashboard.figures import layout
+from crowd.dashboard.figures import labels, layout
 from crowd.dashboard.palette import Theme
+from crowd.fronts.content.coverage import LEAST_ATE
 from crowd.fronts.selectors import BEST, DEFAULT
 from crowd.predictions.devices import Expected
 
 HEIGHT = 480
+MARGIN = {"l": 62, "r": 14, "t": 92, "b": 58}
 PROBE_OPACITY = 0.45
-SIDE = 0.7  # of the width, from where on texts are on the left of what they name
-NAME_SHIFT = 14  # pixels, beyond the square
 
 
 def device_plane(advice: Advice, theme: Theme) -> go.Figure:
     """The configurations of a front in the plane (largest error, time a frame); where the time of the default
-    is unknown, (largest error, speedup). The second axis is logarithmic.
+    is unknown, (largest error, speedup). Both axes are logarithmic.
 
     Measured ones are discs, predicted ones rings with their 95 % intervals, probes small and pale. The
     recommended one has a square around it. Points without an error are left out.
@@ -38,26 +37,31 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
     if advice.chosen is not None:
         figure.add_trace(_chosen(advice, advice.chosen, theme))
     limit = advice.limits.max_ate * 100
-    most = max([limit, *(_centimetres(point) for point in drawn)]) * 1.12
-    layout.upright_line(
-        figure,
-        limit,
-        f"at most {limit:g} cm",
-        theme.limit,
-        anchor="right" if limit > SIDE * most else "center",
+    plane = labels.Plane.around(
+        [*(_centimetres(point) for point in drawn), limit],
+        [end for point in drawn for end in _ends(point, advice)],
+        HEIGHT - MARGIN["t"] - MARGIN["b"],
     )
-    for point in drawn:
-        if point.configuration in {DEFAULT, BEST} or point == advice.chosen:
-            _name(figure, point, advice, most, theme)
+    layout.upright_line(
+        figure, limit, f"at most {limit:g} cm", theme.limit, log=True, anchor=plane.anchor(limit)
+    )
+    spots = {
+        point.configuration: plane.spot(point.configuration, _centimetres(point), _value(point, advice))
+        for point in drawn
+    }
+    chosen = advice.chosen.configuration if advice.chosen else ""
+    named = [spots[name] for name in labels.named(spots, chosen)]
+    labels.add(figure, plane, named, [spots[one.configuration] for one in drawn if not one.probe], theme)
     timed = advice.answer.expectation.seconds is not None
     title = "ms a frame on this device (log)" if timed else "times as fast as the default (log)"
-    ends = [end for point in drawn for end in _ends(point, advice)]
+    across, up = plane.ranges
     return figure.update_layout(
-        xaxis={"title": {"text": "largest trajectory error, cm"}, "range": [0, most]},
-        yaxis=layout.log_axis(title, ends),
+        xaxis=layout.log_axis("largest trajectory error, cm (log)", plane.across)
+        | {"range": across, "automargin": False},
+        yaxis=layout.log_axis(title, plane.up) | {"range": up, "automargin": False},
         showlegend=True,
-        legend={"y": 1.07, "itemclick": False, "itemdoubleclick": False},
-        margin={"t": 84},
+        legend={"y": 1.09, "itemclick": False, "itemdoubleclick": False},
+        margin=MARGIN,
     )
 
 
@@ -122,26 +126,8 @@ def _chosen(advice: Advice, point: Expected, theme: Theme) -> go.Scatter:
     )
 
 
-def _name(figure: go.Figure, point: Expected, advice: Advice, most: float, theme: Theme) -> None:
-    """The name of POINT beside it, on the side where there is room."""
-    left = _centimetres(point) > SIDE * most
-    figure.add_annotation(
-        x=_centimetres(point),
-        # On a logarithmic axis plotly places annotations by exponent.
-        y=log10(_value(point, advice)),
-        xanchor="right" if left else "left",
-        xshift=-NAME_SHIFT if left else NAME_SHIFT,
-        text=layout.text(point.configuration),
-        font={"color": theme.ink, "size": 13},
-        bgcolor=theme.surface,
-        opacity=0.9,
-        borderpad=1,
-        showarrow=False,
-    )
-
-
 def _centimetres(point: Expected) -> float:
-    return (point.ate_max or 0.0) * 100
+    return max(point.ate_max or 0.0, LEAST_ATE) * 100
 
 
 def _value(point: Expected, advice: Advice) -> float:
@@ -169,7 +155,7 @@ def _detail(point: Expected, advice: Advice) -> str:
     time = "" if seconds is None else f"{formats.milliseconds(seconds)} a frame, "
     return layout.lines(
         [
-            f"<b>{layout.text(point.configuration)}</b>",
+            f"<b>{layout.text(formats.configuration(point.configuration))}</b>",
             ratio,
             f"{time}largest error {formats.centimetres(point.ate_max)}",
         ]

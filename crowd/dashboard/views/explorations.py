@@ -7,13 +7,18 @@ from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import render
 from django.utils import timezone
 
+from crowd.dashboard import formats
 from crowd.dashboard.answering import found, page, tagged
-from crowd.dashboard.searches import ate_limit, yield_of
+from crowd.dashboard.figures.explorations import importance_height
+from crowd.dashboard.parameter_bars import ParameterBars, Row, parameter_bars
+from crowd.dashboard.searches import ate_limit, measured_again, yield_of
 from crowd.explorations import selectors as searches
 from crowd.explorations.models import Evaluation
 from crowd.explorations.outcomes import watching
-from crowd.explorations.outcomes.insights import milestone
+from crowd.explorations.outcomes.insights import LEAST, milestone
+from crowd.explorations.outcomes.readings import Found
 from crowd.explorations.outcomes.watching import Watch, watch
+from crowd.explorations.searching.points import Point, default
 
 EVALUATIONS = 50
 
@@ -44,6 +49,8 @@ def exploration_live(request: HttpRequest, key: int) -> HttpResponseBase:
 def _shown(request: HttpRequest, seen: Watch) -> dict[str, Any]:
     have = watching.found(seen)
     evaluations = seen.exploration.evaluations.exclude(phase=Evaluation.Phase.PRIOR).order_by("number")
+    learnt = milestone(len(have.indices))
+    again = measured_again(seen.exploration, have)
     return {
         "seen": seen,
         "version": _version(request, seen),
@@ -52,11 +59,34 @@ def _shown(request: HttpRequest, seen: Watch) -> dict[str, Any]:
         "exploration": seen.exploration,
         "yield": yield_of(seen.exploration, have),
         "limit": ate_limit(seen.exploration),
-        "parameters": tuple(have.front[0].configuration) if have.front else (),
+        "bars": _bars(have),
         "part": Paginator(evaluations, EVALUATIONS).get_page(request.GET.get("page")),
-        "learnt": milestone(len(have.indices)),
+        "learnt": learnt,
+        "learns_from": LEAST,
+        "again": again,
+        # The figures of a page are exchanged when there are others to show, or they mean something else.
+        "kind": f"{bool(have.points)} {bool(have.indices)} {bool(learnt)} {bool(again)}",
+        "importance_height": importance_height(len(seen.exploration.space["parameters"])),
         "now": timezone.now(),
     }
+
+
+def _bars(have: Found) -> ParameterBars:
+    usual = default(have.points)
+    return parameter_bars(
+        [_row(point) for point in have.front],
+        usual.configuration if usual else None,
+    )
+
+
+def _row(point: Point) -> Row:
+    return Row(
+        name=formats.configuration(point.label, point.number),
+        runtime=point.values.get("runtime"),
+        ate_max=point.values.get("ate_max"),
+        parameters=point.configuration,
+        measurements=point.measurements,
+    )
 
 
 def _version(request: HttpRequest, seen: Watch) -> str:

@@ -1,21 +1,19 @@
 """Fronts: the list, one of them beside another."""
 
-from dataclasses import replace
-
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import render
 
 from crowd.dashboard.answering import found, page
 from crowd.dashboard.choosing import named
-from crowd.dashboard.figures.parameters import parameters_height
+from crowd.dashboard.figures.fronts import HEIGHT
 from crowd.dashboard.figures.transfer import winners_height
 from crowd.dashboard.filtering import Filtering, filtered
-from crowd.dashboard.points import measured_points, parameters_of, results_by_sequence
+from crowd.dashboard.parameter_bars import Row, parameter_bars
+from crowd.dashboard.points import measured_front, results_by_sequence
 from crowd.dashboard.versions import UnknownVersionError, beside
 from crowd.fronts import selectors as published
 from crowd.fronts.content.generalisation import FACTOR, MARGIN
-from crowd.results.reading import selectors as results
-from crowd.results.reading.filters import ALL
+from crowd.fronts.selectors import DEFAULT
 
 
 @page
@@ -30,15 +28,14 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
     from another version.
     """
     asked, shown = asked.within, found(published.front(slug))
-    others = [version for version in published.fronts(shown.application) if version.slug != slug]
+    versions = [name for name, application in asked.published if application == shown.application]
     problem = ""
     try:
-        difference = beside(shown, others, request.GET.get("against", ""))
+        difference = beside(shown, versions, request.GET.get("against", ""))
     except UnknownVersionError as error:
-        difference, problem = beside(shown, others, ""), str(error)
-    filters = replace(asked.filters, front=slug, application=shown.application)
-    crowd = results.speedups(replace(filters, configuration=ALL))
-    winners = results.winners(filters)
+        difference, problem = beside(shown, versions, ""), str(error)
+    measured = measured_front(shown, asked.filters)
+    default = shown.point(DEFAULT)
     columns, rows = results_by_sequence(shown)
     return render(
         request,
@@ -46,19 +43,21 @@ def front(request: HttpRequest, asked: Filtering, slug: str) -> HttpResponse:
         {
             "asked": asked,
             "front": shown,
-            "points": measured_points(shown, crowd),
+            "shown": measured,
+            "height": HEIGHT,
             "factor": FACTOR,
             "margin": MARGIN,
             "sequences": columns,
             "sequence_rows": rows if columns else (),
-            "devices": crowd.headline.devices,
-            "parameters": parameters_of(shown),
-            "parameters_height": parameters_height(len(parameters_of(shown))),
-            "found": winners,
-            "winners_height": winners_height(len(winners.counts)),
-            "query": filters.query(),
+            "bars": parameter_bars(
+                [Row(point.name, point.runtime, point.ate_max, point.parameters) for point in shown.points],
+                default.parameters if default else None,
+            ),
+            "winners_height": winners_height(len(measured.winners.counts)),
+            "query": measured.filters.query(),
+            "crowd_query": asked.filters.query(),
             "named": named(shown.application),
-            "versions": others,
+            "versions": [name for name in versions if name != slug],
             "difference": difference,
             "problem": problem,
         },

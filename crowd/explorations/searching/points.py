@@ -44,7 +44,7 @@ class Point:
     `low` and `high` are the least and the greatest of what the median was taken of; `whole` says that these
     measurements ran over the whole sequence. `censored` says that a measurement ended before all sequences
     were run: errors are at least so large. `phase` says why it was measured, `known` where it never was
-    here.
+    here. `number` is that of its first measurement.
     """
 
     configuration: dict[str, Any]
@@ -57,6 +57,7 @@ class Point:
     high: dict[str, float] = field(default_factory=dict)
     whole: bool = True
     censored: bool = False
+    number: int | None = None
 
 
 def speed_objective(points: Iterable[Point]) -> str:
@@ -189,4 +190,5 @@ def _point(group: Sequence[Evaluation | Row]) -> Point:
         high={name: max(column) for name, column in columns.items()},
         whole=all(evaluation.frames is None for evaluation in again or group),
         censored=any(evaluation.censored for evaluation in again or group),
+        number=min(evaluation.number for evaluation in group),
     )

@@ -1,12 +1,11 @@
-"""What a version of a front gained and lost against another, point by point, and how much it dominates."""
+"""What a version of a front gained and lost against another, point by point, and how much it covers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from crowd.fronts.content.protocol import max_ate
+from crowd.fronts.content.coverage import Rectangle, coverage, rectangle
 from crowd.fronts.selectors import BEST, DEFAULT, Front, Point, predicted_speedup
-from pareto.fronts.hypervolume import hypervolume
 
 
 @dataclass(frozen=True)
@@ -33,10 +32,9 @@ class Renewed:
 
 @dataclass(frozen=True)
 class Difference:
-    """NEW against OLD. Volumes are in metres times seconds a frame, up to one reference for both.
+    """NEW against OLD. How much each covers (0 to 1) is a share of `rectangle`, which is one for both.
 
-    The reference is the limit of the error and the slower of the two defaults. `caveat` says why runtimes
-    or errors of the two do not compare, and is empty where they do.
+    `caveat` says why runtimes or errors of the two do not compare, and is empty where they do.
     """
 
     old: Front
@@ -46,9 +44,9 @@ class Difference:
     kept: tuple[Match, ...]
     renewed: tuple[Renewed, ...]
     members: Mapping[str, tuple[Any, Any]]
-    reference: tuple[float, float] | None
-    old_volume: float | None
-    new_volume: float | None
+    rectangle: Rectangle | None
+    old_coverage: float | None
+    new_coverage: float | None
     caveat: str
 
     @property
@@ -58,15 +56,17 @@ class Difference:
 
     @property
     def growth(self) -> float | None:
-        """The new volume over the old; None where either is unknown or nothing."""
-        return self.new_volume / self.old_volume if self.old_volume and self.new_volume is not None else None
+        """What the new one covers over what the old one does; None where either is unknown or nothing."""
+        if not self.old_coverage or self.new_coverage is None:
+            return None
+        return self.new_coverage / self.old_coverage
 
 
 def difference(old: Front, new: Front) -> Difference:
     """NEW against OLD; points are the same where all their parameters are."""
     before = {_key(point): point for point in old.points}
     after = {_key(point): point for point in new.points}
-    reference = _reference(old, new)
+    both = rectangle(old, new)
     return Difference(
         old=old,
         new=new,
@@ -75,9 +75,9 @@ def difference(old: Front, new: Front) -> Difference:
         kept=tuple(Match(before[key], point) for key, point in after.items() if key in before),
         renewed=tuple(_renewed(old, new)),
         members=_members(old, new),
-        reference=reference,
-        old_volume=_volume(old, reference),
-        new_volume=_volume(new, reference),
+        rectangle=both,
+        old_coverage=coverage(old, both),
+        new_coverage=coverage(new, both),
         caveat=_caveat(old, new),
     )
 
@@ -146,25 +146,6 @@ def _differing(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str,
         for name in dict.fromkeys([*before, *after])
         if before.get(name) != after.get(name)
     }
-
-
-def _reference(old: Front, new: Front) -> tuple[float, float] | None:
-    """(metres, seconds a frame); None where neither default was measured."""
-    defaults = [front.point(DEFAULT) for front in (old, new)]
-    runtimes = [point.runtime for point in defaults if point is not None and point.runtime]
-    limits = [max_ate(front.protocol) for front in (old, new)]
-    return (max(limits), max(runtimes)) if runtimes else None
-
-
-def _volume(front: Front, reference: tuple[float, float] | None) -> float | None:
-    if reference is None:
-        return None
-    known = [
-        (point.ate_max, point.runtime)
-        for point in front.points
-        if point.ate_max is not None and point.runtime is not None
-    ]
-    return hypervolume(known, reference) if known else 0.0
 
 
 def _caveat(old: Front, new: Front) -> str:

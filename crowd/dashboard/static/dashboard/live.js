@@ -26,7 +26,11 @@ function replace(text) {
   fresh.innerHTML = text;
   const [now, before] = [fresh.content.querySelector("[data-version]"), document.querySelector("[data-version]")];
   if (now.dataset.version === before.dataset.version) return;
-  for (const part of [...fresh.content.children]) keepingPlace(document.getElementById(part.id), part);
+  for (const part of [...fresh.content.children]) {
+    const old = document.getElementById(part.id);
+    // What is drawn stays, unless there is something else to draw.
+    if (part.dataset.kind === undefined || part.dataset.kind !== old.dataset.kind) keepingPlace(old, part);
+  }
   if (now.dataset.results !== before.dataset.results) document.dispatchEvent(new Event("frontrunner:changed"));
 }
 

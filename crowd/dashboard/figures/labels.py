@@ -1,0 +1,210 @@
+"""Where the names of a figure's points stand, so that none lies on another at any width of the screen.
+
+A figure is drawn once and stretched to the width of its place: its height is known in pixels, its width is
+not. Names are tried around their points, the most important first, and checked at the narrowest and at the
+widest place. Between these the gap of two names changes evenly, so they are apart at every width.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from plotly import graph_objects as go
+
+from crowd.dashboard import formats
+from crowd.dashboard.figures import layout
+from crowd.dashboard.palette import Theme
+from crowd.fronts.selectors import BEST, DEFAULT
+
+SIZE = 13  # of the font, pixels
+LETTER, LINE = 7.6, 18.0  # pixels that a letter and a line take at most
+GAP = 10.0  # pixels from the middle of a point to its name
+STEP = 0.04  # of the plane, between two spots of a line
+NEAR = 0.75  # of the width
+MARK = 7.0  # pixels from the middle of a point to its edge
+ROOM = 1.18  # beyond the outermost points, as a factor
+LEAST_SPAN = 3.0  # of an axis, as a factor
+WIDTHS = (205.0, 1270.0)  # of the plane, on the narrowest phone and on the widest page
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A point that has a NAME, at ACROSS and UP (0 to 1) of the plane."""
+
+    name: str
+    across: float
+    up: float
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The logarithmic axes of a plane and its height in pixels."""
+
+    across: tuple[float, float]
+    up: tuple[float, float]
+    height: float
+
+    @classmethod
+    def around(cls, xs: Sequence[float], ys: Sequence[float], height: float) -> "Plane":
+        """The plane that shows all of XS and YS, HEIGHT pixels high, with some room around them."""
+        return cls(_around(xs), _around(ys), height)
+
+    def spot(self, name: str, x: float, y: float) -> Spot:
+        """The point called NAME at (X, Y)."""
+        return Spot(name, _share(x, self.across), _share(y, self.up))
+
+    def line(self, corners: Sequence[tuple[float, float]]) -> list[Spot]:
+        """Spots along the line through CORNERS, so that no name lies on it where there is room beside it."""
+        found = [self.spot("", x, y) for x, y in corners]
+        between = []
+        for start, end in pairwise(found):
+            steps = math.ceil(max(abs(end.across - start.across), abs(end.up - start.up)) / STEP)
+            for step in range(1, steps):
+                part = step / steps
+                across = start.across + part * (end.across - start.across)
+                between.append(Spot("", across, start.up + part * (end.up - start.up)))
+        return between
+
+    def anchor(self, x: float) -> str:
+        """The part of a text that belongs above X: near the right edge there is room on the left alone."""
+        return "right" if _share(x, self.across) > NEAR else "center"
+
+    @property
+    def ranges(self) -> tuple[list[float], list[float]]:
+        """Both axes as plotly wants them: by exponent."""
+        return [math.log10(end) for end in self.across], [math.log10(end) for end in self.up]
+
+
+class Side(NamedTuple):
+    """Where a name stands to its point: the anchors of the text, and its shift in pixels (right, up)."""
+
+    xanchor: str
+    yanchor: str
+    xshift: float
+    yshift: float
+
+
+class _Box(NamedTuple):
+    """Left and right at both WIDTHS, bottom and top, in pixels."""
+
+    left: tuple[float, ...]
+    right: tuple[float, ...]
+    bottom: float
+    top: float
+
+    def apart(self, other: "_Box") -> bool:
+        """Whether the two touch at no width."""
+        if self.top <= other.bottom or other.top <= self.bottom:
+            return True
+        before = all(mine <= its for mine, its in zip(self.right, other.left, strict=True))
+        after = all(mine >= its for mine, its in zip(self.left, other.right, strict=True))
+        return before or after
+
+
+def _sides() -> tuple[Side, ...]:
+    near = GAP * 0.7
+    found = [
+        Side("left", "middle", GAP, 0),
+        Side("right", "middle", -GAP, 0),
+        Side("center", "bottom", 0, GAP),
+        Side("center", "top", 0, -GAP),
+        Side("left", "bottom", near, near),
+        Side("right", "top", -near, -near),
+        Side("right", "bottom", -near, near),
+        Side("left", "top", near, -near),
+    ]
+    for far in (GAP + LINE, GAP + 2 * LINE):
+        for horizontal, shift in (("center", 0.0), ("left", near), ("right", -near)):
+            found += [Side(horizontal, "bottom", shift, far), Side(horizontal, "top", shift, -far)]
+    return tuple(found)
+
+
+SIDES = _sides()
+
+
+def named(names: Iterable[str], chosen: str = "") -> list[str]:
+    """Those of NAMES that a figure writes beside their points, the most important first.
+
+    Default and best, the CHOSEN one, then those that have a name of their own; what is only numbered is named
+    on hover.
+    """
+    names = list(names)
+    first = [name for name in (DEFAULT, BEST, chosen) if name in names]
+    return list(dict.fromkeys(first + [name for name in names if not formats.numbered(name)]))
+
+
+def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[str, Side]:
+    """A side for each of NAMES, the most important first; one for which there is no room has none.
+
+    POINTS are all that is drawn: a name covers as few of them as it can. HEIGHT is the plane's, in pixels.
+    """
+    marks = [_mark(spot, height) for spot in points]
+    taken: list[_Box] = []
+    found: dict[str, Side] = {}
+    for spot in names:
+        choices = [(side, _box(spot, side, height)) for side in SIDES]
+        free = [
+            (sum(not box.apart(mark) for mark in marks), number, side, box)
+            for number, (side, box) in enumerate(choices)
+            if _inside(box, height) and all(box.apart(other) for other in taken)
+        ]
+        if free:
+            _, _, found[spot.name], box = min(free, key=lambda choice: choice[:2])
+            taken.append(box)
+    return found
+
+
+def add(figure: go.Figure, plane: Plane, names: Sequence[Spot], points: Iterable[Spot], theme: Theme) -> None:
+    """Write NAMES beside their points in FIGURE, whose axes are those of PLANE, as `place` says."""
+    sides = place(names, points, plane.height)
+    spots = {spot.name: spot for spot in names}
+    written: list[Mapping[str, Any]] = [
+        {
+            # Of the plane: on a logarithmic axis plotly would place it by exponent.
+            "xref": "x domain",
+            "yref": "y domain",
+            "x": round(spots[name].across, 4),
+            "y": round(spots[name].up, 4),
+            "text": layout.text(name),
+            "font": {"color": theme.ink, "size": SIZE},
+            "showarrow": False,
+            "borderpad": 0,
+            **side._asdict(),
+        }
+        for name, side in sides.items()
+    ]
+    figure.update_layout(annotations=[*figure.layout.annotations, *written])
+
+
+def _around(values: Sequence[float]) -> tuple[float, float]:
+    low, high = (min(values), max(values)) if values else (1.0, 1.0)
+    # A few values that are nearly the same would fill the plane with their noise.
+    room = max(ROOM, (LEAST_SPAN * low / high) ** 0.5)
+    return low / room, high * room
+
+
+def _share(value: float, ends: tuple[float, float]) -> float:
+    low, high = (math.log(end) for end in ends)
+    return (math.log(value) - low) / (high - low)
+
+
+def _box(spot: Spot, side: Side, height: float) -> _Box:
+    wide = LETTER * len(spot.name)
+    start = side.xshift - {"left": 0.0, "center": 0.5, "right": 1.0}[side.xanchor] * wide
+    below = spot.up * height + side.yshift - {"bottom": 0.0, "middle": 0.5, "top": 1.0}[side.yanchor] * LINE
+    left = tuple(spot.across * width + start for width in WIDTHS)
+    return _Box(left, tuple(edge + wide for edge in left), below, below + LINE)
+
+
+def _mark(spot: Spot, height: float) -> _Box:
+    middle = [spot.across * width for width in WIDTHS]
+    up = spot.up * height
+    return _Box(tuple(x - MARK for x in middle), tuple(x + MARK for x in middle), up - MARK, up + MARK)
+
+
+def _inside(box: _Box, height: float) -> bool:
+    rights = zip(box.right, WIDTHS, strict=True)
+    across = min(box.left) >= 0 and all(right <= width for right, width in rights)
+    return across and box.bottom >= 0 and box.top <= height

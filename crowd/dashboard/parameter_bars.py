@@ -1,0 +1,97 @@
+"""Configurations by their parameters: a row a configuration, a small bar a value, as pages show them."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from crowd.dashboard import formats
+
+WHOLE = 100  # per cent of a bar
+
+
+@dataclass(frozen=True)
+class Row:
+    """One configuration, its time a frame (s) and largest error (m), its parameters, and in how many
+    measurements it was found where that is told.
+    """
+
+    name: str
+    runtime: float | None
+    ate_max: float | None
+    parameters: Mapping[str, Any]
+    measurements: int | None = None
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A value, and the per cent of its bar: its place among the values that occur, the default's included.
+
+    `mark` is the per cent at which the default's value ends, None where the default has none; `usual` says
+    that the value is the default's.
+    """
+
+    text: str
+    width: int
+    mark: int | None
+    usual: bool
+
+
+@dataclass(frozen=True)
+class ParameterBars:
+    """The names of parameters that differ, and rows with a bar for each of them (None: not set); `same` are
+    the parameters that have one value everywhere, in the default configuration, too.
+    """
+
+    names: tuple[str, ...]
+    rows: tuple[tuple[Row, tuple[Bar | None, ...]], ...]
+    same: Mapping[str, Any]
+
+
+def parameter_bars(rows: Iterable[Row], default: Mapping[str, Any] | None) -> ParameterBars:
+    """The bars of ROWS, fastest first, beside the values of the DEFAULT configuration."""
+    rows = sorted(rows, key=lambda row: (row.runtime is None, row.runtime or 0.0))
+    usual = default or {}
+    every = list(dict.fromkeys(name for row in rows for name in row.parameters))
+    values = {name: _occurring([usual, *(row.parameters for row in rows)], name) for name in every}
+    same = {
+        name: found[0]
+        for name, found in values.items()
+        if len(found) == 1 and all(name in row.parameters for row in rows)
+    }
+    names = tuple(name for name in every if name not in same)
+    return ParameterBars(
+        names=names,
+        rows=tuple(
+            (row, tuple(_bar(row.parameters, name, values[name], usual) for name in names)) for row in rows
+        ),
+        same=same,
+    )
+
+
+def _bar(
+    parameters: Mapping[str, Any], name: str, values: Sequence[Any], default: Mapping[str, Any]
+) -> Bar | None:
+    if name not in parameters:
+        return None
+    value = parameters[name]
+    mark = _width(values, default[name]) if default.get(name) in values else None
+    return Bar(_short(value), _width(values, value), mark, name in default and value == default[name])
+
+
+def _width(values: Sequence[Any], value: Any) -> int:
+    return round(WHOLE * (values.index(value) + 1) / len(values))
+
+
+def _occurring(parameters: Sequence[Mapping[str, Any]], name: str) -> list[Any]:
+    """The values of NAME that occur, ascending; what is not a number comes after, by its text."""
+    found = {own[name] for own in parameters if name in own}
+    return sorted(found, key=lambda value: (isinstance(value, str), _number(value), str(value)))
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _short(value: object) -> str:
+    """VALUE with three digits: more have no room in a column."""
+    return f"{value:.3g}" if isinstance(value, float) else formats.parameter(value)

@@ -1,0 +1,294 @@
+"""The page of a front and its figure: the staircase, the crowd over it, names that do not overlap, bars."""
+
+from collections.abc import Callable, Mapping
+from itertools import combinations
+from math import log10
+from typing import Any
+
+import pytest
+from django.test import Client
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crowd.dashboard import formats
+from crowd.dashboard.figures import labels
+from crowd.dashboard.figures.fronts import front_plane
+from crowd.dashboard.figures.labels import Plane, Side, Spot
+from crowd.dashboard.palette import LIGHT, THEMES, Theme
+from crowd.dashboard.parameter_bars import Bar, Row, parameter_bars
+from crowd.dashboard.points import MeasuredFront, MeasuredPoint
+from crowd.fronts.content.coverage import coverage, rectangle
+from crowd.fronts.models import FrontVersion
+from crowd.fronts.selectors import Front, Point
+from crowd.results.reading.filters import SpeedupFilters
+from crowd.results.reading.rows import Attempts, Headline
+from crowd.results.reading.transfer_rows import Winners
+from tests.crowd.participant import Participant
+from tests.dashboard.measuring import in_balanced_order, measure
+from tests.dashboard.reading import read
+
+
+def point(name: str, runtime: float | None, ate: float | None) -> Point:
+    return Point(name, {"mu": 0.1}, runtime, ate, ate, {})
+
+
+def mean(value: float, devices: int) -> Headline:
+    return Headline(devices, devices, value, value / 2, value * 2, value, value, 0)
+
+
+def shown(points: list[Point], crowd: Mapping[str, Headline] | None = None) -> MeasuredFront:
+    front = Front(
+        "kfusion-1", "kfusion", "1", "published", "", None, {"max_ate": 0.05}, {}, {}, tuple(points)
+    )
+    filters = SpeedupFilters(front=front.slug)
+    rows = [MeasuredPoint(one, None, (crowd or {}).get(one.name), Attempts(0, 0, 0)) for one in points]
+    area = rectangle(front)
+    winners = Winners(filters, front.slug, "best", (), (), 0, 0, None, None, 0)
+    return MeasuredFront(front, filters, tuple(rows), mean(1.0, 0), winners, area, coverage(front, area))
+
+
+POINTS = [
+    point("best", 0.005, 0.04),
+    point("wild", 0.004, 0.2),
+    point("front-01", 0.02, 0.02),
+    point("beaten", 0.03, 0.03),
+    point("accurate", 0.05, 0.01),
+    point("default", 0.1, 0.02),
+]
+
+
+def traces(figure: Any) -> dict[str, Any]:
+    return {trace.name: trace for trace in figure.data if trace.name}
+
+
+def test_the_front_is_a_staircase_through_what_nothing_valid_beats() -> None:
+    stairs = traces(front_plane(shown(POINTS), LIGHT))["staircase"]
+
+    corners = list(zip(stairs.x, stairs.y, strict=True))
+    assert corners[1:-1] == [(1.0, 50.0), (2.0, 50.0), (2.0, 20.0), (4.0, 20.0), (4.0, 5.0)]
+    assert (corners[0][0], corners[-1][1]) == (1.0, 5.0)
+    assert corners[0][1] > 100.0
+    assert corners[-1][0] > 20.0
+
+
+def test_points_that_are_beaten_or_not_valid_are_dimmed() -> None:
+    found = traces(front_plane(shown(POINTS), LIGHT))
+
+    assert sorted(found["on the front"].x) == [1.0, 2.0, 4.0]
+    assert list(found["beaten by another"].x) == [3.0, 2.0]
+    # The default is never pale: all others are compared with it.
+    assert list(found["beaten by another"].marker.opacity) == [0.45, 1]
+    assert (found["not valid"].marker.symbol, list(found["not valid"].marker.opacity)) == ("x", [0.45])
+
+
+def test_the_crowd_is_drawn_over_the_reference_and_fewer_devices_are_marked() -> None:
+    crowd = {"best": mean(10.0, 83), "accurate": mean(4.0, 28), "front-01": mean(5.0, 83)}
+
+    found = traces(front_plane(shown(POINTS, crowd), LIGHT))
+
+    most, few = found["mean of the crowd, 83 devices"], found["mean of the crowd, 28 devices"]
+    # 100 ms of the default over ten times, at the error of the reference device.
+    assert sorted(zip(most.x, most.y, strict=True)) == [(2.0, 20.0), (4.0, 10.0)]
+    assert (most.marker.symbol, few.marker.symbol) == ("diamond", "diamond-open")
+    assert (list(few.y), list(few.error_y.array), list(few.error_y.arrayminus)) == ([25.0], [25.0], [12.5])
+    assert "n = 28" in few.customdata[0]
+
+
+def test_the_plane_is_logarithmic_and_holds_all_that_is_drawn() -> None:
+    layout = front_plane(shown(POINTS, {"best": mean(2.0, 3)}), LIGHT).layout
+
+    assert (layout.xaxis.type, layout.yaxis.type) == ("log", "log")
+    assert layout.xaxis.range[0] < log10(1.0) < log10(20.0) < layout.xaxis.range[1]
+    assert layout.yaxis.range[0] < log10(4.0) < log10(100.0) < layout.yaxis.range[1]
+    assert [shape.x0 for shape in layout.shapes] == [5.0]
+
+
+def test_what_has_a_name_of_its_own_is_named() -> None:
+    written = [note.text for note in front_plane(shown(POINTS), LIGHT).layout.annotations]
+
+    assert written == ["valid below 5 cm", "default", "best", "accurate", "beaten", "wild"]
+    assert labels.named(["front-01", "probe-02", "knee", "best"], "probe-02") == ["best", "probe-02", "knee"]
+
+
+@pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
+def test_what_has_no_prediction_is_left_out(theme: Theme) -> None:
+    assert not front_plane(shown([]), theme).data
+    assert not front_plane(shown([point("lost", 0.01, None), point("untold", None, 0.1)]), theme).data
+
+
+def box(spot: Spot, side: Side, width: float, height: float) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top of a name in a plane of that size, in pixels."""
+    wide, line = labels.LETTER * len(spot.name), labels.LINE
+    left = spot.across * width + side.xshift - {"left": 0.0, "center": 0.5, "right": 1.0}[side.xanchor] * wide
+    below = {"bottom": 0.0, "middle": 0.5, "top": 1.0}[side.yanchor] * line
+    bottom = spot.up * height + side.yshift - below
+    return left, left + wide, bottom, bottom + line
+
+
+SPOTS = st.lists(
+    st.tuples(st.floats(0, 1), st.floats(0, 1), st.integers(1, 12)), min_size=1, max_size=12
+).map(lambda rows: [Spot(f"{n:02}"[:2].ljust(w, "x"), x, y) for n, (x, y, w) in enumerate(rows)])
+
+
+@given(SPOTS, st.floats(labels.WIDTHS[0], labels.WIDTHS[1]))
+def test_names_never_overlap_nor_leave_the_plane_whatever_its_width(spots: list[Spot], width: float) -> None:
+    spots = list({spot.name: spot for spot in spots}.values())
+    height = 350.0
+
+    sides = labels.place(spots, spots, height)
+
+    boxes = [box(spot, sides[spot.name], width, height) for spot in spots if spot.name in sides]
+    assert boxes
+    for left, right, bottom, top in boxes:
+        assert left >= -1e-6
+        assert right <= width + 1e-6
+        assert bottom >= -1e-6
+        assert top <= height + 1e-6
+    for one, other in combinations(boxes, 2):
+        across = min(one[1], other[1]) - max(one[0], other[0])
+        up = min(one[3], other[3]) - max(one[2], other[2])
+        assert min(across, up) <= 1e-6
+
+
+def test_a_name_keeps_off_other_points_where_there_is_room() -> None:
+    spot = Spot("best", 0.5, 0.5)
+
+    assert labels.place([spot], [spot], 350)["best"].xanchor == "left"
+    crowded = Plane((1.0, 10.0), (1.0, 10.0), 350).line([(10**0.5, 10**0.5), (10.0, 10**0.5)])
+    beside = labels.place([spot], [spot, *crowded], 350)["best"]
+    assert beside.yanchor != "middle" or beside.xanchor == "right"
+
+
+def test_bars_are_sorted_by_time_and_rank_the_values_that_occur() -> None:
+    rows = [
+        Row("default", 0.1, 0.01, {"mu": 0.1, "rate": 1, "kind": "a"}),
+        Row("untold", None, None, {"mu": 0.3, "kind": "a"}),
+        Row("best", 0.01, 0.02, {"mu": 0.2, "rate": 20, "kind": "a"}),
+    ]
+
+    bars = parameter_bars(rows, rows[0].parameters)
+
+    assert [row.name for row, _ in bars.rows] == ["best", "default", "untold"]
+    assert (bars.names, bars.same) == (("mu", "rate"), {"kind": "a"})
+    assert [cells for _, cells in bars.rows] == [
+        (Bar("0.2", 67, 33, False), Bar("20", 100, 50, False)),
+        (Bar("0.1", 33, 33, True), Bar("1", 50, 50, True)),
+        (Bar("0.3", 100, 33, False), None),
+    ]
+
+
+def test_one_configuration_is_set_beside_the_default() -> None:
+    (_, (bar,)) = parameter_bars([Row("", 0.1, 0.01, {"mu": 0.1})], {"mu": 0.4}).rows[0]
+
+    assert bar == Bar("0.1", 50, 100, False)
+    assert parameter_bars([Row("", 0.1, 0.01, {"mu": 0.1})], None).same == {"mu": 0.1}
+
+
+def test_a_front_covers_a_share_of_the_rectangle_up_to_the_limit_and_the_default() -> None:
+    alone = shown([point("best", 0.01, 0.02), point("default", 0.1, 0.04)])
+    two = shown([point("best", 0.01, 0.02), point("accurate", 0.02, 0.01), point("default", 0.1, 0.04)])
+
+    assert alone.rectangle == ((0.02, 0.01), (0.05, 0.1))
+    assert alone.covered == pytest.approx(1.0)
+    missing = log10(2) * log10(2) / (log10(5) * log10(10))
+    assert two.covered == pytest.approx(1 - missing)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [],
+        [point("default", 0.1, 0.02)],
+        [point("best", 0.01, 0.02)],
+        [point("default", 0.1, 0.02), point("best", 0.01, 0.06)],
+        [point("default", None, None), point("best", 0.01, 0.02)],
+    ],
+)
+def test_without_anything_faster_than_the_default_and_valid_there_is_no_share(points: list[Point]) -> None:
+    assert (shown(points).rectangle, shown(points).covered) == (None, None)
+
+
+def test_configurations_are_called_by_their_names_or_numbers() -> None:
+    assert formats.configuration("front-03") == "front-03"
+    assert formats.configuration("", 1132) == "no.\N{NO-BREAK SPACE}1,132"
+    assert formats.configuration("") == formats.ABSENT
+    assert [formats.numbered(name) for name in ("front-03", "probe-1", "fast3", "best")] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+
+
+@pytest.mark.django_db
+def test_a_front_that_nobody_measured_says_what_to_do(client: Client, front: FrontVersion) -> None:
+    page = client.get("/fronts/kfusion-test/").content.decode()
+
+    assert "Nobody has measured this front yet" in page
+    assert '<a href="/measure/">measure it on your device</a>' in page
+    assert "The crowd has no confirmed figure" in page
+
+
+@pytest.mark.django_db
+def test_filters_that_leave_nobody_say_so_with_a_way_back(client: Client, participant: Participant) -> None:
+    measure(participant)
+
+    page = client.get("/fronts/kfusion-test/?vendor=NVIDIA").content.decode()
+
+    assert "No device under these filters (NVIDIA) has measured this front" in page
+    assert '<a href="/fronts/kfusion-test/">show all</a>' in page
+
+
+@pytest.mark.django_db
+def test_figures_over_fewer_devices_than_others_say_so(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    runs = in_balanced_order({"default": 80_000, "best": 10_000, "accurate": 20_000})
+    measure(join(), "Pixel 8", runs=runs)
+    measure(join(), "Pixel 7", best_us=10_000)
+
+    page = read(client, "/fronts/kfusion-test/")
+
+    assert "8.00x 8.00x 2 0" in page
+    assert "1 of 2 0" in page
+    assert "Where n is less than 2, the mean is over other devices than elsewhere." in page
+
+
+@pytest.mark.django_db
+def test_the_figure_and_its_numbers_follow_the_filters(
+    client: Client, join: Callable[[], Participant], front: FrontVersion
+) -> None:
+    measure(join(), "Pixel 8", default_us=80_000, best_us=20_000)
+
+    (best,) = [
+        row
+        for row in client.get("/tables/fronts/kfusion-test.json").json()["rows"]
+        if row["configuration"] == "best"
+    ]
+    other = client.get("/tables/fronts/kfusion-test.json?vendor=NVIDIA").json()["rows"]
+
+    assert (best["crowd_speedup"], best["crowd_devices"]) == (pytest.approx(4.0), 1)
+    assert {row["crowd_speedup"] for row in other} == {None}
+    names = [
+        trace.get("name", "") for trace in client.get("/figures/fronts/kfusion-test.json").json()["data"]
+    ]
+    assert "mean of the crowd, 1 device" in names
+    assert (
+        'data-figure="/figures/fronts/kfusion-test.json?vendor=NVIDIA"'
+        in client.get("/fronts/kfusion-test/?vendor=NVIDIA").content.decode()
+    )
+
+
+@pytest.mark.django_db
+def test_a_front_s_page_is_cheap_while_no_figure_changes(
+    client: Client,
+    join: Callable[[], Participant],
+    front: FrontVersion,
+    django_assert_max_num_queries: Any,
+) -> None:
+    for number in range(3):
+        measure(join(), f"Pixel {number}", best_us=8_000 + 500 * number)
+    client.get("/fronts/kfusion-test/")
+
+    with django_assert_max_num_queries(6):
+        client.get("/fronts/kfusion-test/")
