@@ -130,12 +130,16 @@ SPOTS = st.lists(
 ).map(lambda rows: [Spot(f"{n:02}"[:2].ljust(w, "x"), x, y) for n, (x, y, w) in enumerate(rows)])
 
 
-@given(SPOTS, st.floats(labels.WIDTHS[0], labels.WIDTHS[1]))
-def test_names_never_overlap_nor_leave_the_plane_whatever_its_width(spots: list[Spot], width: float) -> None:
-    spots = list({spot.name: spot for spot in spots}.values())
-    height = 350.0
+HEIGHT = 350.0
 
-    sides = labels.place(spots, spots, height)
+
+@given(SPOTS, st.floats(*labels.WIDTHS), st.floats(labels.LOW, HEIGHT))
+def test_names_never_overlap_nor_leave_the_plane_whatever_its_size(
+    spots: list[Spot], width: float, height: float
+) -> None:
+    spots = list({spot.name: spot for spot in spots}.values())
+
+    sides = labels.place(spots, spots, HEIGHT)
 
     boxes = [box(spot, sides[spot.name], width, height) for spot in spots if spot.name in sides]
     assert boxes

@@ -86,9 +86,8 @@ def exploration_plane(
         layout.corner(figure, words, theme)
     across, up = plane.ranges
     return figure.update_layout(
-        xaxis=layout.log_axis("maximum trajectory error, cm (log)", plane.across)
-        | {"range": across, "automargin": False},
-        yaxis=layout.log_axis("time, ms a frame (log)", plane.up) | {"range": up, "automargin": False},
+        xaxis=layout.log_axis("maximum trajectory error, cm (log)", plane.across) | {"range": across},
+        yaxis=layout.log_axis("time, ms a frame (log)", plane.up) | {"range": up},
         legend={"y": 1.06},
         margin=MARGIN,
         uirevision="stays",

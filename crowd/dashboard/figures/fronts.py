@@ -83,9 +83,8 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
     labels.add(figure, plane, names, [*spots.values(), *others], theme)
     across, up = plane.ranges
     return figure.update_layout(
-        xaxis=layout.log_axis("maximum trajectory error, cm (log)", plane.across)
-        | {"range": across, "automargin": False},
-        yaxis=layout.log_axis("time, ms a frame (log)", plane.up) | {"range": up, "automargin": False},
+        xaxis=layout.log_axis("maximum trajectory error, cm (log)", plane.across) | {"range": across},
+        yaxis=layout.log_axis("time, ms a frame (log)", plane.up) | {"range": up},
         margin=MARGIN,
         legend={"y": 1.09, "itemclick": False, "itemdoubleclick": False},
     )

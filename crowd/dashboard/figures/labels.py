@@ -1,8 +1,8 @@
 """Where the names of a figure's points stand, so that none lies on another at any width of the screen.
 
-A figure is drawn once and stretched to the width of its place: its height is known in pixels, its width is
-not. Names are tried around their points, the most important first, and checked at the narrowest and at the
-widest place. Between these the gap of two names changes evenly, so they are apart at every width.
+A figure is drawn once, stretched to the width of its place, and made lower where it is saved. Names are tried
+around their points, the most important first, and checked at the least and at the greatest width and height.
+Between these the gap of two names changes evenly, so they are apart at every size.
 """
 
 import math
@@ -26,6 +26,7 @@ NEAR = 0.75  # of the width
 MARK = 7.0  # pixels from the middle of a point to its edge
 ROOM = 1.18  # beyond the outermost points, as a factor
 LEAST_SPAN = 3.0  # of an axis, as a factor
+LOW = 165.0  # pixels, the least height of a plane: of a figure for a column
 WIDTHS = (205.0, 1270.0)  # of the plane, on the narrowest phone and on the widest page
 
 
@@ -86,21 +87,25 @@ class Side(NamedTuple):
     yshift: float
 
 
-class _Box(NamedTuple):
-    """Left and right at both WIDTHS, bottom and top, in pixels."""
+Ends = tuple[float, float]
 
-    left: tuple[float, ...]
-    right: tuple[float, ...]
-    bottom: float
-    top: float
+
+class _Box(NamedTuple):
+    """Left and right at the least and the greatest width, bottom and top at such heights, in pixels."""
+
+    left: Ends
+    right: Ends
+    bottom: Ends
+    top: Ends
 
     def apart(self, other: "_Box") -> bool:
-        """Whether the two touch at no width."""
-        if self.top <= other.bottom or other.top <= self.bottom:
-            return True
-        before = all(mine <= its for mine, its in zip(self.right, other.left, strict=True))
-        after = all(mine >= its for mine, its in zip(self.left, other.right, strict=True))
-        return before or after
+        """Whether the two touch at no size."""
+        return (
+            _beyond(other.left, self.right)
+            or _beyond(self.left, other.right)
+            or _beyond(other.bottom, self.top)
+            or _beyond(self.bottom, other.top)
+        )
 
 
 def _sides() -> tuple[Side, ...]:
@@ -190,21 +195,32 @@ def _share(value: float, ends: tuple[float, float]) -> float:
     return (math.log(value) - low) / (high - low)
 
 
+def _beyond(edges: Ends, others: Ends) -> bool:
+    """Whether EDGES lie beyond OTHERS at both sizes."""
+    return edges[0] >= others[0] and edges[1] >= others[1]
+
+
 def _box(spot: Spot, side: Side, height: float) -> _Box:
     wide = LETTER * len(spot.name)
     start = side.xshift - {"left": 0.0, "center": 0.5, "right": 1.0}[side.xanchor] * wide
-    below = spot.up * height + side.yshift - {"bottom": 0.0, "middle": 0.5, "top": 1.0}[side.yanchor] * LINE
-    left = tuple(spot.across * width + start for width in WIDTHS)
-    return _Box(left, tuple(edge + wide for edge in left), below, below + LINE)
+    below = side.yshift - {"bottom": 0.0, "middle": 0.5, "top": 1.0}[side.yanchor] * LINE
+    return _sized(spot, height, (start, start + wide), (below, below + LINE))
 
 
 def _mark(spot: Spot, height: float) -> _Box:
-    middle = [spot.across * width for width in WIDTHS]
-    up = spot.up * height
-    return _Box(tuple(x - MARK for x in middle), tuple(x + MARK for x in middle), up - MARK, up + MARK)
+    return _sized(spot, height, (-MARK, MARK), (-MARK, MARK))
+
+
+def _sized(spot: Spot, height: float, across: Ends, up: Ends) -> _Box:
+    xs, ys = [spot.across * width for width in WIDTHS], [spot.up * one for one in (LOW, height)]
+    return _Box(
+        left=(xs[0] + across[0], xs[1] + across[0]),
+        right=(xs[0] + across[1], xs[1] + across[1]),
+        bottom=(ys[0] + up[0], ys[1] + up[0]),
+        top=(ys[0] + up[1], ys[1] + up[1]),
+    )
 
 
 def _inside(box: _Box, height: float) -> bool:
-    rights = zip(box.right, WIDTHS, strict=True)
-    across = min(box.left) >= 0 and all(right <= width for right, width in rights)
-    return across and box.bottom >= 0 and box.top <= height
+    within = _beyond(WIDTHS, box.right) and _beyond((LOW, height), box.top)
+    return within and _beyond(box.left, (0.0, 0.0)) and _beyond(box.bottom, (0.0, 0.0))

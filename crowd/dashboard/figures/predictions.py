@@ -56,9 +56,8 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
     title = "ms a frame on this device (log)" if timed else "times as fast as the default (log)"
     across, up = plane.ranges
     return figure.update_layout(
-        xaxis=layout.log_axis("largest trajectory error, cm (log)", plane.across)
-        | {"range": across, "automargin": False},
-        yaxis=layout.log_axis(title, plane.up) | {"range": up, "automargin": False},
+        xaxis=layout.log_axis("largest trajectory error, cm (log)", plane.across) | {"range": across},
+        yaxis=layout.log_axis(title, plane.up) | {"range": up},
         showlegend=True,
         legend={"y": 1.09, "itemclick": False, "itemdoubleclick": False},
         margin=MARGIN,
