@@ -75,9 +75,10 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
         if means:
             figure.add_trace(_crowd_marks(means, few, theme))
     spots = {one.point.name: plane.spot(one.point.name, one.error, one.time) for one in drawn}
+    lines = [[(one.drawn.error, one.low), (one.drawn.error, one.high)] for one in crowd]
+    lines += [_staircase(stairs, plane)] if stairs else []
     others = [plane.spot("", one.drawn.error, one.time) for one in crowd]
-    if stairs:
-        others += plane.line(_staircase(stairs, plane))
+    others += [spot for line in lines for spot in plane.line(line)]
     names = [spots[name] for name in labels.named(spots)]
     layout.limit_line(figure, limit, theme, log=True, anchor=plane.anchor(limit))
     labels.add(figure, plane, names, [*spots.values(), *others], theme)

@@ -8,6 +8,7 @@ Between these the gap of two names changes evenly, so they are apart at every si
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -32,11 +33,12 @@ WIDTHS = (205.0, 1270.0)  # of the plane, on the narrowest phone and on the wide
 
 @dataclass(frozen=True)
 class Spot:
-    """A point that has a NAME, at ACROSS and UP (0 to 1) of the plane."""
+    """A point that has a NAME, at ACROSS and UP (0 to 1) of the plane; GAP pixels from its middle to it."""
 
     name: str
     across: float
     up: float
+    gap: float = GAP
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,9 @@ class Plane:
         """The plane that shows all of XS and YS, HEIGHT pixels high, with some room around them."""
         return cls(_around(xs), _around(ys), height)
 
-    def spot(self, name: str, x: float, y: float) -> Spot:
+    def spot(self, name: str, x: float, y: float, gap: float = GAP) -> Spot:
         """The point called NAME at (X, Y)."""
-        return Spot(name, _share(x, self.across), _share(y, self.up))
+        return Spot(name, _share(x, self.across), _share(y, self.up), gap)
 
     def line(self, corners: Sequence[tuple[float, float]]) -> list[Spot]:
         """Spots along the line through CORNERS, so that no name lies on it where there is room beside it."""
@@ -108,25 +110,24 @@ class _Box(NamedTuple):
         )
 
 
-def _sides() -> tuple[Side, ...]:
-    near = GAP * 0.7
+@lru_cache
+def _sides(gap: float) -> tuple[Side, ...]:
+    """Where a name may stand that is GAP pixels from the middle of its point, the usual sides first."""
+    near = gap * 0.7
     found = [
-        Side("left", "middle", GAP, 0),
-        Side("right", "middle", -GAP, 0),
-        Side("center", "bottom", 0, GAP),
-        Side("center", "top", 0, -GAP),
+        Side("left", "middle", gap, 0),
+        Side("right", "middle", -gap, 0),
+        Side("center", "bottom", 0, gap),
+        Side("center", "top", 0, -gap),
         Side("left", "bottom", near, near),
         Side("right", "top", -near, -near),
         Side("right", "bottom", -near, near),
         Side("left", "top", near, -near),
     ]
-    for far in (GAP + LINE, GAP + 2 * LINE):
+    for far in (gap + LINE, gap + 2 * LINE):
         for horizontal, shift in (("center", 0.0), ("left", near), ("right", -near)):
             found += [Side(horizontal, "bottom", shift, far), Side(horizontal, "top", shift, -far)]
     return tuple(found)
-
-
-SIDES = _sides()
 
 
 def named(names: Iterable[str], chosen: str = "") -> list[str]:
@@ -149,7 +150,7 @@ def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[
     taken: list[_Box] = []
     found: dict[str, Side] = {}
     for spot in names:
-        choices = [(side, _box(spot, side, height)) for side in SIDES]
+        choices = [(side, _box(spot, side, height)) for side in _sides(spot.gap)]
         free = [
             (sum(not box.apart(mark) for mark in marks), number, side, box)
             for number, (side, box) in enumerate(choices)

@@ -16,6 +16,7 @@ from crowd.predictions.devices import Expected
 HEIGHT = 480
 MARGIN = {"l": 62, "r": 14, "t": 92, "b": 58}
 PROBE_OPACITY = 0.45
+BESIDE_SQUARE = 17.0  # pixels from the middle of the recommended point to its name
 
 
 def device_plane(advice: Advice, theme: Theme) -> go.Figure:
@@ -45,13 +46,22 @@ def device_plane(advice: Advice, theme: Theme) -> go.Figure:
     layout.upright_line(
         figure, limit, f"at most {limit:g} cm", theme.limit, log=True, anchor=plane.anchor(limit)
     )
-    spots = {
-        point.configuration: plane.spot(point.configuration, _centimetres(point), _value(point, advice))
-        for point in drawn
-    }
     chosen = advice.chosen.configuration if advice.chosen else ""
+    spots = {
+        name: plane.spot(
+            name, _centimetres(point), _value(point, advice), BESIDE_SQUARE if name == chosen else labels.GAP
+        )
+        for point in drawn
+        for name in [point.configuration]
+    }
+    seen = [point for point in drawn if not point.probe]
+    whiskers = [
+        spot
+        for point in seen
+        for spot in plane.line([(_centimetres(point), end) for end in _ends(point, advice)])
+    ]
     named = [spots[name] for name in labels.named(spots, chosen)]
-    labels.add(figure, plane, named, [spots[one.configuration] for one in drawn if not one.probe], theme)
+    labels.add(figure, plane, named, [*(spots[one.configuration] for one in seen), *whiskers], theme)
     timed = advice.answer.expectation.seconds is not None
     title = "ms a frame on this device (log)" if timed else "times as fast as the default (log)"
     across, up = plane.ranges
