@@ -82,6 +82,13 @@ class Comparison:
         return urlencode(asked, safe=",")
 
     @property
+    def figures(self) -> tuple[Speedup, ...]:
+        """The devices' figures, where all have one of the same front."""
+        found = tuple(column.figure for column in self.devices if column.figure)
+        alike = len(found) == len(self.devices) and len({figure.front for figure in found}) == 1
+        return found if alike else ()
+
+    @property
     def unconfirmed(self) -> bool:
         """Whether a figure in it is unconfirmed."""
         figures = [column.figure for column in self.devices]
@@ -95,15 +102,17 @@ class Comparison:
         return any(device.simulated for device in shown)
 
 
-def parse_names(values: Iterable[str], noun: str) -> tuple[str, ...]:
-    """Names out of ?devices=a,b or ?devices=a&devices=b, each once. NOUN is what they are names of.
+def parse_names(values: Iterable[str], noun: str, most: int = MOST) -> tuple[str, ...]:
+    """Names out of ?devices=a,b or ?devices=a&devices=b, each once, MOST at most. NOUN is what they are names
+    of.
 
     Raises InvalidComparisonError.
     """
     names = tuple(dict.fromkeys(name for value in values for name in value.split(",") if name))
-    if not LEAST <= len(names) <= MOST:
+    if not LEAST <= len(names) <= most:
         named = ", ".join(names) or "none"
-        raise InvalidComparisonError(f"name {LEAST} to {MOST} {noun} to compare, not {named:.300}")
+        count = f"{LEAST} to {most}" if most > LEAST else f"{LEAST}"
+        raise InvalidComparisonError(f"name {count} {noun} to compare, not {named:.300}")
     return names
 
 

@@ -7,6 +7,7 @@ from crowd.dashboard.drawings import DRAWINGS
 from crowd.dashboard.drawings.serving import addresses
 from crowd.dashboard.views import (
     cards,
+    compare,
     devices,
     explorations,
     fronts,
@@ -31,7 +32,7 @@ urlpatterns = [
     path("devices/<slug:slug>/card.png", cards.device_card, name="device-card"),
     path("card.png", cards.crowd_card, name="card"),
     path("search/", search.search, name="search"),
-    path("compare/", devices.compare, name="compare"),
+    path("compare/", compare.compare, name="compare"),
     path("mine/<str:signed>/", own_views.mine, name="mine"),
     path("sessions/<uuid:uuid>/", sessions.session, name="session"),
     path("runs/<uuid:uuid>/", sessions.run, name="run"),

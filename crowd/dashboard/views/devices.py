@@ -1,4 +1,4 @@
-"""Devices: the list, one of them, several side by side."""
+"""Devices: the list, and one of them."""
 
 from urllib.parse import urlencode
 
@@ -8,22 +8,18 @@ from django.shortcuts import render
 
 from crowd.dashboard.advice import Advice, Limits, of_device
 from crowd.dashboard.answering import page
-from crowd.dashboard.choosing import measured, named, onward, query
-from crowd.dashboard.comparison import InvalidComparisonError
+from crowd.dashboard.choosing import measured, named, query
 from crowd.dashboard.confirmation import confirmed_by_chip, left_out
-from crowd.dashboard.drawings.comparison import read
 from crowd.dashboard.drawings.devices import Rank, attempts_of, crowd_of, rank_of
 from crowd.dashboard.drawings.speedups import colour_of
 from crowd.dashboard.figures import findings
 from crowd.dashboard.figures.devices import configurations_height, releases_height
-from crowd.dashboard.figures.frames import stages_height
 from crowd.dashboard.figures.speedups import bars_height
 from crowd.dashboard.filtering import Filtering, filtered
 from crowd.dashboard.points import newest_figure
 from crowd.dashboard.race import race
 from crowd.dashboard.standing import Standing, standing
 from crowd.dashboard.views.sessions import of_session
-from crowd.fronts import selectors as published
 from crowd.results.reading import selectors as results
 from crowd.results.reading.filters import InvalidFilterError
 from crowd.results.reading.rows import History
@@ -118,29 +114,3 @@ def _findings(rank: Rank | None, here: Standing | None, history: History | None)
             here.winner, here.winner_speedup, here.configurations, here.best_rank
         )
     return found
-
-
-@page
-def compare(request: HttpRequest) -> HttpResponse:
-    """Two to six devices, or configurations on one device, side by side."""
-    problem, shown = "", None
-    choices: list[tuple[str, str]] = []
-    try:
-        shown = read(request)
-        choices = [(name, f"?{shown.with_application(name)}") for name in shown.applications]
-    except InvalidComparisonError as error:
-        problem = str(error)
-    return render(
-        request,
-        "dashboard/compare.html",
-        {
-            "shown": shown,
-            "problem": problem,
-            "query": shown.query if shown else "",
-            "onward": onward(shown.application, published.names()) if shown else "",
-            "choices": choices,
-            "runs": sum(row.runs for row in shown.bars) if shown else 0,
-            "height": stages_height(len(shown.bars)) if shown else 0,
-        },
-        status=400 if problem else 200,
-    )

@@ -207,6 +207,23 @@ def model_speedup(installations: Sequence[InstallationValue]) -> ModelSpeedup:
     )
 
 
+@dataclass(frozen=True)
+class ModelFigure:
+    """A logarithm that belongs to a device model: the location of its `units`, and their standard deviation
+    (None for a single one).
+    """
+
+    log: float
+    units: int
+    deviation: float | None
+
+
+def model_figure(installations: Sequence[InstallationValue]) -> ModelFigure:
+    """What INSTALLATIONS come to. Raises ValueError for none."""
+    found = model_speedup(installations)
+    return ModelFigure(math.log(found.speedup.value), found.units, found.deviation)
+
+
 def usual_range(unit_logs: ArrayLike) -> tuple[float, float] | None:
     """Between which log ratios a session is not an outlier, given UNIT_LOGS (n,) of its model.
 
@@ -297,6 +314,47 @@ def crowd_speedup(figures: Sequence[tuple[float, float]]) -> Interval | None:
     mean, error = random_effects(logs, variances)
     half = t_quantile(len(figures) - 1, 1 - CONFIDENCE) * float(error)
     return Interval(math.exp(float(mean)), math.exp(float(mean) - half), math.exp(float(mean) + half))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A logarithm with the variance of its mean, from so many `degrees` of freedom; without any, the variance
+    is not known.
+    """
+
+    log: float
+    variance: float
+    degrees: float
+
+
+def estimate(logs: ArrayLike) -> Estimate:
+    """The mean of LOGS (n,), which are independent of each other. Raises ValueError for none."""
+    values = np.asarray(logs, dtype=np.float64)
+    if values.size == 0:
+        raise ValueError("an estimate from no values")
+    variance = float(values.var(ddof=1)) / values.size if values.size > 1 else 0.0
+    return Estimate(float(values.mean()), variance, values.size - 1)
+
+
+def pooled_estimates(figures: Sequence[ModelFigure]) -> list[Estimate]:
+    """FIGURES with the variance within models, pooled over all of them as `figure_variances` does."""
+    variances = figure_variances([each.units for each in figures], [each.deviation for each in figures])
+    degrees = sum(each.units - 1 for each in figures)
+    return [Estimate(each.log, float(v), degrees) for each, v in zip(figures, variances, strict=True)]
+
+
+def ratio_between(one: Estimate, other: Estimate, same_pool: bool = False) -> Interval:
+    """exp of ONE less OTHER, with Welch's two-sided t interval (Welch 1947); without bounds where a variance
+    is not known. SAME_POOL: both variances come from the same values, whose degrees count once.
+    """
+    difference, variance = one.log - other.log, one.variance + other.variance
+    if min(one.degrees, other.degrees) < 1 or variance <= 0:
+        return Interval(math.exp(difference), None, None)
+    degrees = one.degrees
+    if not same_pool:
+        degrees = variance**2 / (one.variance**2 / one.degrees + other.variance**2 / other.degrees)
+    half = t_quantile(degrees, 1 - CONFIDENCE) * math.sqrt(variance)
+    return Interval(math.exp(difference), math.exp(difference - half), math.exp(difference + half))
 
 
 def random_effects(

@@ -139,7 +139,7 @@ def balanced_order(baseline: Mapping[int, int], candidate: Mapping[int, int]) ->
     return abs(sum(distances)) <= left_over
 
 
-def t_quantile(degrees: int, alpha: float) -> float:
+def t_quantile(degrees: float, alpha: float) -> float:
     """The two-sided quantile of Student's t that leaves ALPHA outside."""
     # scipy.stats takes a second to import, and the web process does not use it otherwise.
     from scipy.special import stdtrit

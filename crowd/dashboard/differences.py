@@ -1,0 +1,219 @@
+"""How sure it is that one thing is faster than another: a ratio, its 95 % interval, and a sentence.
+
+Ratios and intervals come from crowd.results.figures.statistics; nothing is computed here but logarithms.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from crowd.dashboard import formats
+from crowd.fronts.selectors import BEST, DEFAULT
+from crowd.results.figures.statistics import (
+    LEAST_MODELS,
+    Estimate,
+    Interval,
+    ModelFigure,
+    crowd_speedup,
+    estimate,
+    figure_variances,
+    pooled_estimates,
+    ratio_between,
+)
+from crowd.results.reading.rows import SessionDetail, Speedup
+from crowd.results.validity.measures import paired_log_ratios
+
+FASTER = "is faster than"
+GAINS = "gains more than"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """ONE beside OTHER: `ratio` is above 1 where ONE is ahead. `verb` says in what, `where` under which
+    conditions, `basis` what the interval rests on, or why there is none.
+    """
+
+    one: str
+    other: str
+    verb: str
+    where: str
+    ratio: Interval
+    basis: str
+
+    @property
+    def known(self) -> bool:
+        """Whether there is an interval."""
+        return self.ratio.low is not None
+
+    @property
+    def decided(self) -> bool:
+        """Whether the interval leaves out that both are equal."""
+        low, high = self.ratio.low, self.ratio.high
+        return low is not None and high is not None and (low > 1 or high < 1)
+
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        if self.known and not self.decided:
+            return (
+                f"{self.one} and {self.other} cannot be told apart{self.where}: "
+                f"the ratio of the first to the second is {_bounded(self.ratio)}."
+            )
+        ahead = self._turned() if self.ratio.value < 1 else self
+        found = f"{ahead.one} {self.verb} {ahead.other} by {_bounded(ahead.ratio)}{self.where}"
+        if self.decided:
+            return f"{found}. The difference is larger than chance."
+        return f"{found} so far. Whether that is more than chance is not known: {self.basis}."
+
+    def _turned(self) -> "Difference":
+        low, high = self.ratio.low, self.ratio.high
+        turned = Interval(1 / self.ratio.value, high and 1 / high, low and 1 / low)
+        return Difference(self.other, self.one, self.verb, self.where, turned, self.basis)
+
+
+def _bounded(ratio: Interval) -> str:
+    """A ratio with its interval: 1.30x [1.10, 1.50]."""
+    value = formats.speedup(ratio.value)
+    if ratio.low is None or ratio.high is None:
+        return value
+    return f"{value} [{formats.significant(ratio.low)}, {formats.significant(ratio.high)}]"
+
+
+def of_devices(
+    figures: Sequence[Speedup], times: Sequence[dict[str, ModelFigure]], crowd: Sequence[Speedup]
+) -> list[Difference]:
+    """The first of FIGURES beside each other one, of the same front: TIMES of best and default, of two
+    devices also what they gain. The variance of gains within models is pooled over CROWD, all devices.
+    """
+    found = []
+    for name in (BEST, DEFAULT):
+        if all(name in each for each in times):
+            estimates = pooled_estimates([each[name] for each in times])
+            found += [
+                _between(figures[0], figure, estimates[place], estimates[0], FASTER, f" with {name}")
+                for place, figure in enumerate(figures[1:], start=1)
+            ]
+    if len(figures) == 2:
+        one, other = figures
+        others = [row for row in crowd if row.key not in {one.key, other.key} and not row.suspect]
+        first, second, *_ = pooled_estimates([_model(row) for row in (one, other, *others)])
+        found.append(_between(one, other, first, second, GAINS, " from best over default"))
+    return found
+
+
+def _model(row: Speedup) -> ModelFigure:
+    return ModelFigure(math.log(row.speedup), row.units, row.deviation)
+
+
+def _between(
+    one: Speedup, other: Speedup, above: Estimate, below: Estimate, verb: str, where: str
+) -> Difference:
+    """The ratio of ABOVE over BELOW, which is larger than 1 where ONE is ahead."""
+    ratio = ratio_between(above, below, same_pool=True)
+    measured = f"{one.units} and {formats.plural(other.units, 'independent installation')}"
+    basis = (
+        f"over {measured}"
+        if ratio.low is not None
+        else f"it takes several independent installations of one model; there are {measured}"
+    )
+    return Difference(one.device.title, other.device.title, verb, where, ratio, basis)
+
+
+def of_sessions(one: SessionDetail, other: SessionDetail) -> list[Difference]:
+    """Two sessions: their times with best and with default over the valid runs, and their speedups over the
+    pairs of runs.
+    """
+    names = (_called(one), _called(other))
+    found = []
+    for name in (BEST, DEFAULT):
+        first, second = (_times(session, name) for session in (one, other))
+        if first and second:
+            logs = [[math.log(value) for value in each.values()] for each in (first, second)]
+            found.append(_of_values(names, logs[1], logs[0], FASTER, f" with {name}", "run"))
+    ratios = [
+        paired_log_ratios(_times(session, DEFAULT), _times(session, BEST)).tolist()
+        for session in (one, other)
+    ]
+    if all(ratios):
+        found.append(_of_values(names, ratios[0], ratios[1], GAINS, " from best over default", "pair"))
+    return found
+
+
+def _called(detail: SessionDetail) -> str:
+    return f"{detail.session.device.title} ({formats.hour(detail.session.started_at)})"
+
+
+def _times(detail: SessionDetail, configuration: str) -> dict[int, float]:
+    """Seconds a frame of the valid runs of CONFIGURATION, by their repeat."""
+    return {
+        series.run.repeat: series.run.mean_seconds
+        for series in detail.runs
+        if series.run.configuration == configuration
+        and series.run.state == "valid"
+        and series.run.mean_seconds
+    }
+
+
+def _of_values(
+    names: tuple[str, str], above: list[float], below: list[float], verb: str, where: str, noun: str
+) -> Difference:
+    ratio = ratio_between(estimate(above), estimate(below))
+    counts = f"{len(above)} and {formats.plural(len(below), noun)}"
+    basis = f"over {counts}" if ratio.low is not None else f"it takes two {noun}s each; there are {counts}"
+    return Difference(*names, verb, where, ratio, basis)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A device with one figure on each side."""
+
+    new: Speedup
+    old: Speedup
+
+    @property
+    def log(self) -> float:
+        return math.log(self.new.speedup / self.old.speedup)
+
+    @property
+    def ratio(self) -> float:
+        return self.new.speedup / self.old.speedup
+
+
+def pairs(new: Sequence[Speedup], old: Sequence[Speedup]) -> list[Pair]:
+    """The devices with a figure that counts in NEW and in OLD, of the same backend and chip; the largest
+    change first.
+    """
+    before = {_place(row): row for row in old if row.counts}
+    both = [Pair(row, before[_place(row)]) for row in new if row.counts and _place(row) in before]
+    return sorted(both, key=lambda pair: (-pair.ratio, pair.new.device.slug))
+
+
+def _place(row: Speedup) -> tuple[str, str, str, str]:
+    return row.device.slug, row.backend, row.processor, row.processor_class
+
+
+def of_pairs(both: Sequence[Pair], one: str, other: str, verb: str, where: str) -> Difference | None:
+    """What the pairs say together: from LEAST_MODELS devices on the random-effects mean of the crowd, of
+    fewer their mean with the variance within models. None without a pair.
+    """
+    if not both:
+        return None
+    rows = [row for pair in both for row in (pair.new, pair.old)]
+    variances = figure_variances([row.units for row in rows], [row.deviation for row in rows])
+    figures = [
+        (pair.log, float(new + old))
+        for pair, new, old in zip(both, variances[::2], variances[1::2], strict=True)
+    ]
+    devices = formats.plural(len({pair.new.device.slug for pair in both}), "device")
+    if len(figures) >= LEAST_MODELS:
+        ratio = crowd_speedup(figures)
+        basis = f"over {devices} with a confirmed figure of both"
+    else:
+        degrees = sum(row.units - 1 for row in rows)
+        mean = math.fsum(log for log, _ in figures) / len(figures)
+        variance = math.fsum(v for _, v in figures) / len(figures) ** 2
+        ratio = ratio_between(Estimate(mean, variance, degrees), Estimate(0.0, 0.0, degrees), same_pool=True)
+        basis = f"over the installations of {devices}"
+        if ratio.low is None:
+            basis = f"it takes three devices, or several independent installations; there is {devices}"
+    return Difference(one, other, verb, where, ratio, basis) if ratio else None

@@ -1,0 +1,221 @@
+"""Side by side: devices or configurations, two sessions, two fronts, before and after a day."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import date, timedelta
+from typing import Any
+from urllib.parse import urlencode
+from uuid import UUID
+
+from django.http import HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
+from django.shortcuts import render
+from django.urls import reverse
+
+from crowd.dashboard import differences
+from crowd.dashboard.answering import found, page
+from crowd.dashboard.choosing import onward
+from crowd.dashboard.comparison import Comparison, InvalidComparisonError, parse_names
+from crowd.dashboard.drawings.comparison import read
+from crowd.dashboard.figures.frames import stages_height
+from crowd.devices.naming.spelling import words
+from crowd.fronts import selectors as published
+from crowd.results.reading import selectors as results
+from crowd.results.reading.filters import InvalidFilterError, SpeedupFilters
+from crowd.results.reading.rows import DeviceRow
+from crowd.results.reading.times import log_times
+
+UUID_TEXT = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}", re.IGNORECASE)
+OFFERED = 8  # devices that a typed name may mean, and newest sessions
+LISTED = 20  # devices with the largest changes, up and down
+
+
+@page
+def compare(request: HttpRequest) -> HttpResponseBase:
+    """What the query string names, side by side; without any, a form for each kind of comparison."""
+    asked = request.GET
+    try:
+        if asked.get("sessions"):
+            return _sessions(request)
+        if asked.get("fronts"):
+            return _fronts(request)
+        if asked.get("date"):
+            return _periods(request)
+        if any(asked.get(name) for name in ("devices", "configurations", "device")):
+            return _devices(request)
+        if "first" in asked or "second" in asked:
+            return _typed(request)
+    except (InvalidComparisonError, InvalidFilterError) as error:
+        return _chooser(request, problem=str(error))
+    return _chooser(request)
+
+
+def _devices(request: HttpRequest) -> HttpResponse:
+    shown = read(request)
+    return render(
+        request,
+        "dashboard/compare.html",
+        {
+            "shown": shown,
+            "query": shown.query,
+            "onward": onward(shown.application, published.names()),
+            "choices": [(name, f"?{shown.with_application(name)}") for name in shown.applications],
+            "runs": sum(row.runs for row in shown.bars),
+            "height": stages_height(len(shown.bars)),
+            "differences": _between_devices(shown),
+        },
+    )
+
+
+def _between_devices(shown: Comparison) -> list[differences.Difference]:
+    if not shown.figures:
+        return []
+    filters = SpeedupFilters(
+        front=shown.figures[0].front, application=shown.application, simulated=shown.simulated
+    )
+    times = [log_times(figure) for figure in shown.figures]
+    return differences.of_devices(shown.figures, times, results.speedups(filters).rows)
+
+
+def _sessions(request: HttpRequest) -> HttpResponse:
+    """Two sessions, by their identifiers or the addresses of their pages."""
+    given = [text for value in request.GET.getlist("sessions") for text in value.split(",") if text.strip()]
+    names = list(dict.fromkeys(match for text in given for match in UUID_TEXT.findall(text)))
+    if len(names) != 2:
+        raise InvalidComparisonError(f"name two sessions by the addresses of their pages, not {len(names)}")
+    one, other = (found(results.session(UUID(name))) for name in names)
+    if one.session.device.simulated != other.session.device.simulated:
+        raise InvalidComparisonError("simulated sessions stand beside simulated ones alone: choose one kind")
+    if one.session.front != other.session.front:
+        raise InvalidComparisonError(
+            f"the sessions measured different fronts, {one.session.front} and {other.session.front}: "
+            "choose two of one front"
+        )
+    return render(
+        request,
+        "dashboard/compared_sessions.html",
+        {
+            "sessions": [one.session, other.session],
+            "simulated": one.session.device.simulated,
+            "differences": differences.of_sessions(one, other),
+        },
+    )
+
+
+def _fronts(request: HttpRequest) -> HttpResponse:
+    """The best configurations of two fronts of one application, on the devices that measured both."""
+    slugs = parse_names(request.GET.getlist("fronts"), "fronts", most=2)
+    applications = dict(published.names())
+    for slug in slugs:
+        if slug not in applications:
+            raise InvalidComparisonError(f"there is no front {slug:.100}, but {', '.join(applications)}")
+    if len({applications[slug] for slug in slugs}) > 1:
+        raise InvalidComparisonError("the fronts are of different applications: choose two of one")
+    simulated = request.GET.get("simulated") == "1"
+    new, old = (
+        results.speedups(SpeedupFilters(front=slug, application=applications[slug], simulated=simulated))
+        for slug in slugs
+    )
+    both = differences.pairs(new.rows, old.rows)
+    names = [f"best of {slug}" for slug in slugs]
+    shown = differences.of_pairs(both, f"Best of {slugs[0]}", names[1], differences.FASTER, "")
+    return _crowds(request, both, shown, "Two fronts", slugs, simulated)
+
+
+def _periods(request: HttpRequest) -> HttpResponse:
+    """The speedups measured since a day beside those measured before it, under the other filters."""
+    try:
+        day = date.fromisoformat(request.GET["date"])
+    except ValueError:
+        raise InvalidFilterError(
+            "date", f"date={request.GET['date']:.50}: give a day as 2026-11-30"
+        ) from None
+    filters = replace(results.asked(request.GET), since=None, until=None)
+    if day == date.min:
+        raise InvalidFilterError("date", f"date={day}: give a later day")
+    after = results.speedups(replace(filters, since=day))
+    before = results.speedups(replace(filters, until=day - timedelta(days=1)))
+    both = differences.pairs(after.rows, before.rows)
+    names = (f"since {day}", f"before {day}")
+    shown = differences.of_pairs(
+        both, f"What was measured {names[0]}", f"what was measured {names[1]}", differences.GAINS, ""
+    )
+    return _crowds(request, both, shown, f"Before and after {day}", names, filters.simulated)
+
+
+def _crowds(
+    request: HttpRequest,
+    both: list[differences.Pair],
+    shown: differences.Difference | None,
+    title: str,
+    names: tuple[str, ...],
+    simulated: bool,
+) -> HttpResponse:
+    return render(
+        request,
+        "dashboard/compared_crowds.html",
+        {
+            "title": title,
+            "names": names,
+            "pairs": both if len(both) <= 2 * LISTED else [*both[:LISTED], *both[-LISTED:]],
+            "devices": len(both),
+            "simulated": simulated,
+            "differences": [shown] if shown else [],
+        },
+    )
+
+
+@dataclass(frozen=True)
+class Typed:
+    """What was typed into one field, and the devices it may mean."""
+
+    name: str
+    text: str
+    devices: tuple[DeviceRow, ...]
+
+    @property
+    def slug(self) -> str:
+        """The one device meant: that address, else the only one with all these words in its name, else the
+        only one that fits. "" where there are several, or none.
+        """
+        typed = set(words(self.text))
+        by_address = [row for row in self.devices if self.text == row.device.slug]
+        by_name = [row for row in self.devices if typed <= set(words(row.device.title))]
+        chosen = by_address or by_name or self.devices
+        return chosen[0].device.slug if len(chosen) == 1 else ""
+
+
+def _typed(request: HttpRequest) -> HttpResponseBase:
+    """Two typed names: the comparison where each means one device, else the choice of what they may mean."""
+    simulated = request.GET.get("simulated") == "1"
+    fields = [_field(request.GET, name, simulated) for name in ("first", "second")]
+    slugs = [field.slug for field in fields]
+    if all(slugs) and slugs[0] != slugs[1]:
+        query = urlencode({"devices": ",".join(slugs)}, safe=",")
+        return HttpResponseRedirect(f"{reverse('dashboard:compare')}?{query}")
+    unknown = [field.text for field in fields if field.text and not field.devices]
+    problem = f"no measured device fits {' and '.join(unknown):.200}" if unknown else ""
+    return _chooser(request, fields, problem=problem, status=200)
+
+
+def _field(asked: Mapping[str, str], name: str, simulated: bool) -> Typed:
+    text = " ".join(asked.get(name, "").split())[:100]
+    return Typed(name, text, results.search(text, simulated).devices if text else ())
+
+
+def _chooser(
+    request: HttpRequest, fields: list[Typed] | None = None, problem: str = "", status: int | None = None
+) -> HttpResponse:
+    simulated = request.GET.get("simulated") == "1"
+    names = published.names()
+    context: dict[str, Any] = {
+        "problem": problem,
+        "fields": fields or [Typed(name, "", ()) for name in ("first", "second")],
+        "offered": OFFERED,
+        "fronts": names if len(names) > 1 else (),
+        "sessions": results.latest_sessions(OFFERED, simulated),
+        "simulated": simulated,
+    }
+    return render(
+        request, "dashboard/compare_chooser.html", context, status=status or (400 if problem else 200)
+    )
