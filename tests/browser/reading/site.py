@@ -50,13 +50,15 @@ COUNTED = len({model for model, _, _ in PHONES})
 UNCONFIRMED = "P40"
 
 
+# Pages that look otherwise without what they are asked for.
+OTHER_STATES = {"compare-nothing": "/compare/", "devices-emptied": "/devices/?vendor=Mali&os=Windows"}
 # Charts for other sites to frame: all of one template.
 EMBEDDED = "-embed"
 
 
 def page_names() -> list[str]:
     """The names of all pages that stand for themselves, as urls.py has them."""
-    return [name for name in _patterns() if not name.endswith(EMBEDDED)]
+    return [name for name in _patterns() if not name.endswith(EMBEDDED)] + list(OTHER_STATES)
 
 
 def _patterns() -> dict[str, URLPattern]:
@@ -136,14 +138,18 @@ def fill(folder: Path) -> dict[str, str]:
         "run": {"uuid": sessions[0]["runs"][1]["id"]},
         "mine": {"signed": path_of(Installation.objects.earliest("created_at")).split("/")[2]},
     }
-    queries = {"compare": "?devices=google-pixel-8,google-pixel-7", "front": "?against=kfusion-early"}
+    queries = {
+        "compare": "?devices=google-pixel-8,google-pixel-7",
+        "front": "?against=kfusion-early",
+        "search": "?q=pixel",
+    }
 
     def address(name: str, pattern: URLPattern) -> str:
         word = name.partition("-")[0]
         needed = {argument: arguments[word][argument] for argument in pattern.pattern.converters}
         return reverse(f"dashboard:{name}", kwargs=needed) + queries.get(word, "")
 
-    return {name: address(name, pattern) for name, pattern in _patterns().items()}
+    return {name: address(name, pattern) for name, pattern in _patterns().items()} | OTHER_STATES
 
 
 def _send(
