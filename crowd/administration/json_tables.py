@@ -4,7 +4,7 @@
 |---|---|
 | object | two columns; its objects and lists inside, to DEEPEST levels |
 | list of objects, object of objects | a row for each, a column for each member |
-| list of single values | the values with commas between |
+| list of single values | the values with commas between; sentences a line each |
 | text longer than LONGEST_TEXT | its beginning, and all of it on demand |
 | more than MOST_ROWS rows | the first ones, and the rest on demand |
 
@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from django.utils.html import format_html, format_html_join
-from django.utils.safestring import SafeString
+from django.utils.safestring import SafeString, mark_safe
 
 LONGEST_TEXT = 120
 MOST_ROWS = 25
@@ -50,6 +50,8 @@ def _cell(value: Any, depth: int) -> SafeString:
             return _table([("", row) for row in value], value, depth, keyed=False)
         if any(isinstance(item, dict | list) for item in value):
             return _members({str(place): item for place, item in enumerate(value)}, depth)
+        if any(isinstance(item, str) and " " in item for item in value):
+            return format_html_join(mark_safe("<br>"), "{}", ((_long(_text(item)),) for item in value))
         return _long(", ".join(_text(item) for item in value))
     return _long(_text(value))
 

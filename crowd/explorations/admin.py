@@ -1,24 +1,24 @@
 """Explorations for administrators: create, steer, choose what is published. Measurements are only read."""
 
-from collections.abc import Callable
 from typing import Any
 
 from django.contrib import admin, messages
+from django.contrib.admin import helpers
 from django.core.exceptions import PermissionDenied, ValidationError
 from django.db import transaction
 from django.db.models import QuerySet
 from django.forms import ModelForm
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
-from django.template.response import TemplateResponse
-from django.urls import URLPattern, path, reverse
+from django.urls import URLPattern, reverse
 
+from crowd.administration.pages import PagesAdmin
 from crowd.administration.readonly import JsonTables, ReadOnlyAdmin
-from crowd.explorations import selectors, services, steering
+from crowd.explorations import selectors, services, space_choice, steering
 from crowd.explorations.forms import ExplorationForm, ReferenceDeviceForm, initial_of
 from crowd.explorations.measuring import tokens
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
-from crowd.explorations.outcomes import publishing
+from crowd.explorations.outcomes import duration, publishing
 from crowd.explorations.steering import STEPS
 from slam.protocol import VALID_BELOW
 
@@ -26,31 +26,7 @@ CHANGE, DRAFT = "explorations.change_exploration", "fronts.submit_frontversion"
 DEVICE = "explorations.change_referencedevice"
 MOST_REPEATS = 20
 NAME_PREFIX = "name-"
-
-
-class PagesAdmin(admin.ModelAdmin):
-    """An admin with pages of its own beside Django's."""
-
-    def _route(self, route: str, view: Callable[..., HttpResponse], name: str) -> URLPattern:
-        label = f"{self.opts.app_label}_{self.opts.model_name}_{name}"
-        return path(route, self.admin_site.admin_view(view), name=label)
-
-    def _seen(self, request: HttpRequest, key: int, permission: str) -> Any:
-        """The row with that key. Raises PermissionDenied, also where there is none."""
-        row = self.get_object(request, str(key))
-        if row is None or not request.user.has_perm(permission):
-            raise PermissionDenied
-        return row
-
-    def _page(
-        self, request: HttpRequest, template: str, row: Any, title: str, **context: Any
-    ) -> HttpResponse:
-        shown = self.admin_site.each_context(request) | {"title": title, "opts": self.opts, "row": row}
-        return TemplateResponse(request, f"admin/explorations/{template}.html", shown | context)
-
-    def _refused(self, request: HttpRequest, error: Exception) -> None:
-        text = "; ".join(getattr(error, "messages", [str(error)]))
-        self.message_user(request, f"Nothing was done: {text}", messages.ERROR)
+ESTIMATE = "_estimate"  # the button that estimates, and stores nothing
 
 
 @admin.register(ReferenceDevice)
@@ -111,7 +87,12 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
     fieldsets = (
         (
             "What is searched",
-            {"fields": ("design_space", "pack", "further_packs", "held_out_packs", "reference_device")},
+            {
+                "fields": (
+                    *("design_space", "space_file", "space_uploaded", "system", "pack", "further_packs"),
+                    *("held_out_packs", "reference_device"),
+                )
+            },
         ),
         (
             "What for",
@@ -200,8 +181,33 @@ class ExplorationAdmin(JsonTables, PagesAdmin):
         steering.start(obj, _name(request))
 
     def add_view(self, request: HttpRequest, form_url: str = "", extra_context: Any = None) -> HttpResponse:
+        if request.method == "POST" and ESTIMATE in request.POST:
+            return self._estimated(request)
         context = {"show_save_and_add_another": False, "show_save_and_continue": False}
         return super().add_view(request, form_url, context | (extra_context or {}))
+
+    def _estimated(self, request: HttpRequest) -> HttpResponse:
+        """The filled-in form again, with how long the exploration would take; nothing is stored."""
+        if not self.has_add_permission(request):
+            raise PermissionDenied
+        form = self.get_form(request)(request.POST, request.FILES)
+        valid = form.is_valid()
+        fields = helpers.AdminForm(form, list(self.get_fieldsets(request)), {}, [], model_admin=self)
+        context = self.admin_site.each_context(request) | {
+            "title": "Add exploration",
+            "adminform": fields,
+            "inline_admin_formsets": [],
+            "errors": helpers.AdminErrorList(form, []),
+            "media": self.media + fields.media,
+            "is_popup": False,
+            "to_field": None,
+            "show_save_and_add_another": False,
+            "show_save_and_continue": False,
+        }
+        if valid:
+            context["estimate"] = duration.estimate(form.instance)
+            context["space_size"] = space_choice.described(form.space)
+        return self.render_change_form(request, context, add=True)
 
     def response_add(self, request: HttpRequest, obj: Any, post_url_continue: Any = None) -> HttpResponse:  # noqa: ARG002
         """Show what was created: its buttons are the next that one needs."""

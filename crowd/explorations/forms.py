@@ -3,14 +3,12 @@
 import json
 import math
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any, TypeVar
 
 from django import forms
 from django.core.exceptions import ValidationError
 
-import pareto
-from crowd.explorations import services
+from crowd.explorations import services, space_choice
 from crowd.explorations.measuring import reference_devices
 from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.objectives import ERROR_RATIO, MEASURED, RATIO
@@ -19,8 +17,7 @@ from crowd.fronts.content.front_file import APPLICATIONS
 from pareto import Space
 from slam.protocol import VALID_BELOW
 
-SPACES = Path(pareto.__file__).parent / "spaces"
-EARLIER = "exploration-"  # a design space that is that of an earlier exploration
+UPLOADED = "uploaded"  # the space of a file that was sent with the form before
 DEFAULTS = {"budget": 60, "batch": 8, "points": 8, "repeats": 3}  # a front within an hour
 LIMITED = {  # objectives whose limit has a field of its own, and its unit
     "ate_max": ("max_error_cm", 0.01),
@@ -38,13 +35,28 @@ EXPLAINED = {
     "cpu_seconds": "cpu_seconds: processor time a frame, all threads",
     "peak_memory_bytes": "peak_memory_bytes: most memory in use",
 }
+TOO_SMALL_OR_LARGE = {
+    "min_value": "%(show_value)s is too small: give %(limit_value)s or more",
+    "max_value": "%(show_value)s is too large: give %(limit_value)s or less",
+}
 T = TypeVar("T")
 
 
 class ExplorationForm(forms.ModelForm):
     """Says what is wrong with a new exploration before it is stored."""
 
-    design_space = forms.ChoiceField(help_text="parameters and their values; the system follows from it")
+    design_space = forms.ChoiceField(label="Space", help_text="parameters and their values")
+    space_file = forms.FileField(
+        label="Space from a file",
+        required=False,
+        help_text="in place of the one above: JSON such as pareto/spaces/kfusion.json",
+    )
+    space_uploaded = forms.CharField(required=False, widget=forms.HiddenInput)
+    system = forms.ChoiceField(
+        required=False,
+        choices=[("", "as the space says"), *((name, name) for name in APPLICATIONS)],
+        help_text="the SLAM system that is run; choose it for a file whose space is not named after one",
+    )
     pack = forms.ChoiceField(
         label="Sequence", help_text="each configuration is measured on it; clients measure on it, too"
     )
@@ -116,16 +128,7 @@ class ExplorationForm(forms.ModelForm):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        earlier = Exploration.objects.order_by("-pk").values_list("pk", "application", "space")
-        shown: dict[str, str] = {}
-        for key, application, space in earlier:
-            shown.setdefault(_identity(application, space), f"{EARLIER}{key}")
-        for path in shipped_spaces():
-            shown.pop(_identity(path.stem, Space.load(path).to_dict()), None)
-        self.fields["design_space"].choices = [  # type: ignore[attr-defined]
-            *((path.stem, path.stem) for path in shipped_spaces()),
-            *((value, f"as in exploration {value.removeprefix(EARLIER)}") for value in shown.values()),
-        ]
+        self._offer_uploaded()
         here = [(_pack_choice(pack), f"{pack['name']}: {pack['frames']} frames") for pack in packs()]
         for name in ("pack", "further_packs", "held_out_packs"):
             self.fields[name].choices = here  # type: ignore[attr-defined]
@@ -135,6 +138,13 @@ class ExplorationForm(forms.ModelForm):
         # The first is the server itself, unless an administrator made it otherwise.
         self.fields["reference_device"].initial = ReferenceDevice.objects.order_by("pk").first()
         self.fields["warm_start_from"].required = False
+        for field in self.fields.values():
+            field.error_messages |= TOO_SMALL_OR_LARGE
+
+    @property
+    def space(self) -> Space:
+        """The space of a valid form."""
+        return Space.from_dict(self.instance.space)
 
     def clean_more_limits(self) -> dict[str, float]:
         """Upper bounds by objective."""
@@ -150,7 +160,11 @@ class ExplorationForm(forms.ModelForm):
         if cleaned is None or self.errors:
             return cleaned
         wanted = self.instance
-        wanted.application, wanted.space = space_of(cleaned["design_space"])
+        try:
+            wanted.application, wanted.space = self._system_and_space(cleaned)
+        except ValidationError as error:
+            self.add_error("design_space" if cleaned["space_file"] is None else "space_file", error)
+            return cleaned
         first = _pack_of(cleaned["pack"])
         wanted.sequence, wanted.sequence_sha256 = first["name"], first["sha256"]
         wanted.further_sequences = [_pack_of(choice) for choice in cleaned["further_packs"]]
@@ -170,6 +184,36 @@ class ExplorationForm(forms.ModelForm):
         initial = {"initial": cleaned["random_first"]} if cleaned["random_first"] else {}
         wanted.options = cleaned["more_options"] | initial
         return cleaned
+
+    def _system_and_space(self, cleaned: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        """What was chosen, a new file first. Raises ValidationError where the system cannot run the space."""
+        file, choice = cleaned["space_file"], cleaned["design_space"]
+        if file is None and choice != UPLOADED:
+            system, space = space_choice.of_choice(choice)
+            system = cleaned["system"] or system
+        else:
+            content = cleaned["space_uploaded"].encode()
+            if file is not None:
+                content = file.read(space_choice.LARGEST_FILE_BYTES + 1)
+            found = space_choice.read(content, "the uploaded space" if file is None else file.name)
+            system, space = space_choice.system_for(found, cleaned["system"]), found.to_dict()
+            self._keep(found)
+        space_choice.check_fits(system, space)
+        return system, space
+
+    def _keep(self, space: Space) -> None:
+        """Choose the uploaded SPACE where the form is shown again: browsers forget chosen files."""
+        kept: Any = self.data.copy()  # type: ignore[attr-defined]
+        kept.setlist("design_space", [UPLOADED])
+        kept.setlist("space_uploaded", [json.dumps(space.to_dict())])
+        self.data = kept
+        self._offer_uploaded()
+
+    def _offer_uploaded(self) -> None:
+        choices = list(space_choice.choices())
+        if self.data.get("space_uploaded"):
+            choices.append((UPLOADED, "from the file"))
+        self.fields["design_space"].choices = choices  # type: ignore[attr-defined]
 
     def _post_clean(self) -> None:
         super()._post_clean()  # type: ignore[misc]
@@ -201,7 +245,7 @@ def initial_of(exploration: Exploration) -> dict[str, Any]:
     limits = exploration.limits
     kept = {name: getattr(exploration, name) for name in ExplorationForm.Meta.fields}
     return kept | {
-        "design_space": _choice_of(exploration),
+        "design_space": space_choice.choice_of(exploration),
         "pack": _pack_choice(exploration.learned_on[0]),
         "further_packs": [_pack_choice(pack) for pack in exploration.further_sequences],
         "held_out_packs": [_pack_choice(pack) for pack in exploration.held_out_sequences],
@@ -217,11 +261,6 @@ def initial_of(exploration: Exploration) -> dict[str, Any]:
     }
 
 
-def shipped_spaces() -> list[Path]:
-    """The files of the spaces whose system is there to be run."""
-    return [path for path in sorted(SPACES.glob("*.json")) if path.stem in APPLICATIONS]
-
-
 def packs() -> list[dict[str, Any]]:
     """What the packs on this machine say of themselves; the same one is listed once."""
     found: dict[tuple[str, str], dict[str, Any]] = {}
@@ -231,14 +270,6 @@ def packs() -> list[dict[str, Any]]:
     return list(found.values())
 
 
-def space_of(choice: str) -> tuple[str, dict[str, Any]]:
-    """The application and the space that CHOICE stands for."""
-    if choice.startswith(EARLIER):
-        earlier = Exploration.objects.get(pk=int(choice.removeprefix(EARLIER)))
-        return earlier.application, earlier.space
-    return choice, Space.load(SPACES / f"{choice}.json").to_dict()
-
-
 def _pack_choice(pack: Mapping[str, Any]) -> str:
     return f"{pack['name']} {pack['sha256']}"
 
@@ -246,20 +277,6 @@ def _pack_choice(pack: Mapping[str, Any]) -> str:
 def _pack_of(choice: str) -> dict[str, str]:
     name, _, sha256 = choice.rpartition(" ")
     return {"name": name, "sha256": sha256}
-
-
-def _choice_of(exploration: Exploration) -> str:
-    wanted = _identity(exploration.application, exploration.space)
-    for path in shipped_spaces():
-        if _identity(path.stem, Space.load(path).to_dict()) == wanted:
-            return path.stem
-    same = Exploration.objects.filter(application=exploration.application, space=exploration.space)
-    newest = same.order_by("-pk").first()
-    return f"{EARLIER}{newest.pk if newest else exploration.pk}"
-
-
-def _identity(application: str, space: dict[str, Any]) -> str:
-    return json.dumps([application, space], sort_keys=True)
 
 
 def _numbers(text: str, number: Callable[[str], T]) -> dict[str, T]:

@@ -58,7 +58,7 @@ def test_from_an_empty_form_to_what_clients_measure(
     page.get_by_label("Budget").fill("3")
     page.get_by_label("Points").fill("2")
     page.get_by_label("Repeats").fill("2")
-    page.get_by_role("button", name="Save").click()
+    page.get_by_role("button", name="Create and start").click()
     exploration = Exploration.objects.get()
     assert (exploration.state, exploration.reference_device.name) == ("done", "this-machine")
 

@@ -93,6 +93,10 @@ def test_rows_beyond_the_first_can_be_unfolded() -> None:
     assert f"<td>{MOST_ROWS + 6}</td>" in rest
 
 
+def test_sentences_have_a_line_each() -> None:
+    assert "<td>a * b &lt;= 4<br>a, c &gt; 1</td>" in shown({"constraints": ["a * b <= 4", "a, c > 1"]})
+
+
 @given(JSON)
 def test_whatever_json_it_is_the_page_is_whole_and_has_it_raw(value: Any) -> None:
     html = shown(value)
@@ -100,7 +104,19 @@ def test_whatever_json_it_is_the_page_is_whole_and_has_it_raw(value: Any) -> Non
     reader = Balanced()
     reader.feed(html)
     assert reader.open == []
-    assert reader.names <= {"div", "table", "thead", "tbody", "tr", "th", "td", "details", "summary", "pre"}
+    assert reader.names <= {
+        "div",
+        "table",
+        "thead",
+        "tbody",
+        "tr",
+        "th",
+        "td",
+        "details",
+        "summary",
+        "pre",
+        "br",
+    }
     if isinstance(value, dict | list) and value:
         assert raw(html) == value
 

@@ -12,7 +12,7 @@ from django.urls import reverse
 
 from crowd.audit.models import AuditEntry
 from crowd.celery import app
-from crowd.explorations import forms, services
+from crowd.explorations import forms, services, space_choice
 from crowd.explorations.measuring import tokens
 from crowd.explorations.measuring.measurement import MeasurementError
 from crowd.explorations.models import Exploration, ReferenceDevice
@@ -77,7 +77,8 @@ def test_the_administrator_reads_lists_and_rows(administrator: Client, explorati
 def test_the_form_offers_what_is_there_with_defaults(administrator: Client, unsaved: Exploration) -> None:
     page = administrator.get(reverse(ADD)).content.decode()
 
-    assert '<option value="kfusion" selected>kfusion</option>' in page
+    assert '<option value="kfusion" selected>kfusion: 9 parameters, 1,800,000 configurations</option>' in page
+    assert '<option value="elasticfusion-loops">' in page
     assert "tiny: 12 frames" in page
     assert 'value="60"' in page
     assert "bench" in page
@@ -107,7 +108,7 @@ def test_a_created_exploration_is_what_the_form_said_and_its_measurements_are_se
     [
         ({"frames": "13"}, "tiny has 12"),
         ({"minimised": []}, "This field is required"),
-        ({"budget": "0"}, "greater than or equal to 1"),
+        ({"budget": "0"}, "0 is too small: give 1 or more"),
         ({"pack": "elsewhere 0"}, "Select a valid choice"),
     ],
 )
@@ -312,7 +313,7 @@ def test_json_is_never_asked_for(administrator: Client, exploration: Exploration
 def test_a_clone_keeps_what_the_form_has_no_field_for(
     administrator: Client, unsaved: Exploration, unread_queues: None
 ) -> None:
-    unsaved.application, unsaved.space = "other", forms.space_of("kfusion")[1]
+    unsaved.application, unsaved.space = "other", space_choice.of_choice("kfusion")[1]
     unsaved.method, unsaved.options = "bayesian", {"initial": 3, "points": 8}
     unsaved.objectives = ["ate_max", "runtime", "ate_mean", "peak_memory_bytes"]
     unsaved.limits = {"ate_max": 0.04, "ate_mean": 0.02, "peak_memory_bytes": 2e9}

@@ -8,7 +8,7 @@ import pytest
 from django.core.exceptions import ValidationError
 
 import pareto
-from crowd.explorations import forms, lease_api, services
+from crowd.explorations import forms, lease_api, services, space_choice
 from crowd.explorations.measuring.measurement import CannotMeasureHereError, find_packs
 from crowd.explorations.models import Exploration
 from crowd.fronts import sequences
@@ -56,4 +56,4 @@ def test_without_colour_it_cannot_be_explored(coloured: Exploration, tmp_path: P
 
 def test_colour_is_no_sequence_of_its_own(coloured: Exploration) -> None:
     assert [pack["sha256"] for pack in forms.packs()] == [coloured.sequence_sha256]
-    assert "elasticfusion" in [path.stem for path in forms.shipped_spaces()]
+    assert "elasticfusion" in [path.stem for path in space_choice.shipped()]

@@ -1,0 +1,163 @@
+"""How long a new exploration will take, judged by what the same reference device measured before.
+
+Measurements are counted as the search asks for them. A time is known from measurements of the same system
+on the same device and backend, over any sequence, by frame. Else a front of that device gives the
+computation alone. Else it is unknown.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import ceil
+from statistics import fmean
+
+from crowd.explorations.measuring.measurement import names_for
+from crowd.explorations.models import Evaluation, Exploration
+from crowd.explorations.searching import baseline_configurations, ratios, search
+from crowd.explorations.searching.baseline_configurations import DEFAULT
+from crowd.explorations.searching.search import COPIED
+from crowd.fronts import sequences
+from crowd.fronts.models import FrontVersion
+
+RECENT = 200  # measurements that a time of a frame is the mean of
+Frames = Mapping[tuple[str, str], int]  # by name and digest of a pack
+
+
+@dataclass(frozen=True)
+class Part:
+    """So many measurements of so many frames each. `seconds` on one machine; None: unknown."""
+
+    title: str
+    measurements: int
+    frames: int
+    seconds: float | None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What is measured, how long it takes on `machines` at once, and where that figure comes from.
+
+    `seconds` is None where nothing is known; `least` says that it will rather be longer.
+    """
+
+    parts: tuple[Part, ...]
+    machines: int
+    source: str
+    least: bool = False
+
+    @property
+    def measurements(self) -> int:
+        return sum(part.measurements for part in self.parts)
+
+    @property
+    def seconds(self) -> float | None:
+        known = [part.seconds for part in self.parts if part.seconds is not None]
+        return sum(known) / self.machines if len(known) == len(self.parts) else None
+
+
+@dataclass(frozen=True)
+class _Rate:
+    """Seconds a frame; None: unknown."""
+
+    seconds: float | None
+    source: str
+    least: bool = False
+
+
+def estimate(exploration: Exploration) -> Estimate:
+    """How long EXPLORATION, which can be run and is not stored yet, will take."""
+    frames = _frames_here()
+    rate = _measured(exploration, frames) or _published(exploration) or _unknown(exploration)
+    learned = [frames[pack["name"], pack["sha256"]] for pack in exploration.learned_on]
+    held_out = [frames[pack["name"], pack["sha256"]] for pack in exploration.held_out_sequences]
+    most = exploration.frames
+    once = sum(learned if most is None else (min(most, count) for count in learned))
+    space = search.space_of(exploration)
+    known = len(baseline_configurations.configurations(exploration.application, space))
+    wanted = [("Known configurations", known, once), ("Searched configurations", exploration.budget, once)]
+    if ratios.used(exploration):
+        rounds = ceil(exploration.budget / exploration.batch)
+        wanted.append(("The default, once a round", rounds, once))
+    again = (exploration.points + known) * exploration.repeats
+    wanted.append(("Repeats of the points at the end", again, sum(learned) + sum(held_out)))
+    parts = tuple(
+        Part(title, count, size, None if rate.seconds is None else count * size * rate.seconds)
+        for title, count, size in wanted
+        if count
+    )
+    return Estimate(parts, exploration.reference_device.machines, rate.source, rate.least)
+
+
+def _frames_here() -> Frames:
+    """Frames of the packs on this machine."""
+    described = map(sequences.described, sequences.packs())
+    return {(pack["name"], pack["sha256"]): pack["frames"] for pack in described}
+
+
+def _measured(exploration: Exploration, frames: Frames) -> _Rate | None:
+    """The mean time of a frame in the newest measurements of that system on that device; None: no such."""
+    device = exploration.reference_device
+    rows = (
+        Evaluation.objects.filter(
+            exploration__reference_device=device,
+            exploration__application=exploration.application,
+            state=Evaluation.State.DONE,
+            censored=False,
+            started_at__isnull=False,
+            finished_at__isnull=False,
+        )
+        .exclude(phase__in=COPIED)
+        .select_related("exploration")
+        .order_by("-finished_at")
+    )
+    rates, searches = [], set()
+    for row in rows[:RECENT]:
+        count = _frames_of(row, frames)
+        same = (row.device or {}).get("backend", device.backend) == device.backend
+        if same and count and row.started_at is not None and row.finished_at is not None:
+            rates.append((row.finished_at - row.started_at).total_seconds() / count)
+            searches.add(row.exploration_id)
+    if not rates:
+        return None
+    named = ", ".join(map(str, sorted(searches)))
+    source = (
+        f"{len(rates)} measurements of {exploration.application} on {device} (exploration {named}) took "
+        f"{1000 * fmean(rates):.3g} ms a frame on average, with the start of the program"
+    )
+    return _Rate(fmean(rates), source)
+
+
+def _frames_of(row: Evaluation, frames: Frames) -> int:
+    """Frames that ROW ran; 0 where a pack of its is not on this machine."""
+    total = 0
+    for pack in names_for(row):
+        count = frames.get((pack["name"], pack["sha256"]), 0)
+        if not count:
+            return 0
+        total += count if row.frames is None else min(row.frames, count)
+    return total
+
+
+def _published(exploration: Exploration) -> _Rate | None:
+    """The default's time of a frame in the newest front of a device of that name; None: there is none."""
+    name = exploration.reference_device.name
+    fronts = FrontVersion.objects.released().filter(application=exploration.application)
+    for front in fronts.prefetch_related("configurations"):
+        if front.provenance.get("reference_device") != name:
+            continue
+        for point in front.configurations.all():
+            if point.name == DEFAULT and "runtime" in point.predicted:
+                seconds = float(point.predicted["runtime"])
+                source = (
+                    f"in front {front.slug} the default computed for {1000 * seconds:.3g} ms a frame on "
+                    f"{front.provenance.get('device', 'a device')}. That was called {name}, too, but may be "
+                    "another machine. The start of the program and the reading of frames come on top"
+                )
+                return _Rate(seconds, source, least=True)
+    return None
+
+
+def _unknown(exploration: Exploration) -> _Rate:
+    what = f"{exploration.application} was never measured on {exploration.reference_device}"
+    return _Rate(
+        None, f"{what}. Start with a small budget, watch how long it takes, and raise the budget then"
+    )

@@ -1,0 +1,111 @@
+"""The space of a new exploration: one that ships, that of an earlier exploration, or a file."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from django.core.exceptions import ValidationError
+
+import pareto
+from crowd.explorations.models import Exploration
+from crowd.fronts.content.front_file import APPLICATIONS
+from pareto import Space
+from pareto.errors import ParetoError
+from slam.configuration import ConfigurationError
+
+SPACES = Path(pareto.__file__).parent / "spaces"
+EARLIER = "exploration-"  # a choice that is the space of an earlier exploration
+LARGEST_FILE_BYTES = 256 << 10
+
+
+def shipped() -> dict[Path, str]:
+    """The files of the spaces that ship, each with the system that runs it."""
+    return {path: system for path in sorted(SPACES.glob("*.json")) if (system := _system_of(path.stem))}
+
+
+def choices() -> Iterator[tuple[str, str]]:
+    """Each space once, with what it is called in the form."""
+    known = set()
+    for path, system in shipped().items():
+        space = Space.load(path)
+        known.add(_identity(system, space.to_dict()))
+        yield path.stem, f"{path.stem}: {described(space)}"
+    for key, application, description in Exploration.objects.order_by("-pk").values_list(
+        "pk", "application", "space"
+    ):
+        identity = _identity(application, description)
+        if identity not in known:
+            known.add(identity)
+            yield f"{EARLIER}{key}", f"as in exploration {key}"
+
+
+def described(space: Space) -> str:
+    """How large SPACE is, in words."""
+    return f"{len(space.parameters)} parameters, {len(space):,} configurations"
+
+
+def of_choice(choice: str) -> tuple[str, dict[str, Any]]:
+    """The system and the space that CHOICE stands for."""
+    if choice.startswith(EARLIER):
+        earlier = Exploration.objects.get(pk=int(choice.removeprefix(EARLIER)))
+        return earlier.application, earlier.space
+    return _system_of(choice), Space.load(SPACES / f"{choice}.json").to_dict()
+
+
+def choice_of(exploration: Exploration) -> str:
+    """The choice that stands for the space of EXPLORATION."""
+    wanted = _identity(exploration.application, exploration.space)
+    for path, system in shipped().items():
+        if _identity(system, Space.load(path).to_dict()) == wanted:
+            return path.stem
+    same = Exploration.objects.filter(application=exploration.application, space=exploration.space)
+    newest = same.order_by("-pk").first()
+    return f"{EARLIER}{newest.pk if newest else exploration.pk}"
+
+
+def read(content: bytes, name: str) -> Space:
+    """The space in CONTENT, a file called NAME. Raises ValidationError saying what is wrong with it."""
+    if len(content) > LARGEST_FILE_BYTES:
+        raise ValidationError(f"{name} has {len(content)} bytes: a space has {LARGEST_FILE_BYTES} at most")
+    try:
+        description = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise ValidationError(
+            f"{name} is not JSON: {error}. pareto/spaces/kfusion.json is a space as it should be"
+        ) from error
+    try:
+        return Space.from_dict(description)
+    except ParetoError as error:
+        raise ValidationError(f"{name}: {error}") from error
+
+
+def system_for(space: Space, wanted: str) -> str:
+    """The system that runs SPACE of a file: WANTED, or the one in the space's name.
+
+    Raises ValidationError where neither says it.
+    """
+    found = wanted or _system_of(space.name)
+    if not found:
+        names = " or ".join(APPLICATIONS)
+        raise ValidationError(f"the space {space.name!r} does not say which system runs it: choose {names}")
+    return found
+
+
+def check_fits(system: str, space: Mapping[str, Any]) -> None:
+    """Raise ValidationError where SYSTEM cannot run the default of SPACE."""
+    if system not in APPLICATIONS:
+        return  # not known here: it is taken as it is
+    try:
+        APPLICATIONS[system].check(dict(Space.from_dict(space).default))
+    except ConfigurationError as error:
+        raise ValidationError(f"{system} cannot run the space {space.get('name')!r}: {error}") from error
+
+
+def _system_of(name: str) -> str:
+    """The system that a space's NAME begins with, as elasticfusion-loops; empty where it is none."""
+    return next((one for one in APPLICATIONS if name == one or name.startswith(f"{one}-")), "")
+
+
+def _identity(application: str, space: Mapping[str, Any]) -> str:
+    return json.dumps([application, space], sort_keys=True)
