@@ -148,7 +148,7 @@ def test_the_page_names_the_answers_that_are_final_and_the_clients_own_limits() 
         name: value for name, value in EXAMPLES["manifest"]["protocol"].items()
         if name not in ("max_repeats", "precision", "max_seconds")
     }}).protocol  # fmt: skip
-    defaults = re.search(r"optional \((.*?)\): go on", PAGE)
+    defaults = re.search(r"optional \((.*?)\): continue", PAGE)
     assert defaults is not None
     adaptive = protocol.adaptive
     assert adaptive is not None

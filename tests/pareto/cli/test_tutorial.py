@@ -29,8 +29,13 @@ def test_the_page_tunes_a_program_from_nothing(tmp_path):
     assert len(COMMANDS) == 5
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
-    python = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    environment = {**os.environ, "PATH": python, "PYTHONPATH": str(ROOT)}
+    # The command as an installation has it.
+    command = tmp_path / "bin" / "frontrunner"
+    command.parent.mkdir()
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m frontrunner "$@"\n')
+    command.chmod(0o755)
+    path = os.pathsep.join((str(command.parent), str(Path(sys.executable).parent), os.environ["PATH"]))
+    environment = {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT)}
     printed = []
     for command in COMMANDS:
         ended = subprocess.run(

@@ -1,0 +1,233 @@
+"""Makes the pictures of the guide from a running server and from commands.
+
+    python docs/tools/pictures.py pages --server http://127.0.0.1:8000
+    python docs/tools/pictures.py admin --server http://127.0.0.1:8000      (FRONTRUNNER_ADMIN=NAME:PASSWORD)
+    python docs/tools/pictures.py terminal --server http://127.0.0.1:8000
+    python docs/tools/pictures.py search --folder run
+    python docs/tools/pictures.py sequence
+
+`pages` needs a server with a simulated crowd and an exploration. Every picture of a crowd shows the label
+that the pages put on simulated data. `diagrams.py` draws the diagrams.
+"""
+
+import argparse
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+import textwrap
+import urllib.request
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+ROOT = Path(__file__).resolve().parents[2]
+PICTURES = ROOT / "docs" / "pictures"
+MOST_BYTES = 150_000
+# As the tests of pages start it: this Chromium computes on the processor.
+FLAGS = (
+    "--no-sandbox",
+    "--disable-background-networking",
+    "--enable-unsafe-webgpu",
+    "--use-webgpu-adapter=swiftshader",
+)
+
+
+def save(name: str, png: bytes, width: int = 1000) -> None:
+    """Write a PNG of at most WIDTH pixels and MOST_BYTES bytes, in as many colours as fit."""
+    picture = Image.open(io.BytesIO(png)).convert("RGB")
+    if picture.width > width:
+        picture = picture.resize(
+            (width, round(picture.height * width / picture.width)), Image.Resampling.LANCZOS
+        )
+    for colours in (256, 128, 64, 32):
+        out = io.BytesIO()
+        picture.quantize(colours, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+        if out.tell() < MOST_BYTES:
+            break
+    (PICTURES / f"{name}.png").write_bytes(out.getvalue())
+    print(f"{name}.png {out.tell() // 1000} kB, {colours} colours")
+
+
+class Camera:
+    """A browser that photographs pages."""
+
+    def __init__(self, server: str) -> None:
+        self.server = server.rstrip("/")
+
+    def __enter__(self) -> "Camera":
+        self._playwright = sync_playwright().start()
+        executable = os.environ.get("FRONTRUNNER_CHROMIUM", "/usr/bin/chromium")
+        self.browser = self._playwright.chromium.launch(executable_path=executable, args=list(FLAGS))
+        self.context = self.browser.new_context(viewport={"width": 1200, "height": 800})
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.browser.close()
+        self._playwright.stop()
+
+    def shoot(
+        self, name: str, path: str, height: int, width: int = 1200, opens: str = "", scroll: str = ""
+    ) -> None:
+        """The first HEIGHT pixels of the page at PATH, or from the element SCROLL on."""
+        page = self.context.new_page()
+        page.set_viewport_size({"width": width, "height": height})
+        page.goto(f"{self.server}{path}" if path.startswith("/") else path, wait_until="networkidle")
+        if opens:
+            page.locator(opens).first.click()
+        if scroll:
+            page.locator(scroll).first.evaluate("element => element.scrollIntoView()")
+        page.wait_for_function("() => !document.body.innerText.includes('Drawing')")
+        page.wait_for_timeout(1500)
+        save(name, page.screenshot(), width=min(width, 1000))
+        page.close()
+
+
+def answer(server: str, path: str) -> Any:
+    with urllib.request.urlopen(f"{server}/api/v1{path}") as response:
+        return json.load(response)
+
+
+def pages(server: str) -> None:
+    [device, *_] = answer(server, "/speedups?simulated=1&limit=20")["results"]
+    front = answer(server, "/fronts")["results"][0]
+    version = (
+        f"{front['application']}-{front['version']}"
+        if isinstance(front["version"], int)
+        else front["version"]
+    )
+    with Camera(server) as camera:
+        camera.shoot("home", "/?simulated=1", 1800)
+        camera.shoot("device", f"/devices/{device['device']}/?simulated=1", 1600)
+        camera.shoot("front", f"/fronts/{version}/", 1500)
+        camera.shoot("recommend", "/recommend/?gpu=Adreno&max_ate=0.05&simulated=1", 1300)
+        camera.shoot("../research/pictures/transfer", "/transfer/?simulated=1", 1100)
+        camera.shoot("measure", "/measure/", 800)
+        camera.shoot("phone", "/measure/", 780, width=390)
+        camera.shoot("consent", "/measure/", 900, opens="text=What is sent", scroll="text=What is sent")
+
+
+def exploration(server: str) -> None:
+    key = answer(server, "/explorations")["results"][0]["id"]
+    with Camera(server) as camera:
+        camera.shoot("exploration", f"/explorations/{key}/", 1000)
+
+
+def admin(server: str) -> None:
+    name, _, password = os.environ["FRONTRUNNER_ADMIN"].partition(":")
+    with Camera(server) as camera:
+        page = camera.context.new_page()
+        page.goto(f"{server}/admin/login/")
+        page.fill("#id_username", name)
+        page.fill("#id_password", password)
+        page.locator("[type=submit]").first.click()
+        page.wait_for_load_state("networkidle")
+        page.close()
+        camera.shoot("admin", "/admin/", 800)
+        camera.shoot("admin-devices", "/admin/devices/devicemodel/", 700)
+
+
+def terminal(name: str, text: str, command: str) -> None:
+    """TEXT as a terminal shows it after COMMAND, as SVG."""
+    lines = [f"$ {command}", *text.splitlines()]
+    width, height = 24 + max(len(line) for line in lines) * 7.3, 24 + len(lines) * 17
+    rows = "".join(
+        f'<tspan x="12" y="{24 + 17 * number}">{escape(line) or " "}</tspan>'
+        for number, line in enumerate(lines)
+    )
+    (PICTURES / f"{name}.svg").write_text(
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height}" width="{width:.0f}" '
+        f'height="{height}"><rect width="100%" height="100%" rx="8" fill="#131b20"/>'
+        f'<text xml:space="preserve" fill="#e8eef0" font-size="12" '
+        f'font-family="ui-monospace, DejaVu Sans Mono, Menlo, monospace">{rows}</text></svg>\n',
+        encoding="utf-8",
+    )
+
+
+def run(*words: str) -> str:
+    command = [sys.executable, "-m", "frontrunner", *words]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL
+    )
+    return done.stdout
+
+
+def terminals(server: str) -> None:
+    measured = run("measure", "--server", server, "--yes", "--no-probes")
+    lines = measured[measured.index("Order:") :].splitlines()
+    # A private link is nobody else's business.
+    shown = [re.sub(r"/mine/\S+", "/mine/...", line) for line in lines]
+    terminal("terminal-run", "\n".join(shown), f"frontrunner measure --server {server}")
+    table = run("slam", "run", "--set", "compute_size_ratio=2").partition("\nmean ... max")[0]
+    lines = [
+        part
+        for line in table.strip().splitlines()
+        for part in (textwrap.wrap(line, 96) if len(line) > 96 else [line])
+    ]
+    terminal("terminal-slam", "\n".join(lines), "frontrunner slam run --set compute_size_ratio=2")
+
+
+def search(folder: Path) -> None:
+    with Camera("") as camera:
+        page = (folder / "front.html").resolve().as_uri()
+        camera.shoot("search-page", page, 1000, scroll="text=Front over time")
+        camera.shoot("tutorial", page, 950)
+
+
+def sequence() -> None:
+    """Depth and colour of one frame of the living room, side by side."""
+    import tempfile
+
+    import numpy as np
+
+    sys.path.insert(0, str(ROOT))
+    from slam.datasets import open_sequence
+
+    with tempfile.TemporaryDirectory() as folder:
+        run(
+            "slam",
+            "datasets",
+            "make",
+            "living-room",
+            "--out",
+            f"{folder}/room",
+            "--frames",
+            "2",
+            "--format",
+            "tum",
+        )
+        room = open_sequence(Path(folder) / "room")
+        depth, colour = room.depth(1).astype(float), room.colour(1)
+    assert colour is not None
+    near, far = np.percentile(depth[depth > 0], (1, 99))
+    grey = np.where(depth > 0, 255 - 215 * np.clip((depth - near) / (far - near), 0, 1), 0).astype(np.uint8)
+    both = np.concatenate([np.repeat(grey[:, :, None], 3, axis=2), colour], axis=1)
+    out = io.BytesIO()
+    Image.fromarray(both).save(out, "PNG")
+    save("living-room", out.getvalue())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Make the pictures of the guide.")
+    parser.add_argument("what", choices=("pages", "exploration", "admin", "terminal", "search", "sequence"))
+    parser.add_argument("--server", default="http://127.0.0.1:8000")
+    parser.add_argument("--folder", type=Path, default=Path("run"))
+    options = parser.parse_args()
+    actions = {
+        "pages": lambda: pages(options.server),
+        "exploration": lambda: exploration(options.server),
+        "admin": lambda: admin(options.server),
+        "terminal": lambda: terminals(options.server),
+        "search": lambda: search(options.folder),
+        "sequence": sequence,
+    }
+    actions[options.what]()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""Every command, option, file and variable that a page names exists."""
+
+import argparse
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+from django.core.management import load_command_class
+
+from client_kit import cli_options
+from frontrunner.__main__ import COMMANDS
+from pareto.cli import commands as tune
+from slam.__main__ import make_parser
+from tests.docs import pages
+
+PAGES = pages.manual()
+START = re.compile(
+    r"\s*(?:\S+=\S+\s+)*"
+    r"(?:\S*python3? (?:-m (frontrunner|client_kit|pareto|slam)|(manage\.py))|(frontrunner))(?=\s|$)(.*)"
+)
+PROGRAMS = {"client_kit": "measure", "pareto": "tune", "slam": "slam"}
+
+
+def called(page: Path) -> list[list[str]]:
+    """The words after `frontrunner` of every command in PAGE, however it is started."""
+    found = []
+    for line in pages.code(page.read_text(encoding="utf-8")).splitlines():
+        line = re.sub(r"\s#\s.*$|[|;&>].*$", "", line)
+        starts = START.match(line)
+        if not starts:
+            continue
+        try:
+            words = shlex.split(starts[4])
+        except ValueError:
+            words = starts[4].split()
+        first = [PROGRAMS[starts[1]]] if starts[1] in PROGRAMS else ["admin"] if starts[2] else []
+        found.append([*first, *words])
+    return found
+
+
+def parser_of(words: list[str]) -> tuple[argparse.ArgumentParser, list[str]]:
+    """The parser of the program that WORDS start, and the words that it reads."""
+    program, *rest = words
+    if program == "slam":
+        return make_parser(), rest
+    if program == "tune":
+        return tune.make_parser(rest[:1], "tune"), rest
+    if program in ("measure", "doctor"):
+        parser = cli_options.parser()
+        if program == "doctor":
+            return parser, ["doctor", *rest]
+        return parser, rest if rest and rest[0] in choices(parser) else ["run", *rest]
+    name, rest = ("serve", rest) if program == "serve" else (rest[0], rest[1:])
+    from django.core.management import get_commands
+
+    home = get_commands()[name]
+    assert isinstance(home, str)
+    return load_command_class(home, name).create_parser("admin", name), rest
+
+
+def choices(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_command_and_option_exists(page: Path) -> None:
+    for words in called(page):
+        if not words or words[0] in ("--version", "--help", "COMMAND"):
+            continue
+        assert words[0] in COMMANDS, words
+        if len(words) == 1 and words[0] not in ("measure", "doctor", "serve"):
+            continue
+        parser, rest = parser_of(words)
+        while choices(parser) and rest and not rest[0].startswith("-"):
+            assert rest[0] in choices(parser), words
+            parser, rest = choices(parser)[rest[0]], rest[1:]
+        for option in rest:
+            if re.match(r"--[a-z]", option):
+                assert option.split("=")[0] in parser._option_string_actions, words
+
+
+def test_the_commands_are_found() -> None:
+    """The test above looks at many: the pages show them in the form that it reads."""
+    assert sum(len(called(page)) for page in PAGES) > 80
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_file_of_the_project_exists(page: Path) -> None:
+    tracked = subprocess.run(["git", "ls-files"], cwd=pages.ROOT, capture_output=True, text=True, check=False)
+    if tracked.returncode:
+        pytest.skip("not a git checkout")
+    roots = {name.split("/")[0] for name in tracked.stdout.splitlines() if "/" in name}
+    for name in re.findall(r"`([\w.-]+/[\w./-]+)`", page.read_text(encoding="utf-8")):
+        if name.split("/")[0] in roots:
+            assert (pages.ROOT / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_variable_is_read_somewhere(page: Path) -> None:
+    source = "".join(
+        path.read_text(encoding="utf-8")
+        for folder in ("crowd", "client_kit", "slam", "frontrunner", "tests")
+        for path in (pages.ROOT / folder).rglob("*.py")
+    )
+    for name in set(re.findall(r"\bFRONTRUNNER_[A-Z_]+[A-Z]\b", page.read_text(encoding="utf-8"))):
+        assert f'"{name}"' in source or f"'{name}'" in source, name
+
+
+def test_pictures_are_small_and_used() -> None:
+    pictures = [*pages.DOCS.glob("pictures/*"), *pages.DOCS.glob("research/pictures/*")]
+    texts = "".join(page.read_text(encoding="utf-8") for page in [*PAGES, *pages.research()])
+
+    assert sum(path.stat().st_size for path in pictures) < 2_000_000
+    for path in pictures:
+        assert path.stat().st_size < 150_000, path
+        assert f"pictures/{path.name}" in texts, path
