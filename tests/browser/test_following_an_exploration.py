@@ -3,7 +3,6 @@
 from typing import Any
 
 from crowd.explorations import services
-from crowd.explorations.models import Exploration
 from crowd.fronts.publishing.services import publish_content
 from tests.browser.visitor import Visitor
 from tests.crowd.documents import front_document
@@ -14,11 +13,16 @@ def test_an_exploration_s_page_follows_it_without_loading_again(
     chromium: Any, live_server: Any, pack: dict[str, Any]
 ) -> None:
     publish_content(front_document(pack))
-    searches.measure(searches.exploration(pack), searches.KNOWN)
+    search = searches.exploration(pack)
     visitor = Visitor(chromium, live_server.url)
-    search = Exploration.objects.get()
     page = visitor.open(f"/explorations/{search.pk}/")
     page.evaluate("window.loadedOnce = true")
+    page.get_by_text("The first configuration waits").wait_for()
+    assert page.locator("figure").count() == 0
+
+    searches.measure(search, searches.KNOWN)
+
+    page.locator("#plane ~ figure[data-drawn]").wait_for(timeout=15_000)
     page.get_by_text("0 of 4 configurations searched").wait_for()
     marks = page.locator("#plane ~ figure .points path").count()
 

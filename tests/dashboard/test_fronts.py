@@ -89,7 +89,7 @@ def test_the_crowd_is_drawn_over_the_reference_and_fewer_devices_are_marked() ->
     most, few = found["mean of the crowd, 83 devices"], found["mean of the crowd, 28 devices"]
     # 100 ms of the default over ten times, at the error of the reference device.
     assert sorted(zip(most.x, most.y, strict=True)) == [(2.0, 20.0), (4.0, 10.0)]
-    assert (most.marker.symbol, few.marker.symbol) == ("diamond", "diamond-open")
+    assert (most.marker.symbol, few.marker.symbol) == ("diamond", "diamond-tall")
     assert (list(few.y), list(few.error_y.array), list(few.error_y.arrayminus)) == ([25.0], [25.0], [12.5])
     assert "n = 28" in few.customdata[0]
 

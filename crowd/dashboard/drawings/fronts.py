@@ -56,7 +56,7 @@ DRAWINGS = (
         path="fronts/<str:slug>",
         definition="Largest distance between the estimated and the true trajectory, and mean computation "
         "time a frame, on the reference device. The staircase joins what nothing valid beats. Diamonds: the "
-        "default's time over the crowd's mean speedup, hollow where fewer devices stand behind it.",
+        "default's time over the crowd's mean speedup, narrow where fewer devices stand behind it.",
         read=read,
         draw=front_plane,
         table=points_table,

@@ -49,8 +49,8 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
 
     A staircase joins those that no other valid one beats; the others are pale, invalid ones crosses. The area
     is what the front covers of its rectangle. A diamond is the crowd's mean: the default's time on the
-    reference device over the crowd's speedup, at the error of the reference device. It is hollow where fewer
-    devices stand behind it than behind others. Points without a prediction are left out.
+    reference device over the crowd's speedup, at the error of the reference device. It is narrow and grey
+    where fewer devices stand behind it than behind others. Points without a prediction are left out.
     """
     figure = layout.blank(theme, HEIGHT)
     drawn = _drawn(shown)
@@ -77,6 +77,7 @@ def front_plane(shown: MeasuredFront, theme: Theme) -> go.Figure:
     spots = {one.point.name: plane.spot(one.point.name, one.error, one.time) for one in drawn}
     lines = [[(one.drawn.error, one.low), (one.drawn.error, one.high)] for one in crowd]
     lines += [_staircase(stairs, plane)] if stairs else []
+    lines += [[(limit, plane.up[0]), (limit, plane.up[1])]]
     others = [plane.spot("", one.drawn.error, one.time) for one in crowd]
     others += [spot for line in lines for spot in plane.line(line)]
     names = [spots[name] for name in labels.named(spots)]
@@ -211,23 +212,24 @@ def _crowd_marks(members: Sequence[Crowd], few: bool, theme: Theme) -> go.Scatte
     counts = sorted({one.drawn.row.n for one in members})
     devices = f"{counts[0]:,} to {counts[-1]:,}" if len(counts) > 1 else f"{counts[0]:,}"
     noun = "device" if counts == [1] else "devices"
+    colour = theme.muted if few else theme.ink
     return go.Scatter(
         x=layout.rounded([one.drawn.error for one in members]),
         y=layout.rounded([one.time for one in members]),
         mode="markers",
         name=f"mean of the crowd, {devices} {noun}",
         marker={
-            "symbol": "diamond-open" if few else "diamond",
-            "size": 9,
-            "color": theme.ink,
-            "line": {"width": 1.5} | ({} if few else {"color": theme.surface}),
+            "symbol": "diamond-tall" if few else "diamond",
+            "size": 10,
+            "color": colour,
+            "line": {"width": 1, "color": theme.surface},
         },
         error_y={
             "type": "data",
             "symmetric": False,
             "array": layout.rounded([one.high - one.time for one in members]),
             "arrayminus": layout.rounded([one.time - one.low for one in members]),
-            "color": theme.ink,
+            "color": colour,
             "thickness": 1.25,
             "width": 3,
         },

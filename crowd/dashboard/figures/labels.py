@@ -109,6 +109,13 @@ class _Box(NamedTuple):
             or _beyond(self.bottom, other.top)
         )
 
+    def covers(self, other: "_Box") -> int:
+        """On how many pages, the narrowest and the widest, it covers something of the other."""
+        if self.bottom[1] >= other.top[1] or other.bottom[1] >= self.top[1]:
+            return 0
+        pairs = zip(self.left, self.right, other.left, other.right, strict=True)
+        return sum(left < its_right and its_left < right for left, right, its_left, its_right in pairs)
+
 
 @lru_cache
 def _sides(gap: float) -> tuple[Side, ...]:
@@ -124,9 +131,9 @@ def _sides(gap: float) -> tuple[Side, ...]:
         Side("right", "bottom", -near, near),
         Side("left", "top", near, -near),
     ]
-    for far in (gap + LINE, gap + 2 * LINE):
-        for horizontal, shift in (("center", 0.0), ("left", near), ("right", -near)):
-            found += [Side(horizontal, "bottom", shift, far), Side(horizontal, "top", shift, -far)]
+    far = gap + 0.7 * LINE
+    for horizontal, shift in (("center", 0.0), ("left", near), ("right", -near)):
+        found += [Side(horizontal, "bottom", shift, far), Side(horizontal, "top", shift, -far)]
     return tuple(found)
 
 
@@ -152,7 +159,7 @@ def place(names: Sequence[Spot], points: Iterable[Spot], height: float) -> dict[
     for spot in names:
         choices = [(side, _box(spot, side, height)) for side in _sides(spot.gap)]
         free = [
-            (sum(not box.apart(mark) for mark in marks), number, side, box)
+            (sum(map(box.covers, marks)), number, side, box)
             for number, (side, box) in enumerate(choices)
             if _inside(box, height) and all(box.apart(other) for other in taken)
         ]
@@ -175,6 +182,9 @@ def add(figure: go.Figure, plane: Plane, names: Sequence[Spot], points: Iterable
             "y": round(spots[name].up, 4),
             "text": layout.text(name),
             "font": {"color": theme.ink, "size": SIZE},
+            # A line that it cannot avoid ends at it.
+            "bgcolor": theme.surface,
+            "opacity": 0.9,
             "showarrow": False,
             "borderpad": 0,
             **side._asdict(),

@@ -1,0 +1,46 @@
+"""The names that figures write beside their points, on the front that ships."""
+
+from typing import Any
+
+import pytest
+
+from crowd.fronts.models import FrontVersion
+from tests.browser.visitor import Visitor
+from tests.predictions.conftest import document, front
+
+__all__ = ["document", "front"]
+
+NAMES = ["accurate", "best", "default", "fast3", "knee"]
+# The names with their boxes: left, top, right, bottom.
+WRITTEN = """() => [...document.querySelectorAll("figure .annotation-text")].map((text) => {
+  const { left, top, right, bottom } = text.getBoundingClientRect();
+  return [text.textContent, left, top, right, bottom];
+})"""
+
+# Whether plotly has followed the window, which it does a moment later.
+FOLLOWED = """() => {
+  const plot = document.querySelector("figure .plot");
+  return Math.abs(plot.querySelector(".main-svg").clientWidth - plot.clientWidth) < 1;
+}"""
+
+
+@pytest.mark.parametrize("address", ["/fronts/kfusion-4/", "/recommend/"])
+def test_names_overlap_at_no_width(
+    chromium: Any, live_server: Any, front: FrontVersion, address: str
+) -> None:
+    visitor = Visitor(chromium, live_server.url, width=360)
+    page = visitor.open(address)
+    for width in (360, 390, 768, 1400):
+        page.set_viewport_size({"width": width, "height": 844})
+        page.wait_for_function(FOLLOWED)
+        written = page.evaluate(WRITTEN)
+        assert sorted(name for name, *_ in written if " " not in name) == NAMES
+        for number, (name, left, top, right, bottom) in enumerate(written):
+            assert 0 <= left < right <= width, name
+            for other, its_left, its_top, its_right, its_bottom in written[:number]:
+                across = min(right, its_right) - max(left, its_left)
+                up = min(bottom, its_bottom) - max(top, its_top)
+                assert min(across, up) <= 0, (width, name, other)
+    assert visitor.complaints == []
+    page.wait_for_load_state("networkidle")
+    visitor.context.close()
