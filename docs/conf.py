@@ -16,7 +16,7 @@ author = "the authors of Frontrunner"
 copyright = author
 release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "command_reference"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "command_reference", "registries"]
 exclude_patterns = ["tools", "_templates", "_static"]
 templates_path = ["_templates"]
 

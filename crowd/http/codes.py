@@ -104,5 +104,5 @@ CODES = {code: text for group in GROUPS.values() for code, text in group.items()
 def address(code: str) -> str:
     """Where CODE is documented on this server: a problem's `type`. Raises KeyError for none of CODES."""
     if code not in CODES:
-        raise KeyError(f"{code} is no code: add it to crowd/http/codes.py and docs/api.md")
+        raise KeyError(f"{code} is no code: add it to crowd/http/codes.py")
     return ADDRESS.format(code=code)

@@ -1,7 +1,6 @@
 """Every code that the server can answer is documented, where problems say and where people read."""
 
 import ast
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,12 +28,6 @@ def literal_codes() -> Iterator[tuple[str, str]]:
                 yield str(argument.value), f"{path.relative_to(ROOT)}:{node.lineno}"
 
 
-def documented() -> dict[str, str]:
-    """The codes in docs/api.md, each with what is said of it."""
-    rows = re.findall(r"^\| `([a-z_]+)` \| [^|]*\| (.*) \|$", (ROOT / "docs" / "api.md").read_text(), re.M)
-    return dict(rows)
-
-
 def test_every_code_in_the_sources_is_registered() -> None:
     found = list(literal_codes())
 
@@ -44,10 +37,6 @@ def test_every_code_in_the_sources_is_registered() -> None:
 
 def test_no_code_is_registered_that_nothing_answers() -> None:
     assert codes.CODES.keys() - {code for code, _ in literal_codes()} == set()
-
-
-def test_the_document_lists_every_code_in_the_same_words() -> None:
-    assert documented() == codes.CODES
 
 
 def test_a_problems_type_leads_to_its_code_on_the_docs_page(client: Client, db: None) -> None:

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from django.test import Client
 
+from crowd.http import codes
+from crowd.results.validity.rules import RULES
 from frontrunner import folders
 
 
@@ -45,6 +47,16 @@ def test_the_reference_has_every_command(guide: Path) -> None:
         "admin serve",
     ):
         assert f"frontrunner {command}" in page
+
+
+def test_the_guide_has_every_code_and_every_rule(guide: Path) -> None:
+    api = (guide / "api.html").read_text(encoding="utf-8")
+    statistics = (guide / "results" / "statistics.html").read_text(encoding="utf-8")
+
+    for code in codes.CODES:
+        assert f">{code}</span>" in api, code
+    for rule in RULES.values():
+        assert f">{rule.code}</span>" in statistics, rule.code
 
 
 @pytest.mark.django_db
