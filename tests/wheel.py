@@ -17,7 +17,9 @@ def build(folder: Path, guide: Path) -> Path:
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(PROJECT / name, source)
     for name in PACKAGES:
-        shutil.copytree(PROJECT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "guide"))
+        shutil.copytree(PROJECT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    # One that the developer built may be older than the pages.
+    shutil.rmtree(source / "frontrunner" / "guide", ignore_errors=True)
     shutil.copytree(guide, source / "frontrunner" / "guide")
     command = [sys.executable, "-m", "pip", "wheel", *OFFLINE, "--no-build-isolation"]
     subprocess.run([*command, "--wheel-dir", str(folder), str(source)], check=True)
