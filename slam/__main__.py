@@ -1,4 +1,4 @@
-"""`python -m slam`: measure and compare configurations, judge trajectories, make and convert sequences."""
+"""`python -m slam`: measure configurations, evaluate trajectories, make and convert sequences."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from slam.reports.report import ReportError
 from slam.reports.surface import SurfaceError
 from slam.trajectories.trajectory import TrajectoryError
 
-# What a user can put right: told in one line. Anything else is a defect and shows its traceback.
+# Errors that a user can fix: one line on standard error. Anything else is a defect and shows its traceback.
 MISTAKES = (
     SequenceError,
     TrajectoryError,
@@ -37,7 +37,7 @@ def make_parser(prog: str = "python -m slam") -> argparse.ArgumentParser:
     """The parser of every command; what it parses has the command's function as `execute`."""
     parser = argparse.ArgumentParser(
         prog=prog,
-        description="Measure and compare configurations of dense SLAM, judge trajectories, make sequences.",
+        description="Measure configurations of dense SLAM, evaluate trajectories, make sequences.",
     )
     parser.add_argument("--version", action="version", version=f"frontrunner {__version__}")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")

@@ -1,8 +1,8 @@
-"""What everybody may read of a text that a machine wrote: nothing of how its disk is laid out."""
+"""Remove a machine's paths from a text that it wrote, before the text is published."""
 
 import re
 
-# An absolute path of two parts or more, up to its last part; with a drive on Windows, where a path that was
+# An absolute path of two parts or more, up to its last part. On Windows it has a drive, and a path that was
 # quoted by repr() has its separators twice.
 FOLDERS = re.compile(r"""(?<![\w.~])(?:[A-Za-z]:)?[/\\]+(?:[^\s/\\"'<>|:;,()]+[/\\]+)+(?=[^\s/\\])""")
 # The same between quotation marks, where the names of folders may have spaces.

@@ -1,9 +1,9 @@
-"""One measurement in a process of its own: `python -m slam run` as those start it who must outlive it.
+"""One measurement in its own process: `python -m slam run` for callers that must survive its crash.
 
 OpenCL hangs in a forked child, a driver may abort its process, and a large volume may exhaust the memory.
-Each such end is a MeasurementError with its reason; where no configuration could be measured on this machine
-it is a CannotMeasureHereError instead. On Linux the process ends with the one that started it,
-even when that is killed.
+Each such end raises a MeasurementError with its reason, or a CannotMeasureHereError where this machine can
+measure no configuration at all. On Linux the process ends with the one that started it, even when that is
+killed.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ HEARTBEAT_SECONDS = 15.0
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
 NO_OBJECTIVES = ("sequence", "lost")  # members of a part
 REASON_LENGTH = 500
-# What `python -m slam` ends with where the device that it shall measure on is not here.
+# The exit code of `python -m slam` without a suitable device.
 NO_DEVICE = 3
 PR_SET_PDEATHSIG = 1
 
 
 class MeasurementError(RuntimeError):
-    """A configuration that could not be measured; the message is the reason that is kept."""
+    """A configuration that could not be measured; the message is stored as the reason."""
 
 
 class CannotMeasureHereError(RuntimeError):
-    """This machine can measure no configuration at all, another one may; the message says why."""
+    """This machine cannot measure any configuration, another one may; the message says why."""
 
 
 class LeaseLostError(RuntimeError):
-    """Nobody waits for this measurement any more."""
+    """The lease of this measurement is gone: its result is not needed."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Mea
 
     Objectives and stages are those of the first LEARNED_ON sequences, of all where that is None. Raises
     MeasurementError where the trajectory error is unknown or of too few frames, no frame was run, a value is
-    not finite, or the camera was lost on a sequence learned on: nothing can be learnt from it.
+    not finite, or the camera was lost on a sequence learned on: it has no usable result.
     """
     reports = report.get("runs", [report])
     count = len(reports) if learned_on is None else learned_on
@@ -143,15 +143,15 @@ def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Mea
 def combine(parts: Sequence[Mapping[str, Any]], ignored: int = 0) -> dict[str, float]:
     """The objectives of a measurement from those of its sequences, PARTS as in `Measurement`.
 
-    Errors are the worst of all sequences but for so many IGNORED ones, memory is the largest, everything else
-    the mean.
+    Errors are the worst of all sequences without the IGNORED largest ones, memory is the largest, everything
+    else the mean.
     """
     names = [name for name in parts[0] if name not in NO_OBJECTIVES and all(name in part for part in parts)]
     return {name: _combined(name, [float(part[name]) for part in parts], ignored) for name in names}
 
 
 def worst(values: Iterable[float], ignored: int = 0) -> float:
-    """The largest of VALUES but for so many IGNORED ones; the least where there are no more than these."""
+    """The largest of VALUES without the IGNORED largest; the least where there are only IGNORED."""
     ordered = sorted(values, reverse=True)
     return ordered[min(ignored, len(ordered) - 1)]
 
@@ -201,16 +201,16 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
 def one_line(text: str) -> str:
     """TEXT on one line of REASON_LENGTH characters at most, without control characters.
 
-    Not every database keeps NUL, and no page should be handed a terminal's escape codes.
+    Some databases reject NUL, and pages must not contain a terminal's escape codes.
     """
     printable = "".join(character if character.isprintable() else " " for character in text)
     return " ".join(printable.split())[:REASON_LENGTH]
 
 
 def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> Callable[[], None] | None:
-    """What a child runs before its program, so that this process's death sends it WITH_SIGNAL.
+    """What a child runs before its program, so that it gets WITH_SIGNAL when this process ends.
 
-    FIRST_TO_GO makes it what the system ends when memory runs out. Linux alone has both: elsewhere None.
+    FIRST_TO_GO makes it the system's first choice when memory runs out. Both need Linux: elsewhere None.
     """
     if not sys.platform.startswith("linux"):
         return None
@@ -219,7 +219,7 @@ def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> 
 
     def in_child() -> None:
         libc.prctl(PR_SET_PDEATHSIG, with_signal)
-        if os.getppid() != parent:  # it died before the line above
+        if os.getppid() != parent:  # it ended before the line above
             os._exit(1)
         if first_to_go:
             with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as file:
@@ -272,7 +272,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def ending(code: int, errors: str) -> str:
-    """How a process ended that gave up with CODE, and the last of what it said on its error output."""
+    """How a process ended with CODE, and its last line on standard error."""
     last = _last_line(errors)
     if code < 0:
         with contextlib.suppress(ValueError):

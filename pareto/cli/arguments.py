@@ -1,4 +1,4 @@
-"""What the commands of `python -m pareto` share: reading arguments, and saying what is wrong with them."""
+"""Shared by the commands of `python -m pareto`: reading arguments and reporting errors in them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class UsageError(ParetoError):
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is an error like all others: one line, exit code 2."""
+    """An argument parser that reports errors like all others: one line, exit code 2."""
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""
@@ -39,9 +39,9 @@ def add_objectives(command: argparse.ArgumentParser, objectives: str) -> None:
 
 
 def read_objectives(names: str | None, maximise: str, otherwise: Iterable[Objective]) -> list[Objective]:
-    """Return the objectives that the arguments name, `otherwise` where they name none.
+    """Return the objectives that the arguments name, or `otherwise`.
 
-    Raises ObjectiveError for a maximised one that is no objective.
+    Raises ObjectiveError for an unknown maximised one.
     """
     upwards = split(maximise)
     wanted = [Objective(name, name in upwards) for name in split(names)] or list(otherwise)
@@ -87,7 +87,7 @@ def add_units(command: argparse.ArgumentParser) -> None:
 
 
 def read_units(text: str, objectives: Iterable[Objective]) -> dict[str, str]:
-    """Return the units of a NAME=UNIT text. Raises ObjectiveError for a name that is no objective."""
+    """Return the units of a NAME=UNIT text. Raises ObjectiveError for an unknown objective."""
     units = {}
     for item in split(text):
         name, _, unit = item.partition("=")
@@ -105,7 +105,7 @@ def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario |
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return Space.load(path), None  # which says what is wrong with the file
+        return Space.load(path), None  # it reports what is wrong with the file
     except RecursionError:
         raise SpaceError(f"{path} is nested too deeply to be a space") from None
     if is_scenario(description):
@@ -118,7 +118,7 @@ def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario |
 
 
 def read_resources(texts: Iterable[str]) -> dict[str, list[str]]:
-    """Return the items of NAME=A,B texts. Raises ScenarioError for a name that no environment has."""
+    """Return the items of NAME=A,B texts. Raises ScenarioError for an invalid variable name."""
     resources: dict[str, list[str]] = {}
     for text in texts:
         name, _, items = text.partition("=")

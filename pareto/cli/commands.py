@@ -17,7 +17,7 @@ COMMANDS = {
     "plot": "draw an exploration as one HTML file that needs no network",
     "space": "check a space and tell its size, or convert it",
     "compare": "correlate devices over their common configurations",
-    "transfer": "order another device's front by what it promises here",
+    "transfer": "order another device's front by the values expected here",
 }
 
 
@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
             raise
         sys.stderr.write(f"frontrunner: searching needs {package}: pip install 'frontrunner[explore]'\n")
         return 2
-    except BrokenPipeError:  # | head: nobody reads on, which is nobody's error
+    except BrokenPipeError:  # | head: the reader has closed the pipe, which is not an error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
@@ -63,7 +63,7 @@ def make_parser(words: list[str], prog: str) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, purpose in COMMANDS.items():
         command = commands.add_parser(name, help=purpose)
-        # The others stay unread: what they need may not be installed, and reading it takes a second.
+        # The others are not imported: their packages may be missing, and importing takes a second.
         if name in words[:1]:
             import_module(f"pareto.cli.{name}").add_arguments(command)
     return parser

@@ -1,4 +1,4 @@
-"""python -m pareto explore: measure configurations until the budget is spent, and lose none on the way."""
+"""python -m pareto explore: measure configurations until the budget is spent; no measurement is lost."""
 
 from __future__ import annotations
 
@@ -56,7 +56,9 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
     add_objectives(explore, "names, separated by commas; a scenario brings its own")
     source = explore.add_mutually_exclusive_group(required=True)
     source.add_argument("--table", type=Path, help="look values up in a CSV file")
-    source.add_argument("--command", help="run a program: {config} becomes JSON, {name} a parameter's value")
+    source.add_argument(
+        "--command", help="run a program: {config} is replaced by JSON, {name} by a parameter's value"
+    )
     explore.add_argument("--timeout", type=seconds, help="seconds a program may take")
     explore.add_argument("--jobs", type=count, metavar="N", help="programs that run at the same time (1)")
     explore.add_argument(
@@ -64,7 +66,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=A,B,..",
-        help="each running program has one item for itself, as the variable NAME and the placeholder {NAME}",
+        help="each running program gets one item, as the variable NAME and the placeholder {NAME}",
     )
     explore.add_argument(
         "--repeats", type=count, default=1, metavar="N", help="measurements of each configuration (1)"
@@ -76,7 +78,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         help=f"end after N equal failures at the start ({GIVE_UP}); 0 for never",
     )
     explore.add_argument(
-        "--budget", type=count, help="measurements, those of earlier runs in this folder included"
+        "--budget", type=count, help="measurements, including those of earlier runs in this folder"
     )
     explore.add_argument("--batch", type=count, help=f"proposals a round ({BATCH})")
     explore.add_argument(
@@ -86,7 +88,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         "--prior",
         type=Path,
         metavar="CSV",
-        help="what another device measured, to start from; it never counts",
+        help="measurements of another device to start from; they do not count",
     )
     explore.add_argument(
         "--warm-start", type=Path, metavar="CSV", help="measurements of this device by an earlier run"
@@ -156,12 +158,12 @@ def explore_folder(options: argparse.Namespace) -> int:
 
 
 def former_method(text: str) -> str:
-    """A method's name, also that of an earlier program, for argparse."""
+    """A method's name, current or of an earlier version, for argparse."""
     return present(text, {})[0]
 
 
 def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:
-    """Return an explorer that knows nothing yet. Raises ScenarioError where there are no objectives."""
+    """Return a new explorer. Raises ScenarioError where there are no objectives."""
     objectives = read_objectives(
         options.objectives, options.maximise, scenario.objectives if scenario else ()
     )
@@ -176,12 +178,12 @@ def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario 
         prior=read_measurements(options.prior, space, objectives) if options.prior else (),
         **_method_options(options, scenario),
     )
-    header(explorer)  # before anything is measured, since it refuses names that clash
+    header(explorer)  # before anything is measured: it rejects names that clash
     return explorer
 
 
 def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
-    """Return how long to measure. Raises ScenarioError for options that contradict each other."""
+    """Return the plan of the measurements. Raises ScenarioError for options that contradict each other."""
     budget = options.budget or (scenario and scenario.budget)
     if not budget:
         raise ScenarioError("--budget is missing: how many measurements?")
@@ -202,16 +204,16 @@ def _lookup(table: Path, explorer: Explorer, feasible: tuple[str, str] | None) -
 
 
 def _tell_known(explorer: Explorer, folder: Folder, known: list[Measurement]) -> None:
-    """Tell what an earlier run measured, each row once, however often the command is started again."""
+    """Tell the explorer the measurements of an earlier run, each row once per folder."""
     history = explorer.history
-    folder.asked(explorer)  # a state must stand before the rows that it does not know
+    folder.asked(explorer)  # the state must be written before rows that it does not contain
     seen: Counter[int] = Counter()
-    told = {index: len(values) for index, values in history.told.items()}
+    recorded = {index: len(values) for index, values in history.results.items()}
     for configuration, values in known:
         index = explorer.space.encode(configuration)
         seen[index] += 1
         of_this_run = index in history.pending or history.phases.get(index, IMPORTED) != IMPORTED
-        if of_this_run or seen[index] <= told.get(index, 0):
+        if of_this_run or seen[index] <= recorded.get(index, 0):
             continue
         explorer.tell([configuration], [values], phase=IMPORTED)
         folder.append(explorer, configuration, values, error="" if values else "failed in the earlier run")
@@ -224,16 +226,16 @@ def _resume(folder: Folder, fresh: Explorer) -> Explorer:
     except DamagedStateError as error:
         reason = str(error).rsplit(": ", 1)[0]
         explorer = folder.rebuild(fresh, reason)
-        told = sum(map(len, explorer.history.told.values()))
+        rows = sum(map(len, explorer.history.results.values()))
         sys.stderr.write(
-            f"frontrunner: {reason}: it was rebuilt from the {told} rows of {EVALUATIONS}; the search goes "
+            f"frontrunner: {reason}: it was rebuilt from the {rows} rows of {EVALUATIONS}; the search goes "
             "on with these measurements and the options given now\n"
         )
         return explorer
 
 
 def _tell_choices(space: Space, program: Program | None) -> None:
-    """Say what was chosen where the user said nothing."""
+    """Report the defaults that were chosen."""
     if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
         sys.stderr.write(f"frontrunner: no default given, so chosen: {', '.join(chosen)}\n")
     if program and not program.template.used & {CONFIG, *space.names}:
@@ -248,7 +250,7 @@ def _default(space: Space, name: str) -> Value:
 
 
 def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
-    """Say what was found and what was not; return the exit code."""
+    """Print the result; return the exit code."""
     done, budget = made_here(explorer), loop.plan.budget
     missing = obstacle(explorer.history)
     if loop.stopped:
@@ -259,7 +261,7 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
         )
     elif done < budget:
         sys.stderr.write(
-            f"frontrunner: stopped after {done} of {budget}: {explorer.method} has nothing more to ask\n"
+            f"frontrunner: stopped after {done} of {budget}: {explorer.method} has nothing more to propose\n"
         )
     if missing:
         sys.stderr.write(f"frontrunner: {missing}\n")
@@ -278,7 +280,7 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
 
 
 def _slots(options: argparse.Namespace, taken: Collection[str]) -> list[dict[str, str]]:
-    """Return what each program that runs at the same time as others may use: an item of each --resource.
+    """Return the resources of each program that runs in parallel: an item of each --resource.
 
     Raises ScenarioError where there are too few items, or a resource has one of the names that are `taken`.
     """
@@ -296,7 +298,7 @@ def _slots(options: argparse.Namespace, taken: Collection[str]) -> list[dict[str
 
 
 def _source(options: argparse.Namespace) -> tuple[str, str]:
-    """Return what measures: the command, or the digest of the table, which may be moved."""
+    """Return the source of measurements: the command, or the digest of the table, which may be moved."""
     if options.command:
         return "command", options.command
     with options.table.open("rb") as file:
@@ -304,16 +306,16 @@ def _source(options: argparse.Namespace) -> tuple[str, str]:
 
 
 def _method_options(options: argparse.Namespace, scenario: Scenario | None) -> dict[str, Any]:
-    """Return `initial`: what --random says, or the scenario, but that only with the scenario's own budget."""
+    """Return `initial`: from --random, or from the scenario if its budget is used, too."""
     if options.random:
-        return {"initial": options.random}  # a method that has no such option says so
+        return {"initial": options.random}  # a method without this option rejects it
     known = "initial" in METHODS[options.method].defaults()
     initial = scenario.initial if scenario and not options.budget and known else None
     return {"initial": initial} if initial else {}
 
 
 def _require_same(fresh: Explorer, found: Explorer) -> None:
-    """Raise ScenarioError when the folder's exploration is not the one asked for."""
+    """Raise ScenarioError when the folder holds a different exploration."""
     asked, had = fresh.state(), found.state()
     for field in ("objectives", "limits", "seed", "method", "options"):
         if asked[field] != had[field]:

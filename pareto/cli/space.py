@@ -1,4 +1,4 @@
-"""python -m pareto space: what a space file holds, what is wrong with it, and the same in another format."""
+"""python -m pareto space: describe, check and convert a space file."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 
 from pareto.errors import ScenarioError
 
-CONFIG = "config"  # the whole configuration as JSON, even where a parameter has this name
+CONFIG = "config"  # the configuration as JSON, even if a parameter has this name
 
 
 class Template:

@@ -1,4 +1,4 @@
-"""The points that a search looks at: drawn ones that may succeed, and the neighbours of good ones."""
+"""The candidates of a search: drawn points that may succeed, and the neighbours of good ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pareto.spaces.space import Indices, Space
 from pareto.surrogates.success import Success
 
 LIKELY = 10  # points drawn for each that is taken, in proportion to their chance to succeed
-DRAWS = 1 << 22  # at most, against constraints that hardly any point keeps
+DRAWS = 1 << 22  # at most, for constraints that few points keep
 
 
 def pool(

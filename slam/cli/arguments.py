@@ -1,4 +1,4 @@
-"""What arguments of the command line mean."""
+"""Types of command-line arguments."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PYRAMID = ("pyramid_iterations_fine", "pyramid_iterations_middle", "pyramid_iter
 
 
 class UsageError(ValueError):
-    """An argument that says something impossible."""
+    """An argument with an impossible value."""
 
 
 def number(text: str) -> float:
@@ -66,7 +66,7 @@ def _parameter(text: str) -> int | float:
     try:
         return number(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
 
 
 def values(text: str) -> tuple[float, ...]:
@@ -87,13 +87,13 @@ def writable(path: Path | None) -> None:
 
 
 def show_progress(done: int, total: int) -> None:
-    """One line on standard error that counts up."""
+    """One line on standard error, rewritten in place."""
     sys.stderr.write(f"\r{done}/{total}" + ("\n" if done == total else ""))
     sys.stderr.flush()
 
 
 def progress_line(label: str = "", unit: str = "frame") -> Callable[[int, int], None] | None:
-    """A progress line that tells the rate and what remains, too; None where nobody looks, as in a pipe."""
+    """A progress line with the rate and the remaining time; None where standard error is not a terminal."""
     if not sys.stderr.isatty():
         return None
     began = time.monotonic()

@@ -44,7 +44,7 @@ def _compare(options: argparse.Namespace) -> None:
     reports: dict[str, Mapping[str, Any]] = {}
     for text, found, configuration in wanted:
         name = text.strip() or "default"
-        while name in reports:  # the same twice: to see how measurements repeat
+        while name in reports:  # the same configuration twice shows how measurements repeat
             name += " again"
         if sequence is not None and found is None:
             found = measure(options, configuration, sequence, session, f"{name}: ").to_dict()

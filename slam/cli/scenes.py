@@ -1,4 +1,4 @@
-"""What commands that run a system have in common: its sequence, its device, its progress."""
+"""What commands that run a system share: sequence, device, progress."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 def add_run_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
-    """Add the options of a command that runs a system; SEVERAL sequences in turn where it can do that."""
+    """Add the options of a command that runs a system; SEVERAL: whether it takes several sequences."""
     add_scene_options(parser, several)
     parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
     parser.add_argument("--backend", choices=BACKENDS, default="opencl", help="default: opencl")
@@ -27,7 +27,7 @@ def add_run_options(parser: argparse.ArgumentParser, several: bool = False) -> N
 
 
 def add_scene_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
-    """Add the options that say what is seen: a sequence, its camera and its truth."""
+    """Add the options of the scene: a sequence, its camera and its truth."""
     parser.add_argument("--system", choices=sorted(SYSTEMS), default="kfusion")
     parser.add_argument(
         "--sequence",
@@ -92,5 +92,5 @@ def measure(
 
 
 def merged(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    """All settings of PARTS; the last one of a name holds."""
+    """All settings of PARTS; the last value of a name wins."""
     return {name: value for part in parts for name, value in part.items()}

@@ -19,7 +19,7 @@ from slam.systems import complete, definition, open_session
 def add(subparsers: Commands) -> None:
     """Add the command and its options to the command line."""
     parser = subparsers.add_parser(
-        "surface", help="time and error over a grid of two parameters' values; goes on where it stopped"
+        "surface", help="time and error over a grid of two parameters' values; resumes an interrupted run"
     )
     for axis in ("x", "y"):
         parser.add_argument(f"--{axis}", required=True, metavar="NAME", help="a parameter of the system")
@@ -49,7 +49,9 @@ def _surface(options: argparse.Namespace) -> None:
     fixed = merged(options.set)
     sequence = open_scene(options)
     if sequence.truth is None:
-        raise UsageError(f"{sequence.name} has no true trajectory, so no error to draw: give --truth FILE")
+        raise UsageError(
+            f"{sequence.name} has no true trajectory, so there is no error to draw: give --truth FILE"
+        )
     session = open_session(options.system, choose_device(options.device, options.backend))
     options.out.mkdir(parents=True, exist_ok=True)
     total, done = len(grid.x_values) * len(grid.y_values), 0

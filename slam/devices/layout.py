@@ -35,13 +35,13 @@ class Layout:
         return self.kind == "pixels"
 
     def macros(self) -> dict[str, int]:
-        """What kernels must know of it: the sizes of `slam.devices.layout`, and PIXELS for that kind."""
+        """The macros that kernels need: the sizes of `slam.devices.layout`, and PIXELS for that kind."""
         return {"SUMS": SUMS, "SUM_GROUP": SUM_GROUP, "SOLVERS": SOLVERS} | (
             {"PIXELS": 1} if self.pixels else {}
         )
 
     def over(self, width: int, height: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Global and local size of a kernel over an image; groups at the sides may stand out of it."""
+        """Global and local size of a kernel over an image; groups at the sides may extend beyond it."""
         if not self.pixels:
             return (height,), (1,)
         columns, rows = self.group

@@ -152,7 +152,7 @@ class Session:
         self._programs: dict[tuple[Path, str], cl.Program] = {}
 
     def _open_queue(self) -> cl.CommandQueue:
-        """A queue whose events say when they ran, where the driver has such."""
+        """A queue with profiling, where the driver supports it."""
         import pyopencl as cl
 
         try:
@@ -257,7 +257,7 @@ class Session:
     def span(self, first: Event, last: Event) -> tuple[int, int] | None:
         """When FIRST started and LAST ended, nanoseconds of the device's clock.
 
-        None where the driver does not say, or says that it ended before it started.
+        None where the driver does not report it, or reports an end before the start.
         """
         import pyopencl as cl
 
@@ -290,7 +290,7 @@ class Session:
 
 
 class BoundKernel:
-    """A kernel whose arguments stay the same from frame to frame, but for few: a launch costs one call."""
+    """A kernel that keeps its arguments from frame to frame, except a few: a launch costs one call."""
 
     def __init__(
         self,
@@ -309,7 +309,7 @@ class BoundKernel:
         self._group = group
 
     def __call__(self, size: tuple[int, ...] | None = None) -> Event:
-        """Enqueue it, over `size` work-items where that differs from launch to launch."""
+        """Enqueue it, over `size` work-items where the number varies."""
         return self._session.launch(self._kernel, self._name, size or self._size, self._group)
 
     def set(self, index: int, value: Any) -> None:

@@ -163,11 +163,11 @@ class Plan:
         return state
 
     def buffer(self, name: str) -> Buffer:
-        """The buffer NAME. Raises KeyError where there is none."""
+        """The buffer NAME. Raises KeyError if it does not exist."""
         return {buffer.name: buffer for buffer in self.buffers}[name]
 
     def kernel(self, name: str) -> Kernel:
-        """The kernel NAME. Raises KeyError where there is none."""
+        """The kernel NAME. Raises KeyError if it does not exist."""
         return {kernel.name: kernel for kernel in self.kernels}[name]
 
     @property

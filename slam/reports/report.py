@@ -1,4 +1,4 @@
-"""Reports of runs, as `python -m slam run --json` writes them: read back, and summed up in tables."""
+"""Reports of runs, as `python -m slam run --json` writes them: reading, and summary tables."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STAGE_MEANINGS = {
     },
 }
 MEANINGS = {
-    "computation": "from the upload until the pose is known: what a configuration is judged by",
+    "computation": "from the upload until the pose is known: the time of a configuration",
     "acquisition": "reading and decoding the images; not part of the computation",
     "rendering": "drawing pictures (--render); not part of the computation",
     "total": "all of it",
@@ -46,11 +46,11 @@ ENERGY_SOURCES = {
 
 
 class ReportError(ValueError):
-    """A file that is no report."""
+    """A file that is not a report."""
 
 
 def read(path: Path) -> Mapping[str, Any]:
-    """The report in a JSON file. Raises ReportError naming what is wrong, OSError when it cannot be read."""
+    """The report in a JSON file. Raises ReportError for bad content, OSError when it cannot be read."""
     try:
         report = json.loads(path.read_text(encoding="utf-8"))
         missing = NEEDED - set(report)
@@ -59,25 +59,25 @@ def read(path: Path) -> Mapping[str, Any]:
         for name in (*stages(report), "computation"):
             milliseconds(report, name)
     except (ValueError, KeyError, TypeError) as error:
-        raise ReportError(f"{path} is no report of `python -m slam run --json`: {error}") from None
+        raise ReportError(f"{path} is not a report of `python -m slam run --json`: {error}") from None
     return report
 
 
 def stages(report: Mapping[str, Any]) -> tuple[str, ...]:
-    """The stages whose times are known: none where the backend has no clock for them."""
+    """The stages with known times; none where the backend has no clock for them."""
     return tuple(stage for stage in STAGES if all(frame[stage] is not None for frame in report["frames"]))
 
 
 def milliseconds(report: Mapping[str, Any], name: str) -> NDArray[np.float64]:
     """Times of a stage over the frames that count: from frame 10 on, or all where there are no more."""
     counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
-    # Reports of older versions know no rendering.
+    # Reports of older versions have no rendering.
     times = [frame.get(name, 0.0) if name == "rendering" else frame[name] for frame in counted]
     return 1e3 * np.array(times, np.float64)
 
 
 def summary(report: Mapping[str, Any]) -> str:
-    """What a run measured, as text for people."""
+    """The measurements of a run, as text for people."""
     sequence, device, frames = report["sequence"], report["device"], report["frames"]
     known = (*stages(report), *MEANINGS)
     names = [name for name in known if name != "rendering" or milliseconds(report, name).any()]
@@ -114,7 +114,7 @@ def line(report: Mapping[str, Any]) -> str:
 def _facts(report: Mapping[str, Any]) -> list[str]:
     frames = report["frames"]
     tracked = [frame["tracked"] for frame in frames]
-    degenerate = sum(frame.get("degenerate") is True for frame in frames)  # older reports do not say
+    degenerate = sum(frame.get("degenerate") is True for frame in frames)  # older reports lack this
     computed = sum(frame["computation"] for frame in frames)
     lines = [
         f"{'frames':14}tracked {tracked.count(True)}, lost {tracked.count(False)}, "
@@ -132,7 +132,7 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
         power = f", {energy / computed:.2f} W" if computed else ""
         lines.append(f"{'energy':14}{energy / len(frames):.4f} J a frame{power}: {source}")
     ate = report["ate"]
-    if (matched := report.get("matched_poses")) is not None:  # older reports do not say
+    if (matched := report.get("matched_poses")) is not None:  # older reports lack this
         share = 100 * matched / len(frames)
         lines.append(f"{'true poses':14}{matched} of {len(frames)} frames ({share:.0f} %)")
     if ate is None:
@@ -161,9 +161,9 @@ def _verdict(report: Mapping[str, Any]) -> str:
     return f"{word} ({reason})" if reason else word
 
 
-ONLINE = "online error: of the poses as they were right after each frame"
+ONLINE = "online error: of the poses as reported right after each frame"
 LOOPS = (
-    "loops: local, by fitting what is seen now to an older part of the map; global, by an earlier view; "
+    "loops: local, by registering the view to an older part of the map; global, by an earlier view; "
     "relocalisations: how often a lost camera was found again"
 )
 CLOCKS = {
@@ -183,13 +183,13 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     )
     return [
         f"mean ... max: milliseconds a frame, {counted}",
-        CLOCKS[report.get("stage_clock", "wall")],  # older reports do not say
+        CLOCKS[report.get("stage_clock", "wall")],  # older reports lack this
         "95%: 95 of 100 frames took no longer; share: of the computation",
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
         *([f"not attempted: {ATTEMPTS[system]}"] if system in ATTEMPTS else []),
         "lost: the pose failed its check",
         *(
-            ["degenerate: tracked, but what is seen lets the camera slide or turn, as a flat wall does"]
+            ["degenerate: tracked, but the view lets the camera slide or turn, as a flat wall does"]
             if any(frame.get("degenerate") for frame in report["frames"])
             else []
         ),
@@ -204,7 +204,7 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
 
 
 def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
-    """Reports side by side, the first as the one that others are compared with. Keys are their names."""
+    """Reports side by side, compared with the first. Keys are their names."""
     letters = {
         name: chr(ord("A") + number % 26) + (str(number // 26) if number >= 26 else "")
         for number, name in enumerate(reports)
@@ -263,7 +263,7 @@ def _mean(report: Mapping[str, Any], name: str) -> str:
 
 
 def _identity(description: str | Mapping[str, Any]) -> Any:
-    """What two descriptions share if they are of one thing: of a sequence its digest."""
+    """The identity of a description: for a sequence its digest."""
     return description if isinstance(description, str) else description.get("sha256") or dict(description)
 
 

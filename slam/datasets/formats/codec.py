@@ -45,7 +45,7 @@ def decode(chunk: bytes, index: int, width: int, height: int) -> npt.NDArray[np.
         (size,) = _COUNT.unpack_from(chunk, 0)
         palette = np.frombuffer(chunk, "<u2", size, _COUNT.size).astype(np.uint16)
         data = part(chunk, index, _COUNT.size + 2 * size)
-        # One byte more than is due lets a frame that is too long be noticed without inflating all of it.
+        # Inflating one byte more than expected detects a frame that is too long.
         planes = zlib.decompressobj().decompress(data, 2 * width * height + 1)
         low, high = np.frombuffer(planes, np.uint8).reshape(2, height * width)
         folded = low | (high.astype(np.uint16) << 8)
@@ -64,7 +64,7 @@ def join(parts: list[bytes]) -> bytes:
 
 
 def part(chunk: bytes, index: int, begin: int = 0) -> bytes:
-    """The bytes of frame `index`, whose sizes stand in the chunk from `begin` on.
+    """The bytes of frame `index`, whose sizes are in the chunk from `begin` on.
 
     Raises SequenceError when the chunk ends before the frame does.
     """

@@ -56,7 +56,7 @@ class _Chunks:
         self._kept: tuple[int, bytes] | None = None
 
     def read(self, number: int) -> bytes:
-        """Chunk `number`; raises DigestError when its bytes are not what the manifest promises."""
+        """Chunk `number`; raises DigestError when its bytes do not match the manifest."""
         entry = self.manifest["chunks"][number]
         path = self.folder / "chunks" / entry["sha256"]
         try:
@@ -102,7 +102,8 @@ class Pack(Sequence):
     """A depth pack, with colour where the colour pack of the same sequence lies beside it.
 
     Opening checks the manifest and the header; a chunk is checked when a frame of it is first read.
-    Raises SequenceError when the folder is no pack, DigestError when its content is not what it promises.
+    Raises SequenceError when the folder is not a pack, DigestError when its content does not match its
+    digests.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -160,7 +161,7 @@ class Pack(Sequence):
         return image
 
     def verify(self) -> None:
-        """Read every chunk once; raises SequenceError or DigestError at the first that is not right."""
+        """Read every chunk once; raises SequenceError or DigestError at the first bad one."""
         for number in range(len(self._chunks.manifest["chunks"])):
             self._chunks.read(number)
 
@@ -252,7 +253,7 @@ def _write_chunk(folder: Path, data: bytes) -> dict[str, Any]:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What `pack.json` holds. Raises SequenceError or DigestError when it describes no pack."""
+    """What `pack.json` holds. Raises SequenceError or DigestError when it does not describe a pack."""
     path = folder / MANIFEST
     try:
         manifest = parse_object(read_text(path, SequenceError))

@@ -16,7 +16,7 @@ from slam.datasets.sequence import SequenceError
 _CHECKED = {
     "published": "its SHA-256 is the published one",
     "recorded": "its SHA-256 is the one recorded at an earlier download",
-    "nothing": "its publisher gives no checksum, so its SHA-256 was computed and recorded: that tells later "
+    "nothing": "its publisher gives no checksum, so its SHA-256 was computed and recorded: it shows later "
     "copies from this one, not whether this one is right",
 }
 
@@ -59,7 +59,7 @@ def _get(options: argparse.Namespace) -> None:
 
 
 def _describe(folder: Path, entry: Entry, address: str, fetched: Fetched) -> None:
-    """Add the camera, where the files do not tell it, and where they are from."""
+    """Add the camera, where the files lack it, and their origin."""
     camera = entry.camera
     if camera is not None and not (folder / "intrinsics.txt").exists():
         (folder / "intrinsics.txt").write_text(

@@ -125,7 +125,7 @@ def transfer(devices, *more):
     return main(["transfer", *source, "--objectives", "error,seconds", *more])
 
 
-def test_transfer_prints_the_sources_front_in_the_order_of_what_it_promises(devices, capsys):
+def test_transfer_prints_the_sources_front_by_expected_values(devices, capsys):
     (devices / "here.csv").write_text('x,mode,error,seconds\n4,"a,b",0.25,40\n5,"a,b",failed,50\n')
     here = ["--here", str(devices / "here.csv"), "--prefer", "seconds", "--limits", "error=0.2"]
     assert transfer(devices, *here) == 0

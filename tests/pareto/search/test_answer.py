@@ -17,7 +17,7 @@ SPACE = Space.from_dict({"parameters": [{"name": "x", "type": "integer", "minimu
 
 def explored(values, objectives=("error", "seconds"), limits=None, count=30):
     explorer = Explorer(SPACE, objectives, limits, initial=10, candidates=20)
-    while len(explorer.history.told) < count:
+    while len(explorer.history.results) < count:
         asked = explorer.ask(10)
         explorer.tell(asked, [values(item["x"]) for item in asked])
     return explorer

@@ -37,7 +37,7 @@ def test_where_the_allowed_part_is_small_all_of_it_is_looked_at():
     found = pool(targets, DIAGONAL, None, 298, history.taken(), np.random.default_rng(0))
     everything = np.flatnonzero(DIAGONAL.allowed_grid)
     assert len(everything) == 298
-    np.testing.assert_array_equal(found, np.setdiff1d(everything, [*history.told]))
+    np.testing.assert_array_equal(found, np.setdiff1d(everything, [*history.results]))
 
 
 def test_otherwise_half_is_drawn_and_half_are_neighbours_of_the_front():

@@ -142,7 +142,7 @@ def test_every_configuration_told_has_one_result():
     explorer = Explorer(SPACE, ("error",))
     with pytest.raises(ObjectiveError, match="1 results for 2 configurations: tell one each"):
         explorer.tell([{"x": 1}, {"x": 2}], [{"error": 1.0}])
-    assert explorer.history.told == {}
+    assert explorer.history.results == {}
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_what_is_told_comes_in_lists_of_configurations_and_results(told, message
     explorer = Explorer(SPACE, ("error",))
     with pytest.raises(ConfigurationError, match=message):
         explorer.tell(*told)
-    assert explorer.history.told == {}
+    assert explorer.history.results == {}
 
 
 def test_what_is_forgotten_comes_in_a_list():
@@ -194,7 +194,7 @@ def test_a_number_too_large_for_a_float_is_refused(size):
         explorer.tell([{"x": 1}], [{"error": 10**size}])
     with pytest.raises(ObjectiveError, match="error is too large"):
         Explorer(SPACE, ("error",), {"error": -(10**size)})
-    assert explorer.history.told == {}
+    assert explorer.history.results == {}
 
 
 def test_an_array_is_a_value_only_if_it_holds_one():

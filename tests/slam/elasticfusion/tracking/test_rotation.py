@@ -28,10 +28,10 @@ def test_turn_equations_and_the_turn_they_lead_to(launch, session):
     count, size, group = session.layout.sums(40, 30)
     records = np.full((count, SUMS), 5, np.float32)
     launch(
-        SOURCE, "turn_equations", size, *images(present), *images(earlier), 40, 30,
+        SOURCE, "so3_linearise", size, *images(present), *images(earlier), 40, 30,
         intrinsics(present.camera), alignment, records, group=group,
     )  # fmt: skip
-    matrix, right_side, squared_error, inliers = reference.turn_equations(present, earlier, start[:3, :3])
+    matrix, right_side, squared_error, inliers = reference.so3_linearise(present, earlier, start[:3, :3])
     total = records.sum(axis=0, dtype=float)
     assert inliers > 800
     assert abs(total[28] - inliers) <= 1
