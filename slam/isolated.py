@@ -9,7 +9,6 @@ killed.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import json
 import math
 import os
@@ -23,19 +22,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from slam.child_process import ROOT, dies_with_parent, ending, last_line
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.public_text import one_line
 from slam.validity import tracking_failure
 
-ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = (sys.executable, "-m", "slam", "run")
 TIMEOUT_SECONDS = 900.0
 HEARTBEAT_SECONDS = 15.0
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
 NO_OBJECTIVES = ("sequence", "lost")  # members of a part
-REASON_LENGTH = 500
 # The exit code of `python -m slam` without a suitable device.
 NO_DEVICE = 3
-PR_SET_PDEATHSIG = 1
 
 
 class MeasurementError(RuntimeError):
@@ -198,36 +196,6 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
     return {"sequence": report["sequence"]["name"], "lost": lost, **objectives}, stages
 
 
-def one_line(text: str) -> str:
-    """TEXT on one line of REASON_LENGTH characters at most, without control characters.
-
-    Some databases reject NUL, and pages must not contain a terminal's escape codes.
-    """
-    printable = "".join(character if character.isprintable() else " " for character in text)
-    return " ".join(printable.split())[:REASON_LENGTH]
-
-
-def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> Callable[[], None] | None:
-    """What a child runs before its program, so that it gets WITH_SIGNAL when this process ends.
-
-    FIRST_TO_GO makes it the system's first choice when memory runs out. Both need Linux: elsewhere None.
-    """
-    if not sys.platform.startswith("linux"):
-        return None
-    parent = os.getpid()
-    libc = ctypes.CDLL(None, use_errno=True)
-
-    def in_child() -> None:
-        libc.prctl(PR_SET_PDEATHSIG, with_signal)
-        if os.getppid() != parent:  # it ended before the line above
-            os._exit(1)
-        if first_to_go:
-            with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as file:
-                file.write("1000")
-
-    return in_child
-
-
 def _start(command: Sequence[str], errors: BinaryIO) -> subprocess.Popen[bytes]:
     try:
         return subprocess.Popen(
@@ -271,23 +239,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def ending(code: int, errors: str) -> str:
-    """How a process ended with CODE, and its last line on standard error."""
-    last = _last_line(errors)
-    if code < 0:
-        with contextlib.suppress(ValueError):
-            name = signal.Signals(-code).name
-            likely = " (as the system does when memory runs out)" if name == "SIGKILL" else ""
-            return one_line(f"killed by {name}{likely}: {last}")
-    return one_line(f"exit code {code}: {last}")
-
-
 def _failure(code: int, errors: str) -> MeasurementError | CannotMeasureHereError:
     if code == NO_DEVICE:
-        return CannotMeasureHereError(one_line(_last_line(errors)))
+        return CannotMeasureHereError(one_line(last_line(errors)))
     return MeasurementError(ending(code, errors))
-
-
-def _last_line(errors: str) -> str:
-    lines = errors.strip().splitlines()
-    return lines[-1] if lines else "nothing on its error output"

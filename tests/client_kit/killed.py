@@ -19,7 +19,7 @@ from types import FrameType, SimpleNamespace
 from typing import Any
 
 import client_kit
-from client_kit.console import Console, Silence
+from client_kit.console import Console, NullStream
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.spool import Spool
 from client_kit.device import preflight
@@ -27,7 +27,7 @@ from client_kit.home import Home
 from client_kit.measuring import measurement
 from client_kit.measuring.session import Session
 from client_kit.participating import participation
-from client_kit.participating.participation import Wishes
+from client_kit.participating.participation import RunOptions
 from tests.client_kit import canned
 
 CLIENT = Path(client_kit.__file__).parent
@@ -63,8 +63,8 @@ def run(home: Home, server: str, sessions: int, last: int | None = None) -> int:
     sys.settrace(lines)
     try:
         home.prepare()
-        wishes = Wishes(server, yes=True, sessions=sessions)
-        participation.run(wishes, home, Console(Silence()), pause=lambda _: None)
+        options = RunOptions(server, yes=True, sessions=sessions)
+        participation.run(options, home, Console(NullStream()), pause=lambda _: None)
     finally:
         sys.settrace(None)
     return lines.count

@@ -142,7 +142,7 @@ def test_what_failed_here_is_not_chosen_for_its_prediction() -> None:
      {"front": [recommended("fine", {}, low="low")]}, {"front": [recommended("fine", {}, ratio=None)]}],
 )  # fmt: skip
 def test_a_recommendation_that_is_not_understood_is_refused(answer: dict[str, Any]) -> None:
-    with pytest.raises(NotFrontrunnerError, match="recommendation is not understood"):
+    with pytest.raises(NotFrontrunnerError, match="recommendation is malformed"):
         predictions(answer)
 
 

@@ -340,7 +340,7 @@ def test_a_result_that_was_not_told_is_told_by_the_next_process(
     lab.server.answer = lambda request: away if request.path.endswith("/result") else lab.answer(request)
     with pytest.raises(KeyboardInterrupt):
         serve(Server(lab.server.url), "board", "secret", home, Console(said), pause=interrupted)
-    assert "its result is kept here and sent by the next `evaluate`" in said.getvalue()
+    assert "its result is stored here and sent by the next `evaluate`" in said.getvalue()
 
     lab.server.answer = lab.answer
     told, _ = serve_lab(lab)

@@ -50,7 +50,7 @@ def test_without_a_network_the_last_manifest_serves(serve: Serve, home: Home) ->
     again, fresh = manifest.fetch(server, home)
 
     assert (again, fresh) == (kept, False)
-    assert manifest.kept_manifests(home) == {(server.url, "kfusion"): kept}
+    assert manifest.stored_manifests(home) == {(server.url, "kfusion"): kept}
 
 
 def test_each_application_has_a_manifest_of_its_own(serve: Serve, home: Home) -> None:
@@ -64,7 +64,7 @@ def test_each_application_has_a_manifest_of_its_own(serve: Serve, home: Home) ->
     usual, other = manifest.fetch(server, home)[0], manifest.fetch(server, home, "elasticfusion")[0]
 
     assert scripted.paths() == ["GET /api/v1/manifest", "GET /api/v1/manifest?application=elasticfusion"]
-    assert manifest.kept_manifests(home) == {
+    assert manifest.stored_manifests(home) == {
         (server.url, "kfusion"): usual,
         (server.url, "elasticfusion"): other,
     }
@@ -261,5 +261,5 @@ def test_what_protocol_2_needs_is_refused_by_name_where_it_is_missing(
 
 
 def test_a_protocol_of_the_future_asks_for_a_newer_client() -> None:
-    with pytest.raises(OutdatedError, match="by protocol 1 and 2, the server by 3: update it"):
+    with pytest.raises(OutdatedError, match="knows protocol 1 and 2, the server uses 3: update the client"):
         Manifest.parse(documents.manifest(protocol=protocol(version=3)))

@@ -10,7 +10,7 @@ from client_kit.measuring import reasons
 def test_a_failure_does_not_tell_the_users_name() -> None:
     error = FileNotFoundError(f"{Path.home()}/.cache/kernel missing\nand\x1b[31m more")
 
-    assert reasons.of(error) == "FileNotFoundError: ~/.cache/kernel missing and [31m more"
+    assert reasons.describe(error) == "FileNotFoundError: ~/.cache/kernel missing and [31m more"
 
 
 @pytest.mark.parametrize(
@@ -28,4 +28,4 @@ def test_a_failure_tells_no_folder(text: str, told: str, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(Path, "home", homeless)
 
-    assert reasons.of(OSError(text)) == f"OSError: {told}"
+    assert reasons.describe(OSError(text)) == f"OSError: {told}"

@@ -85,7 +85,7 @@ def test_a_session_of_probes_is_taken_whole(
     done = run_client(home, "run", "--server", serve(assigning).url, "--yes", "--probes")
 
     assert done.returncode == 0, done.stderr
-    assert "Thank you: the map of devices now knows probe-1 on this device." in done.stdout
+    assert "Thank you: predictions now include probe-1 on this device." in done.stdout
     assert [item.state for item in Spool(home.spool).items()] == ["accepted"] * 2
     _, session = MeasurementSession.objects.order_by("id")
     runs = session.runs.order_by("order").select_related("configuration")

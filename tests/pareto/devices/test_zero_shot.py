@@ -1,4 +1,4 @@
-"""Another device's front on this one: its order, its expected values, and the effect of a few measurements."""
+"""Another device's front on this one: its order and expected values, and the effect of a few measurements."""
 
 import csv
 import os

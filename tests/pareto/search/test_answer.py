@@ -40,7 +40,7 @@ def test_what_has_no_answer_is_named_and_explored_on(values, limits, error, mess
 
 
 def test_before_anything_is_told_there_is_no_answer():
-    with pytest.raises(NothingMeasuredError, match="ask for configurations"):
+    with pytest.raises(NothingMeasuredError, match=r"call ask\(\) for configurations"):
         Explorer(SPACE, ("error",)).answer()
 
 

@@ -32,7 +32,7 @@ def state():
 
 @pytest.mark.parametrize("damaged", ["[]", "3", "null", '"text"'])
 def test_a_state_that_is_no_object_is_refused(damaged):
-    with pytest.raises(StateError, match="no object"):
+    with pytest.raises(StateError, match="not an object"):
         Explorer.restore(SPACE, json.loads(damaged))
 
 

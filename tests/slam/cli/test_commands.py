@@ -94,7 +94,7 @@ def test_run_perturbs_depth(pair, capsys):
 
 @pytest.mark.parametrize("option", ["--mesh", "--tsv", "--trajectory", "--render"])
 def test_what_belongs_to_one_sequence_is_refused_for_several(option, pair, tmp_path, capsys):
-    assert f"{option} belongs to one sequence: 2 are given" in complaint(
+    assert f"{option} needs exactly one sequence, got 2" in complaint(
         capsys, "run", *pair, option, tmp_path / "room.ply"
     )
     assert not list(tmp_path.iterdir())
@@ -262,7 +262,7 @@ def test_the_shipped_sequence_is_listed(capsys):
         (["compare", "", "mu=-1", "--sequence", LIVING_ROOM], "mu=-1.0"),
         (["compare", "a.json", "b.json", "--html", "no/folder/x.html"], "there is no folder no/folder"),
         (["compare", "nowhere.json"], "nowhere.json"),
-        (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "carries its camera"),
+        (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "contains its camera"),
         (["run", "--sequence", LIVING_ROOM, "--volume-size", "0"], "--volume-size 0: give metres"),
         (["run", "--system", "elasticfusion", "--sequence", LIVING_ROOM, "--volume-size", "-1"], "than 0"),
         (["compare", "mu=x", "mu=2", "--sequence", LIVING_ROOM], "'x' is no number"),
@@ -290,7 +290,7 @@ def test_trajectories_of_different_times_are_told_apart(tmp_path, capsys):
 
 def test_a_report_that_is_none_is_refused(tmp_path, capsys):
     (tmp_path / "bad.json").write_text('{"frames": []}')
-    assert "is no report" in complaint(capsys, "compare", tmp_path / "bad.json", tmp_path / "bad.json")
+    assert "is not a report" in complaint(capsys, "compare", tmp_path / "bad.json", tmp_path / "bad.json")
 
 
 @pytest.mark.parametrize(
