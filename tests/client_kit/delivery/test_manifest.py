@@ -191,9 +191,9 @@ def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
     Manifest.parse(documents.manifest(minimum_app_version="0.1")).require_this_version()
     with pytest.raises(OutdatedError, match=r"0\.10\.0"):
         Manifest.parse(documents.manifest(minimum_app_version="0.10.0")).require_this_version()
-    with pytest.raises(CannotMeasureError, match="no measurements at present: try again another day"):
+    with pytest.raises(CannotMeasureError, match="does not accept measurements now: try again another day"):
         Manifest.parse(documents.manifest(accepting=False)).require_accepting()
-    with pytest.raises(CannotMeasureError, match="at present: back on Monday"):
+    with pytest.raises(CannotMeasureError, match="now: back on Monday"):
         Manifest.parse(documents.manifest(accepting=False, message="back on\nMonday")).require_accepting()
 
 

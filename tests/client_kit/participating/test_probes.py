@@ -133,7 +133,10 @@ def test_the_option_measures_them_without_a_terminal(
     [
         (None, "Among the others: "),  # an old server, which disregards `minutes`
         (assigning(assigned_message="this device is well known"), "measure: this device is well known"),
-        (assigning("fine", accepting=False, message="back at noon"), "are measured: the server takes no"),
+        (
+            assigning("fine", accepting=False, message="back at noon"),
+            "are measured: the server does not accept",
+        ),
         (assigning("fine", consent_version=3), "are measured: the consent text has changed"),
         (assigning("fine") | {"configurations": []}, "are measured: the server's manifest lacks"),
     ],

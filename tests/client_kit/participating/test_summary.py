@@ -100,6 +100,6 @@ def test_a_run_outside_its_band_is_said_not_to_count() -> None:
     assert summary.run_lines(near, ASKED.protocol) == summary.run_lines(run, ASKED.protocol)
     _, line = summary.run_lines(far, ASKED.protocol)
     assert line.strip() == (
-        "This device computes wrong results than the reference (3.20 cm from it, 0.50 cm allowed), "
+        "This device computes a different result (3.20 cm from the reference, 0.50 cm allowed), "
         "so the run does not count."
     )
