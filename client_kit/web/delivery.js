@@ -57,10 +57,10 @@ async function remainingPause() {
 /**
  * Send SESSION and store the outcome.
  * @param {Session} session
- * @param {boolean} [enrolledAnew] whether another installation was just refused
+ * @param {boolean} [enrolledAgain] whether another installation was just refused
  * @returns {Promise<boolean>} whether the next one may be sent now
  */
-async function send(session, enrolledAnew = false) {
+async function send(session, enrolledAgain = false) {
   try {
     const installation = await enrolled(session.manifest.consent_version);
     const answer = await askJson("/submissions", {
@@ -76,7 +76,7 @@ async function send(session, enrolledAnew = false) {
     await sessions.keep(session);
     return true;
   } catch (error) {
-    if (error instanceof Refusal) return refused(session, error, enrolledAnew);
+    if (error instanceof Refusal) return refused(session, error, enrolledAgain);
     if (error instanceof UnreachableError) return later(session, error.message, null);
     throw error;
   }
@@ -85,12 +85,12 @@ async function send(session, enrolledAnew = false) {
 /**
  * @param {Session} session
  * @param {Refusal} error
- * @param {boolean} enrolledAnew
+ * @param {boolean} enrolledAgain
  * @returns {Promise<boolean>}
  */
-async function refused(session, error, enrolledAnew) {
+async function refused(session, error, enrolledAgain) {
   if (error.status === 401 || error.code === "device_changed") {
-    if (enrolledAnew) return later(session, error.message, null);
+    if (enrolledAgain) return later(session, error.message, null);
     // The installation is gone on the server, or belongs to another device: a new one sends the same bytes.
     await retire();
     return send(session, true);

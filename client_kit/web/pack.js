@@ -1,6 +1,6 @@
 /**
- * The codec of sequence packs (docs/data/protocol.md, section 2; slam/datasets/formats/codec.py): a header, then chunks of
- * depth images. The caller has compared the chunks with their digests.
+ * The codec of sequence packs (docs/data/protocol.md, section 2; slam/datasets/formats/codec.py): a header, then
+ * chunks of depth images. The caller has compared the chunks with their digests.
  */
 
 const FORMAT = 1;
