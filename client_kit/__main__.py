@@ -14,6 +14,7 @@ from client_kit.delivery import enrolment, sending
 from client_kit.delivery.server import Server
 from client_kit.delivery.spool import QUEUED, Item
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
+from frontrunner import terminal
 
 NOT_CONFORMING = 1
 
@@ -30,15 +31,15 @@ def main(arguments: Sequence[str] | None = None, prog: str = "python -m client_k
     try:
         return COMMANDS[options.command](options, console) or 0
     except ClientError as error:
-        print(f"frontrunner: {error}", file=sys.stderr)
+        terminal.fail(str(error))
         return error.exit_code
     except ImportError as error:
         from client_kit.device import drivers
 
-        print(f"frontrunner: {drivers.remedy(error)}", file=sys.stderr)
+        terminal.fail(drivers.remedy(error))
         return CannotMeasureError.exit_code
     except KeyboardInterrupt:
-        print(f"frontrunner: {options.when_stopped}", file=sys.stderr)
+        terminal.note(options.when_stopped)
         return INTERRUPTED
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from client_kit.delivery.manifest import ALL
 from client_kit.device.preflight import IGNORABLE
-from frontrunner import __version__
+from frontrunner.command_line import Parser
 from slam.devices.device import BACKENDS
 from slam.protocol import VALID_BELOW
 
@@ -15,16 +15,15 @@ INTERRUPTED = 130
 TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"
 
 
-def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
+def parser(prog: str = "python -m client_kit") -> Parser:
     """The parser. Its result has the name of the `command`, and `when_stopped`, the text after Ctrl-C."""
-    whole = argparse.ArgumentParser(
-        prog=prog,
-        description="Measure how fast dense SLAM runs on this device, by the published Pareto front.",
-        epilog="Exit codes: 0 sent or safely stored, 1 a payload does not conform (check), 2 usage, 3 cannot "
+    whole = Parser.of_program(
+        prog,
+        "Measure how fast dense SLAM runs on this device, by the published Pareto front.",
+        "Exit codes: 0 sent or safely stored, 1 a payload does not conform (check), 2 usage, 3 cannot "
         f"measure here, 4 too old, {INTERRUPTED} ended by Ctrl-C.",
     )
     whole.set_defaults(when_stopped="stopped")
-    whole.add_argument("--version", action="version", version=f"frontrunner {__version__}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
     address: dict[str, Any] = {"metavar": "URL", "help": "address of the Frontrunner server"}
     named: dict[str, Any] = {"metavar": "TEXT", "help": "the device whose name contains this"}

@@ -8,8 +8,11 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import TextIO
 
+from frontrunner.terminal import styled
+
 WIDTH = 30
 REDRAW_SECONDS = 0.1
+HIGHLIGHTED = {"Note:": "warning", "Stop:": "error", "Speedup": "good"}  # first words, with their style
 
 
 class NullStream(io.StringIO):
@@ -42,7 +45,10 @@ class Console:
     def say(self, line: str = "") -> None:
         """Write one line, in place of a bar if one is shown."""
         self._wipe()
-        self._write(f"{line}\n")
+        word, space, rest = line.partition(" ")
+        if word in HIGHLIGHTED:
+            word = styled(word, HIGHLIGHTED[word], self._stream)
+        self._write(f"{word}{space}{rest}\n")
 
     def lines(self, lines: Iterable[str]) -> None:
         """Write several lines."""
@@ -59,7 +65,7 @@ class Console:
         if left is not None:
             line += f" {int(left) // 60}:{int(left) % 60:02} left"
         self._wipe()
-        self._write(line)
+        self._write(styled(line, "progress", self._stream))
         self._drawn, self._drawn_at = len(line), now
 
     def ask(self, question: str) -> bool:

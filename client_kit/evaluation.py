@@ -151,31 +151,31 @@ class _ReferenceDevice:
     pause: Callable[[float], None]
     backend: str | None
     # Leases whose results were reported but could not be deleted here.
-    settled: set[str] = field(default_factory=set)
+    reported: set[str] = field(default_factory=set)
 
     def serve_next(self) -> bool:
         """Report a stored result, or measure an evaluation; False where there is neither."""
         kept = self.home.read(RESULTS).get(self._key)
-        if kept is not None and kept["lease"] not in self.settled:
+        if kept is not None and kept["lease"] not in self.reported:
             self.console.say(f"{kept['lease']}: its result is still to be sent")
-            self._tell(kept["lease"], kept["result"])
+            self._report(kept["lease"], kept["result"])
             return True
         worker = platform.node()
-        answer = self._insist(lambda: self.server.lease(self.token, self.device, worker))
+        answer = self._retry(lambda: self.server.lease(self.token, self.device, worker))
         if answer is None:
             return False
         try:
             lease = Lease.parse(answer)
         except NotFrontrunnerError as error:
             # A client of another version may read it: this one retries with growing pauses.
-            self._give_back(str(answer.get("id")), str(error))
+            self._return_lease(str(answer.get("id")), str(error))
             self.console.say(f"{error}; again in {LONGEST_PAUSE_SECONDS:.0f} s")
             self.pause(LONGEST_PAUSE_SECONDS)
             return True
         result = self._measure(lease)
         if result is not None:
-            self._keep(lease.id, result)
-            self._tell(lease.id, result)
+            self._store(lease.id, result)
+            self._report(lease.id, result)
         return True
 
     def _measure(self, lease: Lease) -> dict[str, Any] | None:
@@ -204,10 +204,11 @@ class _ReferenceDevice:
             ]
             with self.home.only_one("measurement") as alone:
                 if not alone:  # another client began meanwhile
-                    self._give_back(lease.id)
+                    self._return_lease(lease.id)
                     return None
                 backends = selection.backends_for(lease.application, lease.backend)
                 chosen = selection.choose(lease.opencl_device, backends)
+                self.console.say(f"{lease.id}: measuring over {len(packs)} sequences on {chosen.label}")
                 measured = isolated.measure(
                     lease.application,
                     lease.configuration,
@@ -230,13 +231,13 @@ class _ReferenceDevice:
             self.console.say(f"{lease.id}: the lease is gone, the measurement was ended")
             return None
         except CannotMeasureHereError as error:
-            self._give_back(lease.id, str(error))
+            self._return_lease(lease.id, str(error))
             raise CannotMeasureError(str(error)) from error
         except ClientError as error:
-            self._give_back(lease.id, str(error))
+            self._return_lease(lease.id, str(error))
             raise
         except KeyboardInterrupt:
-            self._give_back(lease.id)
+            self._return_lease(lease.id)
             raise
         self.console.say(f"{lease.id}: {_summary(lease, measured)}")
         return known | {
@@ -251,8 +252,10 @@ class _ReferenceDevice:
         """A sequence of LEASE, retried while the server is away. Raises LeaseLostError."""
         held = time.monotonic()
 
-        def hold(*_: int) -> None:
+        def hold(done: int = 0, total: int = 0) -> None:
             nonlocal held
+            if total:
+                self.console.bar(str(leased.sequence["name"]), done // 1000, total // 1000, " kB")
             if time.monotonic() - held >= lease.heartbeat_seconds:
                 held = time.monotonic()
                 if not heartbeat():
@@ -262,19 +265,19 @@ class _ReferenceDevice:
             hold()
             return sequences.fetch(self.server, leased, self.home, progress=hold, pause=self.pause)
 
-        found: Path = self._insist(fetch)
+        found: Path = self._retry(fetch)
         return found
 
-    def _tell(self, lease: str, result: Mapping[str, Any]) -> None:
+    def _report(self, lease: str, result: Mapping[str, Any]) -> None:
         """Report a result to the server, and delete the stored copy."""
         try:
-            self._insist(lambda: self.server.finish(self.token, lease, result))
+            self._retry(lambda: self.server.finish(self.token, lease, result))
         except ProblemError as problem:
             self.console.say(f"{lease}: the result was not taken: {problem}")
         except KeyboardInterrupt:
             self.console.say(f"{lease}: its result is stored here and sent by the next `evaluate`")
             raise
-        self.settled.add(lease)
+        self.reported.add(lease)
         try:
             with self.home.only_one("results", wait=True):
                 results = self.home.read(RESULTS)
@@ -284,7 +287,7 @@ class _ReferenceDevice:
         except HomeError as error:  # another process will report it again, without effect
             self.console.say(str(error))
 
-    def _keep(self, lease: str, result: Mapping[str, Any]) -> None:
+    def _store(self, lease: str, result: Mapping[str, Any]) -> None:
         kept = {"lease": lease, "result": dict(result)}
         try:
             with interrupts.ignored(), self.home.only_one("results", wait=True):
@@ -296,16 +299,16 @@ class _ReferenceDevice:
     def _key(self) -> str:
         return f"{self.server.url} {self.device}"
 
-    def _give_back(self, lease: str, reason: str = "") -> None:
+    def _return_lease(self, lease: str, reason: str = "") -> None:
         result = {"status": "returned"} | ({"error": one_line(reason)} if reason else {})
         try:
             self.server.finish(self.token, lease, result)
         except ClientError as error:
             self.console.say(f"{lease} could not be returned; its lease will expire: {error}")
         else:
-            self.console.say(f"{lease} is given back")
+            self.console.say(f"{lease} is returned")
 
-    def _insist(self, ask: Callable[[], Any]) -> Any:
+    def _retry(self, ask: Callable[[], Any]) -> Any:
         """The answer of ASK, retried with growing pauses while the server is unavailable."""
         seconds = FIRST_PAUSE_SECONDS
         while True:
@@ -329,7 +332,7 @@ def _summary(lease: Lease, measured: Measurement) -> str:
     values, run, wanted = measured.objectives, len(measured.parts), len(lease.sequences)
     over = "" if wanted == 1 else f" over {run} of {wanted} sequences"
     least = "at least " if run < wanted and wanted > 1 else ""
-    return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e3 * values['ate_max']:.1f} mm{over}"
+    return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e2 * values['ate_max']:.2f} cm{over}"
 
 
 def _part(part: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,25 +8,12 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NoReturn
 
-from pareto.errors import ObjectiveError, ParetoError, ScenarioError, SpaceError
+from pareto.errors import ObjectiveError, ScenarioError, SpaceError
 from pareto.fronts.objective import Objective
 from pareto.spaces.configspace import is_configspace, read_configspace
 from pareto.spaces.scenario import Scenario, is_scenario
 from pareto.spaces.space import Space
-
-
-class UsageError(ParetoError):
-    """The command line cannot be understood."""
-
-
-class Parser(argparse.ArgumentParser):
-    """An argument parser that reports errors like all others: one line, exit code 2."""
-
-    def error(self, message: str) -> NoReturn:
-        """Raise UsageError."""
-        raise UsageError(f"{message} ({self.prog} --help tells more)")
 
 
 def add_objectives(command: argparse.ArgumentParser, objectives: str) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 from importlib import import_module
 
-from frontrunner import __version__
-from pareto.cli.arguments import Parser
+from frontrunner import terminal
+from frontrunner.command_line import Parser
 from pareto.errors import ParetoError
 
 COMMANDS = {
@@ -36,30 +35,30 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
         sys.stdout.flush()
         return code
     except ParetoError as error:
-        sys.stderr.write(f"frontrunner: {error}\n")
+        terminal.fail(str(error))
         return 2
     except ModuleNotFoundError as missing:
         package = (missing.name or "").split(".")[0]
         if package == "pareto":
             raise
-        sys.stderr.write(f"frontrunner: searching needs {package}: pip install 'frontrunner[explore]'\n")
+        terminal.fail(f"searching needs {package}: pip install 'frontrunner[explore]'")
         return 2
     except BrokenPipeError:  # | head: the reader has closed the pipe, which is not an error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        sys.stderr.write(f"frontrunner: {error.filename or 'cannot write'}: {error.strerror or error}\n")
+        terminal.fail(f"{error.filename or 'cannot write'}: {error.strerror or error}")
         return 2
     except KeyboardInterrupt as interrupt:
         state = "interrupted; the same command goes on from here" if loaded else "interrupted before it began"
-        sys.stderr.write(f"\nfrontrunner: {str(interrupt) or state}\n")
+        sys.stderr.write("\n")
+        terminal.note(str(interrupt) or state)
         return 130
 
 
-def make_parser(words: list[str], prog: str) -> argparse.ArgumentParser:
+def make_parser(words: list[str], prog: str) -> Parser:
     """The parser, in which the options of the command that WORDS begin with are read."""
-    parser = Parser(prog=prog, description="Search for the best configurations of a program.")
-    parser.add_argument("--version", action="version", version=f"frontrunner {__version__}")
+    parser = Parser.of_program(prog, "Search for the best configurations of a program.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, purpose in COMMANDS.items():
         command = commands.add_parser(name, help=purpose)

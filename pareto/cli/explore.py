@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from frontrunner import terminal
 from pareto.cli.arguments import (
     add_objectives,
     add_units,
@@ -116,7 +117,7 @@ def explore_folder(options: argparse.Namespace) -> int:
     """Explore into the folder; 0 done, 1 nothing succeeded, 130 interrupted with everything saved."""
     space, scenario = read_space(options.space, options.levels)
     for note in scenario.notes if scenario else ():
-        sys.stderr.write(f"frontrunner: {note}\n")
+        terminal.note(note)
     fresh = _new_explorer(options, space, scenario)
     plan = _plan(options, scenario)
     units = read_units(options.units, fresh.objectives)
@@ -141,7 +142,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         if page and options.serve is not None:
             address = stack.enter_context(served(options.out, options.serve))
             page.draw()
-            sys.stderr.write(f"frontrunner: the progress is shown at {address}\n")
+            terminal.note(f"the progress is shown at {address}")
         loop = MeasurementLoop(
             explorer,
             folder,
@@ -227,9 +228,9 @@ def _resume(folder: Folder, fresh: Explorer) -> Explorer:
         reason = str(error).rsplit(": ", 1)[0]
         explorer = folder.rebuild(fresh, reason)
         rows = sum(map(len, explorer.history.results.values()))
-        sys.stderr.write(
-            f"frontrunner: {reason}: it was rebuilt from the {rows} rows of {EVALUATIONS}; the search goes "
-            "on with these measurements and the options given now\n"
+        terminal.warn(
+            f"{reason}: it was rebuilt from the {rows} rows of {EVALUATIONS}; the search goes "
+            "on with these measurements and the options given now"
         )
         return explorer
 
@@ -237,11 +238,10 @@ def _resume(folder: Folder, fresh: Explorer) -> Explorer:
 def _tell_choices(space: Space, program: Program | None) -> None:
     """Report the defaults that were chosen."""
     if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
-        sys.stderr.write(f"frontrunner: no default given, so chosen: {', '.join(chosen)}\n")
+        terminal.note(f"no default given, so chosen: {', '.join(chosen)}")
     if program and not program.template.used & {CONFIG, *space.names}:
-        sys.stderr.write(
-            "frontrunner: warning: --command has no placeholder such as {config}: the program cannot know "
-            "what it measures\n"
+        terminal.warn(
+            "--command has no placeholder such as {config}: the program cannot know what it measures"
         )
 
 
@@ -254,23 +254,22 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
     done, budget = made_here(explorer), loop.plan.budget
     missing = obstacle(explorer.history)
     if loop.stopped:
-        sys.stderr.write(
-            f"frontrunner: stopped: the first {loop.plan.give_up} measurements failed in the same way: "
-            f"{loop.stopped}\nfrontrunner: correct that and start with a new --out, or allow more failures "
-            "with --give-up N (0: any number)\n"
+        terminal.fail(
+            f"stopped: the first {loop.plan.give_up} measurements failed in the same way: {loop.stopped}"
+        )
+        terminal.note(
+            "correct that and start with a new --out, or allow more failures with --give-up N (0: any number)"
         )
     elif done < budget:
-        sys.stderr.write(
-            f"frontrunner: stopped after {done} of {budget}: {explorer.method} has nothing more to propose\n"
-        )
+        terminal.note(f"stopped after {done} of {budget}: {explorer.method} has nothing more to propose")
     if missing:
-        sys.stderr.write(f"frontrunner: {missing}\n")
+        terminal.note(str(missing))
     if isinstance(missing, AllFailedError) and loop.reasons:
         reason, times = loop.reasons.most_common(1)[0]
-        sys.stderr.write(f"frontrunner: {times} times the reason was: {reason}\n")
+        terminal.note(f"{times} times the reason was: {reason}")
     if not isinstance(missing, ConstantObjectiveError):
         for name, value in constant_objectives(explorer.history).items():
-            sys.stderr.write(f"frontrunner: warning: {name} was {value:g} in every configuration\n")
+            terminal.warn(f"{name} was {value:g} in every configuration")
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(

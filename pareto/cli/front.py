@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from frontrunner import terminal
 from pareto.cli.arguments import add_objectives, count, read_limits, read_objectives, read_space, split
 from pareto.errors import ObjectiveError, ScenarioError
 from pareto.fronts.attainment import attainment
@@ -83,7 +84,7 @@ def print_front(options: argparse.Namespace) -> int:
     points = _select(sources, objectives, limits, options)
     if not points:
         measured, failed = sum(len(item.points) for item in sources), sum(item.failed for item in sources)
-        sys.stderr.write(f"frontrunner: no point within the limits: {measured} measured, {failed} failed\n")
+        terminal.note(f"no point within the limits: {measured} measured, {failed} failed")
     text = _text(points, objectives, options.format)
     if options.output:
         options.output.write_text(text, encoding="utf-8")

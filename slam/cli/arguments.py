@@ -5,9 +5,6 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -84,24 +81,3 @@ def writable(path: Path | None) -> None:
         raise UsageError(f"{path} cannot be written: there is no folder {path.parent}")
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise UsageError(f"{path} cannot be written: permission denied")
-
-
-def show_progress(done: int, total: int) -> None:
-    """One line on standard error, rewritten in place."""
-    sys.stderr.write(f"\r{done}/{total}" + ("\n" if done == total else ""))
-    sys.stderr.flush()
-
-
-def progress_line(label: str = "", unit: str = "frame") -> Callable[[int, int], None] | None:
-    """A progress line with the rate and the remaining time; None where standard error is not a terminal."""
-    if not sys.stderr.isatty():
-        return None
-    began = time.monotonic()
-
-    def show(done: int, total: int) -> None:
-        rate = done / max(time.monotonic() - began, 1e-9)
-        text = f"{label}{unit} {done}/{total}, {rate:.1f} a second, {(total - done) / rate:.0f} s left"
-        sys.stderr.write(f"\r{text}\x1b[K" + ("\n" if done == total else ""))
-        sys.stderr.flush()
-
-    return show

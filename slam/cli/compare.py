@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from slam.cli.arguments import UsageError, setting, writable
-from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene
-from slam.devices.choice import choose_device
+from slam.cli.scenes import Commands, add_run_options, measure, merged, open_device, open_scene
 from slam.reports import compare, page, report
-from slam.systems import complete, open_session
+from slam.systems import complete
 
 
 def add(subparsers: Commands) -> None:
@@ -38,9 +37,7 @@ def _compare(options: argparse.Namespace) -> None:
     wanted = [(text, *_item(text, options)) for text in options.items]
     measured = [text for text, found, _ in wanted if found is None]
     sequence = open_scene(options) if measured else None
-    session = (
-        open_session(options.system, choose_device(options.device, options.backend)) if measured else None
-    )
+    session = open_device(options) if measured else None
     reports: dict[str, Mapping[str, Any]] = {}
     for text, found, configuration in wanted:
         name = text.strip() or "default"

@@ -10,15 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from frontrunner import terminal
 from frontrunner.folders import SEQUENCES
-from slam.cli.arguments import (
-    UsageError,
-    four_numbers,
-    number,
-    progress_line,
-    show_progress,
-    three_numbers,
-)
+from frontrunner.terminal import progress_line
+from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.cli.scenes import Commands
 from slam.datasets import Sequence, SequenceError, open_sequence
 from slam.datasets.altered import Altered
@@ -177,8 +172,8 @@ def _convert(options: argparse.Namespace) -> None:
 
 
 def _write(sequence: Sequence, target: Path, form: str, colour: bool) -> None:
-    for note in write(sequence, target, form, colour, show_progress if sys.stderr.isatty() else None):
-        sys.stderr.write(f"note: {note}\n")
+    for text in write(sequence, target, form, colour, progress_line()):
+        terminal.note(text)
     sys.stdout.write(f"{target}: {len(sequence)} frames\n")
 
 

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from slam.cli.arguments import UsageError, progress_line, writable
+from frontrunner.terminal import progress_line
+from slam.cli.arguments import UsageError, writable
 from slam.cli.scenes import Commands
 from slam.datasets import open_sequence
 from slam.protocol import fixed_pairs
@@ -52,9 +53,9 @@ def _reference(options: argparse.Namespace) -> None:
         unsteady = is_probe and found.band > bands.WIDEST_BAND_OF_A_PROBE
         if is_probe and not unsteady:
             kept.append(configuration)
-        largest, band = 1e3 * max(found.deviations.values()), 1e3 * found.band
+        largest, band = 1e2 * max(found.deviations.values()), 1e2 * found.band
         note = ": left out, because the devices here do not agree" if unsteady else ""
-        sys.stdout.write(f"{name}: largest deviation {largest:.2f} mm, band {band:.2f} mm{note}\n")
+        sys.stdout.write(f"{name}: largest deviation {largest:.3f} cm, band {band:.3f} cm{note}\n")
     if kept:
         front["probes"] = kept
     if "protocol" in front:

@@ -10,14 +10,21 @@ from pathlib import Path
 from typing import Any
 
 from slam.cli.arguments import UsageError, number, setting, writable
-from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene, shipped_sequence
+from slam.cli.scenes import (
+    Commands,
+    add_run_options,
+    measure,
+    merged,
+    open_device,
+    open_scene,
+    shipped_sequence,
+)
 from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
-from slam.devices.choice import choose_device
 from slam.reports import mesh, report, slambench_log
 from slam.reports.render import Renderer
 from slam.system import Exporting, System
-from slam.systems import complete, open_session
+from slam.systems import complete
 
 
 def add(subparsers: Commands) -> None:
@@ -110,7 +117,7 @@ def _run_several(
         if getattr(options, name):
             raise UsageError(f"--{name} needs exactly one sequence, got {len(options.sequence)}")
     sequences = _sequences(options)
-    session = open_session(options.system, choose_device(options.device, options.backend))
+    session = open_device(options)
     reports: list[dict[str, Any]] = []
     above = 0
     for sequence in sequences:
@@ -122,7 +129,8 @@ def _run_several(
             break
     lines = [report.line(found) for found in reports]
     if len(reports) < len(sequences):
-        lines.append(f"{len(sequences) - len(reports)} not run: the largest error is above {limit:g} m")
+        missing = len(sequences) - len(reports)
+        lines.append(f"{missing} not run: the largest error is above {100 * limit:g} cm")
     return {"runs": reports}, lines
 
 

@@ -7,15 +7,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from frontrunner.command_line import Parser
 from frontrunner.folders import SEQUENCES
+from frontrunner.terminal import progress_line
 from slam.benchmark import Observer, Report, run
-from slam.cli.arguments import UsageError, four_numbers, number, progress_line, three_numbers
+from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.datasets import Sequence, open_sequence
-from slam.devices.choice import AnySession
+from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import BACKENDS
-from slam.systems import SYSTEMS, require_backend
+from slam.systems import SYSTEMS, open_session, require_backend
 
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def add_run_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
@@ -66,6 +68,12 @@ def open_scene(options: argparse.Namespace, path: Path | None = None) -> Sequenc
 def shipped_sequence(system: str) -> Path:
     """The living room that ships, in colour for a SYSTEM that reads colour."""
     return SEQUENCES / ("living-room-colour" if SYSTEMS[system].colour else "living-room")
+
+
+def open_device(options: argparse.Namespace) -> AnySession:
+    """A session on the device of OPTIONS, with progress while kernel layouts are tried there."""
+    device = choose_device(options.device, options.backend)
+    return open_session(options.system, device, progress_line("trying kernel layouts: ", "layout"))
 
 
 def measure(

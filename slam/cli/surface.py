@@ -10,10 +10,9 @@ from typing import Any
 
 from slam.benchmark import Report
 from slam.cli.arguments import UsageError, setting, values
-from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene
-from slam.devices.choice import choose_device
+from slam.cli.scenes import Commands, add_run_options, measure, merged, open_device, open_scene
 from slam.reports import page, surface
-from slam.systems import complete, definition, open_session
+from slam.systems import complete, definition
 
 
 def add(subparsers: Commands) -> None:
@@ -52,7 +51,7 @@ def _surface(options: argparse.Namespace) -> None:
         raise UsageError(
             f"{sequence.name} has no true trajectory, so there is no error to draw: give --truth FILE"
         )
-    session = open_session(options.system, choose_device(options.device, options.backend))
+    session = open_device(options)
     options.out.mkdir(parents=True, exist_ok=True)
     total, done = len(grid.x_values) * len(grid.y_values), 0
 

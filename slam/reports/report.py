@@ -106,7 +106,7 @@ def summary(report: Mapping[str, Any]) -> str:
 def line(report: Mapping[str, Any]) -> str:
     """One of several sequences on one line: time, largest error, lost frames."""
     ate = report["ate"]
-    error = "no true trajectory" if ate is None else f"largest error {100 * ate['max']:.2f} cm"
+    error = "no true trajectory" if ate is None else f"largest error {_cm(ate['max'])}"
     lost = sum(frame["tracked"] is False for frame in report["frames"])
     return f"{report['sequence']['name']:16}{1e3 * report['runtime']:9.3f} ms a frame, {error}, {lost} lost"
 
@@ -126,7 +126,7 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
     memory, energy = report.get("peak_memory_bytes"), report.get("energy_joules")
     lines.append(f"{'memory':14}" + ("unknown" if memory is None else f"{memory / 2**20:.0f} MiB at most"))
     if energy is None:
-        lines.append(f"{'energy':14}unknown: this platform does not tell")
+        lines.append(f"{'energy':14}unknown: this platform does not report it")
     else:
         source = ENERGY_SOURCES.get(report.get("energy_source") or "", "source unknown")
         power = f", {energy / computed:.2f} W" if computed else ""
@@ -139,13 +139,13 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
         lines.append(f"{'error':14}unknown: no frame has a true pose")
     else:
         lines.append(
-            f"{'error':14}mean {ate['mean']:.4f} m, max {ate['max']:.4f} m, RMSE {ate['rmse']:.4f} m, "
-            f"aligned {ate['rmse_aligned']:.4f} m: {_verdict(report)}"
+            f"{'error':14}mean {_cm(ate['mean'])}, max {_cm(ate['max'])}, RMSE {_cm(ate['rmse'])}, "
+            f"aligned {_cm(ate['rmse_aligned'])}: {_verdict(report)}"
         )
     if online := report.get("ate_online"):
         lines.append(
-            f"{'online error':14}mean {online['mean']:.4f} m, max {online['max']:.4f} m, "
-            f"aligned {online['rmse_aligned']:.4f} m"
+            f"{'online error':14}mean {_cm(online['mean'])}, max {_cm(online['max'])}, "
+            f"aligned {_cm(online['rmse_aligned'])}"
         )
     if loops := report.get("loops"):
         lines.append(
@@ -195,11 +195,11 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
         ),
         "CPU: of all threads during the computation; energy: likewise, all frames",
         "memory: the largest resident size of the process during the run",
-        "error: metres from the true position, first poses laid on each other; RMSE: root of the mean square",
+        "error: distance from the true position, first poses laid on each other; RMSE: root mean square",
         *([ONLINE] if "ate_online" in report else []),
         *([LOOPS] if "loops" in report else []),
         f"aligned: RMSE after the best rigid alignment, TUM's ATE; valid: tracked, at least "
-        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {VALID_BELOW} m",
+        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {_cm(VALID_BELOW)}",
     ]
 
 
@@ -228,7 +228,7 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     for key in ("mean", "max", "rmse", "rmse_aligned"):
         errors = [report["ate"] for report in reports.values()]
         title = "aligned RMSE" if key == "rmse_aligned" else f"error {key}"
-        row(title, [f"{ate[key]:.4f} m" if ate else "unknown" for ate in errors])
+        row(title, [_cm(ate[key]) if ate else "unknown" for ate in errors])
     row("true poses", [str(report.get("matched_poses", "unknown")) for report in reports.values()])
     row("lost", [str(sum(f["tracked"] is False for f in r["frames"])) for r in reports.values()])
     words = {True: "yes", False: "no", None: "unknown"}
@@ -252,14 +252,18 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     lines += [
         "stages and computation: mean time a frame, as in `run`; speedup: of the computation, over A",
         "CPU: of all threads, a frame; lost: frames whose pose failed the check",
-        f"error: metres from the truth, first poses laid on each other; valid: tracked, at least "
-        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {VALID_BELOW} m",
+        f"error: distance from the truth, first poses laid on each other; valid: tracked, at least "
+        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {_cm(VALID_BELOW)}",
     ]
     return "\n".join(lines) + "\n"
 
 
 def _mean(report: Mapping[str, Any], name: str) -> str:
     return f"{milliseconds(report, name).mean():.3f} ms"
+
+
+def _cm(metres: float) -> str:
+    return f"{100 * metres:.2f} cm"
 
 
 def _identity(description: str | Mapping[str, Any]) -> Any:

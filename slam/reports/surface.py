@@ -169,7 +169,7 @@ def table(grid: Grid, measured: Mapping[str, NDArray[np.float64]]) -> str:
     lines = []
     for title, name, unit, form in (
         ("mean computation, wall milliseconds a frame", "runtime", 1e3, "12.3f"),
-        (f"max trajectory error, metres (valid below {VALID_BELOW})", "ate_max", 1.0, "12.4f"),
+        (f"max trajectory error, centimetres (valid below {100 * VALID_BELOW:g})", "ate_max", 1e2, "12.2f"),
     ):
         lines += [f"{title}; one row for each {grid.y}, one column for each {grid.x}", " " * 10]
         lines[-1] += "".join(f"{value:12g}" for value in grid.x_values)

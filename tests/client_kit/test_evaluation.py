@@ -195,7 +195,7 @@ def test_the_parts_of_a_measurement_are_sent(
     assert lab.results[0]["parts"] == [
         {"sequence": "room", "lost": 1, "objectives": {"runtime": 0.02, "ate_max": 0.01}}
     ]
-    assert "at least 10.0 mm over 1 of 2 sequences" in said
+    assert "at least 1.00 cm over 1 of 2 sequences" in said
 
 
 @pytest.mark.parametrize(
