@@ -134,6 +134,14 @@ def source_text(source: Path) -> str:
     return expanded(source)
 
 
+def defined(source: Path, name: str) -> int:
+    """The whole number of `#define NAME` in a file of kernels: host and kernels share the constant."""
+    match = re.search(rf"^#define {name} (\d+)\b", source.read_text(encoding="utf-8"), re.MULTILINE)
+    if match is None:
+        raise ValueError(f"{source.name} defines no whole number {name}")
+    return int(match[1])
+
+
 class Session:
     """A context and an in-order queue on one device, with the programs built on it.
 

@@ -5,7 +5,7 @@
 #include "surfels.h"
 #include "view.h"
 
-#define BAND 16 // rows; `visible.py` has the same
+#define BAND 16 // rows
 
 INLINE int bin_of(Box box, int bands)
 {

@@ -2,8 +2,8 @@
 #include "arithmetic.h"
 #include "surfels.h"
 
-#define NODE 16      // floats of a node: position, rotation row by row, translation, one unused; as in `deformer.py`
-#define NEIGHBOURS 4 // nodes that move a surfel; `graph.py` has the same
+#define NODE 16      // floats of a node: position, rotation row by row, translation, one unused
+#define NEIGHBOURS 4 // nodes that move a surfel
 
 // Each surfel's position and normal, moved by the nearest of the nodes that its first tick allows: `windows` holds the
 // first and the last but one of them for each tick. Nodes are numbered by first tick; of equals, the earlier counts.

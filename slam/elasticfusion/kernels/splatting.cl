@@ -9,9 +9,9 @@
 #include "surfels.h"
 #include "view.h"
 
-#define LANES 8  // pixels that are tried side by side in the layout by rows; `prediction.py` pads rows with as many
-#define BATCH 16 // discs that are made ready side by side there
-#define BEND 8.0f // radii that a disc's rim is bent backwards; `reference_prediction.py` has the same
+#define LANES 8   // pixels that are tried side by side in the layout by rows, by which rows are padded
+#define BATCH 16  // discs that are made ready side by side there
+#define BEND 8.0f // radii that a disc's rim is bent backwards
 
 // A disc as rays see it that are off the one through its middle by (x, y): the inverse of the depth at which a ray
 // meets its plane is linear, inverse + inverse_x x + inverse_y y, and it meets the disc itself where

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,13 +9,12 @@ from numpy.typing import NDArray
 
 from slam.dense.images import intrinsics
 from slam.devices.opencl import Session
-from slam.elasticfusion.loops.graph import Deformation, Graph
+from slam.elasticfusion.loops.graph import DEFORMING, Deformation, Graph
 from slam.elasticfusion.mapping.surfels import Surfels
 
 if TYPE_CHECKING:
     from slam.elasticfusion.images import RgbdImage
 
-SOURCE = Path(__file__).parents[1] / "kernels" / "deforming.cl"
 BEHIND = 0.1  # metres behind the old surface within which a surfel is taken for a part of it
 
 
@@ -36,7 +34,7 @@ class MapDeformer:
         places, times = np.empty((nodes, 4), np.float32), np.empty(nodes, np.int32)
         on_device = [self._session.buffer(array.nbytes, "the nodes") for array in (places, times)]
         self._session.kernel(
-            SOURCE,
+            DEFORMING,
             "sample_nodes",
             (nodes,),
             surfels.count,
@@ -60,7 +58,7 @@ class MapDeformer:
         windows = np.stack(graph.windows(np.arange(tick + 1)), axis=1).astype(np.int32)
         surfels = self._surfels
         surfels.kernel(
-            SOURCE, "deform", self._uploaded(nodes), self._uploaded(windows), surfels.first_seen,
+            DEFORMING, "deform", self._uploaded(nodes), self._uploaded(windows), surfels.first_seen,
             surfels.position_confidence, surfels.normal_radius,
         )()  # fmt: skip
 
@@ -74,7 +72,7 @@ class MapDeformer:
         camera, surfels = surface.camera, self._surfels
         view = np.linalg.inv(pose)[:3].astype(np.float32)
         surfels.kernel(
-            SOURCE, "reactivate", surfels.position_confidence, surfels.last_seen, surface.depth,
+            DEFORMING, "reactivate", surfels.position_confidence, surfels.last_seen, surface.depth,
             camera.width, camera.height, intrinsics(camera), self._uploaded(view),
             float(confidence_threshold), BEHIND, tick,
         )()  # fmt: skip

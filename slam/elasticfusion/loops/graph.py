@@ -8,17 +8,21 @@ be moved with it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.devices.opencl import defined
 from slam.elasticfusion.configuration import REFERENCE_PIXELS
+
+DEFORMING = Path(__file__).parents[1] / "kernels" / "deforming.cl"
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-NEIGHBOURS = 4  # of a node, and nodes that move a point
+NEIGHBOURS = defined(DEFORMING, "NEIGHBOURS")  # of a node, and nodes that move a point
 CANDIDATES = 20  # nodes next in time, among which those that move a point are the nearest
 LOCAL_SAMPLING = 5000  # surfels a node at REFERENCE_PIXELS
 GLOBAL_SAMPLING = 5  # nodes of the local graph a node of the global one,

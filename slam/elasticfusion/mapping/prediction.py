@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
-from slam.devices.opencl import Session
+from slam.devices.opencl import Session, defined
 from slam.elasticfusion.images import RgbdImage
 from slam.elasticfusion.mapping.surfels import Surfels
 from slam.elasticfusion.mapping.view import View
 from slam.elasticfusion.mapping.visible import Visible
 
 SOURCE = Path(__file__).parents[1] / "kernels" / "splatting.cl"
-LANES = 8  # places by which a row of working images is longer; `splatting.cl` has the same
+LANES = defined(SOURCE, "LANES")  # places by which a row of working images is longer
 
 
 class Prediction:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.devices.device import DeviceError
-from slam.devices.opencl import BoundKernel, Session
+from slam.devices.opencl import BoundKernel, Session, defined
 
-RUN = 1024  # surfels that one work-item walks in the layout by rows; `surfels.h` has the same
+KERNELS = Path(__file__).parents[1] / "kernels"
+RUN = defined(KERNELS / "surfels.h", "RUN")  # surfels that one work-item walks in the layout by rows
 GROUP = 64  # work-items of a group in the layout by pixels
 
 # A surfel on the host. position: metres in the world; confidence: above 0, of a removed one 0; normal: of

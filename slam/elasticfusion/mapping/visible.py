@@ -6,12 +6,12 @@ from pathlib import Path
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
-from slam.devices.opencl import Session
+from slam.devices.opencl import Session, defined
 from slam.elasticfusion.mapping.surfels import RUN, Surfels
 from slam.elasticfusion.mapping.view import View
 
 SOURCE = Path(__file__).parents[1] / "kernels" / "binning.cl"
-BAND = 16  # rows of the image; `binning.cl` has the same
+BAND = defined(SOURCE, "BAND")  # rows of the image
 
 
 def bands_of(height: int) -> int:
