@@ -83,7 +83,7 @@ def parser(prog: str = "python -m client_kit") -> Parser:
 
     commands.add_parser("doctor", help="whether this device can measure, and what it would send")
 
-    commands.add_parser("status", help="what was measured here and what became of it")
+    commands.add_parser("status", help="the sessions of this device and their state")
 
     send = commands.add_parser("send", help="send what is still on this device")
     send.add_argument("--wait", action="store_true", help="go on, with pauses, until all is sent")

@@ -89,7 +89,7 @@ class FrontSummary:
     log: bool = False
 
     def describe(self) -> str:
-        """Return the hypervolume with its reference point, in words."""
+        """Return the hypervolume with its reference point, as text."""
         point = ", ".join(f"{name} {value:.4g}" for name, value in self.reference.items())
         kind = " of logarithms" if self.log else ""
         return f"hypervolume {self.volume:.4g}{kind} up to {point}" if point else "hypervolume 0"

@@ -136,7 +136,7 @@ def source_text(source: Path) -> str:
 
 def defined(source: Path, name: str) -> int:
     """The whole number of `#define NAME` in a file of kernels: host and kernels share the constant."""
-    match = re.search(rf"^#define {name} (\d+)\b", source.read_text(encoding="utf-8"), re.MULTILINE)
+    match = re.search(rf"^#define {name} (\d+)(?![\w.])", source.read_text(encoding="utf-8"), re.MULTILINE)
     if match is None:
         raise ValueError(f"{source.name} defines no whole number {name}")
     return int(match[1])

@@ -2,7 +2,7 @@
 
 `python -m tests.client_kit.killed FOLDER SERVER STRIDE` runs once to count the lines, then again and again
 in forked children, each with a home of its own, killed STRIDE lines later than the one before, and after
-each a second `run`, of one session, that nobody disturbs. It prints, as JSON, how many lines there are and
+each a second `run`, of one session, without disturbance. It prints, as JSON, how many lines there are and
 for each kill the line's place and what the spool held after the kill and at the end. Measuring is canned: it
 is what comes before, after and between the runs that may lose or double a session. No OpenCL is touched,
 which does not survive a fork.

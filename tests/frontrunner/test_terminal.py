@@ -17,7 +17,7 @@ class Terminal(io.StringIO):
 
 
 def colour_terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
-    """A terminal with colours as standard error. Not a fixture: pytest replaces standard error after those."""
+    """A terminal with colours as standard error; not a fixture, after which pytest replaces it."""
     stream = Terminal()
     monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setattr(sys, "platform", "linux")

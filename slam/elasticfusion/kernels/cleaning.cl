@@ -9,7 +9,7 @@
 // A double: of 16 samples at half-pixel steps, of which the middle pixel has four, those beside it two and the corners
 // one, more than `doubles` are older stable surfels close behind it.
 // Seen through: at least `fewest` of the nine pixels are measured, and all of these lie far behind it. The map behind a
-// surfel is no evidence: the index map does not hold hidden surfels.
+// surfel is not evidence: the index map does not hold hidden surfels.
 kernel void mark_for_removal(global const float *restrict raw, int width, int height, global const int *restrict ids,
                              global const float4 *restrict position_confidence,
                              global const float4 *restrict normal_radius, global const int *restrict first_seen,

@@ -96,7 +96,7 @@ def test_a_first_visit_needs_the_server(home: Home, closed_port: int) -> None:
     ("changes", "message"),
     [
         ({"configurations": []}, "configurations: default"),
-        ({"protocol": protocol(order=["default", "nobody"])}, "nobody"),
+        ({"protocol": protocol(order=["default", "unknown"])}, "unknown"),
         ({"protocol": protocol(first_counted_frame=12)}, "out of range"),
         ({"protocol": protocol(frames="many")}, "many"),
         ({"sequence": {**documents.manifest()["sequence"], "sha256": "../../etc"}}, "hexadecimal"),

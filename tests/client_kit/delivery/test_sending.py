@@ -399,7 +399,7 @@ def test_a_run_that_is_erased_before_it_is_sent_never_leaves(serve: Serve, home:
 
 def test_a_session_goes_with_its_last_run(home: Home, spool: Spool) -> None:
     payload = documents.payload()
-    spool.put("http://nobody.example", payload)
+    spool.put("http://other.example", payload)
 
     sending.erase_run(spool, home, payload["sessions"][0]["runs"][0]["id"])
 
@@ -467,11 +467,11 @@ def test_a_server_that_is_away_keeps_no_other_from_renewing(serve: Serve, home: 
 def test_a_run_is_named_by_its_id_or_the_address_of_its_page(home: Home, spool: Spool) -> None:
     payload = documents.payload()
     run = payload["sessions"][0]["runs"][0]["id"]
-    spool.put("http://nobody.example", payload)
+    spool.put("http://other.example", payload)
 
     with pytest.raises(UsageError, match="its page's address"):
         sending.erase_run(spool, home, "my fastest run")
-    sending.erase_run(spool, home, f"http://nobody.example/runs/{run.upper()}/?front=kfusion-1")
+    sending.erase_run(spool, home, f"http://other.example/runs/{run.upper()}/?front=kfusion-1")
 
     assert spool.items() == []
 

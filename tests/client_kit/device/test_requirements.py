@@ -1,4 +1,4 @@
-"""What an application needs beyond the base installation is told before anything is downloaded."""
+"""Missing packages of an application are reported before anything is downloaded."""
 
 import pytest
 

@@ -19,7 +19,10 @@ def test_a_failure_does_not_tell_the_users_name() -> None:
         ("clang: /home/anna/x/kernel.cl:3: error", "clang: kernel.cl:3: error"),
         (repr(r"C:\Users\Anna Smith\cache\kernel.cl"), "'kernel.cl'"),
         (r"C:\Users\anna\cache\kernel.cl is gone", "kernel.cl is gone"),
-        ("compute_size_ratio=7: 320/7 is no whole number", "compute_size_ratio=7: 320/7 is no whole number"),
+        (
+            "compute_size_ratio=7: 320/7 is not a whole number",
+            "compute_size_ratio=7: 320/7 is not a whole number",
+        ),
     ],
 )
 def test_a_failure_tells_no_folder(text: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -79,7 +79,7 @@ def test_a_session_of_probes_is_taken_whole(
     asked["assigned"] = [{"name": "probe-1", "why": "no other device has measured it"}]
 
     def assigning(request: Request) -> Reply:
-        """The real server's answers, but for the manifest of this device."""
+        """The real server's answers, except the manifest of this device."""
         return Reply(200, asked) if "minutes=" in request.path else passing_on(live_server.url, request)
 
     done = run_client(home, "run", "--server", serve(assigning).url, "--yes", "--probes")

@@ -51,7 +51,7 @@ def bound(value, index):
 
 
 def plane_search(ended, seed, budget=60):
-    """The indices of a search; `ended` makes what is told of a value beyond LIMIT."""
+    """The indices of a search; `ended` makes the value that is reported beyond LIMIT."""
     explorer = Explorer(
         PLANE, ("error", "time"), {"error": LIMIT}, seed=seed, initial=20, candidates=500, points=200
     )

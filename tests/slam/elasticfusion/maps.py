@@ -45,7 +45,7 @@ def first_map() -> np.ndarray:
 
 @functools.cache
 def made_of_the_first_frame() -> np.ndarray:
-    """The map that the reference makes of it."""
+    """The map of the reference."""
     live = scene(0)
     matches = reference.all_new(live.raw, live.normals)
     surfels, _ = reference.append(

@@ -29,7 +29,7 @@ CONFIGURATION = Configuration(time_window=40, depth_cutoff=4.0)
 
 
 def registration(motion: np.ndarray, **values: object) -> Registration:
-    """One that nothing speaks against, but for `values`."""
+    """One without any objection, except `values`."""
     good = Registration(motion, 1e-5, 200_000, 100_000, 0.001, 0.001)
     return replace(good, **values)
 

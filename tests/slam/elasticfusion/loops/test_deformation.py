@@ -69,7 +69,7 @@ def test_a_gap_is_closed_and_the_beginning_stays(motion):
 
 
 def test_a_known_deformation_is_recovered():
-    """A corridor bent by a drift that grows evenly: its end is told, and what lies between follows."""
+    """A corridor bent by a drift that grows evenly: its end is given, and the middle follows."""
     straight = corridor()
     drift = [
         exponential(np.array([0.2, 0.05, -0.1, 0, 0, 0]) * share)

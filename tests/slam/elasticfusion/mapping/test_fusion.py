@@ -69,7 +69,7 @@ def test_associate(launch, tick):
     assert (expected >= 0).sum() > 80
     assert (expected == reference.NEW).sum() > 10
     assert (expected == reference.NOTHING).sum() > 20
-    assert (matches != expected).mean() < 0.01  # two may be equally near but for rounding
+    assert (matches != expected).mean() < 0.01  # two may be equally near up to rounding
 
 
 @pytest.mark.parametrize("tick", [2, 3])

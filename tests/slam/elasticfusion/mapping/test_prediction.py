@@ -22,7 +22,7 @@ from tests.slam.reference import prediction as reference
 CAMERA = Camera(50.0, 52.0, 23.3, 36.6, 47, 75)
 MIRRORED = Camera(50.0, -52.0, 23.3, 36.6, 47, 75)
 SEEN, CONFIDENCE = (5, 20), 3.0
-SPARE = RUN + 100  # places in which nobody is ever seen, before the others: ids span more than one run
+SPARE = RUN + 100  # places without visible surfels, before the others: ids span more than one run
 
 
 def pose_at(position: tuple[float, float, float], twist: tuple[float, float, float]) -> np.ndarray:
