@@ -20,6 +20,7 @@ from slam.devices.tuning import wavy_wall
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
 from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME
+from slam.registry import create, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
@@ -30,7 +31,6 @@ from slam.system import (
     System,
     scene_of,
 )
-from slam.systems import create, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.trajectories.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 from slam.validity import Verdict, judge
 

@@ -121,7 +121,7 @@ def measure(
 def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Measurement:
     """The measurement in a report of `python -m slam run --json`, of one sequence or of several.
 
-    Objectives and stages are those of the first LEARNED_ON sequences, of all where that is None. Raises
+    Objectives and stages are those of the first LEARNED_ON sequences, of all if it is None. Raises
     MeasurementError where the trajectory error is unknown or of too few frames, no frame was run, a value is
     not finite, or the camera was lost on a sequence learned on: it has no usable result.
     """

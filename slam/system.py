@@ -63,7 +63,7 @@ class System(Protocol):
         """Take the next depth image, (height, width) in millimetres, 0 where nothing was measured.
 
         `colour` is the image that belongs to it, (height, width, 3), red green blue; systems that need it are
-        marked in `slam.systems`, the others ignore it.
+        marked in `slam.registry`, the others ignore it.
         """
 
     def configuration(self) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from slam import benchmark
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import NoDeviceError
-from slam.systems import open_session
+from slam.registry import open_session
 
 Answer = dict[str, Any]
 

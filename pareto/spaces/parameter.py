@@ -10,7 +10,7 @@ from typing import Any
 
 from pareto.errors import ConfigurationError, SpaceError
 from pareto.numbers import is_finite, is_number
-from pareto.spaces.spacing import MOST_VALUES, spaced
+from pareto.spaces.value_ranges import MOST_VALUES, spaced
 
 TYPES = ("ordinal", "categorical", "boolean", "integer", "real")
 Value = bool | int | float | str

@@ -9,8 +9,8 @@ from pathlib import Path
 from slam.cli.arguments import setting, writable
 from slam.cli.scenes import Commands, add_scene_options, merged, open_scene
 from slam.devices.layout import KINDS, Layout
+from slam.registry import complete, frame_plan
 from slam.system import scene_of
-from slam.systems import complete, frame_plan
 
 
 def add(subparsers: Commands) -> None:

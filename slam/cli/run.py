@@ -21,10 +21,10 @@ from slam.cli.scenes import (
 )
 from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
+from slam.registry import complete
 from slam.reports import mesh, report, slambench_log
 from slam.reports.render import Renderer
 from slam.system import Exporting, System
-from slam.systems import complete
 
 
 def add(subparsers: Commands) -> None:

@@ -15,7 +15,7 @@ from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.datasets import Sequence, open_sequence
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import BACKENDS
-from slam.systems import SYSTEMS, open_session, require_backend
+from slam.registry import SYSTEMS, open_session, require_backend
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 

@@ -11,8 +11,8 @@ from typing import Any
 from slam.benchmark import Report
 from slam.cli.arguments import UsageError, setting, values
 from slam.cli.scenes import Commands, add_run_options, measure, merged, open_device, open_scene
+from slam.registry import complete, definition
 from slam.reports import page, surface
-from slam.systems import complete, definition
 
 
 def add(subparsers: Commands) -> None:

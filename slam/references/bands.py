@@ -24,7 +24,7 @@ from slam.datasets.sequence import Progress
 from slam.devices.choice import choose_device, list_devices, open_session
 from slam.devices.device import Device, DeviceError
 from slam.devices.layout import KINDS, Layout
-from slam.systems import complete
+from slam.registry import complete
 from slam.trajectories.text_files import read_text
 
 # A band is so many times the largest deviation among the devices here, and at least this wide (m):

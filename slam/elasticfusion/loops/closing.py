@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import REFERENCE_PIXELS, Configuration
-from slam.elasticfusion.loops.deformation import Constraints, optimise
 from slam.elasticfusion.loops.ferns import Ferns, Keyframe, overlap
 from slam.elasticfusion.loops.graph import Deformation, Graph
+from slam.elasticfusion.loops.optimisation import Constraints, optimise
 from slam.elasticfusion.loops.pose_log import PoseLog
 from slam.elasticfusion.loops.thumbnail import Thumbnail
 

@@ -4,7 +4,7 @@ import pytest
 
 from client_kit.device import requirements
 from client_kit.errors import CannotMeasureError, OutdatedError
-from slam.systems import SYSTEMS
+from slam.registry import SYSTEMS
 
 
 def test_every_system_can_be_asked_for() -> None:

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from slam.__main__ import main
+from slam.registry import SYSTEMS
 from slam.reports.surface import Grid, SurfaceError, figures, table
-from slam.systems import SYSTEMS
 from tests.slam.shipped import LIVING_ROOM
 
 SPACES = Path(__file__).resolve().parents[3] / "pareto/spaces"

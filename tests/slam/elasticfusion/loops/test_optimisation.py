@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slam.elasticfusion.loops.deformation import Constraints, Energy, optimise
 from slam.elasticfusion.loops.graph import Graph
+from slam.elasticfusion.loops.optimisation import Constraints, Energy, optimise
 from tests.slam.reference.dense import exponential
 
 
