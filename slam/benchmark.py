@@ -183,9 +183,9 @@ def run(
     to the sequence's own, then to DEFAULT_*. `observe` sees the system after every frame, to draw pictures:
     its time is a frame's `rendering`, which does not count as computation. OpenCL does not survive a fork:
     call this in a process that never forks afterwards.
-    Raises SequenceError for a bad number of frames, a damaged frame, or a sequence without colour where the
-    system needs it, ValueError for an unknown system,
-    ConfigurationError for a bad parameter, DeviceError where the device is missing or too small.
+    Raises SequenceError for a bad number of frames, a damaged frame, or missing colour that the system needs.
+    Raises ValueError for an unknown system, ConfigurationError for a bad parameter, DeviceError where the
+    device is missing or too small.
     """
     count = len(sequence) if frames is None else frames
     if not 1 <= count <= len(sequence):

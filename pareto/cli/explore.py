@@ -37,7 +37,7 @@ from pareto.measuring.progress import summarise_front
 from pareto.measuring.table import from_table
 from pareto.search.answer import constant_objectives, obstacle
 from pareto.search.explorer import Explorer
-from pareto.search.methods import DEFAULT, METHODS, present
+from pareto.search.methods import DEFAULT, METHODS, current_method
 from pareto.search.recommendation import is_noisy
 from pareto.spaces.parameter import Value
 from pareto.spaces.scenario import Scenario
@@ -160,7 +160,7 @@ def explore_folder(options: argparse.Namespace) -> int:
 
 def former_method(text: str) -> str:
     """A method's name, current or of an earlier version, for argparse."""
-    return present(text, {})[0]
+    return current_method(text, {})[0]
 
 
 def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:

@@ -24,7 +24,7 @@ LARGEST_OPTION = 1_000_000  # more than needed in practice, and still fits into 
 __all__ = ["DEFAULT", "METHODS", "Method", "create", "present"]
 
 
-def present(name: str, options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
+def current_method(name: str, options: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return the replacements of an earlier version's method and options; others unchanged."""
     if not isinstance(name, str):  # `create` rejects it
         return name, dict(options)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pareto.errors import StateError
-from pareto.search.candidates import DRAWS, beside, beside_front, likely, pool
+from pareto.search.candidates import DRAWS, front_neighbours, likely_points, neighbours, pool
 from pareto.search.history import History
 from pareto.search.methods.method import ACTIVE, AGAIN, RANDOM, Method
 from pareto.search.models import RENEWAL, Learned, Models, read_learned
@@ -83,7 +83,7 @@ class Bayesian(Method):
             return chosen
         # Where no candidate has an expected gain, the rest of the batch is random.
         exclude = taken | {index for index, _ in chosen}
-        rest = likely(history.space, _measurable(history, rng), count, exclude, rng).tolist()
+        rest = likely_points(history.space, _measurable(history, rng), count, exclude, rng).tolist()
         if not chosen and not rest:
             rest = sample(history.space, count, rng, exclude).tolist()  # an empty batch would end the search
         return chosen + [(index, RANDOM) for index in rest]
@@ -165,7 +165,7 @@ class Bayesian(Method):
         if renewed:
             found = pool(targets, history.space, models.measurable, self.candidates, taken, rng)
         else:
-            around = rng.permutation(beside_front(targets, history.space))[: self.candidates // 2]
+            around = rng.permutation(front_neighbours(targets, history.space))[: self.candidates // 2]
             found = np.union1d(self._shortlist, around).astype(np.int64)
             found = found[~np.isin(found, np.fromiter(taken, dtype=np.int64))]
         found = _climb(models, found, taken, max(SHORTLIST, 5 * count), rng)
@@ -206,7 +206,7 @@ def _climb(models: Models, found: Indices, taken: set[int], count: int, rng: np.
     seen = taken | set(found.tolist())
     fresh, fresh_gain = found, gain
     for _ in range(CLIMB):
-        around = beside(fresh[_best_of_each(fresh_gain, CLIMB)], models.space)
+        around = neighbours(fresh[_best_of_each(fresh_gain, CLIMB)], models.space)
         around = rng.permutation(around[~np.isin(around, np.fromiter(seen, dtype=np.int64))])[:SHORTLIST]
         if not len(around):
             break

@@ -2,9 +2,9 @@
 
 A pack is a folder with `pack.json` and `chunks/<sha256>`. `pack.json` names the sequence, its size and start,
 and its chunks in order with digest and length; the same object travels in the HTTP manifest. The first chunk
-is the header (deflated JSON: camera, stamps, truth), the others hold FRAMES_PER_CHUNK frames each. The
-pack's own digest is the SHA-256 of its chunks' hexadecimal digests, a line each, so it covers every byte of
-content, and the header repeats what `pack.json` says of the scene, so that is covered too.
+is the header (deflated JSON: camera, stamps, truth), the others hold FRAMES_PER_CHUNK frames each. The pack's
+own digest is the SHA-256 of its chunks' hexadecimal digests, a line each, so it covers every byte of content.
+The header repeats the scene of `pack.json`, which is therefore covered, too.
 
 Depth is lossless (codec.py). Colour is JPEG in a second pack `<name>-colour` beside the first.
 """
