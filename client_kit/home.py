@@ -36,11 +36,11 @@ class Home:
         return self.path / "spool.sqlite3"
 
     def sequence(self, sha256: str) -> Path:
-        """Where the sequence with this digest is or will be stored."""
+        """The folder of the sequence with this digest, existing or not."""
         return self.path / "sequences" / sha256
 
     def trajectory(self, sha256: str) -> Path:
-        """Where the reference trajectory with this digest is or will be stored."""
+        """The file of the reference trajectory with this digest, existing or not."""
         return self.path / "trajectories" / sha256
 
     def read(self, name: str) -> dict[str, Any]:

@@ -74,7 +74,7 @@ class FrameTimes:
 
 @dataclass(frozen=True)
 class Report:
-    """What a run measured.
+    """The measurements of a run.
 
     `poses` (n, 4, 4) are the final trajectory, in the system's own world. A system that closes loops corrects
     earlier poses: `ate_online` is the error of the poses as reported after each frame (None for a system that
@@ -109,7 +109,7 @@ class Report:
 
     @property
     def matched_poses(self) -> int:
-        """How many frames have a true pose and were compared with it."""
+        """The number of frames that were compared with a true pose."""
         return 0 if self.ate is None else int(np.isfinite(self.ate.per_frame).sum())
 
     @property

@@ -17,7 +17,7 @@ PR_SET_PDEATHSIG = 1
 
 
 def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> Callable[[], None] | None:
-    """What a child runs before its program, so that it gets WITH_SIGNAL when this process ends.
+    """A function for a child to run before its program: it gets WITH_SIGNAL when this process ends.
 
     FIRST_TO_GO makes it the system's first choice when memory runs out. Both need Linux: elsewhere None.
     """
@@ -38,7 +38,7 @@ def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> 
 
 
 def ending(code: int, errors: str) -> str:
-    """How a process ended with CODE, and its last line on standard error."""
+    """The reason of a process's end from its exit CODE and its last line on standard error."""
     last = last_line(errors)
     if code < 0:
         with contextlib.suppress(ValueError):

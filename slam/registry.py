@@ -25,7 +25,7 @@ from slam.system import Scene, System
 
 @dataclass(frozen=True)
 class Definition:
-    """How a system is made: its complete configuration, the system itself, and a trial of its fastest layout.
+    """The definition of a system: its complete configuration, its constructor, and a trial of its layouts.
 
     `backends`: those it runs on. `plan`: a frame as data, None for a system that the host drives. `warm_up`:
     for a complete configuration, one that launches all of its kernels within a few frames. `colour`:

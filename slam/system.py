@@ -75,7 +75,7 @@ class System(Protocol):
 
 @dataclass(frozen=True)
 class LoopCounts:
-    """How many loops a system has closed, and how often a lost camera was found again.
+    """The numbers of closed loops and of relocalisations.
 
     local: loops closed between the map of the last frames and an older part of it. global_: loops closed by
     recognising an earlier view.
@@ -111,7 +111,7 @@ class Exporting(Protocol):
 
 @dataclass(frozen=True)
 class Scene:
-    """Where a system works: the camera and the cube that is reconstructed.
+    """The camera, and the cube that is reconstructed.
 
     volume_size: side in metres. initial_position: the first camera centre as a fraction of the cube.
     """

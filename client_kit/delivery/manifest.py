@@ -145,7 +145,7 @@ class Manifest:
             raise CannotMeasureError(f"the server does not accept measurements now: {reason}")
 
     def names(self, wanted: Sequence[str]) -> tuple[str, ...]:
-        """The configurations `wanted`, each once; "all" stands for the whole front.
+        """The configurations `wanted`, each once; "all" means the whole front.
 
         Raises UsageError for a name that the front does not have.
         """

@@ -1,4 +1,4 @@
-"""What to install where OpenCL cannot be used, in one line for the platform."""
+"""Remedies where OpenCL cannot be used, in one line for each platform."""
 
 import sys
 from pathlib import Path

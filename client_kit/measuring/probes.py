@@ -36,7 +36,7 @@ def select_fitting(asked: Manifest, default: float) -> tuple[str, ...]:
 
 
 def seconds(plan: Sequence[str], asked: Manifest, default: float) -> float:
-    """How long a session of PLAN takes: warm-up, runs and rests."""
+    """The seconds of a session of PLAN: warm-up, runs and rests."""
     protocol = asked.protocol
     frame = {name: default * _time_ratio(asked, name) for name in plan}
     warm_up = protocol.warmup_frames * sum(frame.values())

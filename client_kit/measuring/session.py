@@ -73,7 +73,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Speedup:
-    """How many times faster than the baseline; `low` and `high` bound it with 95 % confidence.
+    """The speedup over the baseline; `low` and `high` bound it with 95 % confidence.
 
     The interval is over the session's `pairs` of runs: the repeatability within this session. None for too
     few pairs.

@@ -27,7 +27,7 @@ EVALUATIONS, FRONT, PAGE, STATE, SPACE, SOURCE, LOCK = (
     ".lock",
 )
 DAMAGED = "state.damaged.json"  # the copy of a state that could not be read
-IMPORTED = "told"  # the phase of measurements that an earlier run made
+IMPORTED = "told"  # the phase of measurements of an earlier run
 
 
 class Folder:

@@ -13,7 +13,7 @@ CONFIG = "config"  # the configuration as JSON, even if a parameter has this nam
 
 
 class Template:
-    """A command line, split as a shell would split it, in which `{name}` stands for a value.
+    """A command line, split as a shell would split it, in which `{name}` is replaced by a value.
 
     `{{name}}` stands for the text `{name}`, and `${name}` is left as it is, for a shell that the command may
     start. Other braces are text, such as those of `{"a": 1}`.

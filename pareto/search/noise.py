@@ -1,4 +1,4 @@
-"""How far two measurements of one configuration differ: the noise of each objective."""
+"""The measurement noise of each objective, from repeats of configurations."""
 
 from __future__ import annotations
 

@@ -134,7 +134,7 @@ class Targets:
 
     @cached_property
     def depth(self) -> Array:
-        """How far each of the n points must improve, in all objectives alike, before it would count.
+        """The least improvement of each of the n points, equal in all objectives, before it would count.
 
         In shares of the extent of the front and the reference: it must get ahead of every point of the front
         in some objective, and keep the reference in all. Zero on the front. Of a censored point it is a lower

@@ -115,7 +115,7 @@ class _Reader:
         return Clause(tuple(self.used), holds)
 
     def _identified(self, text: str) -> str:
-        """Return `text` with names in backticks replaced by identifiers that stand for them."""
+        """Return `text` with names in backticks replaced by identifiers."""
 
         def stand_in(match: re.Match[str]) -> str:
             if not match[0].startswith("`"):

@@ -95,7 +95,7 @@ class Parameter:
         raise ConfigurationError(f"parameter {self.name!r}: {value!r} is not one of {self.some_values()}")
 
     def parse(self, text: str) -> Value:
-        """Return the value that `text` (a CSV cell, a command line) stands for.
+        """Return the value of `text` (a CSV cell, a command line).
 
         An exact match comes first; otherwise surrounding blanks, the case of true and false and the notation
         of numbers do not matter. Raises ConfigurationError when no value is like that.
@@ -103,7 +103,7 @@ class Parameter:
         return self.values[self.position(text)]
 
     def position(self, text: str) -> int:
-        """Return the position of the value that `text` stands for; else as `parse`."""
+        """Return the position of the value of `text`; else as `parse`."""
         code = self._texts.get(text, self._texts.get(text.strip()))
         if code is not None:
             return code

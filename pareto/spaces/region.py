@@ -67,12 +67,12 @@ class Region:
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:
-        """How many members each factor has."""
+        """The number of members of each factor."""
         return tuple(len(factor) for factor in self.factors)
 
     @cached_property
     def size(self) -> int:
-        """How many members the product has: all allowed points, and those that break open clauses only.
+        """The number of members of the product: all allowed points, and those that break open clauses only.
 
         A folded region has more members than points.
         """

@@ -147,7 +147,7 @@ def _parameter(name: str, item: Mapping[str, Any], real_count: int, notes: list[
 
 
 def nearest_value(name: str, values: Sequence[Value], default: object, notes: list[str]) -> Value:
-    """Return the value that stands for a default, which may lie between two of the `values`.
+    """Return the nearest of the `values` to a default, which may lie between two of them.
 
     Where it does, that is added to the `notes`. Raises ScenarioError for a default outside the values' range.
     """

@@ -29,7 +29,7 @@ class Success:
         self.seed = seed
 
     def __len__(self) -> int:
-        """How many points the trees learn from."""
+        """The number of points that the trees learn from."""
         return len(self.good) + len(self.bad)
 
     def chance(self, indices: Indices) -> NDArray[np.float64]:

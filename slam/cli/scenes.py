@@ -1,4 +1,4 @@
-"""What commands that run a system share: sequence, device, progress."""
+"""Shared by commands that run a system: sequence, device, progress."""
 
 from __future__ import annotations
 

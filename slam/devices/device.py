@@ -41,7 +41,7 @@ class Device:
 
     @property
     def label(self) -> str:
-        """What `--device` matches: name, platform, version and driver."""
+        """The text that `--device` matches: name, platform, version and driver."""
         return f"{self.name} ({self.platform}, {self.version}, driver {self.driver})"
 
     def describe(self) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""How kernels over an image are laid out on a device."""
+"""The layout of kernels over an image on a device."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Layout:
         return (-(-width // columns) * columns, -(-height // rows) * rows), self.group
 
     def sums(self, width: int, height: int) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
-        """How many records a summing kernel leaves for an image, and its global and local size."""
+        """The number of records that a summing kernel writes for an image, and its global and local size."""
         if not self.pixels:
             return height, (height,), (1,)
         groups = min(MOST_SUM_GROUPS, -(-width * height // SUM_GROUP))

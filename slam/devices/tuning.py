@@ -30,7 +30,7 @@ Progress = Callable[[int, int], object]  # called with how many are done, and ho
 
 @dataclass(frozen=True)
 class Trial:
-    """What is tried on a device: a system, made for SCENE, whose kernels lie in the folders `kernels`."""
+    """A trial on a device: a system made for SCENE, with kernels from the folders `kernels`."""
 
     make: Callable[[Session], System]
     kernels: tuple[Path, ...]

@@ -181,7 +181,7 @@ class WebGPUSession:
         return self._pipelines[key]
 
     def bind(self, pipeline: GPUComputePipeline, bindings: Sequence[Binding]) -> GPUBindGroup:
-        """What a launch of PIPELINE reads and writes, in the order of its bindings."""
+        """The bind group of a launch of PIPELINE, in the order of its bindings."""
         entries = [
             {
                 "binding": index,

@@ -57,7 +57,7 @@ class KFusion:
         return self._configuration.to_dict()
 
     def view(self) -> View | None:
-        """What the last raycast saw, thus from the pose after the last frame; None before the first."""
+        """The view of the last raycast, from the pose after the last frame; None before the first."""
         if not self._has_model:
             return None
         vertices, normals = (

@@ -61,7 +61,7 @@ CAMERA = Parameter("camera", "vec4f")  # fx, fy, cx, cy
 
 
 def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
-    """What each kernel takes. A word holds a voxel's weight where kernels own pixels; by rows it lies
+    """The parameters of each kernel. A word holds a voxel's weight where kernels own pixels; by rows it lies
     apart.
     """
     weights = () if layout.pixels else (_buffer("weights", "write", "u8"),)
@@ -126,7 +126,7 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
 
 
 def constants_of(layout: Layout) -> dict[str, int | float]:
-    """What kernels of every language share by name."""
+    """The constants that kernels of every language share by name."""
     found: dict[str, int | float] = {
         "BLOCK": BLOCK,
         "SCALE": float(SCALE),

@@ -1,4 +1,4 @@
-"""How much a configuration computes in a frame, from its plan: the basis of predicted times."""
+"""The work of a configuration in a frame, from its plan: the basis of predicted times."""
 
 from __future__ import annotations
 

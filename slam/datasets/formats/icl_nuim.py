@@ -217,7 +217,7 @@ def _upward(sequence: Sequence) -> npt.NDArray[np.float64]:
 
 
 def _scene(name: str) -> tuple[float, tuple[float, float, float]] | tuple[None, None]:
-    """What is known of `livingRoom2.gt.freiburg`, or of folders `living_room_traj2_loop` and `icl-kt2`."""
+    """Volume and start of `livingRoom2.gt.freiburg`, and of folders such as `icl-kt2`."""
     found = re.search(r"(?:livingRoom|living_room_traj|(?<![a-zA-Z])kt)(\d)", name)
     return SCENES.get(int(found[1]), (None, None)) if found else (None, None)
 

@@ -130,12 +130,12 @@ class Pack(Sequence):
 
     @property
     def manifest(self) -> dict[str, Any]:
-        """What `pack.json` holds: the HTTP manifest's `sequence` without addresses."""
+        """The content of `pack.json`: the HTTP manifest's `sequence` without addresses."""
         return dict(self._chunks.manifest)
 
     @property
     def colour_manifest(self) -> dict[str, Any] | None:
-        """What the `pack.json` of its colour holds; None where no colour of it lies beside it."""
+        """The content of the colour's `pack.json`; None without a colour pack."""
         return None if self._colour is None else dict(self._colour.manifest)
 
     @property
@@ -195,7 +195,7 @@ def write_colour(sequence: Sequence, beside: Pack, folder: Path, progress: Progr
 
 
 def colour_folder(folder: Path) -> Path:
-    """Where the colour of the depth pack in `folder` lies, if it has any."""
+    """The folder of the colour of the depth pack in `folder`, if any."""
     folder = folder.resolve()
     return folder.with_name(folder.name + "-colour")
 
@@ -253,7 +253,7 @@ def _write_chunk(folder: Path, data: bytes) -> dict[str, Any]:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What `pack.json` holds. Raises SequenceError or DigestError when it does not describe a pack."""
+    """The content of `pack.json`. Raises SequenceError or DigestError when it does not describe a pack."""
     path = folder / MANIFEST
     try:
         manifest = parse_object(read_text(path, SequenceError))

@@ -35,7 +35,7 @@ _OTHERS: dict[str, tuple[int, int | None]] = {
 
 @dataclass(frozen=True)
 class Layout:
-    """What a release of SLAMBench writes for a sensor beside what all of them write.
+    """The fields of a sensor that differ between releases of SLAMBench.
 
     delay: f32 behind the pose. camera: how many distortions of 5 f32 follow the u32 distortion type of a
     camera. depth: "none", or where a depth sensor's distortion (u32 type, 5 f32) lies to its disparity (2 f32

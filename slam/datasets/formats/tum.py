@@ -72,7 +72,7 @@ class TumSequence(Sequence):
             self.truth = read_truth(truth, self.camera, stamps, numbers)
 
     def _check_focal_length(self, given: bool) -> None:
-        """Refuse an fy below 0 that stands in intrinsics.txt: only ICL-NUIM mirrors y."""
+        """Refuse an fy below 0 in intrinsics.txt: only ICL-NUIM mirrors y."""
         if self.camera.fy < 0 and not given:
             raise SequenceError(
                 f"{self._folder / 'intrinsics.txt'}: the focal length fy={self.camera.fy:g} must be above 0: "

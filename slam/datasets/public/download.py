@@ -66,7 +66,7 @@ def fetch(
 
 
 class _Partial:
-    """What has been fetched so far of one version of a file."""
+    """The part of one version of a file that was fetched so far."""
 
     def __init__(self, target: Path, address: str) -> None:
         self.address = address

@@ -1,4 +1,4 @@
-"""How the camera moves through the synthetic living room: held in a hand, or once round and on."""
+"""The camera paths of the synthetic living room: hand-held, or a turn of more than a full circle."""
 
 from __future__ import annotations
 

@@ -238,7 +238,7 @@ def _turning_rows(graph: Graph) -> sparse.csr_matrix:
 
 
 def _point_rows(graph: Graph, points: Array, times: NDArray[np.int64]) -> tuple[sparse.csr_matrix, Array]:
-    """Where points come to lie, as rows over x and offsets."""
+    """The new positions of points, as rows over x and offsets."""
     from scipy import sparse
 
     nodes, weights = graph.influence(points, times)

@@ -89,7 +89,7 @@ class Prediction:
             kernel()
 
     def covered(self) -> int:
-        """How many pixels see a surfel; waits for the device."""
+        """The number of pixels with a surfel; waits for the device."""
         self._count()
         rows = np.empty(self.camera.height, np.int32)
         self._session.download(self._rows, rows)

@@ -49,7 +49,7 @@ class Visible:
         )
 
     def culling(self, view: View, discs: bool) -> Culling:
-        """How `view`'s surfels get into `sorted`, as whole discs or as points."""
+        """The kernels that put `view`'s surfels into `sorted`, as whole discs or as points."""
         return Culling(self, view, discs)
 
     def sort(self) -> None:
