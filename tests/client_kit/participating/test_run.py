@@ -304,7 +304,7 @@ def test_protocol_2_is_measured_with_its_references_and_again_without_a_network(
     assert '"deviation": ' in done.stdout  # in the consent text
     assert "so --minutes changes nothing" in done.stdout
     assert "over OpenCL" in done.stdout
-    [line] = [line for line in done.stdout.splitlines() if "computes something else" in line]
+    [line] = [line for line in done.stdout.splitlines() if "computes a different result" in line]
     assert line.endswith("cm from the reference, 2.00 cm allowed), so the run does not count.")
     assert "No speedup for best" in done.stdout
     [session] = counting.sessions.values()
