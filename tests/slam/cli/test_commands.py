@@ -308,7 +308,7 @@ def test_a_size_that_pixels_do_not_add_up_to_is_refused_with_those_that_do(capsy
     with pytest.raises(SystemExit) as exit:
         main(["datasets", "make", "living-room", "--out", str(tmp_path / "room"), "--size", size])
     assert exit.value.code == 2
-    assert f"{size!r} is none of 640x480, 320x240, 160x120," in capsys.readouterr().err
+    assert f"{size!r} is not one of 640x480, 320x240, 160x120," in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("size", ["128x96", "4x3"])
