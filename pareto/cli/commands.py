@@ -7,7 +7,7 @@ import sys
 from importlib import import_module
 
 from frontrunner import terminal
-from frontrunner.command_line import Parser
+from frontrunner.command_line import USAGE_ERROR, Parser
 from pareto.errors import ParetoError
 
 COMMANDS = {
@@ -34,21 +34,25 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
         code = int(options.act(options))
         sys.stdout.flush()
         return code
+    except SystemExit as ended:  # of the parser: it has reported a wrong command line, or printed the help
+        if ended.code != USAGE_ERROR:
+            raise
+        return USAGE_ERROR
     except ParetoError as error:
         terminal.fail(str(error))
-        return 2
+        return USAGE_ERROR
     except ModuleNotFoundError as missing:
         package = (missing.name or "").split(".")[0]
         if package == "pareto":
             raise
         terminal.fail(f"searching needs {package}: pip install 'frontrunner[explore]'")
-        return 2
+        return USAGE_ERROR
     except BrokenPipeError:  # | head: the reader has closed the pipe, which is not an error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
         terminal.fail(f"{error.filename or 'cannot write'}: {error.strerror or error}")
-        return 2
+        return USAGE_ERROR
     except KeyboardInterrupt as interrupt:
         state = "interrupted; the same command goes on from here" if loaded else "interrupted before it began"
         sys.stderr.write("\n")

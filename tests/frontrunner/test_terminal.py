@@ -88,10 +88,12 @@ def test_progress_counts_in_larger_units(monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.parametrize("program", [client, pareto, slam])
 def test_a_wrong_command_line_is_one_line_with_the_common_prefix(program, capsys) -> None:
-    with pytest.raises(SystemExit) as ended:
-        program(["nosuch"])
+    try:
+        code = program(["nosuch"])
+    except SystemExit as ended:
+        code = ended.code
 
     error = capsys.readouterr().err
-    assert ended.value.code == 2
+    assert code == 2
     assert error.startswith("frontrunner: argument COMMAND: invalid choice: 'nosuch'")
     assert error.count("\n") == 1

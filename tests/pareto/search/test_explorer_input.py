@@ -178,8 +178,8 @@ def test_what_is_forgotten_comes_in_a_list():
         ({"objectives": 3}, ObjectiveError, "a list of names, not 3"),
         ({"limits": [1.0]}, ObjectiveError, r"map objectives to numbers, not \[1\.0\]"),
         ({"method": ["random"]}, MethodError, r"no method \['random'\]"),
-        ({"prior": [({"x": 1},)]}, ObjectiveError, "is none"),
-        ({"prior": [3]}, ObjectiveError, "pairs, 3 is none"),
+        ({"prior": [({"x": 1},)]}, ObjectiveError, "pairs, not"),
+        ({"prior": [3]}, ObjectiveError, "pairs, not 3"),
     ],
 )
 def test_what_an_explorer_is_made_of_has_the_right_types(wrong, error, message):
