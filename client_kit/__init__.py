@@ -1,3 +1,3 @@
-"""What a participant runs: measure this device, keep the result safe, send it once."""
+"""The participant's client: measure this device, store the result safely, send it once."""
 
 APP = "client_kit"

@@ -1,4 +1,4 @@
-"""`python -m client_kit`: measure this device, send what was measured, see and erase what was sent."""
+"""`python -m client_kit`: measure this device, send the results, export and erase them."""
 
 import argparse
 import json
@@ -14,6 +14,7 @@ from client_kit.delivery import enrolment, sending
 from client_kit.delivery.server import Server
 from client_kit.delivery.spool import QUEUED, Item
 from client_kit.errors import CannotMeasureError, ClientError, UsageError
+from frontrunner import terminal
 
 NOT_CONFORMING = 1
 
@@ -21,8 +22,8 @@ NOT_CONFORMING = 1
 def main(arguments: Sequence[str] | None = None, prog: str = "python -m client_kit") -> int:
     """Carry out one command as the program PROG.
 
-    The exit code is 0 when all is sent or safely kept, else as in ClientError.
-    Ctrl-C, by which `evaluate` ends, is INTERRUPTED; so is being told to end by the system.
+    The exit code is 0 when all is sent or safely stored, else as in ClientError.
+    Ctrl-C, which ends `evaluate`, gives INTERRUPTED; so does a signal of the system to end.
     """
     options = cli_options.parser(prog).parse_args(arguments)
     console = Console()
@@ -30,15 +31,15 @@ def main(arguments: Sequence[str] | None = None, prog: str = "python -m client_k
     try:
         return COMMANDS[options.command](options, console) or 0
     except ClientError as error:
-        print(f"frontrunner: {error}", file=sys.stderr)
+        terminal.fail(str(error))
         return error.exit_code
     except ImportError as error:
         from client_kit.device import drivers
 
-        print(f"frontrunner: {drivers.remedy(error)}", file=sys.stderr)
+        terminal.fail(drivers.remedy(error))
         return CannotMeasureError.exit_code
     except KeyboardInterrupt:
-        print(f"frontrunner: {options.when_stopped}", file=sys.stderr)
+        terminal.note(options.when_stopped)
         return INTERRUPTED
 
 
@@ -72,7 +73,7 @@ def _status(_options: argparse.Namespace, console: Console) -> None:
     now = time.time()
     for item in items:
         console.say(_status_line(item, now))
-    for known in enrolment.known(client.home):
+    for known in enrolment.all_enrolments(client.home):
         state = "to be erased" if known.erase else "known there"
         console.say(f"{known.server}: {state} as {known.installation_id}")
 
@@ -113,12 +114,12 @@ def _erase(options: argparse.Namespace, console: Console) -> None:
         console.lines(f"Erased at {url}." for url in client.erase_run(options.run))
         console.say(f"Nothing of run {sending.run_id(options.run)} is left here.")
     elif not client.erase():
-        console.say("The request to erase is kept and goes with the next `run` or `send`.")
+        console.say("The request to erase is stored and sent by the next `run` or `send`.")
 
 
 def _renew_token(_options: argparse.Namespace, console: Console) -> None:
     if not Client(console=console).renew_tokens():
-        console.say("No server knows this client: there is no token to replace.")
+        console.say("This client is not enrolled on any server: there is no token to replace.")
 
 
 def _choose(options: argparse.Namespace, console: Console) -> None:

@@ -1,4 +1,4 @@
-"""Running the chosen configuration over a sequence: what an application does with a front on the device."""
+"""Running the chosen configuration over a sequence, as an application on the device would."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def run(
     device: tuple[str, str] | None = None,
     frames: int | None = None,
 ) -> Report:
-    """Run `point` over SEQUENCE, in any form that `slam` reads, on the device of that name and platform.
+    """Run `point` over SEQUENCE, in any format that `slam` reads, on the device of that name and platform.
 
     Raises UsageError for a sequence that cannot be read, CannotMeasureError where the device is gone or
     cannot run it.
@@ -46,7 +46,10 @@ def run(
 
 
 def _present(device: tuple[str, str]) -> Device:
-    """The device of that name and platform. Two platforms may offer one processor, with other times."""
+    """The device of that name and platform.
+
+    Two platforms may offer the same processor with different times.
+    """
     for present in selection.present():
         identity = processor_identity(present)
         if (identity["opencl_device"], identity["opencl_platform"]) == device:
@@ -55,20 +58,20 @@ def _present(device: tuple[str, str]) -> Device:
 
 
 def lines(report: Report, max_ate: float, max_seconds: float | None) -> list[str]:
-    """What came of it, and whether it kept the limits that the configuration was chosen by."""
-    kept = "within the limit" if max_seconds is None or report.runtime <= max_seconds else "above the limit"
-    limit = "" if max_seconds is None else f", {kept} of {1000 * max_seconds:g} ms"
-    told = [
+    """The result, and whether it kept the limits of the choice."""
+    within = "within the limit" if max_seconds is None or report.runtime <= max_seconds else "above the limit"
+    limit = "" if max_seconds is None else f", {within} of {1000 * max_seconds:g} ms"
+    found = [
         f"{report.sequence['name']}, {len(report.frames)} frames: {1000 * report.runtime:.2f} ms a frame, "
         f"{1 / report.runtime:.1f} frames a second{limit}"
     ]
     lost = sum(frame.tracked is False for frame in report.frames)
     if lost:
-        told.append(f"tracking was lost in {lost} frames")
+        found.append(f"tracking was lost in {lost} frames")
     if report.ate is None:
-        told.append("the sequence has no true trajectory: the error is not known")
+        found.append("the sequence has no true trajectory: the error is unknown")
     else:
         kept = "within" if report.ate.max <= max_ate else "above"
         limit = f"{kept} the limit of {100 * max_ate:g} cm"
-        told.append(f"largest trajectory error {100 * report.ate.max:.2f} cm, {limit}")
-    return told
+        found.append(f"largest trajectory error {100 * report.ate.max:.2f} cm, {limit}")
+    return found

@@ -50,14 +50,14 @@ class Prediction:
 def points(
     manifest: Manifest, payloads: Iterable[Mapping[str, Any]], predictions: Sequence[Prediction] = ()
 ) -> list[Point]:
-    """Every configuration of the front, and of PREDICTIONS, with what is known of it here.
+    """Every configuration of the front, and of PREDICTIONS, with its known figures on this device.
 
-    `payloads` are the sessions that this device has measured; those of other fronts are disregarded. A
+    `payloads` are this device's sessions; those of other fronts are ignored. A
     configuration that was measured here has the mean of its runs and its worst error. The others have the
     default's time here divided by the predicted speedup, or the reference's error and scaled time where
-    nothing is predicted. They are left out while no default was measured here. One of which half of the runs
-    failed here, or more, is left out too. A run outside its configuration's band has failed: this device
-    computes something else.
+    nothing is predicted. They are left out while no default was measured here. A configuration is left out,
+    too, if at least half of its runs failed here. A run outside its configuration's band counts as failed:
+    this device computes something else.
     """
     times: dict[str, list[float]] = {}
     errors: dict[str, list[float]] = {}
@@ -85,7 +85,7 @@ def points(
             found.append(Point(name, values, fmean(times[name]), max(errors[name]), MEASURED))
         elif default is None:
             continue
-        # A newer front may have other parameters under a name than the one that is kept here.
+        # In a newer front a name may have other parameters than in the stored one.
         elif prediction and prediction.parameters == values:
             ate_max = predicted.get("ate_max") if prediction.ate_max is None else prediction.ate_max
             if ate_max is not None:
@@ -98,24 +98,24 @@ def points(
 
 
 def predictions(recommendation: Mapping[str, Any]) -> list[Prediction]:
-    """The predictions in a server's answer of GET /recommendation. Raises NotFrontrunnerError where it is not
-    understood."""
+    """The predictions in a server's answer of GET /recommendation. Raises NotFrontrunnerError where it is
+    malformed."""
     try:
         return [_prediction(described) for described in recommendation["front"]]
     except (KeyError, TypeError, ValueError) as error:
-        raise NotFrontrunnerError(f"the server's recommendation is not understood: {error!r}") from error
+        raise NotFrontrunnerError(f"the server's recommendation is malformed: {error!r}") from error
 
 
 def of_one_device(payloads: Iterable[Mapping[str, Any]], text: str | None = None) -> list[Mapping[str, Any]]:
-    """Those `payloads`, oldest first, that come from the device that was measured last, or from the
-    last one whose name or platform contains `text`: times of two devices say nothing of each other."""
+    """Those `payloads`, oldest first, that come from the device that was measured last, or from the last one
+    whose name or platform contains `text`: times of different devices cannot be compared."""
     matching = [one for one in payloads if not text or text.lower() in " ".join(device_of(one)).lower()]
     return [payload for payload in matching if device_of(payload) == device_of(matching[-1])]
 
 
 def choose(candidates: list[Point], max_ate: float, max_seconds: float | None = None) -> Point:
-    """The point to run: the fastest with an error of at most `max_ate` metres; where a time of
-    `max_seconds` a frame is enough, the most accurate that keeps both limits.
+    """The point to run: the fastest with an error of at most `max_ate` metres; with a limit of `max_seconds`
+    a frame, the most accurate that keeps both limits.
 
     Raises CannotMeasureError, naming the nearest value, when no point keeps the limits.
     """

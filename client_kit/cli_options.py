@@ -7,7 +7,7 @@ from typing import Any
 
 from client_kit.delivery.manifest import ALL
 from client_kit.device.preflight import IGNORABLE
-from frontrunner import __version__
+from frontrunner.command_line import Parser
 from slam.devices.device import BACKENDS
 from slam.protocol import VALID_BELOW
 
@@ -15,22 +15,21 @@ INTERRUPTED = 130
 TOKEN_VARIABLE = "FRONTRUNNER_DEVICE_TOKEN"
 
 
-def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
-    """The parser. What it parses has the name of the `command`, and `when_stopped`, what Ctrl-C prints."""
-    whole = argparse.ArgumentParser(
-        prog=prog,
-        description="Measure how fast dense SLAM runs on this device, by the published Pareto front.",
-        epilog="Exit codes: 0 sent or safely kept, 1 a payload does not conform (check), 2 usage, 3 cannot "
+def parser(prog: str = "python -m client_kit") -> Parser:
+    """The parser. Its result has the name of the `command`, and `when_stopped`, the text after Ctrl-C."""
+    whole = Parser.of_program(
+        prog,
+        "Measure how fast dense SLAM runs on this device, by the published Pareto front.",
+        "Exit codes: 0 sent or safely stored, 1 a payload does not conform (check), 2 usage, 3 cannot "
         f"measure here, 4 too old, {INTERRUPTED} ended by Ctrl-C.",
     )
     whole.set_defaults(when_stopped="stopped")
-    whole.add_argument("--version", action="version", version=f"frontrunner {__version__}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
     address: dict[str, Any] = {"metavar": "URL", "help": "address of the Frontrunner server"}
     named: dict[str, Any] = {"metavar": "TEXT", "help": "the device whose name contains this"}
     backend: dict[str, Any] = {
         "choices": BACKENDS,
-        "help": "what drives the device (the fastest that works here)",
+        "help": "the interface to the device (default: the fastest that works here)",
     }
 
     run = commands.add_parser("run", help="measure a session and send it")
@@ -51,7 +50,7 @@ def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
         "--minutes",
         type=_number,
         metavar="M",
-        help="protocol 1: repeat runs for so long at most (as the server asks; 0: never)",
+        help="protocol 1: repeat runs for at most this long (default: as the server asks; 0: never)",
     )
     run.add_argument(
         "--ignore",
@@ -66,7 +65,7 @@ def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
         "--show-model",
         action="store_true",
         default=None,
-        help="show this device's model in public though few people measured it",
+        help="show this device's model in public even if few people measured it",
     )
     shown.add_argument("--hide-model", dest="show_model", action="store_false", help="no longer show it")
     further = run.add_mutually_exclusive_group()
@@ -74,17 +73,17 @@ def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
         "--probes",
         action="store_true",
         default=None,
-        help="also measure what the server assigns to this device (up to two minutes), without being asked",
+        help="also measure what the server assigns to this device (up to two minutes), without a question",
     )
     further.add_argument(
         "--no-probes", dest="probes", action="store_false", help="do not ask for such measurements"
     )
-    kept = "stopped; finished runs and sessions are kept and go with the next `send`"
+    kept = "stopped; finished runs and sessions are stored and sent by the next `send`"
     run.set_defaults(when_stopped=kept)
 
-    commands.add_parser("doctor", help="whether this device can measure, and what it would tell")
+    commands.add_parser("doctor", help="whether this device can measure, and what it would send")
 
-    commands.add_parser("status", help="what was measured here and what became of it")
+    commands.add_parser("status", help="the sessions of this device and their state")
 
     send = commands.add_parser("send", help="send what is still on this device")
     send.add_argument("--wait", action="store_true", help="go on, with pauses, until all is sent")
@@ -95,10 +94,10 @@ def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
 
     erase = commands.add_parser("erase", help="erase what was sent and what is kept here")
     erase.add_argument(
-        "--run", metavar="ID", help="this run alone, by its id in `export` or its page's address"
+        "--run", metavar="ID", help="only this run, by its id in `export` or its page's address"
     )
 
-    commands.add_parser("renew-token", help="replace the tokens by which the servers know this client")
+    commands.add_parser("renew-token", help="replace this client's tokens on the servers")
 
     choose = commands.add_parser("choose", help="the configuration to run on this device")
     choose.add_argument(
@@ -113,7 +112,7 @@ def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
     choose.add_argument("--frames", type=_positive, metavar="N", help="of that sequence (all)")
 
     evaluate = commands.add_parser(
-        "evaluate", help="serve as a reference device: measure what the server's explorations ask for"
+        "evaluate", help="serve as a reference device: measure the evaluations of the server's explorations"
     )
     evaluate.add_argument("--server", required=True, **address)
     evaluate.add_argument("--device", required=True, metavar="NAME", help="the reference device's name there")
@@ -121,10 +120,10 @@ def parser(prog: str = "python -m client_kit") -> argparse.ArgumentParser:
         "--token",
         default=os.environ.get(TOKEN_VARIABLE),
         metavar="T",
-        help=f"its token, which an administrator issues (else from {TOKEN_VARIABLE})",
+        help=f"its token from an administrator (default: {TOKEN_VARIABLE})",
     )
     evaluate.add_argument(
-        "--backend", choices=BACKENDS, help="measure over this one only: end where the server names another"
+        "--backend", choices=BACKENDS, help="measure over this backend only: stop if the server names another"
     )
     evaluate.add_argument("--until-idle", action="store_true", help="end as soon as nothing waits")
 

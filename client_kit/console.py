@@ -1,4 +1,4 @@
-"""What a participant sees: lines on standard output, a progress bar where the terminal can show one."""
+"""Output for participants: lines on standard output, and a progress bar on a terminal."""
 
 import io
 import os
@@ -8,12 +8,15 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import TextIO
 
+from frontrunner.terminal import styled
+
 WIDTH = 30
 REDRAW_SECONDS = 0.1
+HIGHLIGHTED = {"Note:": "warning", "Stop:": "error", "Speedup": "good"}  # first words, with their style
 
 
-class Silence(io.StringIO):
-    """A stream that keeps nothing."""
+class NullStream(io.StringIO):
+    """A stream that discards everything."""
 
     def write(self, text: str) -> int:
         return len(text)
@@ -22,13 +25,13 @@ class Silence(io.StringIO):
 class Console:
     """Lines for people. The bar is redrawn in place on a terminal and left out elsewhere, as in a log.
 
-    It falls silent when whoever read the lines is gone: what is told of goes on.
+    When the reader of the stream is gone, it writes nothing more, and the work goes on.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = stream if stream is not None else sys.stdout
         if isinstance(self._stream, io.TextIOWrapper):
-            # A device's name may hold what an old terminal cannot show; that is no reason to stop.
+            # A device's name may hold characters that an old terminal cannot show: they are replaced.
             self._stream.reconfigure(errors="replace")
         self._bars = self._stream.isatty()
         self._drawn = 0
@@ -36,13 +39,16 @@ class Console:
 
     @property
     def silent(self) -> bool:
-        """Whether nobody sees what is said."""
-        return isinstance(self._stream, Silence)
+        """Whether output is discarded."""
+        return isinstance(self._stream, NullStream)
 
     def say(self, line: str = "") -> None:
         """Write one line, in place of a bar if one is shown."""
         self._wipe()
-        self._write(f"{line}\n")
+        word, space, rest = line.partition(" ")
+        if word in HIGHLIGHTED:
+            word = styled(word, HIGHLIGHTED[word], self._stream)
+        self._write(f"{word}{space}{rest}\n")
 
     def lines(self, lines: Iterable[str]) -> None:
         """Write several lines."""
@@ -50,7 +56,7 @@ class Console:
             self.say(line)
 
     def bar(self, label: str, done: int, total: int, unit: str = "", left: float | None = None) -> None:
-        """Show how far something is, and for how many seconds all of it goes on, where that is known."""
+        """Show progress and, where known, the seconds left."""
         now = time.monotonic()
         if not self._bars or (done < total and now - self._drawn_at < REDRAW_SECONDS):
             return
@@ -59,7 +65,7 @@ class Console:
         if left is not None:
             line += f" {int(left) // 60}:{int(left) % 60:02} left"
         self._wipe()
-        self._write(line)
+        self._write(styled(line, "progress", self._stream))
         self._drawn, self._drawn_at = len(line), now
 
     def ask(self, question: str) -> bool:
@@ -78,6 +84,8 @@ class Console:
             self._stream.write(text)
             self._stream.flush()
         except BrokenPipeError:
-            with suppress(OSError):  # a stream without a file; else Python fails on it again at the end
+            with suppress(
+                OSError
+            ):  # a stream without a file; otherwise Python fails again when it closes the stream
                 os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
-            self._stream = Silence()
+            self._stream = NullStream()

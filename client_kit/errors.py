@@ -1,20 +1,20 @@
-"""What can stop a client, each with the exit code that tells a script what happened."""
+"""The errors that stop a client, each with its exit code for scripts."""
 
 
 class ClientError(Exception):
-    """A reason to stop that a participant can read; `exit_code` is what the process ends with."""
+    """A reason to stop, with a message for participants; `exit_code` is that of the process."""
 
     exit_code = 3
 
 
 class UsageError(ClientError):
-    """The command line asks for something that does not exist."""
+    """The command line is wrong."""
 
     exit_code = 2
 
 
 class CannotMeasureError(ClientError):
-    """This device, or its present state, allows no measurement."""
+    """This device, or its current state, does not allow measuring."""
 
 
 class HomeError(ClientError):

@@ -1,7 +1,7 @@
-"""Serving as a reference device: take an evaluation, measure it in a process of its own, tell the result.
+"""Serving as a reference device: lease an evaluation, measure it in its own process, report the result.
 
-The server's word is the truth. While it cannot be reached a measurement goes on, and its result is kept on
-disk until the server takes it or says that nobody waits for it any more, even by another process later.
+The server's state is authoritative. While it cannot be reached, a measurement goes on. Its result stays on
+disk until the server accepts it or has ended the lease; a later process may report it.
 """
 
 import platform
@@ -34,32 +34,31 @@ IDLE_SECONDS = 5.0
 FIRST_PAUSE_SECONDS = 1.0
 LONGEST_PAUSE_SECONDS = 60.0
 GONE = 410
-# The result that no server has taken yet, by the address of the server and the name of the device there.
+# The unreported result, by the address of the server and the name of the device there.
 RESULTS = "results.json"
 
 
 @dataclass(frozen=True)
-class Leased:
-    """One of a lease's sequences as it is downloaded, as `sequences.Download`."""
+class LeasedSequence:
+    """One of a lease's sequences, as a `sequences.Download`."""
 
     sequence: Mapping[str, Any]
     chunks: tuple[Chunk, ...]
     colour: tuple[Chunk, ...]
 
     @classmethod
-    def read(cls, sequence: Mapping[str, Any]) -> "Leased":
-        """Raises KeyError, TypeError or ValueError for what is not a sequence."""
+    def read(cls, sequence: Mapping[str, Any]) -> "LeasedSequence":
+        """Raises KeyError, TypeError or ValueError for an invalid sequence."""
         return cls(sequence, *read_sequence(sequence))
 
 
 @dataclass(frozen=True)
 class Lease:
-    """One evaluation to be measured over `backend`, on each of `sequences` in turn.
+    """One evaluation to measure over `backend`, on each of `sequences` in turn.
 
-    `frames` None runs all frames. `perturbation` is the seed by which depth is changed, 0 for none. After
-    `stop_after` sequences with a largest error above `stop_above` (m; None: never) no further one is run.
-    Those after the first `learned_on` (None: all) are held out.
-    Times are in seconds, `timeout_seconds` for each sequence.
+    `frames` None runs all frames. `perturbation` is the seed of changes to depth, 0 for none. It stops after
+    `stop_after` sequences with a largest error above `stop_above` (m; None: never). Sequences after the first
+    `learned_on` (None: all) are held out. Times are in seconds, `timeout_seconds` for each sequence.
     """
 
     id: str
@@ -68,7 +67,7 @@ class Lease:
     frames: int | None
     backend: str
     opencl_device: str
-    sequences: tuple[Leased, ...]
+    sequences: tuple[LeasedSequence, ...]
     perturbation: int
     stop_above: float | None
     stop_after: int
@@ -80,7 +79,7 @@ class Lease:
     def parse(cls, document: Mapping[str, Any]) -> "Lease":
         """DOCUMENT, an answer of POST /leases, checked. Raises NotFrontrunnerError.
 
-        An older server names one `sequence`, which is measured as it is.
+        An older server names one `sequence`, measured without changes.
         """
         try:
             limit, learned_on = document.get("stop_above"), document.get("learned_on")
@@ -89,9 +88,11 @@ class Lease:
                 application=str(document["application"]),
                 configuration=dict(document["configuration"]),
                 frames=None if document["frames"] is None else int(document["frames"]),
-                backend=str(document.get("backend", "opencl")),  # which older servers do not name
+                backend=str(document.get("backend", "opencl")),  # older servers lack it
                 opencl_device=str(document["opencl_device"]),
-                sequences=tuple(map(Leased.read, document.get("sequences") or [document["sequence"]])),
+                sequences=tuple(
+                    map(LeasedSequence.read, document.get("sequences") or [document["sequence"]])
+                ),
                 perturbation=int(document.get("perturbation", 0)),
                 stop_above=None if limit is None else float(limit),
                 stop_after=int(document.get("stop_after", 1)),
@@ -113,20 +114,20 @@ def serve(
     backend: str | None = None,
     pause: Callable[[float], None] = time.sleep,
 ) -> None:
-    """Measure what waits for DEVICE, one evaluation after another, until Ctrl-C or, if wanted, until idle.
+    """Measure the evaluations for DEVICE one after another, until Ctrl-C or, if wanted, until idle.
 
-    Each lease names the backend that drives the device; where BACKEND is another one, nothing is measured.
-    While another client measures from the same folder nothing is asked for: the two would disturb each
-    other. That one may measure whenever this one does not, however long the server is away.
-    Raises UsageError for a token that is not this device's, and, after giving the present evaluation back,
-    KeyboardInterrupt, CannotMeasureError where nothing can be measured here, and OutdatedError.
+    Each lease names its backend; if BACKEND is another one, nothing is measured. While another client
+    measures from the same folder, this one requests nothing, since two measurements would disturb each other.
+    The other client may measure whenever this one does not. Raises UsageError for a token that is not this
+    device's. After returning the current evaluation, raises KeyboardInterrupt, CannotMeasureError where
+    nothing can be measured here, and OutdatedError.
     """
-    reference = _Reference(server, device, token, home, console, pause, backend)
-    console.say(f"Serving {server.url} as {device}. Ctrl-C ends it and gives the present evaluation back.")
+    reference = _ReferenceDevice(server, device, token, home, console, pause, backend)
+    console.say(f"Serving {server.url} as {device}. Ctrl-C ends it and returns the current evaluation.")
     disturbed = False
     while True:
         with home.only_one("measurement") as alone:
-            pass  # held while something is measured, not while the server is asked
+            pass  # held while measuring, not while the server is polled
         if alone and reference.serve_next():
             continue
         if not alone and not disturbed:
@@ -139,7 +140,7 @@ def serve(
 
 
 @dataclass(frozen=True)
-class _Reference:
+class _ReferenceDevice:
     """This machine as the reference device DEVICE of a server."""
 
     server: Server
@@ -149,36 +150,36 @@ class _Reference:
     console: Console
     pause: Callable[[float], None]
     backend: str | None
-    # Leases whose results the server has, though they could not be dropped here.
-    settled: set[str] = field(default_factory=set)
+    # Leases whose results were reported but could not be deleted here.
+    reported: set[str] = field(default_factory=set)
 
     def serve_next(self) -> bool:
-        """Tell a result that is kept, or measure what waits; False where there is neither."""
+        """Report a stored result, or measure an evaluation; False where there is neither."""
         kept = self.home.read(RESULTS).get(self._key)
-        if kept is not None and kept["lease"] not in self.settled:
+        if kept is not None and kept["lease"] not in self.reported:
             self.console.say(f"{kept['lease']}: its result is still to be sent")
-            self._tell(kept["lease"], kept["result"])
+            self._report(kept["lease"], kept["result"])
             return True
         worker = platform.node()
-        answer = self._insist(lambda: self.server.lease(self.token, self.device, worker))
+        answer = self._retry(lambda: self.server.lease(self.token, self.device, worker))
         if answer is None:
             return False
         try:
             lease = Lease.parse(answer)
         except NotFrontrunnerError as error:
-            # Another client, of another version, may read it: this one asks less and less often.
-            self._give_back(str(answer.get("id")), str(error))
+            # A client of another version may read it: this one retries with growing pauses.
+            self._return_lease(str(answer.get("id")), str(error))
             self.console.say(f"{error}; again in {LONGEST_PAUSE_SECONDS:.0f} s")
             self.pause(LONGEST_PAUSE_SECONDS)
             return True
         result = self._measure(lease)
         if result is not None:
-            self._keep(lease.id, result)
-            self._tell(lease.id, result)
+            self._store(lease.id, result)
+            self._report(lease.id, result)
         return True
 
     def _measure(self, lease: Lease) -> dict[str, Any] | None:
-        """What became of LEASE; None where nobody waits for it any more, or it was given back."""
+        """The outcome of LEASE; None if the lease has ended or was returned."""
 
         def heartbeat() -> bool:
             try:
@@ -186,10 +187,10 @@ class _Reference:
             except ProblemError as problem:
                 return problem.status != GONE
             except (UnreachableError, NotFrontrunnerError):
-                pass  # the measurement goes on: the server may be back before the lease runs out
+                pass  # the measurement goes on: the server may be back before the lease expires
             return True
 
-        # The configuration goes along: a server that was restored may have another evaluation by this id.
+        # The configuration is sent, too: after a restore the server may use this id for another evaluation.
         known = {"software": f"{APP} {__version__}", "configuration": lease.configuration}
         try:
             requirements.require(lease.application)
@@ -198,15 +199,16 @@ class _Reference:
                     f"--backend {self.backend}: the server has {self.device} measure over {lease.backend}"
                 )
             packs = [
-                sequences.at_hand(leased, self.home) or self._download(leased, lease, heartbeat)
+                sequences.find_complete(leased, self.home) or self._download(leased, lease, heartbeat)
                 for leased in lease.sequences
             ]
             with self.home.only_one("measurement") as alone:
                 if not alone:  # another client began meanwhile
-                    self._give_back(lease.id)
+                    self._return_lease(lease.id)
                     return None
                 backends = selection.backends_for(lease.application, lease.backend)
                 chosen = selection.choose(lease.opencl_device, backends)
+                self.console.say(f"{lease.id}: measuring over {len(packs)} sequences on {chosen.label}")
                 measured = isolated.measure(
                     lease.application,
                     lease.configuration,
@@ -229,13 +231,13 @@ class _Reference:
             self.console.say(f"{lease.id}: the lease is gone, the measurement was ended")
             return None
         except CannotMeasureHereError as error:
-            self._give_back(lease.id, str(error))
+            self._return_lease(lease.id, str(error))
             raise CannotMeasureError(str(error)) from error
         except ClientError as error:
-            self._give_back(lease.id, str(error))
+            self._return_lease(lease.id, str(error))
             raise
         except KeyboardInterrupt:
-            self._give_back(lease.id)
+            self._return_lease(lease.id)
             raise
         self.console.say(f"{lease.id}: {_summary(lease, measured)}")
         return known | {
@@ -246,12 +248,14 @@ class _Reference:
             "parts": [_part(part) for part in measured.parts],
         }
 
-    def _download(self, leased: Leased, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
-        """A sequence of LEASE, however often the server goes away meanwhile. Raises LeaseLostError."""
+    def _download(self, leased: LeasedSequence, lease: Lease, heartbeat: Callable[[], bool]) -> Path:
+        """A sequence of LEASE, retried while the server is away. Raises LeaseLostError."""
         held = time.monotonic()
 
-        def hold(*_: int) -> None:
+        def hold(done: int = 0, total: int = 0) -> None:
             nonlocal held
+            if total:
+                self.console.bar(str(leased.sequence["name"]), done // 1000, total // 1000, " kB")
             if time.monotonic() - held >= lease.heartbeat_seconds:
                 held = time.monotonic()
                 if not heartbeat():
@@ -261,51 +265,51 @@ class _Reference:
             hold()
             return sequences.fetch(self.server, leased, self.home, progress=hold, pause=self.pause)
 
-        found: Path = self._insist(fetch)
+        found: Path = self._retry(fetch)
         return found
 
-    def _tell(self, lease: str, result: Mapping[str, Any]) -> None:
-        """Have the server take a result, and drop it where it is kept."""
+    def _report(self, lease: str, result: Mapping[str, Any]) -> None:
+        """Report a result to the server, and delete the stored copy."""
         try:
-            self._insist(lambda: self.server.finish(self.token, lease, result))
+            self._retry(lambda: self.server.finish(self.token, lease, result))
         except ProblemError as problem:
             self.console.say(f"{lease}: the result was not taken: {problem}")
         except KeyboardInterrupt:
-            self.console.say(f"{lease}: its result is kept here and sent by the next `evaluate`")
+            self.console.say(f"{lease}: its result is stored here and sent by the next `evaluate`")
             raise
-        self.settled.add(lease)
+        self.reported.add(lease)
         try:
             with self.home.only_one("results", wait=True):
                 results = self.home.read(RESULTS)
                 if results.get(self._key, {}).get("lease") == lease:
                     del results[self._key]
                     self.home.write(RESULTS, results)
-        except HomeError as error:  # another process will tell it again, which changes nothing
+        except HomeError as error:  # another process will report it again, without effect
             self.console.say(str(error))
 
-    def _keep(self, lease: str, result: Mapping[str, Any]) -> None:
+    def _store(self, lease: str, result: Mapping[str, Any]) -> None:
         kept = {"lease": lease, "result": dict(result)}
         try:
             with interrupts.ignored(), self.home.only_one("results", wait=True):
                 self.home.write(RESULTS, {**self.home.read(RESULTS), self._key: kept})
-        except HomeError as error:  # it can be sent all the same, but not by another process
+        except HomeError as error:  # it can still be sent by this process
             self.console.say(str(error))
 
     @property
     def _key(self) -> str:
         return f"{self.server.url} {self.device}"
 
-    def _give_back(self, lease: str, reason: str = "") -> None:
+    def _return_lease(self, lease: str, reason: str = "") -> None:
         result = {"status": "returned"} | ({"error": one_line(reason)} if reason else {})
         try:
             self.server.finish(self.token, lease, result)
         except ClientError as error:
-            self.console.say(f"{lease} could not be given back, its lease will run out: {error}")
+            self.console.say(f"{lease} could not be returned; its lease will expire: {error}")
         else:
-            self.console.say(f"{lease} is given back")
+            self.console.say(f"{lease} is returned")
 
-    def _insist(self, ask: Callable[[], Any]) -> Any:
-        """What ASK answers, asked again with longer and longer pauses while the server cannot."""
+    def _retry(self, ask: Callable[[], Any]) -> Any:
+        """The answer of ASK, retried with growing pauses while the server is unavailable."""
         seconds = FIRST_PAUSE_SECONDS
         while True:
             try:
@@ -324,14 +328,14 @@ class _Reference:
 
 
 def _summary(lease: Lease, measured: Measurement) -> str:
-    """What was measured, for people: one line."""
+    """The measurement in one line, for people."""
     values, run, wanted = measured.objectives, len(measured.parts), len(lease.sequences)
     over = "" if wanted == 1 else f" over {run} of {wanted} sequences"
     least = "at least " if run < wanted and wanted > 1 else ""
-    return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e3 * values['ate_max']:.1f} mm{over}"
+    return f"{1e3 * values['runtime']:.2f} ms a frame, {least}{1e2 * values['ate_max']:.2f} cm{over}"
 
 
 def _part(part: Mapping[str, Any]) -> dict[str, Any]:
-    """A part of a measurement as the server reads it."""
+    """A part of a measurement in the server's format."""
     objectives = {name: value for name, value in part.items() if name not in NO_OBJECTIVES}
     return {name: part[name] for name in NO_OBJECTIVES} | {"objectives": objectives}

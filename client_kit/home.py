@@ -1,4 +1,4 @@
-"""The folder that holds what this installation keeps between runs."""
+"""The folder with this installation's data."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from client_kit.errors import HomeError
 class Home:
     """A private folder of small JSON documents, cached sequences and the spool.
 
-    Documents are replaced as a whole: whoever is killed while writing leaves the old one in place.
+    Documents are replaced atomically: a process killed while writing leaves the old one in place.
     """
 
     def __init__(self, path: Path) -> None:
@@ -36,15 +36,15 @@ class Home:
         return self.path / "spool.sqlite3"
 
     def sequence(self, sha256: str) -> Path:
-        """Where the sequence with this digest is, or will be, kept."""
+        """The folder of the sequence with this digest, existing or not."""
         return self.path / "sequences" / sha256
 
     def trajectory(self, sha256: str) -> Path:
-        """Where the reference trajectory with this digest is, or will be, kept."""
+        """The file of the reference trajectory with this digest, existing or not."""
         return self.path / "trajectories" / sha256
 
     def read(self, name: str) -> dict[str, Any]:
-        """The document of that name, empty when there is none. Raises HomeError when it is damaged."""
+        """The document of that name, or an empty one. Raises HomeError when it is damaged."""
         path = self.path / name
         try:
             document = json.loads(path.read_text(encoding="utf-8"))
@@ -59,12 +59,12 @@ class Home:
         return document
 
     def write(self, name: str, document: Mapping[str, Any]) -> None:
-        """Replace the document of that name, on disk before this returns, readable by its owner only."""
+        """Replace the document of that name and sync it; only its owner may read it."""
         data = json.dumps(document, indent=1, sort_keys=True).encode()
         write_file(self.path / name, data)
 
     def remove(self, name: str) -> None:
-        """Forget the document of that name; nothing happens when there is none."""
+        """Delete the document of that name, if it exists."""
         with suppress(FileNotFoundError):
             (self.path / name).unlink()
 
@@ -72,12 +72,12 @@ class Home:
     def only_one(self, purpose: str, *, wait: bool = False) -> Iterator[bool]:
         """Hold a lock shared by all processes of this folder; yields False when another one holds it.
 
-        With `wait` it is waited for until Ctrl-C. SQLite's lock is the one that every platform's Python has
-        and that ends with its process.
+        With `wait` it waits until Ctrl-C. It is SQLite's lock, which works on every platform and ends with
+        its process.
         """
         path = self.path / f"{purpose}.lock"
         try:
-            # Waiting a second at a time: SQLite itself does not hear Ctrl-C.
+            # In steps of a second: SQLite ignores Ctrl-C while it waits.
             connection = sqlite3.connect(path, timeout=1.0 if wait else 0.0, isolation_level=None)
         except sqlite3.Error as error:
             raise HomeError(f"{path} cannot be used: {error}") from error
@@ -92,7 +92,7 @@ class Home:
     def _unusable(self, error: OSError) -> HomeError:
         return HomeError(
             f"the client's folder {self.path} cannot be used ({error.strerror}): "
-            f"set FRONTRUNNER_HOME to a folder that can be written"
+            f"set FRONTRUNNER_HOME to a writable folder"
         )
 
 
@@ -107,7 +107,7 @@ def _locks(connection: sqlite3.Connection, path: Path) -> bool:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Put `data` at `path` so that a reader, or a crash, meets the old file or the new one, never a half.
+    """Write `data` to `path` atomically: a reader, or a crash, sees the old file or the new one.
 
     Raises HomeError with the system's reason (a full disk, no permission).
     """

@@ -1,4 +1,4 @@
-"""What the system's signals to end do to the client: they are Ctrl-C, and wait while a session is kept."""
+"""Signals that end the client: they act as Ctrl-C, and are ignored while a session is stored."""
 
 import signal
 import threading
@@ -10,7 +10,7 @@ ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def as_ctrl_c() -> None:
-    """Have every signal to end raise KeyboardInterrupt, but for those that nohup or a shell switched off."""
+    """Have every terminating signal raise KeyboardInterrupt, except those that nohup or a shell ignores."""
     for number in ENDING:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
@@ -18,7 +18,7 @@ def as_ctrl_c() -> None:
 
 @contextmanager
 def ignored() -> Iterator[None]:
-    """Ignore signals to end for a moment; no other thread than the main one hears them anyway."""
+    """Ignore terminating signals for a moment; only the main thread receives them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

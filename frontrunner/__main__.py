@@ -7,7 +7,7 @@ participant needs no server and a researcher no client.
 import sys
 from collections.abc import Callable, Sequence
 
-from frontrunner import __version__
+from frontrunner import __version__, terminal
 
 USAGE = """\
 usage: frontrunner COMMAND ...
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     command = COMMANDS.get(words[0])
     if command is None:
-        sys.stderr.write(f"frontrunner: {words[0]!r} is not a command: use one of {', '.join(COMMANDS)}\n")
+        terminal.fail(f"{words[0]!r} is not a command: use one of {', '.join(COMMANDS)}")
         return 2
     return command(words[1:])
 
@@ -85,7 +85,7 @@ def _administer(arguments: list[str]) -> int:
         package = (missing.name or "").split(".")[0]
         if package == "crowd":
             raise
-        sys.stderr.write(f"frontrunner: a server needs {package}: pip install 'frontrunner[server]'\n")
+        terminal.fail(f"a server needs {package}: pip install 'frontrunner[server]'")
         return 2
     return administration(arguments)
 

@@ -1,7 +1,7 @@
 """Multi-objective exploration of discrete design spaces, by ask and tell.
 
-`pareto.fronts.front` needs NumPy only; the names below load their modules when they are first used, so that a
-program which merely reads a front never imports a model library.
+`pareto.fronts.front` needs NumPy only; the names below load their modules when they are first used, so a
+program that only reads a front never imports a model library.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What can go wrong in an exploration; every error names the bad value and what would be right."""
+"""Errors of an exploration; every message names the bad value and a remedy."""
 
 
 class ParetoError(ValueError):
@@ -26,7 +26,7 @@ class ObjectiveError(ParetoError):
 
 
 class MethodError(ParetoError):
-    """There is no such search method, or it does not take the option, seed or count given to it."""
+    """Unknown search method, or an option, seed or count that it does not take."""
 
 
 class StateError(ParetoError):
@@ -34,7 +34,7 @@ class StateError(ParetoError):
 
 
 class DamagedStateError(StateError):
-    """A saved state cannot be read; the measurements beside it may still be."""
+    """A saved state cannot be read; the measurements may still be intact."""
 
 
 class ScenarioError(ParetoError):
@@ -42,19 +42,19 @@ class ScenarioError(ParetoError):
 
 
 class EvaluationError(ParetoError):
-    """One configuration could not be measured; the message is the reason kept beside it."""
+    """One configuration could not be measured; the message is stored as the reason."""
 
 
 class InfeasibleError(EvaluationError):
-    """A configuration was measured, and the answer is that it does not count."""
+    """A configuration was measured and is not feasible."""
 
 
 class NoAnswerError(ParetoError):
-    """An exploration cannot give the answer asked for yet; it can go on all the same."""
+    """An exploration has no answer yet; it can go on."""
 
 
 class NothingMeasuredError(NoAnswerError):
-    """Nothing was told yet."""
+    """Nothing was measured yet."""
 
 
 class AllFailedError(NoAnswerError):
@@ -66,4 +66,4 @@ class NothingFeasibleError(NoAnswerError):
 
 
 class ConstantObjectiveError(NoAnswerError):
-    """No objective differs between configurations, so that none is better than another."""
+    """No objective differs between configurations, so none is better than another."""

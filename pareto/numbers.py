@@ -1,4 +1,4 @@
-"""What counts as a number."""
+"""Which values count as numbers."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 
 
 def is_number(value: object) -> bool:
-    """Return whether `value` is a number: true and false are none."""
+    """Return whether `value` is a number; true and false are not."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def is_finite(number: float) -> bool:
-    """Return whether a float holds `number`: not so NaN, infinity and whole numbers beyond 1.8e308."""
+    """Return whether `number` is finite as a float; whole numbers beyond 1.8e308 are not."""
     try:
         return math.isfinite(number)
     except OverflowError:

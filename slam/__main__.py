@@ -1,13 +1,13 @@
-"""`python -m slam`: measure and compare configurations, judge trajectories, make and convert sequences."""
+"""`python -m slam`: measure configurations, evaluate trajectories, make and convert sequences."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 from collections.abc import Sequence as Ordered
 
-from frontrunner import __version__
+from frontrunner import terminal
+from frontrunner.command_line import Parser
 from slam.cli import compare, datasets, devices, evaluate, plan, reference, run, surface
 from slam.cli.arguments import UsageError
 from slam.configuration import ConfigurationError
@@ -19,7 +19,7 @@ from slam.reports.report import ReportError
 from slam.reports.surface import SurfaceError
 from slam.trajectories.trajectory import TrajectoryError
 
-# What a user can put right: told in one line. Anything else is a defect and shows its traceback.
+# Errors that a user can fix: one line on standard error. Anything else is a defect and shows its traceback.
 MISTAKES = (
     SequenceError,
     TrajectoryError,
@@ -33,13 +33,11 @@ MISTAKES = (
 )
 
 
-def make_parser(prog: str = "python -m slam") -> argparse.ArgumentParser:
+def make_parser(prog: str = "python -m slam") -> Parser:
     """The parser of every command; what it parses has the command's function as `execute`."""
-    parser = argparse.ArgumentParser(
-        prog=prog,
-        description="Measure and compare configurations of dense SLAM, judge trajectories, make sequences.",
+    parser = Parser.of_program(
+        prog, "Measure configurations of dense SLAM, evaluate trajectories, make sequences."
     )
-    parser.add_argument("--version", action="version", version=f"frontrunner {__version__}")
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (run, compare, surface, evaluate, devices, plan, reference, datasets):
         command.add(subparsers)
@@ -55,7 +53,7 @@ def main(arguments: Ordered[str] | None = None, prog: str = "python -m slam") ->
     except BrokenPipeError:  # the reader of a pipe has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except MISTAKES as error:
-        sys.stderr.write(f"frontrunner: {' '.join(str(error).split())}\n")
+        terminal.fail(" ".join(str(error).split()))
         return NO_DEVICE if isinstance(error, NoDeviceError) else 2
     except KeyboardInterrupt:
         return 130

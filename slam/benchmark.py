@@ -20,6 +20,7 @@ from slam.devices.tuning import wavy_wall
 from slam.plans.executors import prepare
 from slam.power import EnergyMeter
 from slam.protocol import DECODED_AHEAD, FIRST_COUNTED_FRAME
+from slam.registry import create, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.system import (
     DEFAULT_INITIAL_POSITION,
     DEFAULT_VOLUME_SIZE,
@@ -30,7 +31,6 @@ from slam.system import (
     System,
     scene_of,
 )
-from slam.systems import create, frame_plan, needs_colour, open_session, require_backend, warm_up
 from slam.trajectories.trajectory import AbsoluteTrajectoryError, Trajectory, absolute_trajectory_error
 from slam.validity import Verdict, judge
 
@@ -74,15 +74,15 @@ class FrameTimes:
 
 @dataclass(frozen=True)
 class Report:
-    """What a run measured.
+    """The measurements of a run.
 
-    `poses` (n, 4, 4) are the trajectory as the system believes it in the end, in its own world: where it
-    closes loops not always what it said after each frame, whose error is `ate_online` (None for a system
-    that corrects nothing). `loops` counts the loops that such a system closed, None for others. Errors are
-    None where no frame has a true pose. `cpu_seconds` counts all threads during the computation of the frames
+    `poses` (n, 4, 4) are the final trajectory, in the system's own world. A system that closes loops corrects
+    earlier poses: `ate_online` is the error of the poses as reported after each frame (None for a system that
+    corrects nothing). `loops` counts the loops that such a system closed, None for others. Errors are None
+    where no frame has a true pose. `cpu_seconds` counts all threads during the computation of the frames
     only. `peak_memory_bytes` is the resident size of the whole process at its largest, `energy_joules` what
     `energy_source` (see `slam.power`) took during the computation; they are None where the platform does not
-    tell.
+    report them.
     """
 
     system: str
@@ -109,7 +109,7 @@ class Report:
 
     @property
     def matched_poses(self) -> int:
-        """How many frames have a true pose and were compared with it."""
+        """The number of frames that were compared with a true pose."""
         return 0 if self.ate is None else int(np.isfinite(self.ate.per_frame).sum())
 
     @property
@@ -181,15 +181,15 @@ def run(
     `device` is a part of the description of a device of `backend`, or an open session, which several runs may
     share one after another. `volume_size` is in metres and `initial_position` a fraction of it; both default
     to the sequence's own, then to DEFAULT_*. `observe` sees the system after every frame, to draw pictures:
-    its time is a frame's `rendering`, which is no part of the computation. OpenCL does not survive a fork:
+    its time is a frame's `rendering`, which does not count as computation. OpenCL does not survive a fork:
     call this in a process that never forks afterwards.
-    Raises SequenceError for a bad number of frames, a damaged frame, or a sequence without colour where the
-    system needs it, ValueError for an unknown system,
-    ConfigurationError for a bad parameter, DeviceError where the device is missing or too small.
+    Raises SequenceError for a bad number of frames, a damaged frame, or missing colour that the system needs.
+    Raises ValueError for an unknown system, ConfigurationError for a bad parameter, DeviceError where the
+    device is missing or too small.
     """
     count = len(sequence) if frames is None else frames
     if not 1 <= count <= len(sequence):
-        raise SequenceError(f"frames={count}: give 1 to {len(sequence)}, all that {sequence.name!r} has")
+        raise SequenceError(f"frames={count}: give 1 to {len(sequence)}, the frames of {sequence.name!r}")
     coloured = needs_colour(system)
     if coloured and all(sequence.colour(index) is None for index in range(len(sequence))):
         raise SequenceError(
@@ -310,11 +310,11 @@ def _colour_of(sequence: Sequence, index: int, system: str) -> npt.NDArray[np.ui
 
 
 def _warm_up(system: str, configuration: Mapping[str, Any], session: AnySession) -> None:
-    """Make the OpenCL driver compile every kernel, which some put off until a kernel first runs.
+    """Make the OpenCL driver compile every kernel: some drivers wait until a kernel first runs.
 
-    A few tiny frames of a wall do: first with a box before it, which is then gone, then nothing for long
-    enough to forget the wall, and the wall again, which closes a loop. They cost some tenths of a second once
-    the driver's cache is warm.
+    It processes a few tiny frames: a wall with a box in front, the wall alone, nothing for longer than the
+    time window, and the wall again, which closes a loop. They take some tenths of a second once the driver's
+    cache is warm.
     """
     scene = Scene(Camera(64, 64, 32, 32, 64, 64), DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)
     running = create(system, warm_up(system, configuration), scene, session)
@@ -326,11 +326,11 @@ def _warm_up(system: str, configuration: Mapping[str, Any], session: AnySession)
 
 
 def _reset_peak_memory() -> None:
-    """Let Linux forget the largest size so far, so that runs in one process are told apart."""
+    """Reset Linux's record of the peak memory, so that each run in one process has its own."""
     if sys.platform == "linux":
         try:
             Path("/proc/self/clear_refs").write_text("5")
-        except OSError:  # not permitted in some sandboxes: the peak then covers the whole process
+        except OSError:  # some sandboxes forbid it: the peak then covers the whole process
             return
 
 
@@ -346,8 +346,8 @@ def _peak_memory() -> int | None:
 
 
 def empty_frame_seconds(session: AnySession, frames: int = 50) -> float:
-    """Median wall seconds of a frame in which nothing is launched: a depth image of 640x480 goes to the
-    device of SESSION and the state comes back. A session's backend and driver cost that much in every frame.
+    """Median wall seconds of an empty frame: a depth image of 640x480 is uploaded to the device of SESSION
+    and the state is read back, without any kernel. Every frame pays this cost of backend and driver.
     """
     camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480)
     scene = Scene(camera, DEFAULT_VOLUME_SIZE, DEFAULT_INITIAL_POSITION)

@@ -1,4 +1,4 @@
-"""What the configurations of all systems have in common: reading them, checking values, and the error."""
+"""What the configurations of all systems share: reading, checking values, and the error."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 
 class ConfigurationError(ValueError):
-    """A parameter that a system does not have, or a value that it cannot run."""
+    """An unknown parameter, or a value that the system cannot run."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Parameters:
 
 
 def whole(name: str, value: Any, least: int) -> int:
-    """`value` as an int; 128.0 will do. Raises ConfigurationError for fractions and below `least`."""
+    """`value` as an int; 128.0 is accepted. Raises ConfigurationError for fractions and below `least`."""
     if isinstance(value, bool) or not isinstance(value, int | float) or value % 1 != 0:
         raise ConfigurationError(f"{name}={value!r}: must be a whole number")
     if value < least:
@@ -46,14 +46,14 @@ def whole(name: str, value: Any, least: int) -> int:
 
 
 def finite(name: str, value: Any) -> float:
-    """`value` as a float. Raises ConfigurationError for what is no number, infinite or NaN."""
+    """`value` as a float. Raises ConfigurationError for anything else, infinity and NaN."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ConfigurationError(f"{name}={value!r}: must be a finite number")
     return float(value)
 
 
 def flag(name: str, value: Any) -> bool:
-    """`value` as a bool; 0 and 1 will do, as command lines write them, else ConfigurationError."""
+    """`value` as a bool, or 0 or 1 as on a command line. Raises ConfigurationError otherwise."""
     if not isinstance(value, int | float) or value not in (0, 1):
         raise ConfigurationError(f"{name}={value!r}: must be true or false (1 or 0)")
     return bool(value)

@@ -1,15 +1,14 @@
-"""One measurement in a process of its own: `python -m slam run` as those start it who must outlive it.
+"""One measurement in its own process: `python -m slam run` for callers that must survive its crash.
 
 OpenCL hangs in a forked child, a driver may abort its process, and a large volume may exhaust the memory.
-Each such end is a MeasurementError with its reason; where no configuration could be measured on this machine
-it is a CannotMeasureHereError instead. On Linux the process ends with the one that started it,
-even when that is killed.
+Each such end raises a MeasurementError with its reason, or a CannotMeasureHereError where this machine can
+measure no configuration at all. On Linux the process ends with the one that started it, even when that is
+killed.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import json
 import math
 import os
@@ -23,31 +22,30 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from slam.child_process import ROOT, dies_with_parent, ending, last_line
 from slam.protocol import FIRST_COUNTED_FRAME, VALID_BELOW
+from slam.public_text import one_line
 from slam.validity import tracking_failure
 
-ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = (sys.executable, "-m", "slam", "run")
 TIMEOUT_SECONDS = 900.0
 HEARTBEAT_SECONDS = 15.0
 STAGES = ("preprocessing", "tracking", "integration", "raycasting", "computation")
 NO_OBJECTIVES = ("sequence", "lost")  # members of a part
-REASON_LENGTH = 500
-# What `python -m slam` ends with where the device that it shall measure on is not here.
+# The exit code of `python -m slam` without a suitable device.
 NO_DEVICE = 3
-PR_SET_PDEATHSIG = 1
 
 
 class MeasurementError(RuntimeError):
-    """A configuration that could not be measured; the message is the reason that is kept."""
+    """A configuration that could not be measured; the message is stored as the reason."""
 
 
 class CannotMeasureHereError(RuntimeError):
-    """This machine can measure no configuration at all, another one may; the message says why."""
+    """This machine cannot measure any configuration, another one may; the message says why."""
 
 
 class LeaseLostError(RuntimeError):
-    """Nobody waits for this measurement any more."""
+    """The lease of this measurement is gone: its result is not needed."""
 
 
 @dataclass(frozen=True)
@@ -123,9 +121,9 @@ def measure(
 def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Measurement:
     """The measurement in a report of `python -m slam run --json`, of one sequence or of several.
 
-    Objectives and stages are those of the first LEARNED_ON sequences, of all where that is None. Raises
+    Objectives and stages are those of the first LEARNED_ON sequences, of all if it is None. Raises
     MeasurementError where the trajectory error is unknown or of too few frames, no frame was run, a value is
-    not finite, or the camera was lost on a sequence learned on: nothing can be learnt from it.
+    not finite, or the camera was lost on a sequence learned on: it has no usable result.
     """
     reports = report.get("runs", [report])
     count = len(reports) if learned_on is None else learned_on
@@ -143,15 +141,15 @@ def read_report(report: Mapping[str, Any], learned_on: int | None = None) -> Mea
 def combine(parts: Sequence[Mapping[str, Any]], ignored: int = 0) -> dict[str, float]:
     """The objectives of a measurement from those of its sequences, PARTS as in `Measurement`.
 
-    Errors are the worst of all sequences but for so many IGNORED ones, memory is the largest, everything else
-    the mean.
+    Errors are the worst of all sequences without the IGNORED largest ones, memory is the largest, everything
+    else the mean.
     """
     names = [name for name in parts[0] if name not in NO_OBJECTIVES and all(name in part for part in parts)]
     return {name: _combined(name, [float(part[name]) for part in parts], ignored) for name in names}
 
 
 def worst(values: Iterable[float], ignored: int = 0) -> float:
-    """The largest of VALUES but for so many IGNORED ones; the least where there are no more than these."""
+    """The largest of VALUES without the IGNORED largest; the least where there are only IGNORED."""
     ordered = sorted(values, reverse=True)
     return ordered[min(ignored, len(ordered) - 1)]
 
@@ -198,36 +196,6 @@ def _read_one(report: Mapping[str, Any], held_out: bool) -> tuple[dict[str, Any]
     return {"sequence": report["sequence"]["name"], "lost": lost, **objectives}, stages
 
 
-def one_line(text: str) -> str:
-    """TEXT on one line of REASON_LENGTH characters at most, without control characters.
-
-    Not every database keeps NUL, and no page should be handed a terminal's escape codes.
-    """
-    printable = "".join(character if character.isprintable() else " " for character in text)
-    return " ".join(printable.split())[:REASON_LENGTH]
-
-
-def dies_with_parent(with_signal: signal.Signals, first_to_go: bool = False) -> Callable[[], None] | None:
-    """What a child runs before its program, so that this process's death sends it WITH_SIGNAL.
-
-    FIRST_TO_GO makes it what the system ends when memory runs out. Linux alone has both: elsewhere None.
-    """
-    if not sys.platform.startswith("linux"):
-        return None
-    parent = os.getpid()
-    libc = ctypes.CDLL(None, use_errno=True)
-
-    def in_child() -> None:
-        libc.prctl(PR_SET_PDEATHSIG, with_signal)
-        if os.getppid() != parent:  # it died before the line above
-            os._exit(1)
-        if first_to_go:
-            with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as file:
-                file.write("1000")
-
-    return in_child
-
-
 def _start(command: Sequence[str], errors: BinaryIO) -> subprocess.Popen[bytes]:
     try:
         return subprocess.Popen(
@@ -271,23 +239,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def ending(code: int, errors: str) -> str:
-    """How a process ended that gave up with CODE, and the last of what it said on its error output."""
-    last = _last_line(errors)
-    if code < 0:
-        with contextlib.suppress(ValueError):
-            name = signal.Signals(-code).name
-            likely = " (as the system does when memory runs out)" if name == "SIGKILL" else ""
-            return one_line(f"killed by {name}{likely}: {last}")
-    return one_line(f"exit code {code}: {last}")
-
-
 def _failure(code: int, errors: str) -> MeasurementError | CannotMeasureHereError:
     if code == NO_DEVICE:
-        return CannotMeasureHereError(one_line(_last_line(errors)))
+        return CannotMeasureHereError(one_line(last_line(errors)))
     return MeasurementError(ending(code, errors))
-
-
-def _last_line(errors: str) -> str:
-    lines = errors.strip().splitlines()
-    return lines[-1] if lines else "nothing on its error output"

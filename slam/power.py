@@ -1,4 +1,4 @@
-"""Energy, where the platform tells: processor counters (RAPL), INA sensors on boards, a phone's battery."""
+"""Energy from the platform: processor counters (RAPL), INA sensors on boards, a phone's battery."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class EnergyReading:
 
 
 class EnergyMeter:
-    """The first of these that the platform has, and never a sum of several, since they overlap:
+    """The first of these that the platform has; never a sum, since they overlap:
 
     - "rapl": all processor packages (cores, caches, integrated graphics; neither memory nor screen), from
       counters of energy. Since 2020 Linux shows them to root only;
     - "ina": the rails that INA2xx and INA3221 sensors watch, as on Odroid and Jetson boards; where one is the
       board's input (its label ends in _IN), that one alone, of which the others are parts;
-    - "battery": the whole device with its screen, while it runs from its battery. The gauge is renewed a few
-      times a second at best, so that it says something of runs of many seconds.
+    - "battery": the whole device with its screen, while it runs from its battery. The gauge is updated a few
+    times a second at best, so it is only useful for runs of many seconds.
 
     `source` is one of these names or None. The last two show power: energy is the mean of the power at both
     readings times the seconds between them. `root` is where sysfs is found.
@@ -88,7 +88,7 @@ def _number(path: Path) -> float:
 def _readable(sensor: Callable[[], float]) -> bool:
     try:
         sensor()
-    except (OSError, ValueError):  # hidden from this user, switched off, or no number
+    except (OSError, ValueError):  # hidden from this user, switched off, or not a number
         return False
     return True
 

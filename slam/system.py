@@ -1,4 +1,4 @@
-"""What every SLAM system is given, and what it offers to the benchmark."""
+"""The interface of SLAM systems: their input, and what they offer to the benchmark."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from slam.camera import Camera
 from slam.datasets.sequence import Sequence
 
-# Where neither the caller nor the sequence says where the scene lies: the cube of the published app, with
-# the camera inside its near face, looking in.
+# The default for a scene without a volume: the cube of the published app, with the camera inside its near
+# face, looking in.
 DEFAULT_VOLUME_SIZE = 5.0
 DEFAULT_INITIAL_POSITION = (0.5, 0.5, 0.1)
 STAGES = ("preprocessing", "tracking", "integration", "raycasting")
@@ -21,13 +21,13 @@ STAGES = ("preprocessing", "tracking", "integration", "raycasting")
 
 @dataclass(frozen=True)
 class Frame:
-    """What a system says of one frame.
+    """The result of one frame.
 
     pose: float64 (4, 4), camera to world, after the frame. tracked: True, False (lost), or None where
     tracking was not attempted. seconds: time of each of STAGES by the system's `stage_clock`, empty where
     that is "none". computation: wall time from the first upload until the pose was read back. degenerate:
     whether a tracked pose is free to move in some direction, as in front of a flat wall; None where the frame
-    was not tracked, or the system does not tell.
+    was not tracked, or the system does not report it.
     """
 
     pose: NDArray[np.float64]
@@ -57,25 +57,25 @@ class System(Protocol):
 
     @property
     def stage_clock(self) -> str:
-        """Who measures the stages of a frame: "device", "wall" (the host), or "none"."""
+        """The clock of the stages: "device", "wall" (the host), or "none"."""
 
     def process(self, depth: NDArray[np.uint16], colour: NDArray[np.uint8] | None = None) -> Frame:
         """Take the next depth image, (height, width) in millimetres, 0 where nothing was measured.
 
         `colour` is the image that belongs to it, (height, width, 3), red green blue; systems that need it are
-        marked in `slam.systems`, the others take no notice of it.
+        marked in `slam.registry`, the others ignore it.
         """
 
     def configuration(self) -> dict[str, Any]:
         """The parameters that this system runs with, by their names in the design space."""
 
     def view(self) -> View | None:
-        """What the camera sees of the model at present; None before there is one."""
+        """The camera's current view of the model; None before there is one."""
 
 
 @dataclass(frozen=True)
 class LoopCounts:
-    """How many loops a system has closed, and how often a lost camera was found again.
+    """The numbers of closed loops and of relocalisations.
 
     local: loops closed between the map of the last frames and an older part of it. global_: loops closed by
     recognising an earlier view.
@@ -95,23 +95,23 @@ class Revising(Protocol):
     """A system that corrects poses of earlier frames when it closes a loop."""
 
     def loop_counts(self) -> LoopCounts:
-        """What was closed and found again so far."""
+        """The loops closed and relocalisations so far."""
 
     def poses(self) -> NDArray[np.float64]:
-        """The poses of all frames so far as the system believes them now: (n, 4, 4), camera to world."""
+        """The current estimates of all poses so far: (n, 4, 4), camera to world."""
 
 
 @runtime_checkable
 class Exporting(Protocol):
-    """A system that writes what it has reconstructed itself."""
+    """A system that writes its own reconstruction."""
 
     def export(self, path: Path) -> str:
-        """Write the reconstruction as a PLY file; returns a sentence on what that holds."""
+        """Write the reconstruction as a PLY file; returns a sentence about its content."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Where a system works: the camera and the cube that is reconstructed.
+    """The camera, and the cube that is reconstructed.
 
     volume_size: side in metres. initial_position: the first camera centre as a fraction of the cube.
     """
@@ -126,8 +126,8 @@ def scene_of(
     volume_size: float | None = None,
     initial_position: tuple[float, float, float] | None = None,
 ) -> Scene:
-    """Where SEQUENCE takes place; its own volume size (m) and initial position (fractions) unless others are
-    given, DEFAULT_* where it has none."""
+    """The scene of SEQUENCE: the given volume size (m) and initial position (fractions), or else the
+    sequence's own, or else DEFAULT_*."""
     if volume_size is None:
         volume_size = sequence.volume_size or DEFAULT_VOLUME_SIZE
     if initial_position is None:

@@ -1,4 +1,4 @@
-"""Whether a run's trajectory was really compared with the truth, and stayed close to it."""
+"""Whether a run's trajectory was compared with the truth, and stayed close to it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from slam.protocol import LEAST_MATCHED, MOST_LOST, VALID_BELOW
 
 @dataclass(frozen=True)
 class Verdict:
-    """`valid`: True, False, or None where there was too little truth. `reason`: why it is not True."""
+    """`valid`: True, False, or None where there was too little truth. `reason`: why not True."""
 
     valid: bool | None
     reason: str | None
 
 
 def tracking_failure(tracked: Sequence[bool | None]) -> str | None:
-    """Why a run counts as failed whose frames were TRACKED: True, False (lost) or None (not attempted).
+    """Why a run failed, or None.
 
-    It has failed where no frame was tracked, or more than MOST_LOST of the attempted frames were lost.
-    None where it has not failed.
+    TRACKED holds True, False (lost) or None (not attempted) for each frame. A run fails if no frame was
+    tracked, or more than MOST_LOST of the attempted frames were lost.
     """
     lost, attempted = tracked.count(False), len(tracked) - tracked.count(None)
     if lost > MOST_LOST * attempted:
@@ -29,11 +29,11 @@ def tracking_failure(tracked: Sequence[bool | None]) -> str | None:
 
 
 def judge(tracked: Sequence[bool | None], matched: int, largest_error: float | None) -> Verdict:
-    """Judge a run by what became of its frames (as in `tracking_failure`) and by its trajectory.
+    """Judge a run by its frames (as in `tracking_failure`) and by its trajectory.
 
-    MATCHED: how many frames have a true pose. LARGEST_ERROR: metres, None where none has. Valid is a run that
-    has not failed, of which LEAST_MATCHED of the frames and at least two were compared, and whose largest
-    error lies below VALID_BELOW.
+    MATCHED: how many frames have a true pose. LARGEST_ERROR: metres, None where none has. A run is valid if
+    it has not failed, LEAST_MATCHED of its frames and at least two were compared, and its largest error lies
+    below VALID_BELOW.
     """
     if largest_error is None or matched == 0:
         return Verdict(None, "no frame has a true pose")

@@ -10,6 +10,32 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
+# Where the rules of language hold; each with its tests.
+PLAIN = ("frontrunner", "slam", "pareto", "client_kit")
+SOURCES = {".py", ".html", ".js", ".cl", ".h", ".wgsl"}
+# Home-made English, with the plain word in its place.
+PHRASES = {
+    r"(?<!there )(?:is|are|was|were) no(?! more| longer| later)": "is not a",
+    r"(?:is|are|was|were|be|been|being) told": "reported",
+    r"foretold|foretells?": "predicted, predict",
+    r"heeds?|heeded": "respect",
+    r"anew": "again",
+    r"seldom": "rarely",
+    r"who(?:so|m)?ever": "anyone who",
+    r"wherein": "where",
+    r"at present": "now",
+    r"the own": "your, its",
+    r"nobody": "the subject of the sentence",
+    r"that (?:is|are) none": "that is not valid",
+    r"one's own": "your own",
+    r"but for": "except",
+    r"none of it": "nothing",
+    r"unsaid": "unreported",
+    r"became of|(?:what|that) came of": "the outcome of",
+    r"makes? of it": "the result",
+}
+BANNED = re.compile("|".join(rf"\b(?:{phrase})\b" for phrase in PHRASES), re.IGNORECASE)
+ENDINGS = re.compile(r"(?:ations?|ings?|[eo]rs?|ies|ed|es|[sye])$")
 
 
 def tracked_files() -> list[Path]:
@@ -17,6 +43,60 @@ def tracked_files() -> list[Path]:
     if listed.returncode:
         pytest.skip("not a git checkout: there is no list of tracked files to look through")
     return [ROOT / name for name in listed.stdout.decode().split("\0") if name and (ROOT / name).is_file()]
+
+
+def plain_files(suffixes: set[str]) -> list[Path]:
+    """The tracked files of PLAIN and of its tests."""
+    folders = {ROOT / top / name for top in ("", "tests") for name in PLAIN}
+    return [
+        path for path in tracked_files() if path.suffix in suffixes and folders.intersection(path.parents)
+    ]
+
+
+def stem(name: str) -> str:
+    """NAME without the endings by which words of one root differ: lease, leases, leasing."""
+    while (ending := ENDINGS.search(name)) and ending.start() >= 4:
+        name = name[: ending.start()]
+    return name
+
+
+def test_no_home_made_english():
+    """The cure is a sentence with the subject first; see PHRASES for the plain words."""
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in plain_files(SOURCES)
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if BANNED.search(line)
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["A length that is none.", "Whoever reads this", "This is no list", "It is told so", "The own data"],
+)
+def test_home_made_english_is_recognised(text):
+    assert BANNED.search(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["if value is None:", "there is no file", "is no longer here", "is not a list"]
+)
+def test_plain_english_is_not_banned(text):
+    assert not BANNED.search(text)
+
+
+def test_no_two_modules_of_a_folder_have_one_meaning():
+    modules = [path for path in plain_files({".py"}) if "tests" not in path.relative_to(ROOT).parts]
+    roots: dict[tuple[Path, str], list[str]] = {}
+    for path in modules:
+        roots.setdefault((path.parent, stem(path.stem)), []).append(path.name)
+    assert [names for names in roots.values() if len(names) > 1] == []
+
+
+def test_the_stem_of_a_module_ignores_endings():
+    assert len({stem(name) for name in ("lease", "leases", "leasing", "leaser")}) == 1
+    assert stem("space") != stem("scene")
 
 
 def test_imports_run_one_way():

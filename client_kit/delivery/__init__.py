@@ -1,1 +1,1 @@
-"""Between this client and a server: what is asked for, what is downloaded, what is sent, once."""
+"""Communication with a server: requests, downloads, and sending each session once."""

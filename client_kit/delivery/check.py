@@ -1,4 +1,4 @@
-"""`check`: any client's payloads against a server's dry run, for those who write a client of their own."""
+"""`check`: any client's payloads against a server's dry run, for authors of other clients."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from client_kit.home import Home
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a server would make of one payload: `items` are its runs; `refusal` is of the whole payload."""
+    """A server's verdict on one payload: `items` are its runs; `refusal` is of the whole payload."""
 
     path: Path
     items: Sequence[dict[str, Any]]
@@ -23,23 +23,23 @@ class Verdict:
 
     @property
     def conforms(self) -> bool:
-        """Whether every run would be taken."""
+        """Whether every run would be accepted."""
         return self.refusal is None and all(item.get("status") != "rejected" for item in self.items)
 
     def lines(self) -> Iterator[str]:
-        """The verdict, a line for each run that would not be taken."""
+        """The verdict, with a line for each rejected run."""
         if self.refusal is not None:
             yield f"{self.path}: refused: {self.refusal}"
             return
         taken = sum(item.get("status") != "rejected" for item in self.items)
-        yield f"{self.path}: {taken} of {len(self.items)} runs would be taken"
+        yield f"{self.path}: {taken} of {len(self.items)} runs would be accepted"
         for item in self.items:
             if item.get("status") == "rejected":
                 yield f"  {item.get('id')}: {item.get('code')} at {item.get('field')}: {item.get('detail')}"
 
 
 def check(paths: Sequence[Path], server: Server, home: Home, token: str | None = None) -> list[Verdict]:
-    """Have the server judge each file, a body of POST /submissions as JSON; it stores none of it.
+    """Have the server check each file, a body of POST /submissions as JSON; it stores nothing.
 
     Without a token an installation is enrolled for this, and erased afterwards. Raises UsageError for a
     file that cannot be read, and the server's errors.
@@ -52,7 +52,7 @@ def check(paths: Sequence[Path], server: Server, home: Home, token: str | None =
     try:
         verdicts = [_judge(path, body, server, own) for path, body in zip(paths, bodies, strict=True)]
     except BaseException:
-        with suppress(ClientError):  # what went wrong first is what to tell
+        with suppress(ClientError):  # the first error is the one to report
             server.erase(own)
         raise
     server.erase(own)
@@ -66,7 +66,7 @@ def _read(path: Path) -> bytes:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     except ValueError as error:
-        raise UsageError(f"{path} is no JSON: {error}") from error
+        raise UsageError(f"{path} is not JSON: {error}") from error
     return body
 
 

@@ -1,4 +1,4 @@
-"""What a participant agrees to before anything is measured or sent."""
+"""The consent of a participant before anything is measured or sent."""
 
 import json
 import re
@@ -33,9 +33,9 @@ Consent {version}.
 
 
 def text(server: str, version: str | int, sequence_bytes: int, sample: Mapping[str, Any]) -> str:
-    """The whole text, with `sample` as the payload that this device would send."""
+    """The consent text, with `sample` as an example of this device's payload."""
     document = json.dumps(sample, indent=2, ensure_ascii=False)
-    # Lists of numbers on one line each: people are to read this.
+    # Lists of numbers on one line each, for readability.
     lines = re.sub(r"\[\s+([^\[\]{}]*?)\s+\]", lambda m: f"[{' '.join(m[1].split())}]", document).splitlines()
     return TEXT.format(
         megabytes=sequence_bytes / 1e6,
@@ -45,14 +45,14 @@ def text(server: str, version: str | int, sequence_bytes: int, sample: Mapping[s
     )
 
 
-def given(home: Home, server: str, version: str | int) -> bool:
+def is_agreed(home: Home, server: str, version: str | int) -> bool:
     """Whether this version was agreed to for this server."""
     agreed = home.read(_DOCUMENT).get(server)
     return agreed is not None and agreed["version"] == version
 
 
 def remember(home: Home, server: str, version: str | int) -> None:
-    """Note that the participant agrees."""
+    """Record that the participant agrees."""
     agreed = {"version": version, "at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())}
     home.write(_DOCUMENT, {**home.read(_DOCUMENT), server: agreed})
 

@@ -13,7 +13,7 @@ FIRST_PAUSE_SECONDS = 1.0
 
 
 class CorruptDownloadError(CannotMeasureError):
-    """A file arrived whole, but it is not what the manifest promises."""
+    """A file arrived complete, but its digest is not the manifest's."""
 
 
 def fetch(
@@ -46,13 +46,13 @@ def fetch(
         if not last:
             pause(FIRST_PAUSE_SECONDS * 2**attempt if wait is None else wait)
     raise CorruptDownloadError(
-        f"{url} gives other data than the manifest promises (sha256 {sha256[:12]}...): "
+        f"{url} does not match the manifest (sha256 {sha256[:12]}...): "
         "something between here and the server changes it; try another network"
     )
 
 
-def is_whole(path: Path, sha256: str) -> bool:
-    """Whether the file at PATH has this digest. A missing or unreadable one has not: it is fetched again."""
+def matches_digest(path: Path, sha256: str) -> bool:
+    """Whether the file at PATH has this digest; False for a missing or unreadable file."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest() == sha256
     except OSError:

@@ -1,7 +1,7 @@
-"""The anonymous installations by which servers know this client: their tokens, and what is to be erased.
+"""The anonymous installations of this client on servers: their tokens, and pending erasures.
 
-An installation is one device. Where a folder moved to another device, or several share it, each device has an
-installation of its own on a server.
+An installation is one device. If a folder moves to another device, or several share it, each device has its
+own installation on a server.
 """
 
 from collections.abc import Collection, Iterable
@@ -13,14 +13,14 @@ from client_kit.home import Home
 
 _DOCUMENT = "installations.json"
 _OTHERS = "others"  # the installations of other devices, in the document of the first
-# The token names an installation that the server no longer has: nothing is left to erase there.
+# The server no longer has the token's installation: nothing is left to erase there.
 GONE = (401, 404, 410)
 
 
 @dataclass(frozen=True)
 class Enrolment:
-    """One installation on one server. `erase`: its data there is to be erased, but the server asked not to be
-    asked again before `not_before` (seconds since the epoch)."""
+    """One installation on one server. `erase`: its data must still be erased there; the next request waits
+    until `not_before` (seconds since the epoch)."""
 
     server: str
     installation_id: str
@@ -29,13 +29,13 @@ class Enrolment:
     not_before: float = 0.0
 
     def pause(self, now: float) -> float:
-        """For how many seconds the server must not be asked. A time further off than any that a server can
-        ask for comes from a clock that was set back."""
+        """Seconds until the server may be asked again. A longer time than any server asks for comes from a
+        clock that was set back, and counts as 0."""
         left = self.not_before - now
         return left if 0 < left <= LONGEST_WAIT_SECONDS else 0.0
 
 
-def known(home: Home) -> list[Enrolment]:
+def all_enrolments(home: Home) -> list[Enrolment]:
     """All installations of this client; of those on one server, the one that is used first."""
     return [
         Enrolment(server, d["installation_id"], d["token"], d["erase"], d.get("not_before", 0.0))
@@ -44,17 +44,17 @@ def known(home: Home) -> list[Enrolment]:
     ]
 
 
-def present(home: Home, server: Server) -> str | None:
-    """The token for a server where this client is enrolled and nothing is to be erased, else None."""
+def current_token(home: Home, server: Server) -> str | None:
+    """The token for a server where this client is enrolled without a pending erasure, else None."""
     return next(iter(_tokens(home, server)), None)
 
 
 def token(home: Home, server: Server, consent_version: str | int, another_than: Collection[str] = ()) -> str:
-    """The token for a server, after enrolling there if need be. Raises the server's errors.
+    """The token for a server, after enrolling there if necessary. Raises the server's errors.
 
-    ANOTHER_THAN: tokens of installations that belong to other devices. What was to be erased there is erased
-    first: the new installation has nothing to do with the old one. Only the process that holds the lock
-    "delivery" may call this, or anything else that writes here.
+    ANOTHER_THAN: tokens of installations that belong to other devices. Pending erasures are delivered first:
+    the new installation is not linked to the old one. Only the process that holds the lock "delivery" may
+    call this, or anything else that writes here.
     """
     for token in _tokens(home, server):
         if token not in another_than:
@@ -66,25 +66,25 @@ def token(home: Home, server: Server, consent_version: str | int, another_than: 
     return new
 
 
-def use_first(home: Home, server: Server, token: str) -> None:
+def prefer(home: Home, server: Server, token: str) -> None:
     """Try the installation with TOKEN first from now on: it belongs to this device."""
-    if token != present(home, server):
-        for enrolment in known(home):
+    if token != current_token(home, server):
+        for enrolment in all_enrolments(home):
             if enrolment.server == server.url and enrolment.token == token:
                 _put_first(home, enrolment)
 
 
 def _tokens(home: Home, server: Server) -> list[str]:
-    return [one.token for one in known(home) if one.server == server.url and not one.erase]
+    return [one.token for one in all_enrolments(home) if one.server == server.url and not one.erase]
 
 
 def renew(home: Home, server: Server) -> bool:
-    """Have other tokens replace those for a server; False without any.
+    """Replace the tokens for a server; False without any.
 
-    An old one ends with the first use of the new one, which is kept before that: a process that is killed in
-    between locks nobody out. Raises the server's errors.
+    An old token ends with the first use of the new one, which is stored before that. A process killed in
+    between therefore loses no access. Raises the server's errors.
     """
-    enrolments = [one for one in known(home) if one.server == server.url and not one.erase]
+    enrolments = [one for one in all_enrolments(home) if one.server == server.url and not one.erase]
     for enrolment in enrolments:
         new = server.renew_token(enrolment.token)
         _store(home, replace(enrolment, token=new))
@@ -98,31 +98,31 @@ def forget(home: Home, enrolment: Enrolment) -> None:
 
 
 def forget_token(home: Home, server: Server, token: str) -> None:
-    """Drop the installation with TOKEN on a server, which does not know it any more."""
-    for enrolment in known(home):
+    """Drop the installation with TOKEN, which the server no longer knows."""
+    for enrolment in all_enrolments(home):
         if enrolment.server == server.url and enrolment.token == token:
             forget(home, enrolment)
 
 
 def request_erasure(home: Home) -> list[str]:
-    """Note for every installation that its data is to be erased; the servers concerned."""
-    enrolments = known(home)
+    """Mark every installation for erasure; return their servers."""
+    enrolments = all_enrolments(home)
     for enrolment in enrolments:
         _store(home, replace(enrolment, erase=True))
     return [enrolment.server for enrolment in enrolments]
 
 
 def postpone_erasure(home: Home, enrolment: Enrolment, not_before: float) -> None:
-    """Note when the server may be asked again to erase."""
+    """Record when the server may be asked again to erase."""
     _store(home, replace(enrolment, not_before=not_before))
 
 
 def deliver_erasure(home: Home, server: Server) -> bool:
-    """Have the server erase one installation that is to be erased there; whether there was one.
+    """Have the server erase one installation marked for erasure; return whether there was one.
 
-    The request is kept until the server has confirmed it. Raises the server's errors.
+    The mark stays until the server has confirmed. Raises the server's errors.
     """
-    for enrolment in known(home):
+    for enrolment in all_enrolments(home):
         if enrolment.server == server.url and enrolment.erase:
             try:
                 server.erase(enrolment.token)
@@ -136,7 +136,7 @@ def deliver_erasure(home: Home, server: Server) -> bool:
 
 def _store(home: Home, enrolment: Enrolment) -> None:
     """Replace the installation with the same id, in its place."""
-    present = [one for one in known(home) if one.server == enrolment.server]
+    present = [one for one in all_enrolments(home) if one.server == enrolment.server]
     same = [enrolment if one.installation_id == enrolment.installation_id else one for one in present]
     _write(home, enrolment.server, same)
 
@@ -149,13 +149,13 @@ def _but(home: Home, enrolment: Enrolment) -> list[Enrolment]:
     """The other installations on the same server."""
     return [
         one
-        for one in known(home)
+        for one in all_enrolments(home)
         if one.server == enrolment.server and one.installation_id != enrolment.installation_id
     ]
 
 
 def _write(home: Home, server: str, enrolments: Iterable[Enrolment]) -> None:
-    """Keep ENROLMENTS, and no others, for SERVER; the first of them as earlier versions of this client do."""
+    """Store exactly ENROLMENTS for SERVER; the first one in the format of earlier versions."""
     documents = [_document(enrolment) for enrolment in enrolments]
     content = {address: document for address, document in home.read(_DOCUMENT).items() if address != server}
     if documents:

@@ -1,4 +1,4 @@
-"""What the server asks a client to measure: a published front, a protocol, a sequence."""
+"""The server's manifest: a published front, a protocol, a sequence."""
 
 import hashlib
 import math
@@ -17,9 +17,9 @@ from slam.protocol import ADAPTIVE, FIXED_PAIRS, VALID_BELOW
 
 DIGEST = re.compile(r"[0-9a-f]{64}")
 ALL = "all"
-# What a server takes in one submission.
+# Limits of a submission.
 MOST_RUNS = 50
-# How far a session of protocol 1 may go on by itself, where the server does not say.
+# Limits of a session of protocol 1 where the server does not give any.
 MAX_REPEATS, PRECISION, MAX_SECONDS = 6, 0.05, 120.0
 VERSIONS = (ADAPTIVE, FIXED_PAIRS)
 
@@ -28,7 +28,7 @@ VERSIONS = (ADAPTIVE, FIXED_PAIRS)
 class AdaptiveRepeats:
     """When a session of protocol 1 ends. Repeats follow its plan until the 95 % interval of a speedup is at
     most `precision` (0.05: five per cent) to either side. There are at most `max_repeats` of each
-    configuration, and none begins once the session is `max_seconds` old.
+    configuration, and none starts after `max_seconds`.
     """
 
     max_repeats: int
@@ -38,8 +38,8 @@ class AdaptiveRepeats:
 
 @dataclass(frozen=True)
 class Protocol:
-    """How to measure. Frames are counted from 0; times of frames before `first_counted_frame` are sent
-    but do not count. `order` names the runs of a session; every configuration gets `repeats` of them.
+    """The measuring protocol. Frames are counted from 0; times of frames before `first_counted_frame` are
+    sent but do not count. `order` names the runs of a session; every configuration gets `repeats` of them.
 
     `adaptive` is None where a session ends with its plan, as in protocol 2.
     """
@@ -100,9 +100,9 @@ class Assigned:
 class Manifest:
     """One answer of GET /manifest, checked. `document` is the answer itself.
 
-    `chunks` are those of the sequence's depth, `colour` those of its colour: none where it is not needed.
-    `assigned` are the configurations besides the default where this is a manifest for one device; without
-    any, `assigned_message` may say why.
+    `chunks` are those of the sequence's depth, `colour` those of its colour, empty where not needed.
+    `assigned` are the configurations besides the default in a manifest for one device; if empty,
+    `assigned_message` may give the reason.
     """
 
     application: str
@@ -121,8 +121,8 @@ class Manifest:
 
     @classmethod
     def parse(cls, document: Mapping[str, Any]) -> "Manifest":
-        """Raises NotFrontrunnerError naming the member that is missing or wrong, OutdatedError for a
-        protocol that this version does not know."""
+        """Raises NotFrontrunnerError, which names the bad member, or OutdatedError for an unknown
+        protocol."""
         try:
             return _parse(document)
         except KeyError as error:
@@ -134,7 +134,7 @@ class Manifest:
         """Raises OutdatedError when the server wants a newer client."""
         if version_numbers(__version__) < version_numbers(self.minimum_app_version):
             raise OutdatedError(
-                f"this client is version {__version__}, the server wants {self.minimum_app_version} "
+                f"this client is version {__version__}, the server requires {self.minimum_app_version} "
                 "or newer: update it"
             )
 
@@ -142,10 +142,10 @@ class Manifest:
         """Raises CannotMeasureError when the server asks clients to pause."""
         if not self.accepting:
             reason = line(self.document.get("message")) or "try again another day"
-            raise CannotMeasureError(f"the server takes no measurements at present: {reason}")
+            raise CannotMeasureError(f"the server does not accept measurements now: {reason}")
 
     def names(self, wanted: Sequence[str]) -> tuple[str, ...]:
-        """The configurations `wanted`, each once; "all" stands for the whole front.
+        """The configurations `wanted`, each once; "all" means the whole front.
 
         Raises UsageError for a name that the front does not have.
         """
@@ -160,9 +160,9 @@ class Manifest:
         return tuple(names)
 
     def plans(self, wanted: Sequence[str] = ()) -> tuple[tuple[str, ...], ...]:
-        """The sessions that measure `wanted`, each as by `plan`: one, unless they are too many for one.
+        """The sessions that measure `wanted`, each as `plan` does: more than one only if one is too small.
 
-        Every session measures the default beside its part of the others.
+        Every session also measures the default.
         """
         names = self.names(wanted)
         others = [name for name in names if name != "default"]
@@ -176,10 +176,10 @@ class Manifest:
     def plan(self, wanted: Sequence[str] = ()) -> tuple[str, ...]:
         """The configurations' names in the order of their runs.
 
-        They run forwards, then back, until each has had the protocol's repeats: a steady drift then weighs
-        on all of them alike, as in default, best, best, default. `wanted` names other configurations than
-        the protocol does, and the default always takes part, as it is what the others are compared with.
-        Raises UsageError for a name that the front does not have, or for more runs than a session holds.
+        They run forwards, then back, until each has the protocol's repeats: a steady drift then affects all
+        equally, as in default, best, best, default. `wanted` replaces the protocol's configurations; the
+        default always takes part as the baseline. Raises UsageError for a name that the front does not have,
+        or for more runs than a session holds.
         """
         names = self.names(wanted) or self.protocol.order
         if set(names) | {"default"} == set(self.protocol.order):
@@ -198,9 +198,9 @@ class Manifest:
 
 
 def fetch(server: Server, home: Home, application: str | None = None) -> tuple[Manifest, bool]:
-    """The manifest of APPLICATION, or of what the server has clients measure, and whether it came just now.
+    """The manifest of APPLICATION (None: the server's choice), and whether it was fetched now.
 
-    Without an answer the copy of the last visit serves: a device may measure offline and send later.
+    Without an answer the copy of the last visit is used: a device may measure offline and send later.
     Raises the server's errors when there is no such copy, or when waiting would not help.
     """
     name = _document_name(server.url, application)
@@ -220,7 +220,7 @@ def fetch(server: Server, home: Home, application: str | None = None) -> tuple[M
     return manifest, True
 
 
-def kept_manifests(home: Home) -> dict[tuple[str, str], Manifest]:
+def stored_manifests(home: Home) -> dict[tuple[str, str], Manifest]:
     """The last manifest of every server visited, by the server's address and the application."""
     documents = [home.read(path.name) for path in sorted(home.path.glob("manifest-*.json"))]
     manifests = [(kept["server"], Manifest.parse(kept["manifest"])) for kept in documents]
@@ -228,7 +228,7 @@ def kept_manifests(home: Home) -> dict[tuple[str, str], Manifest]:
 
 
 def version_numbers(version: str) -> tuple[int, ...]:
-    """The numbers of a version such as 1.10.2, for comparing; what is not a number ends it."""
+    """The numbers of a version such as 1.10.2, for comparing, up to the first part that is not a number."""
     leading = re.match(r"\d+(\.\d+)*", version)
     return tuple(int(part) for part in leading.group().split(".")) if leading else ()
 
@@ -243,7 +243,9 @@ def _parse(document: Mapping[str, Any]) -> Manifest:
     points, version = document["configurations"], int(document["protocol"]["version"])
     if version not in VERSIONS:
         known = " and ".join(map(str, VERSIONS))
-        raise OutdatedError(f"this client measures by protocol {known}, the server by {version}: update it")
+        raise OutdatedError(
+            f"this client knows protocol {known}, the server uses {version}: update the client"
+        )
     configurations = [_configuration(described, version) for described in points]
     by_name = {configuration.name: configuration for configuration in configurations}
     if "default" not in by_name:
@@ -283,7 +285,7 @@ def _configuration(described: Mapping[str, Any], version: int) -> Configuration:
     if version == FIXED_PAIRS:
         band, trajectory = float(described["band"]), described["trajectory"]
         reference = Reference(str(trajectory["sha256"]), str(trajectory["url"]))
-        # The digest becomes a file's name.
+        # The digest becomes a file name.
         if not (math.isfinite(band) and band > 0 and DIGEST.fullmatch(reference.sha256)):
             raise ValueError(f"configurations: {name} has band {band} and trajectory {reference.sha256!r}")
     return Configuration(
@@ -300,17 +302,17 @@ def _protocol(protocol: Mapping[str, Any], configurations: Mapping[str, Configur
     order = tuple(str(name) for name in protocol["order"])
     unknown = [name for name in order if name not in configurations]
     if unknown or "default" not in order:
-        raise ValueError(f"protocol.order {list(order)} lacks default or names what the front does not have")
+        raise ValueError(f"protocol.order {list(order)} lacks default or has an unknown name")
     warmup, frames, first = (
         int(protocol[name]) for name in ("warmup_frames", "frames", "first_counted_frame")
     )
     version, rest = int(protocol["version"]), float(protocol["rest_seconds"])
     if not (warmup >= 0 and 0 <= first < frames and math.isfinite(rest) and rest >= 0):
         raise ValueError(f"protocol {dict(protocol)} is out of range")
-    # An order such as default, best, best, default spells its repeats out.
+    # An order such as default, best, best, default lists its repeats explicitly.
     repeats = max(int(protocol["repeats"]), order.count("default"))
     runs = -(-repeats // min(order.count(name) for name in order)) * len(order)
-    # Besides the order, the default and any one other configuration have to fit into a session.
+    # The default and any one other configuration must fit into a session, too.
     if max(runs, 2 * repeats) > MOST_RUNS:
         raise ValueError(f"protocol.repeats {repeats} of {list(order)} are more than {MOST_RUNS} runs")
     return Protocol(
@@ -339,9 +341,9 @@ def _adaptive(protocol: Mapping[str, Any], repeats: int) -> AdaptiveRepeats:
 
 
 def read_sequence(sequence: Mapping[str, Any]) -> tuple[tuple[Chunk, ...], tuple[Chunk, ...]]:
-    """The chunks of SEQUENCE and of its colour, checked; the latter are none where it is not told of.
+    """The chunks of SEQUENCE and of its colour, checked; the latter empty without colour.
 
-    Raises KeyError, TypeError or ValueError for one that cannot be.
+    Raises KeyError, TypeError or ValueError for invalid ones.
     """
     return _chunks(sequence, "sequence"), _chunks(sequence.get("colour"), "sequence.colour")
 
@@ -356,7 +358,7 @@ def _chunks(pack: Mapping[str, Any] | None, member: str) -> tuple[Chunk, ...]:
 
 def _chunk(chunk: Mapping[str, Any], member: str) -> Chunk:
     digest, size = str(chunk["sha256"]), int(chunk["bytes"])
-    # The digest becomes a file's name.
+    # The digest becomes a file name.
     if not DIGEST.fullmatch(digest) or size <= 0:
         raise ValueError(f"{member} chunk {digest!r} of {size} bytes")
     return Chunk(digest, size, str(chunk["url"]))

@@ -1,4 +1,4 @@
-"""Reference trajectories of protocol 2: the position after each frame, and how far a run is from that."""
+"""Reference trajectories of protocol 2: the position after each frame, and a run's deviation from it."""
 
 import json
 import math
@@ -15,15 +15,15 @@ from client_kit.home import Home, write_file
 Positions = Sequence[Sequence[float]]
 
 
-def at_hand(manifest: Manifest, home: Home) -> bool:
-    """Whether all that the manifest names were fetched before."""
+def all_present(manifest: Manifest, home: Home) -> bool:
+    """Whether all of the manifest's trajectories were fetched before."""
     return not _missing(manifest, home)
 
 
 def fetch(
     server: Server, manifest: Manifest, home: Home, pause: Callable[[float], None] = time.sleep
 ) -> None:
-    """Fetch those that are missing. All of the front are kept: another configuration may be measured offline.
+    """Fetch the missing ones of the whole front: another configuration may be measured offline later.
 
     Raises HomeError (a full disk), and what `downloads.fetch` raises.
     """
@@ -33,7 +33,7 @@ def fetch(
 
 
 def read(manifest: Manifest, home: Home) -> dict[str, Positions]:
-    """The reference trajectories of a front whose files are all at hand, by the configuration's name.
+    """The reference trajectories of a front by configuration; all files must be present.
 
     Empty in protocol 1. Raises NotFrontrunnerError for a file that is not a trajectory of the protocol's
     frames.
@@ -63,7 +63,7 @@ def _missing(manifest: Manifest, home: Home) -> list[Reference]:
     return [
         reference
         for sha256, reference in wanted.items()
-        if not downloads.is_whole(home.trajectory(sha256), sha256)
+        if not downloads.matches_digest(home.trajectory(sha256), sha256)
     ]
 
 

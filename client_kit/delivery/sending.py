@@ -1,4 +1,4 @@
-"""Sending what the spool holds: each session once, in its own request, whatever happened to the others."""
+"""Sending the spool: each session once, in its own request, independent of the others."""
 
 import re
 import time
@@ -12,10 +12,10 @@ from client_kit.delivery.spool import ACCEPTED, DUPLICATE, REJECTED, WAITING, It
 from client_kit.errors import OutdatedError, UsageError
 from client_kit.home import Home
 
-# What a server says of a submission's content: the same request will never be taken.
+# Client errors about a submission's content: the same request will never be accepted.
 FINAL = (400, 409, 413, 415, 422)
-# But for these. The participant may agree to the new text, and `renew` then makes another request of it; and
-# another device has, or gets, an installation of its own.
+# Exceptions: the participant may agree to the new consent text, and `renew` then changes the request; and
+# another device uses its own installation.
 CONSENT_OUTDATED = "consent_outdated"
 DEVICE_CHANGED = "device_changed"
 UUID = re.compile(r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b", re.IGNORECASE)
@@ -23,8 +23,8 @@ UUID = re.compile(r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b", re.IGNOREC
 
 @dataclass
 class Delivery:
-    """What became of one pass over the spool. `trouble` says why a server's sessions still wait; `busy`
-    that another process is sending; `outdated` that a server refuses this version of the client."""
+    """The outcome of one pass over the spool. `trouble`: why a server's sessions still wait; `busy`: another
+    process is sending; `outdated`: a server refuses this version of the client."""
 
     settled: list[Item] = field(default_factory=list)
     trouble: dict[str, str] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class Delivery:
     outdated: OutdatedError | None = None
 
     def lines(self) -> list[str]:
-        """What became of the sessions, for the participant."""
+        """The outcome of the sessions, for the participant."""
         lines = []
         for item in self.settled:
             line = f"Session {item.id[:8]}: {item.state} by {item.server}"
@@ -41,9 +41,9 @@ class Delivery:
         lines += [f"Erased at {address}." for address in self.erased]
         for address, reason in self.trouble.items():
             lines.append(f"Not sent: {reason}" if address in reason else f"Not sent to {address}: {reason}")
-            lines.append("What is to be sent is kept on this device and goes with the next `run` or `send`.")
+            lines.append("Unsent results are stored on this device and sent by the next `run` or `send`.")
         if self.busy:
-            lines.append("Another client is sending from the same folder: `send` again when it is done.")
+            lines.append("Another client is sending from the same folder: use `send` when it is done.")
         return lines
 
 
@@ -55,13 +55,12 @@ def deliver(
     connect: Callable[[str], Server] = Server,
     clock: Callable[[], float] = time.time,
 ) -> Delivery:
-    """Send every session that is due, oldest first, and every erasure that still waits. What a killed client
-    has finished of a session is sent, too.
+    """Send every session that is due, oldest first, and every pending erasure. Finished runs of a killed
+    client are sent, too.
 
-    A session that the server rejects is marked with its reason and the next one goes on. A server that
-    cannot be reached, or asks to wait, is left alone until the next pass; other servers are still served.
-    What one session was asked to wait holds for all of that server. `eager` disregards this client's own
-    pauses, as somebody who asks to send now expects.
+    A rejected session is marked with its reason, and the next one follows. A server that cannot be reached,
+    or asks to wait, is skipped until the next pass; the wait applies to all of its sessions. `eager` ignores
+    this client's own pauses, for an explicit request to send.
     """
     delivery = Delivery()
     with home.only_one("delivery") as alone:
@@ -87,17 +86,17 @@ def deliver(
                 delivery.trouble[item.server] = reason
             else:
                 settled = spool.find(item.id)
-                if settled is not None:  # else it was erased meanwhile
+                if settled is not None:  # otherwise it was erased meanwhile
                     delivery.settled.append(settled)
     return delivery
 
 
 def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
-    """Withdraw every agreement, forget every session and note what the servers are to erase; how many
-    sessions there were, and the servers.
+    """Withdraw every agreement, forget every session and request erasure; return the number of sessions, and
+    the servers.
 
-    A process that is sending finds nothing more to send. This waits for it: an installation that it made
-    meanwhile is among those to be erased.
+    A process that is sending finds nothing more to send. This waits for it, so an installation that it
+    created is erased, too.
     """
     consent.withdraw(home)
     sessions = spool.clear()
@@ -106,18 +105,18 @@ def erase(spool: Spool, home: Home) -> tuple[int, list[str]]:
 
 
 def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
-    """Erase one run on the servers that have it, then here; those servers.
+    """Erase one run on the servers that have it, then here; return those servers.
 
-    RUN is its id or the address of its page. Waits for a process that sends. Raises UsageError where it is
-    neither, or nobody has the run, and ServerError where a server cannot be asked: then it is still here,
-    too.
+    RUN is its id or the address of its page. Waits for a process that is sending. Raises UsageError for
+    anything else or an unknown run. Raises ServerError where a server cannot be reached: the run then stays
+    here, too.
     """
     run = run_id(run)
     with home.only_one("delivery", wait=True):
         _recover(spool, home)
         item = spool.holding(run)
         erased = []
-        for known in enrolment.known(home):
+        for known in enrolment.all_enrolments(home):
             if known.erase or (item is not None and item.server != known.server):
                 continue
             try:
@@ -130,12 +129,12 @@ def erase_run(spool: Spool, home: Home, run: str) -> list[str]:
         if item is not None:
             spool.drop(item, run)
         elif not erased:
-            raise UsageError(f"--run {run}: neither this device nor a server that it knows has such a run")
+            raise UsageError(f"--run {run}: neither this device nor its servers have this run")
     return erased
 
 
 def run_id(text: str) -> str:
-    """The id of a run in TEXT, which is that or the address of its page. Raises UsageError."""
+    """The id of a run from TEXT, an id or the address of its page. Raises UsageError."""
     found = UUID.findall(text)
     if not found:
         raise UsageError(f"--run {text}: give the run's id, as in `export`, or its page's address")
@@ -143,14 +142,14 @@ def run_id(text: str) -> str:
 
 
 def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) -> list[str]:
-    """Have every server replace the token by which it knows this client; those servers.
+    """Have every server replace this client's token; return those servers.
 
-    `on_renewed` hears of each at once. Waits for a process that sends. Where servers cannot be asked the
-    others are; then the first one's ServerError or OutdatedError is raised.
+    Calls `on_renewed` with each. Waits for a process that is sending. If servers cannot be reached, the
+    others are asked first; then the first ServerError or OutdatedError is raised.
     """
     renewed, troubles = [], []
     with home.only_one("delivery", wait=True):
-        for address in dict.fromkeys(known.server for known in enrolment.known(home)):
+        for address in dict.fromkeys(known.server for known in enrolment.all_enrolments(home)):
             try:
                 if not enrolment.renew(home, Server(address)):
                     continue
@@ -166,7 +165,7 @@ def renew_tokens(home: Home, on_renewed: Callable[[str], None] | None = None) ->
 
 
 def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:
-    """Have what waits for SERVER say that the participant agrees to VERSION of the consent text by now.
+    """Mark sessions waiting for SERVER as agreed to VERSION of the consent text.
 
     Nothing happens while another process sends: the next `run` renews it.
     """
@@ -178,7 +177,7 @@ def renew(spool: Spool, home: Home, server: str, version: str | int) -> None:
 
 
 def pauses(items: Iterable[Item], now: float, *, eager: bool = False) -> dict[str, float]:
-    """The seconds for which each server that ITEMS wait for is to be left alone, 0 where it is not."""
+    """The seconds until each server of ITEMS may be asked again, 0 for now."""
     seconds: dict[str, float] = {}
     for item in items:
         left = 0.0 if item.due(now, eager=eager) else item.not_before - now
@@ -187,12 +186,12 @@ def pauses(items: Iterable[Item], now: float, *, eager: bool = False) -> dict[st
 
 
 def waiting(spool: Spool) -> list[Item]:
-    """The sessions that no server has answered for yet."""
+    """The sessions without an answer from a server."""
     return [item for item in spool.items() if item.state in WAITING]
 
 
 def _recover(spool: Spool, home: Home) -> None:
-    """Queue what processes that have died were sending or measuring. Only the process that holds the lock
+    """Queue the sessions of processes that died while sending or measuring. Only the process with the lock
     "delivery" may call this."""
     spool.recover()
     if spool.drafts():
@@ -209,7 +208,7 @@ def _deliver_erasures(
     held: set[str],
     clock: Callable[[], float],
 ) -> None:
-    for known in enrolment.known(home):
+    for known in enrolment.all_enrolments(home):
         if not known.erase or known.server in held:
             continue
         pause = known.pause(clock())
@@ -223,7 +222,7 @@ def _deliver_erasures(
             retry_after = _retry_after(error)
             if retry_after is not None:
                 enrolment.postpone_erasure(home, known, clock() + retry_after)
-            # What is to be sent there waits for the erasure, and so as long.
+            # Sessions for that server wait for the erasure.
             for item in waiting(spool):
                 if item.server == known.server:
                     spool.postpone(item, str(error), retry_after)
@@ -232,7 +231,7 @@ def _deliver_erasures(
 
 
 def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
-    """Send one session and settle it. Raises what leaves it waiting."""
+    """Send one session and record the answer. Raises errors that leave it waiting."""
     body = spool.body(item)
     payload = spool.payload(item)
     if body is None or payload is None:
@@ -240,16 +239,16 @@ def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
     spool.mark_sending(item)
     forgotten = False
     of_others: list[str] = []  # tokens of installations that belong to other devices
-    most = len(enrolment.known(home))
+    most = len(enrolment.all_enrolments(home))
     while True:
-        # A refusal to enrol says nothing about the session.
+        # A refusal to enrol is not about the session.
         token = enrolment.token(home, server, payload["consent_version"], another_than=of_others)
         try:
             answer = server.submit(token, item.idempotency_key, body)
         except ProblemError as problem:
             if problem.status == 401 and not forgotten:
-                # The server does not know this installation any more, after a reset for instance. The ids
-                # of the runs keep it from counting twice what it may still have.
+                # The server no longer knows this installation, for instance after a reset. The ids of the
+                # runs prevent counting them twice.
                 enrolment.forget_token(home, server, token)
                 forgotten = True
                 continue
@@ -260,7 +259,7 @@ def _send(spool: Spool, home: Home, server: Server, item: Item) -> None:
                 raise
             spool.settle(item, REJECTED, str(problem))
             return
-        enrolment.use_first(home, server, token)
+        enrolment.prefer(home, server, token)
         state, reason = _verdict(answer)
         spool.settle(item, state, reason, str(answer["submission_id"]))
         return
@@ -277,7 +276,7 @@ def _retry_after(error: Exception) -> float | None:
 
 
 def _verdict(answer: dict[str, Any]) -> tuple[str, str | None]:
-    """The state of a session from the answers to its runs, and the reasons of those that were not taken.
+    """The state of a session from the answers to its runs, and the reasons of rejected ones.
 
     One accepted run makes it accepted; else one duplicate makes it duplicate.
     """
@@ -286,9 +285,9 @@ def _verdict(answer: dict[str, Any]) -> tuple[str, str | None]:
         reasons = [f"{item['status']}: {item['code']}" for item in answer["items"] if item.get("code")]
         answer["submission_id"]
     except (KeyError, TypeError) as error:
-        raise NotFrontrunnerError(f"the answer to a submission is not understood: {error}") from error
+        raise NotFrontrunnerError(f"the answer to a submission is malformed: {error}") from error
     reason = "; ".join(dict.fromkeys(reasons)) or None
     for state in (ACCEPTED, DUPLICATE, REJECTED):
         if state in states:
             return state, reason
-    raise NotFrontrunnerError(f"the answer to a submission tells nothing of its runs: {answer}")
+    raise NotFrontrunnerError(f"the answer to a submission lacks its runs: {answer}")

@@ -1,4 +1,4 @@
-"""The sequence that every client measures: downloaded once, chunk by chunk, each checked by its digest."""
+"""The clients' sequence: downloaded once, chunk by chunk, each checked by its digest."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from slam.datasets.formats.pack import MANIFEST, colour_folder
 
 
 class Download(Protocol):
-    """Whatever names a sequence and its parts: a manifest, or a lease."""
+    """An object with a sequence and its chunks: a manifest, or a lease."""
 
     @property
     def sequence(self) -> Mapping[str, Any]: ...
@@ -28,7 +28,7 @@ class Download(Protocol):
 
 
 class _Pack(NamedTuple):
-    """A folder with the chunks that belong there, and what its pack.json says."""
+    """A folder with its chunks, and the content of its pack.json."""
 
     folder: Path
     chunks: tuple[Chunk, ...]
@@ -44,32 +44,33 @@ def fetch(
 ) -> Path:
     """The folder of the manifest's sequence as a pack, complete and checked.
 
-    Chunks that an earlier, interrupted download left are kept. `progress` hears of bytes at hand and bytes
-    in all. Raises HomeError (a full disk), and what `downloads.fetch` raises.
+    Chunks of an interrupted download are reused. `progress` is called with the bytes present and in total.
+    Raises HomeError (a full disk), and what `downloads.fetch` raises.
     """
     packs, total = _packs(manifest, home), size(manifest)
     done = 0
     for pack in packs:
         for chunk in pack.chunks:
             path = pack.folder / "chunks" / chunk.sha256
-            if not downloads.is_whole(path, chunk.sha256):
+            if not downloads.matches_digest(path, chunk.sha256):
                 write_file(path, downloads.fetch(server, chunk.url, chunk.sha256, chunk.bytes, pause))
             done += chunk.bytes
             if progress is not None:
                 progress(done, total)
-    # Written last: a folder with it is a whole pack.
+    # Written last: a folder with it is a complete pack.
     for pack in packs:
         write_file(pack.folder / MANIFEST, pack.description)
     return packs[-1].folder
 
 
-def at_hand(manifest: Download, home: Home) -> Path | None:
-    """The folder of the manifest's sequence if it was downloaded whole before, else None."""
+def find_complete(manifest: Download, home: Home) -> Path | None:
+    """The folder of the manifest's sequence if it was downloaded completely before, else None."""
     packs = _packs(manifest, home)
     whole = all(
         os.access(pack.folder / MANIFEST, os.R_OK)
         and all(
-            downloads.is_whole(pack.folder / "chunks" / chunk.sha256, chunk.sha256) for chunk in pack.chunks
+            downloads.matches_digest(pack.folder / "chunks" / chunk.sha256, chunk.sha256)
+            for chunk in pack.chunks
         )
         for pack in packs
     )
@@ -77,12 +78,12 @@ def at_hand(manifest: Download, home: Home) -> Path | None:
 
 
 def size(manifest: Download) -> int:
-    """How many bytes the sequence has, with its colour where that is asked for."""
+    """The bytes of the sequence, including its colour where required."""
     return sum(chunk.bytes for chunk in (*manifest.chunks, *manifest.colour))
 
 
 def _packs(manifest: Download, home: Home) -> list[_Pack]:
-    """Where the sequence is, or will be, kept: its depth last."""
+    """The folders of the sequence, existing or not: depth last."""
     sequence = manifest.sequence
     folder = home.sequence(str(sequence["sha256"]))
     packs = [_Pack(folder, manifest.chunks, _description(sequence))]

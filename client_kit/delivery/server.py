@@ -1,4 +1,4 @@
-"""The server's HTTP interface as a client uses it: typed answers, typed refusals, no surprises.
+"""The server's HTTP interface as a client uses it, with typed answers and errors.
 
 Redirects are not followed: a token must never travel to an address that the participant did not name.
 Proxies and certificate roots come from the usual environment variables (HTTPS_PROXY, SSL_CERT_FILE).
@@ -23,7 +23,8 @@ from client_kit.errors import ClientError, OutdatedError, UsageError
 from frontrunner import __version__
 
 TIMEOUT_SECONDS = 30.0
-# What this client can do with a lease: several sequences, perturbed depth, an early stop, parts of a result.
+# Features of leases that this client supports: several sequences, perturbed depth, an early stop, parts of a
+# result.
 LEASE_VERSION = 2
 LARGEST_ANSWER = 4 * 2**20
 LARGEST_EXPORT = 2**30
@@ -31,21 +32,21 @@ LONGEST_WAIT_SECONDS = 24 * 3600.0
 
 
 class ServerError(ClientError):
-    """The server gave no usable answer; what was to be sent is still to be sent."""
+    """The server gave no usable answer; the request may be repeated."""
 
 
 class UnreachableError(ServerError):
-    """No connection, no answer in time, or an answer that broke off."""
+    """No connection, no answer in time, or an incomplete answer."""
 
 
 class NotFrontrunnerError(ServerError):
-    """Something answered that does not speak this interface, such as a hotel's log-in page."""
+    """The answer is not from a Frontrunner server, for instance from a hotel's log-in page."""
 
 
 class ProblemError(ServerError):
-    """The server's own refusal (RFC 9457): `code` is stable, `reason` is for people.
+    """An error answer of the server (RFC 9457): `code` is stable, `reason` is for people.
 
-    `retry_after` is what the server asks to wait, in seconds, or None; `field` the member that is wrong.
+    `retry_after` is the wait that the server asks for, in seconds, or None; `field` the wrong member.
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class ProblemError(ServerError):
 
     @property
     def temporary(self) -> bool:
-        """Whether the same request may succeed later: too many requests, or trouble on the server's side."""
+        """Whether the same request may succeed later: too many requests, or a server error."""
         return self.status == 429 or self.status >= 500
 
 
@@ -94,21 +95,21 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
 
 
 class Server:
-    """One Frontrunner server. Every method may raise ServerError or OutdatedError."""
+    """A Frontrunner server. Every method may raise ServerError or OutdatedError."""
 
     def __init__(self, url: str, *, timeout: float = TIMEOUT_SECONDS) -> None:
-        """Raises UsageError when `url` is no http or https address."""
+        """Raises UsageError when `url` is not an http or https address."""
         try:
             parts = urllib.parse.urlsplit(url if "://" in url else f"//{url}")
             parts.netloc.rpartition("@")[2].encode("idna")
             if not (url.isprintable() and parts.path.isascii()) or " " in url or parts.port == 0:
                 raise ValueError("it has characters, or a port, that no address has")
         except ValueError as error:
-            raise UsageError(f"--server {url!r} is no address: {error}") from error
+            raise UsageError(f"--server {url!r} is not an address: {error}") from error
         if parts.scheme not in ("http", "https") or not parts.hostname:
             raise UsageError(f"--server {url}: give an address such as https://frontrunner.example")
         if parts.username or parts.query or parts.fragment:
-            raise UsageError(f"--server {url}: give the address alone, with no user, query or fragment")
+            raise UsageError(f"--server {url}: give the address without user, query or fragment")
         self.url = f"{parts.scheme}://{parts.netloc}{parts.path.rstrip('/')}"
         self._timeout = timeout
         self._open = urllib.request.build_opener(_NoRedirect).open
@@ -121,13 +122,13 @@ class Server:
         return self._call("GET", f"/manifest{query}", headers=headers)
 
     def assigned_manifest(self, token: str, application: str, minutes: float) -> dict[str, Any]:
-        """A manifest of the configurations that this installation is asked to measure in MINUTES."""
+        """A manifest of the configurations that the server assigns to this installation for MINUTES."""
         query = urllib.parse.urlencode({"application": application, "minutes": f"{minutes:g}"})
         return self._call("GET", f"/manifest?{query}", token=token).json()
 
     def recommendation(self, application: str, token: str | None = None) -> dict[str, Any]:
-        """What the crowd's measurements say of this device: the configuration to use, and the whole front.
-        Raises ProblemError 404 where nothing can be said."""
+        """The crowd's predictions for this device: the recommended configuration, and the whole front. Raises
+        ProblemError 404 where there is none."""
         query = urllib.parse.urlencode({"application": application})
         return self._call("GET", f"/recommendation?{query}", token=token).json()
 
@@ -141,29 +142,29 @@ class Server:
             raise NotFrontrunnerError(f"the answer to an enrolment lacks {error}") from error
 
     def submit(self, token: str, key: str, body: bytes) -> dict[str, Any]:
-        """Send gzipped JSON under an idempotency key; the answer is the same however often it is sent."""
+        """Send gzipped JSON under an idempotency key; repeated requests get the same answer."""
         headers = {"Content-Encoding": "gzip", "Idempotency-Key": key}
         return self._call("POST", "/submissions", token=token, body=body, headers=headers).json()
 
     def submission(self, token: str, submission_id: str) -> dict[str, Any]:
-        """The state of what was submitted."""
+        """The state of a submission."""
         quoted = urllib.parse.quote(submission_id, safe="")
         return self._call("GET", f"/submissions/{quoted}", token=token).json()
 
     def own_data(self, token: str) -> dict[str, Any]:
-        """Everything that the server keeps of this installation."""
+        """All data of this installation on the server."""
         return self._call("GET", "/me/data", token=token, largest=LARGEST_EXPORT).json()
 
     def erase(self, token: str) -> None:
-        """Have everything of this installation erased."""
+        """Erase all data of this installation."""
         self._call("DELETE", "/me", token=token)
 
     def erase_run(self, token: str, run: str) -> None:
-        """Have one run of this installation erased. Raises ProblemError 404 where it sent none of that id."""
+        """Erase one run of this installation. Raises ProblemError 404 for an unknown id."""
         self._call("DELETE", f"/me/runs/{urllib.parse.quote(run, safe='')}", token=token)
 
     def renew_token(self, token: str) -> str:
-        """The next token of this installation; TOKEN works until that one is used for the first time."""
+        """A new token of this installation; TOKEN works until the new one is first used."""
         answer = self._call("POST", "/me/token", token=token, body=b"{}").json()
         try:
             return str(answer["token"])
@@ -171,12 +172,12 @@ class Server:
             raise NotFrontrunnerError(f"the answer to a token's renewal lacks {error}") from error
 
     def validate(self, token: str, body: bytes) -> list[dict[str, Any]]:
-        """What would become of each run of a submission, plain JSON; nothing is stored."""
+        """The dry run of a submission, plain JSON: the verdict on each run; nothing is stored."""
         answer = self._call("POST", "/submissions:validate", token=token, body=body).json()
         try:
             return list(answer["items"])
         except (KeyError, TypeError) as error:
-            raise NotFrontrunnerError(f"the answer to a dry run is not understood: {error!r}") from error
+            raise NotFrontrunnerError(f"the answer to a dry run is malformed: {error!r}") from error
 
     def speedups(self, front: str, configuration: str) -> list[dict[str, Any]]:
         """The crowd's speedups of one configuration, a row for each device and backend, fastest first."""
@@ -187,24 +188,24 @@ class Server:
             raise NotFrontrunnerError(f"the crowd's speedups are not understood: {error!r}") from error
 
     def lease(self, token: str, device: str, worker: str) -> dict[str, Any] | None:
-        """The next evaluation for a reference device; None where none waits."""
+        """The next evaluation for a reference device, or None."""
         wish = {"device": device, "worker": worker, "lease_version": LEASE_VERSION}
         body = json.dumps(wish).encode()
         answer = self._call("POST", "/leases", token=token, body=body)
         return None if answer.status == 204 else answer.json()
 
     def heartbeat(self, token: str, lease: str) -> None:
-        """Hold a lease for longer. Raises ProblemError 410 where it is gone."""
+        """Extend a lease. Raises ProblemError 410 where it is gone."""
         self._call("POST", f"/leases/{urllib.parse.quote(lease, safe='')}/heartbeat", token=token, body=b"{}")
 
     def finish(self, token: str, lease: str, result: Mapping[str, Any]) -> None:
-        """Tell what became of an evaluation. Raises ProblemError 410 where the lease is gone."""
+        """Report the outcome of an evaluation. Raises ProblemError 410 where the lease is gone."""
         path = f"/leases/{urllib.parse.quote(lease, safe='')}/result"
         self._call("POST", path, token=token, body=json.dumps(result).encode())
 
     def download(self, address: str, size: int | None = None) -> bytes:
-        """A file at an address that the manifest gave, relative or absolute: of exactly `size` bytes where
-        that is known, else of at most LARGEST_ANSWER."""
+        """A file at an address from the manifest, relative or absolute: exactly `size` bytes if known, else
+        at most LARGEST_ANSWER."""
         request = urllib.request.Request(urllib.parse.urljoin(f"{self.url}/", address))
         body = self._exchange(request, LARGEST_ANSWER if size is None else size).body
         if size is not None and len(body) != size:
@@ -242,7 +243,7 @@ class Server:
                 body = response.read(largest + 1)
                 if len(body) > largest:
                     raise NotFrontrunnerError(f"{self.url} answers with more than {largest} bytes")
-                # read(n) returns what came before a lost connection as if it were all.
+                # read(n) does not raise when the connection is lost: it returns what came before.
                 if len(body) < int(response.headers.get("Content-Length") or 0):
                     raise UnreachableError(f"{self.url} broke off its answer")
                 return Answer(response.status, response.headers, body)
@@ -261,7 +262,9 @@ class Server:
             return UnreachableError(f"{self.url} broke off its answer: {broken}")
         location = error.headers.get("Location")
         if 300 <= error.code < 400:
-            return NotFrontrunnerError(f"{self.url} points to {location}: give that server's address instead")
+            return NotFrontrunnerError(
+                f"{self.url} redirects to {location}: give that server's address instead"
+            )
         retry_after = _seconds(error.headers.get("Retry-After"))
         try:
             problem = json.loads(body)
@@ -272,7 +275,7 @@ class Server:
                     error.code, f"http_{error.code}", f"{self.url} {error.reason}", retry_after
                 )
             return NotFrontrunnerError(
-                f"{self.url} answers {error.code} {error.reason}, not as a Frontrunner server does"
+                f"{self.url} answers {error.code} {error.reason}, unlike a Frontrunner server"
             )
         reason = str(problem.get("detail") or problem.get("title") or "")
         if error.code == 426:
@@ -284,7 +287,7 @@ class Server:
 
 
 def _told(error: Exception) -> str:
-    """What the network said, in words for people."""
+    """The network error as a message for people."""
     reason = getattr(error, "reason", None) or error
     if isinstance(reason, ssl.SSLCertVerificationError):
         return (

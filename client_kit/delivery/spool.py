@@ -1,4 +1,4 @@
-"""Measured sessions on disk: safe before anything is sent, and until the server has answered for them."""
+"""Measured sessions on disk, from the measurement until the server's answer."""
 
 import gzip
 import json
@@ -41,7 +41,7 @@ CREATE TABLE IF NOT EXISTS session (
     submission_id TEXT
 )
 """
-# A table of its own: earlier versions of the client share the file, and know no such state.
+# A separate table: earlier versions of the client share the file and do not know this state.
 _DRAFTS = """
 CREATE TABLE IF NOT EXISTS draft (
     id TEXT PRIMARY KEY,
@@ -61,8 +61,8 @@ _DRAFT_COLUMNS = f"id, server, idempotency_key, bytes, '{DRAFT}', 0, created, 0,
 
 @dataclass(frozen=True)
 class Item:
-    """One session of the spool. `not_before` and `created` are seconds since the epoch; `asked_to_wait`
-    says that the server, not this client, chose `not_before`."""
+    """One session of the spool. `not_before` and `created` are seconds since the epoch; `asked_to_wait`: the
+    server, not this client, chose `not_before`."""
 
     id: str
     server: str
@@ -77,9 +77,9 @@ class Item:
     submission_id: str | None
 
     def due(self, now: float, *, eager: bool = False) -> bool:
-        """Whether it may be sent now; `eager` disregards this client's own pauses, never the server's.
+        """Whether it may be sent now; `eager` ignores this client's own pauses, not the server's.
 
-        A time further off than any pause can only come from a clock that was set back: it counts as due.
+        A time beyond any pause comes from a clock that was set back, and counts as due.
         """
         if self.state not in WAITING:
             return False
@@ -90,7 +90,7 @@ class Item:
 
 
 class Spool:
-    """The queue of sessions, one row each, in a SQLite file that is synchronised with every change.
+    """The queue of sessions, one row each, in a SQLite file that is synced with every change.
 
     Several processes may use one file. Methods raise HomeError when the disk is full or the file damaged.
     """
@@ -111,8 +111,8 @@ class Spool:
     def keep_draft(
         self, server: str, payload: Mapping[str, Any], allowed: Callable[[], None] = lambda: None
     ) -> None:
-        """Keep the finished runs of a session in progress, in place of its last draft; on disk when this
-        returns. It is not sent: `put` or `queue_drafts` makes a session of it. `allowed` is as in `put`.
+        """Store the finished runs of a session in progress as a draft, replacing the last one, and sync.
+        Drafts are not sent: `put` or `queue_drafts` turns them into sessions. `allowed` is as in `put`.
         """
         session_id = payload["sessions"][0]["id"]
         body = _packed(payload)
@@ -127,13 +127,13 @@ class Spool:
             _keep_quota(connection, session_id)
 
     def drafts(self) -> list[Item]:
-        """The sessions in progress, and those whose client was killed before it could queue them."""
+        """The sessions in progress, and those of clients that were killed."""
         with self._transaction() as connection:
             rows = connection.execute(f"SELECT {_DRAFT_COLUMNS} FROM draft ORDER BY rowid").fetchall()
         return [_item(row) for row in rows]
 
     def queue_drafts(self) -> None:
-        """Queue the sessions of clients that were killed. Call it only while no other one measures."""
+        """Queue the sessions of killed clients. Call it only while no other client measures."""
         with self._transaction() as connection:
             connection.execute(
                 "INSERT INTO session (id, server, idempotency_key, body, bytes, state, created) "
@@ -144,11 +144,11 @@ class Spool:
     def put(
         self, server: str, payload: Mapping[str, Any], allowed: Callable[[], None] = lambda: None
     ) -> Item:
-        """Keep a submission of one session for `server`; it is on disk when this returns. Its draft, if there
-        is one, goes in the same transaction, and leaves its idempotency key.
+        """Store a submission of one session for `server`, and sync. Its draft, if any, is removed in the same
+        transaction; the idempotency key stays.
 
-        The body is packed once, here: whatever happens later, the same bytes travel under the same key.
-        `allowed` is called while nobody else can change the spool; what it raises keeps the session out.
+        The body is packed once, here: later attempts send the same bytes under the same key. `allowed` is
+        called while the spool is locked; an error of it cancels the call.
         """
         session_id = payload["sessions"][0]["id"]
         body = _packed(payload)
@@ -188,19 +188,19 @@ class Spool:
         return [_item(row) for row in rows]
 
     def body(self, item: Item) -> bytes | None:
-        """What is sent of a session: gzipped JSON; None when the quota took it."""
+        """The body of a session: gzipped JSON; None if dropped for the quota."""
         with self._transaction() as connection:
             table = "draft" if item.state == DRAFT else "session"
             row = connection.execute(f"SELECT body FROM {table} WHERE id = ?", (item.id,)).fetchone()
         return row[0] if row else None
 
     def payload(self, item: Item) -> dict[str, Any] | None:
-        """What was, or will be, sent of a session; None when the quota took it."""
+        """The payload of a session; None if dropped for the quota."""
         body = self.body(item)
         return None if body is None else json.loads(gzip.decompress(body))
 
     def renew(self, item: Item, payload: Mapping[str, Any]) -> None:
-        """Send PAYLOAD instead for a session that waits, under a key of its own as its bytes are others."""
+        """Replace the payload of a waiting session by PAYLOAD, under a new key since its bytes differ."""
         body = _packed(payload)
         with self._transaction() as connection:
             connection.execute(
@@ -210,7 +210,7 @@ class Spool:
             )
 
     def holding(self, run: str) -> Item | None:
-        """The session with the run of that id, as far as its body is still here; None where there is none."""
+        """The session with the run of that id, if its body is still here, else None."""
         for item in self.items():
             payload = self.payload(item)
             if payload is not None and any(one["id"] == run for one in payload["sessions"][0]["runs"]):
@@ -220,7 +220,7 @@ class Spool:
     def drop(self, item: Item, run: str) -> None:
         """Forget one run of a session, and the session with its last one.
 
-        What waits is sent without it, under a key of its own. Call it only while no other one sends.
+        A waiting session is sent without it, under a new key. Call it only while no other process sends.
         """
         payload = self.payload(item)
         if payload is None:
@@ -234,19 +234,22 @@ class Spool:
             connection.execute("DELETE FROM session WHERE id = ?", (item.id,))
 
     def recover(self) -> None:
-        """Queue again what a process that has died was sending. Call it only while no other one sends."""
+        """Queue again the sessions of a process that died while sending.
+
+        Call it only while no other one sends.
+        """
         with self._transaction() as connection:
             connection.execute("UPDATE session SET state = 'queued' WHERE state = 'sending'")
 
     def mark_sending(self, item: Item) -> None:
-        """Note, before the first byte leaves, that a session may be reaching the server."""
+        """Mark a session as sending, before the first byte leaves."""
         with self._transaction() as connection:
             connection.execute(
                 "UPDATE session SET state = 'sending', attempts = attempts + 1 WHERE id = ?", (item.id,)
             )
 
     def settle(self, item: Item, state: str, reason: str | None, submission_id: str | None = None) -> None:
-        """Note the server's final word: ACCEPTED, DUPLICATE or REJECTED, with its reason."""
+        """Record the server's final answer: ACCEPTED, DUPLICATE or REJECTED, with its reason."""
         with self._transaction() as connection:
             connection.execute(
                 "UPDATE session SET state = ?, reason = ?, submission_id = ?, not_before = 0 WHERE id = ?",
@@ -254,9 +257,9 @@ class Spool:
             )
 
     def postpone(self, item: Item, reason: str, retry_after: float | None = None) -> None:
-        """Queue a session again: after `retry_after` seconds if the server named a time, else after a
-        pause that doubles its bound with every attempt and is drawn evenly below it (full jitter).
-        One that was erased meanwhile stays so."""
+        """Queue a session again: after `retry_after` seconds if the server gave them, else after a random
+        pause whose bound doubles with every attempt (full jitter). A session that was erased meanwhile stays
+        erased."""
         with self._transaction() as connection:
             row = connection.execute("SELECT attempts FROM session WHERE id = ?", (item.id,)).fetchone()
             if row is None:
@@ -270,7 +273,7 @@ class Spool:
             )
 
     def clear(self) -> int:
-        """Forget every session, sent or not, and every draft; how many there were."""
+        """Delete every session, sent or not, and every draft; return their number."""
         with self._transaction() as connection:
             drafts = connection.execute("DELETE FROM draft").rowcount
             return drafts + connection.execute("DELETE FROM session").rowcount
@@ -302,8 +305,8 @@ def _item(row: tuple[Any, ...]) -> Item:
 
 
 def _keep_quota(connection: sqlite3.Connection, newest: str) -> None:
-    """Stay below the quota: what the server has answered goes first, then the oldest unsent sessions
-    expire, and never the newest or a draft. A body is dropped, its row stays to tell what became of it."""
+    """Stay below the quota: answered sessions are dropped first, then the oldest unsent ones expire; never
+    the newest or a draft. Only the body is dropped; the row stays as a record."""
     rows = connection.execute(
         "SELECT id, bytes, state IN ('queued', 'sending') FROM session WHERE body IS NOT NULL AND id != ? "
         "ORDER BY state IN ('queued', 'sending'), rowid",

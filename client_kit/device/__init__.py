@@ -1,1 +1,1 @@
-"""The machine that measures: what it is, which of its devices measures, and what state it is in."""
+"""The measuring machine: its description, the choice of a device, and its condition."""

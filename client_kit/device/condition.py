@@ -1,7 +1,7 @@
 """The state a device is in before it measures: charge, power saving, throttling, load, free memory and disk.
 
-Every function answers None where the platform does not tell. Nothing here is sent; it decides whether a
-measurement would say something of the device, or only of the moment.
+Every function returns None where the platform does not report the value. Nothing here is sent; it decides
+whether a measurement would be representative of the device.
 """
 
 import ctypes
@@ -16,8 +16,8 @@ from client_kit.device import sensors
 from client_kit.device.sensors import Battery
 from client_kit.device.sources import number, output, program, read, word
 
-# Governors that hold the clock down. `powersave` means that only where the driver is not one of those that
-# choose clocks themselves, for which it is the usual setting.
+# Governors that limit the clock. `powersave` is the usual setting of drivers that choose clocks themselves;
+# it limits the clock only with other drivers.
 SAVING_PROFILES = ("low-power", "quiet")
 OWN_CLOCKS = ("intel_pstate", "amd-pstate", "amd-pstate-epp")
 COOLERS = re.compile(r"processor|cpufreq|cpu|gpu|devfreq", re.IGNORECASE)
@@ -28,8 +28,8 @@ MAC_CHARGE = re.compile(r"(\d+)%;\s*([a-z ]+)")
 def battery(root: Path = Path("/"), system: str = sys.platform) -> Battery | None:
     """The device's own battery: from sysfs, else from Termux:API, macOS or Windows."""
     if system == "darwin":
-        told = MAC_CHARGE.search(output(program("pmset"), "-g", "batt") or "")
-        return Battery(float(told[1]), told[2].strip() == "discharging") if told else None
+        found = MAC_CHARGE.search(output(program("pmset"), "-g", "batt") or "")
+        return Battery(float(found[1]), found[2].strip() == "discharging") if found else None
     if system == "win32":
         status = _windows_power()
         if status is None or status[1] > 100:
@@ -39,10 +39,10 @@ def battery(root: Path = Path("/"), system: str = sys.platform) -> Battery | Non
 
 
 def power_saving(root: Path = Path("/"), system: str = sys.platform) -> bool | None:
-    """Whether the user or the system holds clocks down to save charge."""
+    """Whether the user or the system limits clocks to save power."""
     if system == "darwin":
-        told = re.search(r"lowpowermode\s+(\d)", output(program("pmset"), "-g") or "")
-        return told[1] == "1" if told else None
+        found = re.search(r"lowpowermode\s+(\d)", output(program("pmset"), "-g") or "")
+        return found[1] == "1" if found else None
     if system == "win32":
         status = _windows_power()
         return None if status is None else status[2] == 1
@@ -60,10 +60,10 @@ def power_saving(root: Path = Path("/"), system: str = sys.platform) -> bool | N
 
 
 def throttling(root: Path = Path("/"), system: str = sys.platform) -> str | None:
-    """What the platform reports of cooling by slowing down; None where it reports nothing.
+    """The platform's report of thermal throttling, or None.
 
-    Thermal zones are not asked: on phones many of them are voltages or percents, and on PCs their passive
-    trips are whatever a program was notified of last.
+    Thermal zones are not used: on phones many of them are voltages or percentages, and on PCs their passive
+    trips depend on the last notification of a program.
     """
     if system == "darwin":
         limit = MAC_SPEED_LIMIT.search(output(program("pmset"), "-g", "therm") or "")
@@ -76,20 +76,20 @@ def throttling(root: Path = Path("/"), system: str = sys.platform) -> str | None
 
 
 def load(root: Path = Path("/"), system: str = sys.platform) -> float | None:
-    """How many processors other programs keep busy, averaged over the last minute."""
+    """The number of busy processors, averaged over the last minute."""
     if system.startswith(("linux", "android")):
-        told = (read(root / "proc/loadavg") or "").split()
-        return float(told[0]) if told else None
+        found = (read(root / "proc/loadavg") or "").split()
+        return float(found[0]) if found else None
     try:
         return os.getloadavg()[0]
-    except (AttributeError, OSError):  # Windows has no such thing
+    except (AttributeError, OSError):  # not on Windows
         return None
 
 
 def free_memory(root: Path = Path("/")) -> int | None:
-    """Bytes that programs can still get without the system ending others; Linux and Android tell."""
-    told = re.search(r"^MemAvailable:\s+(\d+) kB", read(root / "proc/meminfo") or "", re.MULTILINE)
-    return int(told[1]) * 1024 if told else None
+    """Bytes that programs can still allocate without the system ending others; Linux and Android only."""
+    found = re.search(r"^MemAvailable:\s+(\d+) kB", read(root / "proc/meminfo") or "", re.MULTILINE)
+    return int(found[1]) * 1024 if found else None
 
 
 def free_disk(folder: Path) -> int | None:
@@ -103,8 +103,8 @@ def free_disk(folder: Path) -> int | None:
 def _termux_battery() -> Battery | None:
     """Android hides the battery's files from apps; the package termux-api asks the system."""
     try:
-        told = json.loads(output(program("termux-battery-status")) or "null")
-        return Battery(float(told["percentage"]), told["status"] == "DISCHARGING")
+        found = json.loads(output(program("termux-battery-status")) or "null")
+        return Battery(float(found["percentage"]), found["status"] == "DISCHARGING")
     except (ValueError, TypeError, KeyError):
         return None
 

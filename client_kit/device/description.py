@@ -1,7 +1,7 @@
-"""What a device says of itself: raw strings, null where it says nothing, never who owns it.
+"""The description of a device: raw strings, null where unknown, nothing about its owner.
 
-Only the sources named here are read. Serial numbers, network addresses, host and user names are in none of
-them; the server decides what the strings mean, so that a wrong guess can be put right later.
+Only the sources named here are read. They contain no serial numbers, network addresses, host or user names.
+The server interprets the strings, so that a wrong guess can be corrected later.
 """
 
 import math
@@ -59,15 +59,16 @@ ANDROID_PROPERTIES = {
     "board_platform": "ro.board.platform",
     "egl": "ro.hardware.egl",
 }
-GETPROP = "system/bin/getprop"  # where it is when a terminal's PATH has its own programs alone
+GETPROP = "system/bin/getprop"  # its place when a terminal's PATH does not include it
 
 
 def identify(
     root: Path = Path("/"), system: str = sys.platform, processor: Mapping[str, str | None] | None = None
 ) -> Identity:
-    """All FIELDS of this device, null where unknown; `processor` adds those of the one that computes.
+    """All FIELDS of this device, null where unknown; `processor` adds those of the measuring device.
 
-    `root` stands for the file system's root and `system` for sys.platform, so that any device can be played.
+    `root` stands for the file system's root and `system` for sys.platform, so that tests can imitate any
+    device.
     """
     if system == "darwin":
         found = _macos()
@@ -80,10 +81,10 @@ def identify(
 
 
 def processor_identity(device: "Device") -> Identity:
-    """What DEVICE and its driver say of themselves.
+    """The fields of DEVICE and its driver.
 
     Over WebGPU the same fields hold the adapter's name, its driver, and the interface below (Vulkan, Metal,
-    Direct3D); an adapter has no vendor's name and no version of OpenCL.
+    Direct3D); an adapter has neither a vendor name nor an OpenCL version.
     """
     if device.backend == "opencl":
         return opencl_identity(device.handle)
@@ -110,12 +111,12 @@ def opencl_identity(device: Any) -> Identity:
 
 
 def is_android(root: Path = Path("/")) -> bool:
-    """Whether this is Android, as Termux runs on it."""
+    """Whether this is Android, in Termux."""
     return bool(_android(root))
 
 
 def _android(root: Path) -> Identity:
-    """The allowed system properties, or nothing where there is no Android's getprop."""
+    """The allowed system properties; empty without Android's getprop."""
     getprop = program("getprop", root, GETPROP)
     if getprop is None:
         return {}
@@ -163,13 +164,13 @@ def _cpuinfo(root: Path) -> Identity:
 
 
 def _sizes(root: Path) -> Identity:
-    """The highest clock of each kind of core, and the memory in whole GiB: makers' numbers, not states."""
+    """The highest clock of each kind of core, and the memory in whole GiB: nominal values, not states."""
     cores = (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/cpuinfo_max_freq")
     clocks = sorted({round(kilohertz / 1000) for core in cores if (kilohertz := number(core))})
     total = _kilobytes(read(root / "proc/meminfo") or "", "MemTotal")
     return {
         "cpu_max_mhz": line(" ".join(map(str, clocks))),
-        # The kernel keeps some of it, more or less with each version: rounding up gives what was sold.
+        # The kernel reserves a part that varies by version: rounding up gives the nominal size.
         "memory_gib": line(math.ceil(total / 2**20)) if total else None,
     }
 

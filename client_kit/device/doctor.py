@@ -1,4 +1,4 @@
-"""`doctor`: what of a measurement would work on this device now, and what stands against it."""
+"""`doctor`: whether a measurement would work on this device now, and the obstacles."""
 
 import platform
 import sys
@@ -12,7 +12,7 @@ from frontrunner import __version__
 
 
 def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:
-    """Line by line; raises CannotMeasureError at the end where nothing can be measured."""
+    """Yield lines; raises CannotMeasureError at the end where nothing can be measured."""
     yield f"Client {__version__}, Python {platform.python_version()} on {sys.platform}"
     yield f"State is kept in {home.path}"
     from client_kit.device import selection
@@ -21,12 +21,12 @@ def examine(home: Home, root: Path = Path("/")) -> Iterator[str]:
     best = selection.choose(root=root)
     present = selection.present()
     names = [(found.backend, found.label) for found in present]
-    chosen = names.index((best.backend, best.label))  # of two that are alike, the first
+    chosen = names.index((best.backend, best.label))  # of two identical devices, the first
     for number, found in enumerate(present):
         used = ", used unless --device or --backend names another" if number == chosen else ""
         memory = f", {found.global_memory >> 20} MiB" if found.global_memory else ""
         yield f"{NAMES[found.backend]} device: {found.label}{memory}{used}"
-    yield "What the server would be told of this device:"
+    yield "What this device would send to the server:"
     identity = description.identify(root, processor=description.processor_identity(best))
     for name, value in identity.items():
         yield f"  {name}: {'unknown' if value is None else value}"

@@ -1,4 +1,4 @@
-"""What to install where OpenCL cannot be used, in one line that fits the platform."""
+"""Remedies where OpenCL cannot be used, in one line for each platform."""
 
 import sys
 from pathlib import Path
@@ -15,7 +15,7 @@ ANY_LIBRARY = ("vendor/lib64/libOpenCL.so", "system/vendor/lib64/libOpenCL.so")
 
 ADRENO = "start again with LD_LIBRARY_PATH=/vendor/lib64:$PREFIX/lib before the command, in that order"
 MALI = "pkg install opencl-vendor-driver, then start again"
-NO_LIBRARY = "this device's maker gives programs no OpenCL library (none in /vendor/lib64)"
+NO_LIBRARY = "this device has no OpenCL library for programs (none in /vendor/lib64)"
 BUILD_ON_ANDROID = (
     "pkg install python-numpy clang cmake ninja ocl-icd opencl-headers, then pip install pyopencl"
 )
@@ -27,9 +27,9 @@ LOADERS = {
 
 
 def remedy(error: Exception, root: Path = Path("/"), system: str = sys.platform) -> str:
-    """Why no OpenCL device can be used, and what would help here.
+    """Why no OpenCL device can be used, and a remedy.
 
-    `error` is what came of looking for one: a module that is missing or does not load, or no device.
+    `error` is the result of the search: a module that is missing or does not load, or no device.
     """
     android = system.startswith(("linux", "android")) and is_android(root)
     if isinstance(error, ModuleNotFoundError):

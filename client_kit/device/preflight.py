@@ -1,4 +1,4 @@
-"""What stands against measuring now, in words that say what to do; asked before a session begins."""
+"""Obstacles to measuring now, with remedies; checked before a session begins."""
 
 import os
 import sys
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from slam.devices.device import Device
 
 BATTERY, POWER_SAVING, THROTTLING, LOAD, DISK = "battery", "power-saving", "throttling", "load", "disk"
-# What a participant may decide to measure in spite of.
+# Concerns that a participant may ignore.
 IGNORABLE = (BATTERY, POWER_SAVING, THROTTLING)
 BUSY_SHARE = 0.5
 # A voxel's word (slam/kfusion/plan.py). By rows its weight lies in a second buffer.
 WORD_BYTES, WEIGHT_BYTES = 4, 1
 SMALLEST_VOLUME = 64
-# Spool, documents and what SQLite needs beside them while it writes.
+# Space for spool, documents and SQLite's temporary files.
 NEEDED_DISK_BYTES = 16 * 2**20
 
 
 @dataclass(frozen=True)
 class Concern:
-    """One thing that speaks against measuring now; `stops` says that it should not be done at all."""
+    """A reason against measuring now; `stops`: measuring is refused."""
 
     name: str
     text: str
@@ -38,16 +38,16 @@ class Concern:
 def concerns(
     home: Home, root: Path = Path("/"), system: str = sys.platform, download: int = 0
 ) -> list[Concern]:
-    """Everything that speaks against measuring now; what the platform does not tell is no concern.
+    """All reasons against measuring now; unknown values are ignored.
 
-    DOWNLOAD is how many bytes of a sequence are still to be kept.
+    DOWNLOAD is the number of bytes of a sequence still to be stored.
     """
     found = []
     charge = condition.battery(root, system)
     if charge is not None and charge.low:
         found.append(Concern(BATTERY, f"the battery is at {charge.percent:.0f} %: plug the device in", True))
     if condition.power_saving(root, system):
-        text = "power saving is on, which holds the clocks down: switch it off"
+        text = "power saving is on, which limits the clocks: switch it off"
         found.append(Concern(POWER_SAVING, text, True))
     slowed = condition.throttling(root, system)
     if slowed is not None:
@@ -67,24 +67,24 @@ def concerns(
 
 
 def require_fit(found: Iterable[Concern], ignored: Collection[str] = ()) -> list[Concern]:
-    """The concerns to be told and gone on with. Raises CannotMeasureError for the first that stops."""
-    told = []
+    """The concerns that do not stop. Raises CannotMeasureError for the first that stops."""
+    passed = []
     for concern in found:
         if concern.stops and concern.name not in ignored:
             remedy = f", or add --ignore {concern.name}" if concern.name in IGNORABLE else ""
             raise CannotMeasureError(f"{concern.text}{remedy}")
-        told.append(concern)
-    return told
+        passed.append(concern)
+    return passed
 
 
 def too_large(
     configurations: Mapping[str, Mapping[str, Any]], device: "Device", root: Path = Path("/")
 ) -> dict[str, str]:
-    """The reasons of those CONFIGURATIONS (parameters by name) that this device has no memory for.
+    """The reasons of those CONFIGURATIONS (parameters by name) that this device lacks memory for.
 
-    Telling beforehand matters on phones: there the system ends whoever takes the last memory, and the
-    session with it. Memory of the device is the machine's own unless it is a GPU with its own. WebGPU does
-    not say how much that is.
+    Checking in advance matters on phones: there the system ends a program that takes the last memory, and the
+    session with it. A device uses the machine's memory unless it is a GPU with its own. WebGPU does not
+    report its size.
     """
     free = condition.free_memory(root)
     by_rows = device.backend == "opencl" and not Layout.for_device(device.kind).pixels

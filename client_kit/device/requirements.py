@@ -1,4 +1,4 @@
-"""What an application needs beyond the base installation, which runs KinectFusion alone."""
+"""Packages of an application beyond the base installation, which runs only KinectFusion."""
 
 import sys
 from importlib.util import find_spec
@@ -7,7 +7,7 @@ from pathlib import Path
 from client_kit.device.description import is_android
 from client_kit.errors import CannotMeasureError, OutdatedError
 
-# By application the packages of its extra, with the module by which each is found.
+# By application: the packages of its extra, with the module of each.
 NEEDED = {
     "elasticfusion": {"opencv-python-headless": "cv2", "scipy": "scipy"},
     "kfusion": {},
@@ -16,11 +16,11 @@ ON_ANDROID = {"opencv-python-headless": "opencv-python", "scipy": "python-scipy"
 
 
 def require(application: str, root: Path = Path("/")) -> None:
-    """Raises OutdatedError for an application that this version does not have, CannotMeasureError, naming the
-    command to be given, where a package is missing for it."""
+    """Raises OutdatedError for an unknown application, CannotMeasureError, with the command to install it,
+    for a missing package."""
     if application not in NEEDED:
         raise OutdatedError(
-            f"this client measures {', '.join(NEEDED)} and knows no {application}: update it, or name one of "
+            f"this client measures {', '.join(NEEDED)}, not {application}: update it, or name one of "
             "these (--application)"
         )
     missing = [package for package, module in NEEDED[application].items() if find_spec(module) is None]

@@ -1,4 +1,4 @@
-"""Which device of which backend measures: the fastest that works here."""
+"""Choosing the measuring device: the fastest that works here."""
 
 import os
 import subprocess
@@ -9,13 +9,13 @@ from pathlib import Path
 
 from client_kit.device import drivers
 from client_kit.errors import CannotMeasureError, UsageError
-from slam import isolated
+from slam import child_process
 from slam.devices.choice import NAMES, choose_device, list_devices
 from slam.devices.device import BACKENDS, Device, NoDeviceError
 
-# From fast to slow. Of two devices of one kind that over OpenCL comes first.
+# From fast to slow. Of two devices of one kind, OpenCL comes first.
 KINDS = ("gpu", "accelerator", "other", "cpu")
-# A driver may abort or hang where it should open a device: the trial has a process of its own.
+# A driver may abort or hang when it opens a device: the trial has its own process.
 TRIAL = (
     "import sys\n"
     "from slam.devices.choice import choose_device, open_session\n"
@@ -25,11 +25,11 @@ TRIAL_SECONDS = 60
 
 
 def backends_for(application: str, wanted: str | None = None) -> tuple[str, ...]:
-    """The backends that APPLICATION runs on, or WANTED alone.
+    """The backends that APPLICATION runs on, or only WANTED.
 
     Raises UsageError where it does not run on WANTED.
     """
-    from slam.systems import definition
+    from slam.registry import definition
 
     backends = definition(application).backends
     if wanted is None:
@@ -47,10 +47,10 @@ def present(backends: Sequence[str] = BACKENDS) -> list[Device]:
 def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Path = Path("/")) -> Device:
     """The fastest device of BACKENDS, or the fastest whose label contains TEXT (case does not matter).
 
-    Of several BACKENDS, a device over WebGPU is left out where it does not open and another one is here: a
-    graphics driver that lists an adapter may still refuse it.
+    With several BACKENDS, a WebGPU device that does not open is skipped if there is another one: a graphics
+    driver may list an adapter and refuse it.
 
-    Raises CannotMeasureError, which says what is present or what would help.
+    Raises CannotMeasureError, which lists the devices or a remedy.
     """
     found: list[Device] = []
     matching: list[Device] = []
@@ -58,7 +58,7 @@ def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Pa
         found += _listed(backend)
         matching = [device for device in found if (text or "").lower() in device.label.lower()]
         if any(device.kind == KINDS[0] for device in matching):
-            break  # nothing that follows is faster, and looking for it may load another driver
+            break  # no later device is faster, and the search may load another driver
     if matching:
         return _first_that_opens(_ranked(matching)) if len(backends) > 1 else _ranked(matching)[0]
     if found:
@@ -73,7 +73,7 @@ def choose(text: str | None = None, backends: Sequence[str] = BACKENDS, root: Pa
 
 
 def _first_that_opens(devices: Sequence[Device]) -> Device:
-    """The first of DEVICES that is not over WebGPU, or opens; else the first: its failure says why."""
+    """The first of DEVICES that is not WebGPU, or opens; else the first: its failure gives the reason."""
     if len(devices) == 1:
         return devices[0]
     opening = (device for device in devices if device.backend != "webgpu" or _opens(device))
@@ -83,7 +83,7 @@ def _first_that_opens(devices: Sequence[Device]) -> Device:
 def _opens(device: Device) -> bool:
     command = [sys.executable, "-c", TRIAL, device.label, device.backend]
     try:
-        done = subprocess.run(command, cwd=isolated.ROOT, capture_output=True, timeout=TRIAL_SECONDS)
+        done = subprocess.run(command, cwd=child_process.ROOT, capture_output=True, timeout=TRIAL_SECONDS)
     except (OSError, subprocess.TimeoutExpired):
         return False
     return done.returncode == 0
@@ -105,7 +105,7 @@ def _listed(backend: str) -> list[Device]:
 
 @contextmanager
 def _silenced() -> Iterator[None]:
-    """Nothing is written to standard error: graphics drivers complain there of missing windows."""
+    """Silence standard error, where graphics drivers report missing windows."""
     sys.stderr.flush()
     kept = os.dup(2)
     try:

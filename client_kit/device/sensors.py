@@ -10,8 +10,8 @@ from typing import TypedDict
 from client_kit.device.sources import number, word
 
 PLAUSIBLE_CELSIUS = (-40.0, 150.0)
-# Qualcomm's kernels have zones of the battery's charge (soc, percent), voltage and current, which act on low
-# readings.
+# Qualcomm's kernels have zones for the battery's charge (soc, percent), voltage and current, which are not
+# temperatures.
 NO_TEMPERATURE = re.compile(r"soc$|.*(vbat|ibat|bcl)", re.IGNORECASE)
 LOW_POLICY = "low_limits"
 INTERVAL_SECONDS = 1.0
@@ -29,21 +29,21 @@ class Sample(TypedDict):
 
 @dataclass(frozen=True)
 class Battery:
-    """Charge in percent, and whether it is running down; None where the platform does not say."""
+    """Charge in percent, and whether it is discharging; None where unknown."""
 
     percent: float
     discharging: bool | None
 
     @property
     def low(self) -> bool:
-        """Whether a measurement would be throttled, or would empty it."""
+        """Whether a measurement might be throttled, or empty the battery."""
         return self.percent < LOW_BATTERY_PERCENT and self.discharging is not False
 
 
 def temperature(root: Path = Path("/")) -> float | None:
     """The hottest plausible thermal zone, in degrees Celsius.
 
-    The zones' names differ from maker to maker; the hottest one is what a throttling policy acts on.
+    The zones' names differ from maker to maker; the throttling policy acts on the hottest one.
     """
     zones = (
         number(zone / "temp")
@@ -58,7 +58,7 @@ def temperature(root: Path = Path("/")) -> float | None:
 
 
 def clock(root: Path = Path("/")) -> float | None:
-    """The fastest core's present clock in MHz: the one that the measured thread is likely to run on."""
+    """The fastest core's current clock in MHz: the measured thread probably runs on it."""
     pattern = "cpu[0-9]*/cpufreq/scaling_cur_freq"
     kilohertz = [number(path) for path in (root / "sys/devices/system/cpu").glob(pattern)]
     known = [value / 1000 for value in kilohertz if value]
@@ -66,7 +66,7 @@ def clock(root: Path = Path("/")) -> float | None:
 
 
 def battery(root: Path = Path("/")) -> Battery | None:
-    """The device's own battery, not that of a mouse or a pen; None on a machine without one."""
+    """The device's battery, not that of a mouse or a pen; None on a machine without one."""
     for supply in sorted((root / "sys/class/power_supply").glob("*")):
         if word(supply / "type") != "Battery" or word(supply / "scope") == "Device":
             continue
@@ -79,7 +79,7 @@ def battery(root: Path = Path("/")) -> Battery | None:
 
 @dataclass
 class Sampler:
-    """Readings at most once a second, taken between frames so that they cost no measured time."""
+    """Readings at most once a second, taken between frames, outside of the measured time."""
 
     root: Path = Path("/")
     now: Callable[[], float] = time.monotonic

@@ -1,8 +1,10 @@
-"""What this machine tells of itself: small files and small programs, None where it hides or lacks one."""
+"""Sources of system information: small files and programs; None where missing or hidden."""
 
 import shutil
 import subprocess
 from pathlib import Path
+
+from slam.public_text import one_line
 
 LARGEST_FILE = 1_000_000
 LONGEST_TEXT = 200
@@ -19,12 +21,12 @@ def read(path: Path) -> str | None:
 
 
 def word(path: Path) -> str | None:
-    """A file's text without the space around it; None for an empty one too."""
+    """A file's text without surrounding space; None if empty."""
     return (read(path) or "").strip() or None
 
 
 def number(path: Path) -> float | None:
-    """The number that a file holds; None where it holds none."""
+    """The number in a file, or None."""
     try:
         return float(word(path) or "")
     except ValueError:
@@ -32,13 +34,13 @@ def number(path: Path) -> float | None:
 
 
 def program(name: str, root: Path = Path("/"), *places: str) -> str | None:
-    """Where a program is: on PATH, else at one of PLACES below ROOT."""
+    """The path of a program: on PATH, else at one of PLACES below ROOT."""
     found = shutil.which(name)
     return found or next((str(root / place) for place in places if (root / place).is_file()), None)
 
 
 def output(path: str | None, *arguments: str) -> str | None:
-    """What a program prints; None where it is missing, fails or does not come back in time."""
+    """The output of a program; None where it is missing, fails or takes too long."""
     if path is None:
         return None
     try:
@@ -55,8 +57,5 @@ def output(path: str | None, *arguments: str) -> str | None:
 
 
 def line(value: object) -> str | None:
-    """VALUE as one printable line of at most LONGEST_TEXT characters, None when nothing is left of it."""
-    if value is None:
-        return None
-    printable = "".join(c if c.isprintable() else " " for c in str(value))
-    return " ".join(printable.split())[:LONGEST_TEXT] or None
+    """VALUE as one printable line of at most LONGEST_TEXT characters, or None if empty."""
+    return None if value is None else one_line(str(value), LONGEST_TEXT) or None

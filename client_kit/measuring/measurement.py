@@ -24,7 +24,7 @@ from slam.datasets import SequenceError, open_sequence
 from slam.devices.device import Device
 from slam.protocol import DECODED_AHEAD, FIXED_PAIRS, NO_STAGES
 
-# What runs, frames done, frames in all, seconds until the session is over (None while unknown).
+# The configuration, frames done, frames in total, seconds until the session ends (None: unknown).
 OnFrame = Callable[[str, int, int, float | None], None]
 
 
@@ -44,19 +44,19 @@ def measure(
 ) -> Session:
     """Measure the configurations of `plan` on DEVICE, one after another, over the pack at `sequence`.
 
-    Every configuration first runs over the protocol's warm-up frames, whose results are dropped: programs
-    get compiled and clocks rise. Protocol 1 repeats runs after the plan until the intervals are narrow.
-    Protocol 2 ends with the plan. There an empty frame is measured first, and each run is compared with its
-    reference trajectory in `references`.
+    Every configuration first runs over the protocol's warm-up frames, whose results are dropped: programs are
+    compiled and clocks rise. Protocol 1 repeats runs after the plan until the intervals are narrow. Protocol
+    2 ends with the plan. It measures an empty frame first, and compares each run with its reference
+    trajectory in `references`.
 
-    A configuration that fails on this device is recorded with its reason and the others go on, even where it
-    ends or hangs the process that measures; those in `impossible`, with their reasons, are not even tried.
-    Where nothing can be measured any more what is left fails with that reason, and the finished runs stay.
-    Ctrl-C ends the session, which keeps its finished runs. After every finished run `keep` gets the session
-    so far, then `on_run` the run. Neither they nor `on_frame` are called within the measured time of a frame.
+    A configuration that fails on this device is recorded with its reason, even if it ends or hangs the
+    measuring process, and the others go on. Those in `impossible`, with their reasons, are not tried. If the
+    device is lost, the remaining runs fail with that reason, and the finished runs stay. Ctrl-C ends the
+    session, which keeps its finished runs. After every finished run, `keep` is called with the session so
+    far, then `on_run` with the run. All callbacks are called outside of the measured time.
 
-    Raises CannotMeasureError when no device can compute, or the sequence cannot serve, from the beginning,
-    and KeyboardInterrupt when no run was finished.
+    Raises CannotMeasureError when the device or the sequence cannot be used from the start, and
+    KeyboardInterrupt when no run was finished.
     """
     protocol = manifest.protocol
     try:
@@ -110,7 +110,7 @@ def measure(
                     if on_run is not None:
                         on_run(runs[-1])
                 now = time.monotonic()
-                following = repeats.further(runs, protocol, now - began, (now - measuring) / len(runs))
+                following = repeats.next_runs(runs, protocol, now - began, (now - measuring) / len(runs))
                 runner.schedule.add(following, protocol.frames)
         except KeyboardInterrupt:
             if not runs:
@@ -120,7 +120,7 @@ def measure(
 
 
 def _not_shown(_label: str, _done: int, _total: int, _left: float | None) -> None:
-    """The progress of a session that is not shown."""
+    """Progress that is not shown."""
 
 
 class SessionRunner:
@@ -138,17 +138,17 @@ class SessionRunner:
     ) -> None:
         self.sampler = Sampler(root)
         self.schedule = Schedule(manifest.protocol.rest_seconds)
-        self.stage_clock = NO_STAGES  # until a report says what measured them
+        self.stage_clock = NO_STAGES  # until a report names their clock
         self._worker, self._manifest, self._plan, self._on_frame = worker, manifest, plan, on_frame
         self._references = references
-        self._hopeless = dict(impossible)  # what is not tried any more, with the reasons
+        self._hopeless = dict(impossible)  # configurations that are not tried again, with the reasons
         self._warm: set[str] = set()
 
     def empty_frame_us(self) -> float:
-        """What a frame costs here that computes nothing.
+        """The cost of an empty frame.
 
-        Where the process breaks it is measured once more, in another process. Raises CannotMeasureError where
-        it still does not run.
+        If the process breaks, it is measured once more in another process. Raises CannotMeasureError if that
+        fails, too.
         """
         try:
             try:
@@ -176,7 +176,7 @@ class SessionRunner:
         repeat, order = sum(run.configuration == name for run in before), len(before)
         frames = self._manifest.protocol.frames
         try:
-            if name not in self._warm:  # the process in which it was warmed up is gone
+            if name not in self._warm:  # the process with its warm-up is gone
                 self._warm_up(name)
             outcome: Outcome | str = self._over(name, frames, self._label(name, order))
         except FailedError as error:
@@ -184,7 +184,7 @@ class SessionRunner:
         except CannotMeasureError as error:
             if not before:
                 raise
-            outcome = self._nothing_runs(reasons.public(str(error)))
+            outcome = self._nothing_runs(reasons.public_line(str(error)))
         finally:
             self.schedule.end()
         if isinstance(outcome, Outcome):
@@ -212,7 +212,7 @@ class SessionRunner:
             raise FailedError(self._hopeless[name])
         self.schedule.begin()
         try:
-            # Protocol 1 decodes each frame before it is measured, as its first clients did.
+            # Protocol 1 decodes each frame before measuring it, as its first clients did.
             ahead = DECODED_AHEAD if self._manifest.protocol.version == FIXED_PAIRS else 1
             return self._worker.measure(
                 self._manifest.configurations[name].parameters, frames, between_frames, ahead
@@ -226,6 +226,6 @@ class SessionRunner:
             raise
 
     def _nothing_runs(self, reason: str) -> str:
-        """Note, and give back, the REASON why no configuration is tried any more."""
+        """Record and return the REASON why no configuration is tried any more."""
         self._hopeless = dict.fromkeys(self._manifest.configurations, reason) | self._hopeless
         return reason

@@ -1,4 +1,4 @@
-"""Probes: configurations that the server assigns to this device, beyond those of an ordinary session."""
+"""Probes: further configurations that the server assigns to this device."""
 
 from collections.abc import Sequence
 from statistics import fmean
@@ -8,12 +8,12 @@ from client_kit.delivery.server import Server
 from client_kit.measuring.session import Session
 
 DEFAULT = "default"
-# How long a session of probes may take.
+# The time limit of a session of probes.
 MINUTES = 2.0
 
 
 def fetch(server: Server, token: str, application: str) -> Manifest:
-    """The manifest of the probes that SERVER assigns to this device. It is for now and is not kept.
+    """The manifest of the probes that SERVER assigns to this device. It is not stored.
 
     Raises the server's errors.
     """
@@ -26,9 +26,9 @@ def default_seconds(session: Session, protocol: Protocol) -> float | None:
     return fmean(times) if times else None
 
 
-def that_fit(asked: Manifest, default: float) -> tuple[str, ...]:
+def select_fitting(asked: Manifest, default: float) -> tuple[str, ...]:
     """The assigned configurations that fit into MINUTES on a device whose default takes DEFAULT seconds a
-    frame; what does not fit is dropped from the end."""
+    frame; the last ones are dropped if they do not fit."""
     names = [assigned.name for assigned in asked.assigned]
     while names and seconds(asked.plan(names), asked, default) > 60 * MINUTES:
         names.pop()
@@ -36,7 +36,7 @@ def that_fit(asked: Manifest, default: float) -> tuple[str, ...]:
 
 
 def seconds(plan: Sequence[str], asked: Manifest, default: float) -> float:
-    """How long a session of PLAN takes: warm-up, runs and rests."""
+    """The seconds of a session of PLAN: warm-up, runs and rests."""
     protocol = asked.protocol
     frame = {name: default * _time_ratio(asked, name) for name in plan}
     warm_up = protocol.warmup_frames * sum(frame.values())
@@ -44,8 +44,8 @@ def seconds(plan: Sequence[str], asked: Manifest, default: float) -> float:
     return warm_up + runs + protocol.rest_seconds * (len(plan) - 1)
 
 
-def lines(asked: Manifest, names: Sequence[str]) -> list[str]:
-    """The probes NAMES with the server's reasons, and what is left out for want of time."""
+def describe(asked: Manifest, names: Sequence[str]) -> list[str]:
+    """The probes NAMES with the server's reasons, and those left out for lack of time."""
     out = ", ".join(one.name for one in asked.assigned if one.name not in names)
     if not names:
         return [
@@ -57,9 +57,9 @@ def lines(asked: Manifest, names: Sequence[str]) -> list[str]:
 
 
 def question(names: Sequence[str]) -> str:
-    """What the participant is asked before the probes NAMES are measured."""
+    """The question to the participant before the probes NAMES are measured."""
     noun = "configuration" if len(names) == 1 else "configurations"
-    return f"Two more minutes teach the map of devices. Measure {len(names)} more {noun}?"
+    return f"Two more minutes improve the predictions for other devices. Measure {len(names)} more {noun}?"
 
 
 def thanks(session: Session) -> str:
@@ -69,7 +69,7 @@ def thanks(session: Session) -> str:
     )
     if not ran:
         return "No probe ran here."
-    return f"Thank you: the map of devices now knows {', '.join(ran)} on this device."
+    return f"Thank you: predictions now include {', '.join(ran)} on this device."
 
 
 def _time_ratio(asked: Manifest, name: str) -> float:

@@ -1,4 +1,4 @@
-"""Whether a session of protocol 1 goes on: until its intervals are narrow, or its time or runs are up."""
+"""The end of a session of protocol 1: narrow intervals, or the limits of time or runs."""
 
 from collections.abc import Sequence
 
@@ -8,13 +8,13 @@ from client_kit.measuring.session import Run, speedup_of
 DEFAULT = "default"
 
 
-def further(runs: Sequence[Run], protocol: Protocol, age_seconds: float, run_seconds: float) -> list[str]:
+def next_runs(runs: Sequence[Run], protocol: Protocol, age_seconds: float, run_seconds: float) -> list[str]:
     """The next runs, default first and last, or none. A protocol without adaptive repeats has none.
 
-    Those configurations go on whose speedup has an interval wider than the protocol's precision; one whose
-    last run failed, or whose runs lose the trajectory, does not: its speed counts for nothing. They run
-    forwards and back, as ABBA does, so that a steady drift weighs on all alike. The session is `age_seconds`
-    old and a run takes `run_seconds` on average: a round that would end too late is not begun.
+    It includes configurations whose speedup has an interval wider than the protocol's precision, unless the
+    last run failed or the trajectory was lost: their speed does not count. They run forwards and back (ABBA),
+    so that a steady drift affects all equally. The session is `age_seconds` old and a run takes `run_seconds`
+    on average: a round that would end too late is not started.
     """
     adaptive = protocol.adaptive
     if adaptive is None:

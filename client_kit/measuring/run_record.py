@@ -1,4 +1,4 @@
-"""The run that a measurement makes: what is kept of its report, and when it has failed."""
+"""The record of a run from its report, and when a run has failed."""
 
 import math
 import uuid
@@ -20,7 +20,7 @@ def recorded(
     outcome: Outcome | str,
     reference: Positions | None = None,
 ) -> Run:
-    """The run of CONFIGURATION that came to OUTCOME, or did not, for the reason that stands in its place.
+    """The run of CONFIGURATION with OUTCOME, which is a reason if it failed.
 
     REFERENCE is the configuration's reference trajectory, None in protocol 1.
     """
@@ -54,6 +54,6 @@ def recorded(
 
 
 def _stages_us(frames: list[Mapping[str, Any]]) -> dict[str, tuple[int, ...]]:
-    """The stages that were measured, rounded down so that they never add up to more than the frame."""
+    """The measured stages, rounded down so that their sum never exceeds the frame."""
     measured = [stage for stage in STAGES if frames[0][stage] is not None]
     return {stage: tuple(math.floor(frame[stage] * MICROSECONDS) for frame in frames) for stage in measured}

@@ -1,4 +1,4 @@
-"""How long a session still takes, from what its frames took so far."""
+"""The remaining time of a session, from its frames so far."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -24,14 +24,14 @@ class Schedule:
         self._began = self.now()
 
     def end(self) -> None:
-        """The first job is over, whatever became of it."""
+        """The first job has ended, with or without success."""
         self._jobs.pop(0)
 
     def left(self, done: int) -> float | None:
-        """Seconds until all is done, `done` frames into the first job; None before anything is known.
+        """Seconds until all jobs end, `done` frames into the first job; None before the first frame.
 
-        A configuration that has not run yet is taken to be as slow as the slowest so far: a time that is
-        shorter than promised disappoints nobody.
+        A configuration that has not run yet counts as slow as the slowest so far: the estimate should not
+        grow.
         """
         if not self._jobs or not done:
             return None

@@ -1,4 +1,4 @@
-"""The record of a measuring session, what its runs come to, and the document in which it is sent."""
+"""The record of a measuring session, its results, and its payload."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,8 +25,8 @@ T_QUANTILES = (
 class Run:
     """One configuration over the sequence. Times in microseconds, a value a frame; errors in metres.
 
-    `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed
-    run has its reason in `failure`, and times and errors only where it came to the sequence's end.
+    `repeat` counts the runs of this configuration in the session, `order` all runs, both from 0. A failed run
+    has its reason in `failure`, and times and errors only if it reached the end of the sequence.
 
     Protocol 2: `deviation` is the largest distance (m) from the reference trajectory, `band` the largest that
     counts. Both are None for a failed run.
@@ -50,13 +50,13 @@ class Run:
 
     @property
     def deviates(self) -> bool:
-        """Whether it left the band around its reference trajectory: the device computes something else."""
+        """Whether it left the band around its reference trajectory."""
         return self.deviation is not None and self.band is not None and self.deviation > self.band
 
     def mean_seconds(self, protocol: Protocol) -> float:
         """The run's value: the arithmetic mean over the frames that count.
 
-        Not the median: a configuration that integrates every 24th frame pays for it in few frames.
+        Not the median: a configuration that integrates every 24th frame concentrates that cost in few frames.
         """
         return fmean(self.frame_us[protocol.first_counted_frame :]) / MICROSECONDS
 
@@ -73,10 +73,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Speedup:
-    """How many times faster than the baseline; `low` and `high` bound it with 95 % confidence.
+    """The speedup over the baseline; `low` and `high` bound it with 95 % confidence.
 
-    The interval is over the session's `pairs` of runs: how well this session repeats, on this device today.
-    None for too few pairs.
+    The interval is over the session's `pairs` of runs: the repeatability within this session. None for too
+    few pairs.
     """
 
     value: float
@@ -92,11 +92,11 @@ class Speedup:
 
 @dataclass(frozen=True)
 class Session:
-    """The runs of one session on one device, with what the device said of its state meanwhile.
+    """The runs of one session on one device, with samples of its state.
 
-    `interrupted` says that somebody ended it early: its finished runs are whole all the same.
-    `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is what a frame costs
-    that computes nothing (protocol 2).
+    `interrupted`: it was ended early; its finished runs are complete.
+    `stage_clock` measured the stages: "device", "wall" or NO_STAGES. `empty_frame_us` is the cost of an empty
+    frame (protocol 2).
     """
 
     id: str
@@ -117,8 +117,8 @@ class Session:
         return speedup_of(self.runs, configuration, protocol, baseline)
 
     def drift(self, configuration: str, protocol: Protocol) -> float | None:
-        """How much slower the second half of its good runs was than the first: median over the counted
-        frames of the ratio of their means. None with fewer than two such runs."""
+        """The slowdown of the second half of its good runs over the first: median over the counted frames of
+        the ratio of their means. None with fewer than two such runs."""
         good = [
             run.frame_us[protocol.first_counted_frame :]
             for run in self.of(configuration)
@@ -137,7 +137,7 @@ class Session:
 def speedup_of(
     runs: Sequence[Run], configuration: str, protocol: Protocol, baseline: str = "default"
 ) -> Speedup | None:
-    """How many times faster than the baseline, as the server computes it.
+    """The speedup over the baseline, as the server computes it.
 
     The first run of one is paired with the first of the other, the second with the second; with the order
     default, best, best, default a steady drift cancels. None without a pair of valid runs.

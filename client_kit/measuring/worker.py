@@ -1,15 +1,15 @@
-"""The process that holds the device during a session; see `worker_client`.
+"""The worker process, which holds the device during a session; see `worker_client`.
 
-It answers orders, lines of JSON on its input, with lines of JSON on its output.
+It reads orders as lines of JSON from standard input and answers with lines of JSON.
 
 - The first order is {"application", "sequence", "device", "backend"}. The answer is {"ready": true}.
 - {"empty_frame": true} asks for {"empty_frame_seconds"}.
 - {"parameters", "frames", "ahead"} is a measurement with so many frames decoded ahead. After every frame the
-  worker sends {"done", "total"} and waits for an empty line, so that whatever the other side does between
-  frames costs no measured time. At the end it sends {"report", "trajectory_sha256", "positions"}.
+worker sends {"done", "total"} and waits for an empty line, so that the client's work between frames is not
+measured. At the end it sends {"report", "trajectory_sha256", "positions"}.
 
-{"failure"} reports an orderly failure of the order, {"cannot"} that nothing can be measured at all. Opening a
-device may try layouts of kernels: {"layouts_done", "layouts"} follows each. The worker ends with its input.
+{"failure"} reports that the order failed, {"cannot"} that nothing can be measured at all. Opening a device
+may try kernel layouts, each followed by {"layouts_done", "layouts"}. The worker ends at the end of its input.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ from slam import benchmark
 from slam.datasets import SequenceError, open_sequence
 from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import NoDeviceError
-from slam.systems import open_session
+from slam.registry import open_session
 
 Answer = dict[str, Any]
 
@@ -40,14 +40,14 @@ class Worker:
     def __init__(
         self, application: str, sequence: Path, device: str, backend: str, on_layout: benchmark.Progress
     ) -> None:
-        """Raises SequenceError, NoDeviceError, and whatever a driver that does not work raises."""
+        """Raises SequenceError, NoDeviceError, and any error of a broken driver."""
         self._application, self._on_layout = application, on_layout
         self._sequence = open_sequence(sequence)
         self._device = choose_device(device, backend)
         self._opened: AnySession | None = self._open()
 
     def empty_frame(self) -> Answer:
-        """What a frame costs that computes nothing."""
+        """The cost of an empty frame."""
         return self._attempt(lambda opened: {"empty_frame_seconds": benchmark.empty_frame_seconds(opened)})
 
     def measure(
@@ -80,16 +80,16 @@ class Worker:
             return work(self._opened)
         except SequenceError as error:
             return {"cannot": str(error)}
-        except Exception as error:  # whatever a driver raises says something of this order here
+        except Exception as error:  # any error of a driver is the result of this order
             self._opened = None  # an error may leave the driver's context unusable
-            return {"failure": reasons.of(error)}
+            return {"failure": reasons.describe(error)}
 
     def _open(self) -> AnySession:
         return open_session(self._application, self._device, self._on_layout)
 
 
 def serve(orders: TextIO, answers: TextIO) -> None:
-    """Answer ORDERS until they end."""
+    """Answer all ORDERS."""
 
     def send(answer: Answer) -> None:
         print(json.dumps(answer), file=answers, flush=True)
@@ -124,7 +124,10 @@ def serve(orders: TextIO, answers: TextIO) -> None:
 
 
 def main() -> None:
-    """Serve standard input and output. Who started this process decides when it ends, not a signal to all."""
+    """Serve standard input and output.
+
+    The parent decides when this process ends, not a signal to the group.
+    """
     for number in interrupts.ENDING:
         signal.signal(number, signal.SIG_IGN)
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as answers:

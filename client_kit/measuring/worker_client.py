@@ -1,7 +1,7 @@
-"""Measuring in a process of its own, which a driver may abort, hang or have ended for want of memory.
+"""Measuring in a separate process, since a driver may abort, hang or exhaust the memory.
 
-The process (`worker`) serves a whole session: opening a device and compiling for it takes seconds. Where it
-breaks down, the configuration that it measured has failed, and another one takes its place for the next.
+The process (`worker`) serves a whole session: opening a device and compiling for it takes seconds. If it
+breaks, the measured configuration has failed, and a new process measures the next.
 """
 
 import contextlib
@@ -19,33 +19,33 @@ from typing import IO, Any
 
 from client_kit.errors import CannotMeasureError
 from client_kit.measuring import reasons
-from slam import isolated
+from slam import child_process
 from slam.protocol import DECODED_AHEAD
 
 PROGRAM = (sys.executable, "-m", "client_kit.measuring.worker")
-# Longer than any frame: the first one waits for the driver's compiler, which takes a minute on some phones.
+# Longer than any frame: the first one includes the driver's compiler, which takes a minute on some phones.
 LONGEST_SILENCE_SECONDS = 180
 
-# Called with how many frames, or layouts of kernels, are done and how many there are.
+# Called with the numbers of frames, or kernel layouts, done and in total.
 Progress = Callable[[int, int], None]
 
 
 class FailedError(Exception):
-    """This configuration does not run here; the text is the reason, fit to be sent."""
+    """This configuration does not run here; the text is the reason, without private data."""
 
 
 class BrokenError(FailedError):
-    """It broke the process that measured it, and would do so again."""
+    """It broke the measuring process, and would do so again."""
 
 
 class DeviceBrokenError(FailedError):
-    """The device cannot be opened again: no configuration runs here any more."""
+    """The device cannot be opened again: no further configuration can run."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """`report` is that of `slam run`, `trajectory_sha256` the digest of its poses. `positions` are where the
-    camera is after each frame: [x, y, z] in metres, in the volume's frame."""
+    """`report` is that of `slam run`, `trajectory_sha256` the digest of its poses. `positions`: the camera's
+    position after each frame, [x, y, z] in metres, in the volume's frame."""
 
     report: Mapping[str, Any]
     trajectory_sha256: str
@@ -53,10 +53,10 @@ class Outcome:
 
 
 class WorkerClient:
-    """One device and one sequence; configurations are measured there one after another. Use it by `with`.
+    """Measures configurations one after another on one device and one sequence. A context manager.
 
-    `device` is the label of a device of `backend`. `on_layout` is called while layouts of kernels are tried
-    on a device that was never seen before.
+    `device` is the label of a device of `backend`. `on_layout` is called while kernel layouts are tried on a
+    new device.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class WorkerClient:
         self._close()
 
     def empty_frame_seconds(self) -> float:
-        """Median wall seconds of a frame that computes nothing. Raises as `measure` does."""
+        """Median wall seconds of an empty frame. Raises as `measure` does."""
         return float(self._answer({"empty_frame": True}, _nothing_between)["empty_frame_seconds"])
 
     def measure(
@@ -87,9 +87,9 @@ class WorkerClient:
     ) -> Outcome:
         """Measure a configuration over the first FRAMES frames, decoded AHEAD at a time.
 
-        The process waits while BETWEEN_FRAMES is called. Raises FailedError or one of its kinds, and
-        CannotMeasureError where the sequence cannot be used or, before the device was opened once, the
-        device cannot, or no process can be started.
+        The process waits while BETWEEN_FRAMES is called. Raises FailedError or a subclass. Raises
+        CannotMeasureError where the sequence cannot be used, no process can be started, or the device cannot
+        be opened the first time.
         """
         answer = self._answer(
             {"parameters": dict(parameters), "frames": frames, "ahead": ahead}, between_frames
@@ -107,7 +107,7 @@ class WorkerClient:
             self._close()
             raise BrokenError(str(error)) from error
         except BaseException:
-            self._close()  # a measurement is under way in it whose result is not wanted any more
+            self._close()  # it still runs a measurement that was abandoned
             raise
         if "failure" in answer:
             raise FailedError(answer["failure"])
@@ -123,8 +123,8 @@ class WorkerClient:
             raise DeviceBrokenError(str(error)) from error
         except CannotMeasureError as error:
             self._close()
-            if self._served:  # it went away, or the system has nothing left to start a process with
-                raise DeviceBrokenError(reasons.public(str(error))) from error
+            if self._served:  # it was removed, or the system cannot start a process
+                raise DeviceBrokenError(reasons.public_line(str(error))) from error
             raise
         except BaseException:
             self._close()
@@ -143,26 +143,26 @@ def _nothing_between(_done: int, _total: int) -> None:
 
 
 class _EndedError(Exception):
-    """The process gives no answer any more; the text says how it ended."""
+    """The process does not answer any more; the text says how it ended."""
 
 
 class _Process:
-    """A running worker. A thread reads its answers: not every platform waits for a pipe with a limit."""
+    """A running worker. A thread reads its answers: not every platform can wait for a pipe with a timeout."""
 
     def __init__(self, on_layout: Progress) -> None:
         self._on_layout = on_layout
-        # What drivers print; the last line of it often is the only word on why they gave up.
+        # Output of drivers; its last line is often the only hint at the cause of a failure.
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - `close` does
         try:
-            # In this process's group, so that a terminal stops and ends the two together.
+            # In this process's group, so that a terminal stops and ends both.
             self._process = subprocess.Popen(
                 PROGRAM,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
-                cwd=isolated.ROOT,
+                cwd=child_process.ROOT,
                 encoding="utf-8",
-                preexec_fn=isolated.dies_with_parent(signal.SIGKILL, first_to_go=True),
+                preexec_fn=child_process.dies_with_parent(signal.SIGKILL, first_to_go=True),
             )
         except OSError as error:
             self._errors.close()
@@ -186,13 +186,13 @@ class _Process:
         return answer
 
     def close(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process."""
         self._process.kill()
         self._process.wait()
         self._reader.join()
         for stream in (self._process.stdin, self._process.stdout, self._errors):
             if stream is not None:
-                with contextlib.suppress(OSError):  # what was still to be written has no reader
+                with contextlib.suppress(OSError):  # buffered output has no reader
                     stream.close()
 
     def _read_answer(self) -> dict[str, Any]:
@@ -210,8 +210,8 @@ class _Process:
             self._lines.put(line)
 
     def _line(self) -> str:
-        # Counted second by second: while the machine sleeps, or a terminal has stopped this process, nothing
-        # is waited for.
+        # Counted in seconds of waiting: time while the machine sleeps, or this process is stopped, does not
+        # count.
         for _ in range(LONGEST_SILENCE_SECONDS):
             with contextlib.suppress(queue.Empty):
                 return self._lines.get(timeout=1.0)
@@ -228,10 +228,10 @@ class _Process:
     def _ending(self) -> str:
         try:
             code = self._process.wait(timeout=LONGEST_SILENCE_SECONDS)
-        except subprocess.TimeoutExpired:  # it has closed its output and goes on; `close` ends it
+        except subprocess.TimeoutExpired:  # it closed its output but still runs; `close` ends it
             return _silent()
         self._errors.seek(0)
-        return reasons.public(isolated.ending(code, self._errors.read().decode("utf-8", "replace")))
+        return reasons.public_line(child_process.ending(code, self._errors.read().decode("utf-8", "replace")))
 
 
 def _silent() -> str:

@@ -1,1 +1,1 @@
-"""`run`, from the consent to the page of results."""
+"""`run`, from consent to the result page."""

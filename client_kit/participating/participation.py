@@ -1,4 +1,4 @@
-"""`run`: from the server's manifest to a measured, kept and sent session, and what it showed."""
+"""`run`: from the server's manifest to a measured, stored and sent session, and its result."""
 
 import sys
 import time
@@ -22,19 +22,19 @@ from slam.devices.choice import NAMES
 from slam.devices.device import Device
 from slam.protocol import FIXED_PAIRS
 
-# A device that has just measured is hot: so often, and for so long, it may cool before the next session.
+# A device that has just measured is hot: the number and length of pauses to cool before the next session.
 COOLING_PAUSES, COOLING_SECONDS = 5, 60.0
 
 
 @dataclass(frozen=True)
-class Wishes:
-    """What the participant asked for.
+class RunOptions:
+    """The options of `run`.
 
-    `ignored` names concerns of `preflight` to measure in spite of. `minutes` is how long a session of
-    protocol 1 may repeat its runs, None for as long as the server asks. `show_model` is whether a rare
-    device's model may be shown in public, None to leave that as it is. `application` is what to measure,
-    None for what the server has clients measure. `backend` is what drives the device, None for the fastest.
-    `probes` is whether to measure what the server assigns to this device afterwards, None to be asked.
+    `ignored` names concerns of `preflight` to ignore. `minutes` limits the repeats of a session of protocol
+    1, None for the server's limit. `show_model`: whether a rare device's model may be shown in public, None
+    to leave that unchanged. `application` is what to measure, None for the server's choice. `backend` drives
+    the device, None for the fastest. `probes`: whether to measure the server's probes afterwards, None to
+    ask.
     """
 
     server: str
@@ -51,39 +51,38 @@ class Wishes:
 
 
 def run(
-    wishes: Wishes,
+    options: RunOptions,
     home: Home,
     console: Console,
     *,
     pause: Callable[[float], None] = time.sleep,
     root: Path = Path("/"),
 ) -> list[Measured]:
-    """Measure `wishes.sessions` sessions and send them; what cannot be sent now stays in the spool.
+    """Measure `options.sessions` sessions and send them; unsent ones stay in the spool.
 
-    More configurations than one session holds make several; a device that does not cool between them ends
-    with those that are done. A session of probes may follow, where the participant wants one. Raises
-    ClientError, with the exit code of its kind, when nothing can be measured, and KeyboardInterrupt after
-    what was finished is kept.
+    More configurations than one session holds are split into several; if a device does not cool between them,
+    the rest is skipped. A session of probes may follow, if the participant agrees. Raises ClientError when
+    nothing can be measured, and KeyboardInterrupt after finished runs are stored.
     """
-    server, spool = Server(wishes.server), Spool(home.spool)
+    server, spool = Server(options.server), Spool(home.spool)
     console.lines(sending.deliver(spool, home).lines())
-    asked, fresh = manifest.fetch(server, home, wishes.application)
+    asked, fresh = manifest.fetch(server, home, options.application)
     if not fresh:
-        console.say(f"{server.url} does not answer: measuring what it asked for at the last visit.")
+        console.say(f"{server.url} does not answer: using its manifest from the last visit.")
     asked.require_this_version()
     asked.require_accepting()
     requirements.require(asked.application, root)
-    if wishes.minutes is not None:
-        asked = _limited(asked, 60 * wishes.minutes, console)
-    names = asked.names(wishes.configurations)
-    chosen, identity = _device(wishes.device, wishes.backend, asked.application, root)
-    plans = asked.plans(_that_fit(names, asked, chosen.backend, console))
-    _consent(wishes, home, console, server, asked, chosen, identity)
+    if options.minutes is not None:
+        asked = _limited(asked, 60 * options.minutes, console)
+    names = asked.names(options.configurations)
+    chosen, identity = _device(options.device, options.backend, asked.application, root)
+    plans = asked.plans(_select_runnable(names, asked, chosen.backend, console))
+    _consent(options, home, console, server, asked, chosen, identity)
     sending.renew(spool, home, server.url, asked.consent_version)
-    present = sequences.at_hand(asked, home)
-    _ready(wishes, home, console, root, download=0 if present else sequences.size(asked))
+    present = sequences.find_complete(asked, home)
+    _ready(options, home, console, root, download=0 if present else sequences.size(asked))
     path = present or _download(server, asked, home, console, fresh)
-    if not reference_trajectories.at_hand(asked, home):
+    if not reference_trajectories.all_present(asked, home):
         _require_fresh(fresh, server, "reference trajectories are")
         reference_trajectories.fetch(server, asked, home)
 
@@ -91,18 +90,20 @@ def run(
     processor = f"{identity['opencl_device']} ({identity['opencl_platform']})"
     console.say(f"Device: {processor} over {NAMES[chosen.backend]}")
 
-    recorder = SessionRecorder(server, home, spool, console, chosen, identity, wishes.show_model, pause, root)
+    recorder = SessionRecorder(
+        server, home, spool, console, chosen, identity, options.show_model, pause, root
+    )
     measured: list[Measured] = []
-    planned = plans * wishes.sessions
+    planned = plans * options.sessions
     for number, plan in enumerate(planned):
         if number:
             pause(asked.protocol.rest_seconds)
-            if not _ready_again(wishes, home, console, pause, root):
+            if not _ready_again(options, home, console, pause, root):
                 console.say(f"{number} of {len(planned)} sessions are done.")
                 return measured
         measured.append(recorder.record(path, asked, plan))
-    if _may_probe(wishes, console, asked, measured[-1]):
-        measured += _probes(wishes, recorder, asked, measured[-1].session)
+    if _may_probe(options, console, asked, measured[-1]):
+        measured += _probes(options, recorder, asked, measured[-1].session)
     return measured
 
 
@@ -114,40 +115,41 @@ def consent_text(
     backend: str | None = None,
     root: Path = Path("/"),
 ) -> str | None:
-    """What a participant has to agree to before `run`; None where this was agreed to before."""
+    """The consent text to agree to before `run`; None if already agreed."""
     connection = Server(server)
     asked, _ = manifest.fetch(connection, home, application)
-    if consent.given(home, connection.url, asked.consent_version):
+    if consent.is_agreed(home, connection.url, asked.consent_version):
         return None
     requirements.require(asked.application, root)
     chosen, identity = _device(device, backend, asked.application, root)
     return _consent_text(connection, asked, chosen, identity)
 
 
-def _may_probe(wishes: Wishes, console: Console, asked: Manifest, last: Measured) -> bool:
-    """Whether probes may follow the session LAST: the participant wants them, or is here to be asked."""
-    ordinary = asked.protocol.version == FIXED_PAIRS and not wishes.configurations and last.accepted
-    if wishes.probes is None:
+def _may_probe(options: RunOptions, console: Console, asked: Manifest, last: Measured) -> bool:
+    """Whether probes may follow the session LAST: the participant wants them, or can be asked."""
+    ordinary = asked.protocol.version == FIXED_PAIRS and not options.configurations and last.accepted
+    if options.probes is None:
         return ordinary and _somebody_is_here(console)
-    return ordinary and wishes.probes
+    return ordinary and options.probes
 
 
-def _probes(wishes: Wishes, recorder: SessionRecorder, asked: Manifest, ordinary: Session) -> list[Measured]:
+def _probes(
+    options: RunOptions, recorder: SessionRecorder, asked: Manifest, ordinary: Session
+) -> list[Measured]:
     """Measure the probes that the server assigns after the session ORDINARY, if the participant agrees.
 
-    What keeps the client from asking, or the server from answering, is told in a line: the ordinary session
-    is complete without probes.
+    Any obstacle is reported in a line: the ordinary session is complete without probes.
     """
     console = recorder.console
     default = probes.default_seconds(ordinary, asked.protocol)
-    # Who is here to be asked is not kept waiting for a device to cool.
-    pauses = COOLING_PAUSES if wishes.probes else 0
+    # A participant is asked at once, before the device has cooled.
+    pauses = COOLING_PAUSES if options.probes else 0
     if default is None or not _ready_again(
-        wishes, recorder.home, console, recorder.pause, recorder.root, pauses
+        options, recorder.home, console, recorder.pause, recorder.root, pauses
     ):
         return []
     try:
-        prepared = _prepared_probes(wishes, recorder, asked.application, default)
+        prepared = _prepared_probes(options, recorder, asked.application, default)
     except ClientError as error:
         console.say(f"No further configurations are measured: {error}")
         return []
@@ -160,12 +162,12 @@ def _probes(wishes: Wishes, recorder: SessionRecorder, asked: Manifest, ordinary
 
 
 def _prepared_probes(
-    wishes: Wishes, recorder: SessionRecorder, application: str, default: float
+    options: RunOptions, recorder: SessionRecorder, application: str, default: float
 ) -> tuple[Path, Manifest, tuple[str, ...]] | None:
-    """The sequence, the manifest and the probes to measure, all at hand; None where there are none, or the
-    participant does not want them. Raises ClientError where they cannot be prepared."""
+    """The sequence, the manifest and the probes to measure, ready; None where there are none, or the
+    participant declines. Raises ClientError where they cannot be prepared."""
     server, home, console = recorder.server, recorder.home, recorder.console
-    token = enrolment.present(home, server)
+    token = enrolment.current_token(home, server)
     if token is None:  # erased meanwhile
         return None
     assigned = probes.fetch(server, token, application)
@@ -175,21 +177,23 @@ def _prepared_probes(
         if assigned.assigned_message:
             console.say(f"No further configurations to measure: {assigned.assigned_message}")
         return None
-    if not consent.given(home, server.url, assigned.consent_version):
-        raise CannotMeasureError("the consent text has changed, and the next `run` asks you to agree to it")
-    names = probes.that_fit(assigned, default)
-    console.lines(probes.lines(assigned, names))
-    if not names or not (wishes.probes or console.ask(probes.question(names))):
+    if not consent.is_agreed(home, server.url, assigned.consent_version):
+        raise CannotMeasureError("the consent text has changed: the next `run` asks for your agreement")
+    names = probes.select_fitting(assigned, default)
+    console.lines(probes.describe(assigned, names))
+    if not names or not (options.probes or console.ask(probes.question(names))):
         return None
-    path = sequences.at_hand(assigned, home) or _download(server, assigned, home, console, fresh=True)
+    path = sequences.find_complete(assigned, home) or _download(server, assigned, home, console, fresh=True)
     reference_trajectories.fetch(server, assigned, home)
     return path, assigned, names
 
 
-def _that_fit(names: tuple[str, ...], asked: Manifest, backend: str, console: Console) -> tuple[str, ...]:
-    """Those NAMES that BACKEND can run, with a note of the others; the protocol's own stay, and fail.
+def _select_runnable(
+    names: tuple[str, ...], asked: Manifest, backend: str, console: Console
+) -> tuple[str, ...]:
+    """Those NAMES that BACKEND can run, with a note about the others; the protocol's own stay, and fail.
 
-    Raises CannotMeasureError where there are NAMES and none of them fits.
+    Raises CannotMeasureError if none of NAMES fits.
     """
     backends = {name: asked.configurations[name].backends for name in names}
     out = [name for name in preflight.unsupported(backends, backend) if name not in asked.protocol.order]
@@ -225,25 +229,25 @@ def _device(
     return chosen, description.identify(root, processor=description.processor_identity(chosen))
 
 
-def _ready(wishes: Wishes, home: Home, console: Console, root: Path, download: int) -> None:
+def _ready(options: RunOptions, home: Home, console: Console, root: Path, download: int) -> None:
     found = preflight.concerns(home, root, download=download)
-    for concern in preflight.require_fit(found, wishes.ignored):
+    for concern in preflight.require_fit(found, options.ignored):
         console.say(f"Note: {concern.text}")
 
 
 def _ready_again(
-    wishes: Wishes,
+    options: RunOptions,
     home: Home,
     console: Console,
     pause: Callable[[float], None],
     root: Path,
     most_pauses: int = COOLING_PAUSES,
 ) -> bool:
-    """Whether another session can be measured after one, once the device has cooled; the load that the one
-    before has left says nothing."""
+    """Whether another session can be measured after the device has cooled; the load of the previous one is
+    ignored."""
     for pauses in range(most_pauses + 1):
         found = [concern for concern in preflight.concerns(home, root) if concern.name != preflight.LOAD]
-        stopping = [concern for concern in found if concern.stops and concern.name not in wishes.ignored]
+        stopping = [concern for concern in found if concern.stops and concern.name not in options.ignored]
         if not stopping:
             return True
         if pauses == most_pauses or stopping[0].name != preflight.THROTTLING:
@@ -255,7 +259,7 @@ def _ready_again(
 
 
 def _consent(
-    wishes: Wishes,
+    options: RunOptions,
     home: Home,
     console: Console,
     server: Server,
@@ -264,19 +268,19 @@ def _consent(
     identity: dict[str, str | None],
 ) -> None:
     version = asked.consent_version
-    if consent.given(home, server.url, version):
+    if consent.is_agreed(home, server.url, version):
         return
-    console.say(_consent_text(server, asked, chosen, identity, wishes.show_model))
-    if not wishes.yes:
+    console.say(_consent_text(server, asked, chosen, identity, options.show_model))
+    if not options.yes:
         if not _somebody_is_here(console):
-            raise UsageError("nobody is here to agree: read the text above, then add --yes")
+            raise UsageError("no terminal to ask for agreement: read the text above, then add --yes")
         if not console.ask("Do you agree?"):
             raise CannotMeasureError("nothing was measured or sent: you did not agree")
     consent.remember(home, server.url, version)
 
 
 def _somebody_is_here(console: Console) -> bool:
-    """Whether a question would be seen and answered."""
+    """Whether standard input and output are a terminal."""
     return not console.silent and sys.stdin.isatty()
 
 
@@ -294,7 +298,7 @@ def _consent_text(
 def _sample_payload(
     asked: Manifest, backend: str, identity: dict[str, str | None], show_model: bool | None
 ) -> dict[str, Any]:
-    """What would be sent of this device, with a run of two frames for brevity."""
+    """An example payload of this device, with a run of two frames for brevity."""
     example = session.Run(
         "a random number", "default", 0, 0, "ok", None, (31250, 30718), {"tracking": (9120, 8980)},
         (True, True), 0.012, 0.008, 0.009, "digest of the computed trajectory", 0.0004,
@@ -321,4 +325,6 @@ def _download(server: Server, asked: Manifest, home: Home, console: Console, fre
 
 def _require_fresh(fresh: bool, server: Server, what: str) -> None:
     if not fresh:
-        raise CannotMeasureError(f"{server.url} does not answer and its {what} not here yet: try later")
+        raise CannotMeasureError(
+            f"{server.url} does not answer and its {what} not stored here yet: try later"
+        )

@@ -1,4 +1,4 @@
-"""Where an accepted session is shown, and how it compares with other devices."""
+"""The pages of an accepted session, and its comparison with other devices."""
 
 from collections.abc import Callable
 from typing import Any
@@ -25,11 +25,11 @@ def show(
     console: Console,
     pause: Callable[[float], None],
 ) -> None:
-    """Print the pages of SESSION, which was sent as ITEM, and what the server sets aside of it."""
+    """Print the pages of SESSION, which was sent as ITEM, and the runs that the server does not count."""
     try:
         state = _summarised(server, home, item, pause)
     except ServerError as error:
-        console.say(f"The session is accepted; its page could not be asked for: {error}")
+        console.say(f"The session is accepted; its page could not be requested: {error}")
         return
     aside = set()
     for judged in state.get("sessions") or ():
@@ -39,21 +39,21 @@ def show(
                 aside.add(name)
                 console.say(f"The server sets {name} aside: {speedup.get('state')}, {reason}")
     own_speedup = summary.best_speedup(session, asked.protocol)
-    # Neither a speedup that does not count nor a device that the server does not name yet has a place.
+    # Only a speedup that counts, of a device with a name on the server, has a rank.
     if own_speedup is not None and own_speedup[0] not in aside and state.get("device"):
         _show_place(server, own_speedup, session.backend, asked, str(state["device"]), console)
     if state.get("page"):
         own = server.page(str(state["page"]))
-        console.say(f"Your own page, which names this device (whoever has the link may read it): {own}")
+        console.say(f"Your private page, which names this device (anyone with the link can read it): {own}")
     if state.get("device"):
         console.say(f"Among the others: {server.page('devices/' + str(state['device']) + '/')}")
     else:
-        console.say(f"The server has not worked through this session yet: {server.page('devices/')}")
+        console.say(f"The server has not processed this session yet: {server.page('devices/')}")
 
 
 def _summarised(server: Server, home: Home, item: Item, pause: Callable[[float], None]) -> dict[str, Any]:
-    token = enrolment.present(home, server)
-    if token is None:  # erased meanwhile, and nobody is to be enrolled again for a look
+    token = enrolment.current_token(home, server)
+    if token is None:  # erased meanwhile; reading a page must not enrol again
         return {}
     waited = 0.0
     while True:
@@ -70,6 +70,6 @@ def _show_place(
     name, speedup = own
     try:
         crowd = server.speedups(str(asked.front_version), name)
-        console.say(summary.place(crowd, speedup, device, backend))
+        console.say(summary.rank_line(crowd, speedup, device, backend))
     except (ServerError, KeyError, TypeError, ValueError) as error:
-        console.say(f"The place in the crowd could not be asked for: {error}")
+        console.say(f"The rank among other devices could not be requested: {error}")

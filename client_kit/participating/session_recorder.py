@@ -1,4 +1,4 @@
-"""Sessions on one device, from the first run to the server's answer: measured, kept, sent and shown."""
+"""Sessions on one device, from the first run to the server's answer: measured, stored, sent and shown."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -19,26 +19,26 @@ from client_kit.measuring.session import Run, Session
 from client_kit.participating import result_pages, summary
 from slam.devices.device import Device
 
-WITHDRAWN = "your agreement was withdrawn meanwhile: what was measured is not kept"
+WITHDRAWN = "your agreement was withdrawn meanwhile: the measurement is not stored"
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A session that was measured, and what the spool knows of it."""
+    """A measured session, and its entry in the spool."""
 
     session: Session
     item: Item
 
     @property
     def accepted(self) -> bool:
-        """Whether the server has it."""
+        """Whether the server has accepted it."""
         return self.item.state in (ACCEPTED, DUPLICATE)
 
 
 @dataclass(frozen=True)
 class SessionRecorder:
-    """Records sessions of DEVICE for SERVER. `identity` is what this machine says of itself, `show_model`
-    whether its model may be shown in public, `pause` how to wait."""
+    """Records sessions of DEVICE for SERVER. `identity` describes this machine, `show_model`: whether its
+    model may be shown in public, `pause` waits."""
 
     server: Server
     home: Home
@@ -53,11 +53,11 @@ class SessionRecorder:
     def record(
         self, path: Path, asked: Manifest, plan: tuple[str, ...], *, with_pages: bool = True
     ) -> Measured:
-        """Measure PLAN over the sequence at PATH, send the session and show its result; `with_pages` also
-        where it stands among others.
+        """Measure PLAN over the sequence at PATH, send the session and show its result; `with_pages`: also
+        its rank among others.
 
         Raises CannotMeasureError where nothing ran or the agreement was withdrawn, OutdatedError where a
-        server refuses this version, and KeyboardInterrupt after what was finished is kept.
+        server refuses this version, and KeyboardInterrupt after finished runs are stored.
         """
         self.console.say(f"Order: {', '.join(plan)}, {asked.protocol.frames} frames each")
         done, item = self._measured_and_kept(path, asked, plan)
@@ -81,11 +81,11 @@ class SessionRecorder:
         return measured
 
     def _measured_and_kept(self, path: Path, asked: Manifest, plan: tuple[str, ...]) -> tuple[Session, Item]:
-        """The session of PLAN, kept for sending. While it is measured its finished runs are kept as a draft;
-        the lock says to other processes that the draft is not to be sent."""
+        """The session of PLAN, stored for sending. Meanwhile its finished runs are stored as a draft; the
+        lock keeps other processes from sending the draft."""
 
         def agreed() -> None:
-            if not consent.given(self.home, self.server.url, asked.consent_version):
+            if not consent.is_agreed(self.home, self.server.url, asked.consent_version):
                 raise CannotMeasureError(WITHDRAWN)
 
         def payload(so_far: Session) -> dict[str, Any]:

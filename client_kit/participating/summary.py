@@ -1,4 +1,4 @@
-"""What a session showed, for its participant: stages, speedups, drift, the place in the crowd."""
+"""The results of a session, for its participant: stages, speedups, drift, the rank among other devices."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean, median
@@ -13,7 +13,7 @@ BAR = 28
 
 
 def run_lines(run: Run, protocol: Protocol) -> list[str]:
-    """One finished run in a line, and another where it does not count because it left its band."""
+    """A finished run in a line, and a second line if it left its band and does not count."""
     start = f"  {run.order + 1}. {run.configuration}: "
     if run.status == "failed":
         return [f"{start}failed, {run.failure}"]
@@ -26,13 +26,13 @@ def run_lines(run: Run, protocol: Protocol) -> list[str]:
     assert run.band is not None
     return [
         line,
-        f"     This device computes something else than the reference ({100 * run.deviation:.2f} cm from it, "
+        f"     This device computes a different result ({100 * run.deviation:.2f} cm from the reference, "
         f"{100 * run.band:.2f} cm allowed), so the run does not count.",
     ]
 
 
 def figures(session: Session, protocol: Protocol) -> list[str]:
-    """The session's outcome in plain words, one line for each configuration against the default."""
+    """The session's outcome, one line for each configuration against the default."""
     names = list(dict.fromkeys(run.configuration for run in session.runs))
     lines = [""]
     for name in names:
@@ -54,8 +54,8 @@ def figures(session: Session, protocol: Protocol) -> list[str]:
 
 
 def stages(session: Session, protocol: Protocol) -> list[str]:
-    """Bars of the mean time a frame spends in each stage and of the whole frame, which takes longer than what
-    a device times of it: the default above the fastest that counts."""
+    """Bars of the mean time of each stage and of the whole frame, which is longer than the sum of stages: the
+    default above the fastest that counts."""
     fastest = _fastest(session, protocol)
     base = _stage_means(session.of(DEFAULT), protocol)
     if fastest is None or not base:
@@ -74,10 +74,10 @@ def stages(session: Session, protocol: Protocol) -> list[str]:
     return lines
 
 
-def place(crowd: Iterable[Mapping[str, Any]], own: float, device: str, backend: str) -> str:
-    """Where a speedup of `own` stands among the crowd's: rows of GET /speedups for one configuration.
+def rank_line(crowd: Iterable[Mapping[str, Any]], own: float, device: str, backend: str) -> str:
+    """The rank of a speedup of `own` among the crowd's, rows of GET /speedups for one configuration.
 
-    A device counts once; rows of this `device` and of other backends are left aside.
+    A device counts once; rows of this `device` and of other backends are ignored.
     """
     best: dict[str, float] = {}
     for row in crowd:
@@ -93,7 +93,7 @@ def place(crowd: Iterable[Mapping[str, Any]], own: float, device: str, backend: 
 
 
 def best_speedup(session: Session, protocol: Protocol) -> tuple[str, float] | None:
-    """The configuration that is compared with the crowd, `best` where it counts, with its speedup."""
+    """The configuration to compare with the crowd, `best` if it counts, with its speedup."""
     name = "best" if session.speedup("best", protocol) else _fastest(session, protocol)
     speedup = None if name is None else session.speedup(name, protocol)
     return None if name is None or speedup is None else (name, speedup.value)

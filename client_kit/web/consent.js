@@ -1,4 +1,4 @@
-/** What the owner of a device agrees to, with the values of this device. */
+/** The consent of a device's owner, with the values of this device. */
 
 import * as database from "./database.js";
 import { payload } from "./sessions.js";
@@ -7,7 +7,7 @@ import { payload } from "./sessions.js";
 /** @typedef {import("./device.js").Identity} Identity */
 
 /**
- * Whether the owner agreed to this version of what is sent.
+ * Whether the owner agreed to this consent version.
  * @param {Manifest} manifest
  * @returns {Promise<boolean>}
  */
@@ -16,7 +16,7 @@ export async function isGiven(manifest) {
 }
 
 /**
- * Note that the owner agrees.
+ * Record that the owner agrees.
  * @param {Manifest} manifest
  */
 export function give(manifest) {
@@ -24,7 +24,7 @@ export function give(manifest) {
 }
 
 /**
- * What would be sent of this device, with one run of two frames for brevity.
+ * An example payload of this device, with one run of two frames for brevity.
  * @param {Manifest} manifest
  * @param {Identity} device
  * @returns {string} JSON, lists of numbers on one line

@@ -1,5 +1,5 @@
 /**
- * What this browser keeps: downloaded files by their digest, settings by name, and measured sessions by id.
+ * This browser's storage: downloaded files by digest, settings by name, and measured sessions by id.
  */
 
 const NAME = "frontrunner";
@@ -8,7 +8,7 @@ const STORES = /** @type {const} */ (["files", "settings", "sessions"]);
 
 /** @typedef {typeof STORES[number]} Store */
 
-/** The browser does not let this page keep anything, or its disk is full. */
+/** The browser does not let this page store anything, or its disk is full. */
 export class StorageError extends Error {}
 
 /** @type {Promise<IDBDatabase> | null} */
@@ -22,7 +22,7 @@ function open() {
       for (const store of STORES) request.result.createObjectStore(store);
     };
     request.onsuccess = () => {
-      // Another tab with a newer version of this page waits for this one to let go.
+      // Another tab with a newer version of this page waits until this one closes the database.
       request.result.onversionchange = () => {
         request.result.close();
         opened = null;
@@ -45,7 +45,7 @@ function refused(error) {
 }
 
 /**
- * Do WORK on a store, and wait until what it changed is on disk.
+ * Do WORK on a store, and wait until its changes are on disk.
  * @template T
  * @param {Store} store
  * @param {IDBTransactionMode} mode
@@ -82,7 +82,7 @@ export function readAll(store) {
 }
 
 /**
- * Keep VALUE under KEY. It is on disk when this is done.
+ * Store VALUE under KEY. It is on disk when the promise resolves.
  * @param {Store} store
  * @param {string} key
  * @param {unknown} value
@@ -92,7 +92,7 @@ export async function write(store, key, value) {
 }
 
 /**
- * Forget KEY.
+ * Delete KEY.
  * @param {Store} store
  * @param {string} key
  */
@@ -101,7 +101,7 @@ export async function remove(store, key) {
 }
 
 /**
- * Forget everything in a store.
+ * Delete everything in a store.
  * @param {Store} store
  */
 export async function clear(store) {

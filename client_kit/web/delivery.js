@@ -1,5 +1,5 @@
 /**
- * Sends what waits, once: the same bytes under the same key until the server answers (docs/data/protocol.md).
+ * Sends waiting sessions once: the same bytes under the same key until the server answers (docs/data/protocol.md).
  */
 
 import * as database from "./database.js";
@@ -11,7 +11,7 @@ const FIRST_PAUSE_SECONDS = 30;
 const LONGEST_PAUSE_SECONDS = 6 * 3600;
 const SUMMARY_TRIES = 30;
 const SUMMARY_PAUSE_MS = 500;
-// These say that the same bytes will never be taken.
+// Errors after which the same bytes will never be accepted.
 const FINAL = new Set([400, 409, 413, 415, 422]);
 
 /** @typedef {import("./sessions.js").Session} Session */
@@ -30,7 +30,7 @@ export class StoppedError extends Error {
 }
 
 /**
- * Send what waits, a wish to erase first, oldest session first. One tab does it at a time.
+ * Send pending erasures, then waiting sessions, oldest first. One tab does it at a time.
  * @returns {Promise<number>} milliseconds until the server may be asked again; 0 where nothing waits for that.
  *   Raises StoppedError.
  */
@@ -55,12 +55,12 @@ async function remainingPause() {
 }
 
 /**
- * Send SESSION and keep what became of it.
+ * Send SESSION and store the outcome.
  * @param {Session} session
- * @param {boolean} [enrolledAnew] whether another installation was refused just now
+ * @param {boolean} [enrolledAgain] whether another installation was just refused
  * @returns {Promise<boolean>} whether the next one may be sent now
  */
-async function send(session, enrolledAnew = false) {
+async function send(session, enrolledAgain = false) {
   try {
     const installation = await enrolled(session.manifest.consent_version);
     const answer = await askJson("/submissions", {
@@ -76,7 +76,7 @@ async function send(session, enrolledAnew = false) {
     await sessions.keep(session);
     return true;
   } catch (error) {
-    if (error instanceof Refusal) return refused(session, error, enrolledAnew);
+    if (error instanceof Refusal) return refused(session, error, enrolledAgain);
     if (error instanceof UnreachableError) return later(session, error.message, null);
     throw error;
   }
@@ -85,13 +85,13 @@ async function send(session, enrolledAnew = false) {
 /**
  * @param {Session} session
  * @param {Refusal} error
- * @param {boolean} enrolledAnew
+ * @param {boolean} enrolledAgain
  * @returns {Promise<boolean>}
  */
-async function refused(session, error, enrolledAnew) {
+async function refused(session, error, enrolledAgain) {
   if (error.status === 401 || error.code === "device_changed") {
-    if (enrolledAnew) return later(session, error.message, null);
-    // The installation is gone there, or belongs to another device: a new one sends the same bytes.
+    if (enrolledAgain) return later(session, error.message, null);
+    // The installation is gone on the server, or belongs to another device: a new one sends the same bytes.
     await retire();
     return send(session, true);
   }
@@ -111,11 +111,11 @@ async function refused(session, error, enrolledAnew) {
 }
 
 /**
- * Ask the server for nothing during SECONDS, or for a random time that grows with each try. SESSION waits.
+ * Pause all requests for SECONDS, or for a random time that grows with each try. SESSION waits.
  * @param {Session} session
  * @param {string} reason
  * @param {number | null} seconds
- * @returns {Promise<boolean>} false: what is for this server waits, too
+ * @returns {Promise<boolean>} false: the other sessions wait, too
  */
 async function later(session, reason, seconds) {
   await pauseFor(seconds);
@@ -132,7 +132,7 @@ async function pauseFor(seconds) {
   await database.write("settings", "pause", { until, tries: tries + 1, asked: seconds !== null });
 }
 
-/** There is a network again: what waited for that alone need not wait longer. */
+/** The network is back: sessions that waited only for it are due. */
 export async function endPause() {
   const pause = await database.read("settings", "pause");
   if (pause && !pause.asked) await database.remove("settings", "pause");
@@ -153,7 +153,7 @@ async function enrolled(consentVersion) {
   return installation;
 }
 
-/** Keep the installation's token for an erasure. The next session enrols a new one. */
+/** Keep the installation's token for an erasure. The next session enrols again. */
 async function retire() {
   const installation = await database.read("settings", "installation");
   const former = (await database.read("settings", "former")) ?? [];
@@ -162,7 +162,7 @@ async function retire() {
 }
 
 /**
- * What the server makes of an accepted SESSION, as soon as it has worked through it; null where it has not yet.
+ * The server's evaluation of an accepted SESSION; null until it was processed.
  * @param {Session} session
  * @returns {Promise<any>}
  */
@@ -178,7 +178,7 @@ export async function summaryOf(session) {
 }
 
 /**
- * Everything that is kept of this browser, here and on the server.
+ * All data of this browser, here and on the server.
  * @returns {Promise<object>}
  */
 export async function exported() {
@@ -187,7 +187,7 @@ export async function exported() {
   return { sessions: await sessions.all(), server };
 }
 
-/** Erase everything here, and on the server as soon as that can be reached. */
+/** Erase everything here, and on the server as soon as it can be reached. */
 export async function erase() {
   const installation = await database.read("settings", "installation");
   const former = (await database.read("settings", "former")) ?? [];
@@ -199,7 +199,7 @@ export async function erase() {
 }
 
 /**
- * Tell the server to erase what its owner wished to be erased.
+ * Deliver pending erasures to the server.
  * @returns {Promise<boolean>} whether nothing is left to erase
  */
 export async function carryOutErasure() {
@@ -223,7 +223,7 @@ export async function carryOutErasure() {
 }
 
 /**
- * Whether the server may show this device's model though few people measured it; null where it cannot be asked.
+ * Whether the server may show this device's model even if few people measured it; null where it cannot be asked.
  * @returns {Promise<boolean | null>}
  */
 export async function isModelShown() {
@@ -238,7 +238,7 @@ export async function isModelShown() {
 }
 
 /**
- * Whether the model of this device may be shown in public though few people measured it.
+ * Whether the model of this device may be shown in public even if few people measured it.
  * @param {boolean} shown
  */
 export async function showModel(shown) {

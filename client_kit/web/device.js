@@ -1,7 +1,7 @@
 /**
- * What this browser says of the device: never a guess, null where it says nothing.
+ * The device's description by this browser: no guesses, null where unknown.
  *
- * Chromium names the model of an Android device. Safari and Firefox do not: their owners may choose it.
+ * Chromium names the model of an Android device. Safari and Firefox do not: the owner may choose it.
  */
 
 /** @typedef {import("./gpu-device.js").AdapterInfo} AdapterInfo */
@@ -53,7 +53,7 @@ export function systemOf(agent = navigator.userAgent) {
 }
 
 /**
- * Everything that is sent of this device. `stated` is the model that its owner chose.
+ * The device fields of a submission. `stated` is the model that its owner chose.
  * @param {AdapterInfo} adapter
  * @param {{manufacturer: string, model: string} | null} stated
  * @returns {Promise<Identity>}
@@ -84,7 +84,7 @@ export async function identify(adapter, stated) {
 }
 
 /**
- * Whether people know the device by its model: of a PC that says little.
+ * Whether the device has a well-known model: a PC's model says little.
  * @param {Identity} device
  * @returns {boolean}
  */
@@ -93,7 +93,7 @@ export function isHandheld({ os }) {
 }
 
 /**
- * What Chromium says when it is asked; empty elsewhere.
+ * Chromium's user-agent data; empty elsewhere.
  * @returns {Promise<Record<string, string>>}
  */
 async function highEntropyHints() {

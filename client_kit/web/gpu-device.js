@@ -1,9 +1,9 @@
-/** A WebGPU device with default limits, what can go wrong with it, and the pipelines that it compiles. */
+/** A WebGPU device with default limits, its errors, and its compiled pipelines. */
 
 const LOSS_KNOWN_WITHIN_MS = 500; // between a call that fails for a lost device and the news of the loss
 
 /**
- * What an adapter tells of itself; "" where it tells nothing.
+ * The description of an adapter; "" where unknown.
  * @typedef {object} AdapterInfo
  * @property {string} vendor
  * @property {string} architecture
@@ -12,10 +12,10 @@ const LOSS_KNOWN_WITHIN_MS = 500; // between a call that fails for a lost device
  * @property {boolean} fallback whether it is software
  */
 
-/** A plan needs more memory than the device has or allows. */
+/** A plan needs more memory than the device allows. */
 export class DoesNotFitError extends Error {}
 
-/** The browser or its driver took the device away; nothing can be computed on it any more. */
+/** The browser or its driver took the device away; it cannot compute any more. */
 export class DeviceLostError extends Error {}
 
 /** The device refused a kernel's text. */
@@ -111,7 +111,7 @@ export class Device {
   }
 
   /**
-   * Do CREATE, which makes WHAT on the device, and report what is wrong with it.
+   * Do CREATE, which makes WHAT on the device, and report its errors.
    * @template T
    * @param {string} what
    * @param {() => T} create
@@ -186,7 +186,7 @@ export class Device {
   }
 
   /**
-   * ERROR, or the loss of the device where that is what it comes from.
+   * ERROR, or the loss of the device if that caused it.
    * @param {unknown} error
    * @returns {Promise<unknown>}
    */
@@ -198,7 +198,7 @@ export class Device {
 }
 
 /**
- * TEXT in one line of a length that is fit to be sent.
+ * TEXT as one line of limited length, for sending.
  * @param {string} text
  * @returns {string}
  */

@@ -1,5 +1,5 @@
 /**
- * A measuring session in a browser (client_kit/measurement.py): a check of each configuration, which is its
+ * A measuring session in a browser (client_kit/measuring/measurement.py): a check of each configuration, which is its
  * warm-up too, then its runs in the protocol's order.
  */
 
@@ -76,7 +76,7 @@ const MICROSECONDS = 1e6;
  * @property {AbortSignal} signal
  */
 
-/** Nothing (more) can be measured. */
+/** The measurement cannot go on. */
 class EndedError extends Error {
   /**
    * @param {FailureCode} code
@@ -92,10 +92,10 @@ class EndedError extends Error {
 class StoppedError extends Error {}
 
 /**
- * Measure what ORDER says and send what comes of it; the last message is `done` or `failed`.
+ * Measure ORDER and send its results; the last message is `done` or `failed`.
  *
  * A configuration that does not fit, or that loses the device, is not tried again: its runs fail with that reason
- * and the others go on. Where the device computes something else than the reference, nothing is timed.
+ * and the others go on. If the device's results differ from the reference, nothing is timed.
  * @param {Order} order
  * @param {Host} host
  */
@@ -123,9 +123,9 @@ class SessionRunner {
   #images = [];
   /** @type {(number[] | null)[]} */
   #truth = [];
-  /** Why a configuration is not tried any more, by its name. @type {Map<string, string>} */
+  /** Why a configuration is not tried again, by its name. @type {Map<string, string>} */
   #hopeless = new Map();
-  /** Those that ran on the present device. @type {Set<string>} */
+  /** Those that ran on the current device. @type {Set<string>} */
   #warm = new Set();
   #losses = 0; // one after another
   #adapterKnown = false;
@@ -164,7 +164,7 @@ class SessionRunner {
     }
   }
 
-  /** Give the device back. */
+  /** Release the device. */
   close() {
     this.#device?.gpu.destroy();
   }
@@ -210,7 +210,7 @@ class SessionRunner {
     });
   }
 
-  /** Microseconds of a frame that computes nothing: the image goes up and the state comes back. */
+  /** Microseconds of an empty frame: the image is uploaded and the state is read back. */
   async #measuredEmptyFrame() {
     const { plan } = this.order.configurations[0];
     const needed = plan.buffers.filter(({ name, type }) => name === plan.input || type === "state");
@@ -251,7 +251,7 @@ class SessionRunner {
     if (this.#clock === "device" && !isPlausible(frames)) this.#timestampsBelieved = false;
   }
 
-  /** Decide what measures the stages of all runs. */
+  /** Choose the clock of the stages of all runs. */
   #settleClock() {
     if (this.#clock === "none" || this.#timestampsBelieved) return;
     if (this.order.session) {
@@ -323,7 +323,7 @@ class SessionRunner {
   }
 
   /**
-   * Note what follows from an ERROR: whether the configuration is tried again, and on which device.
+   * Handle an ERROR: whether the configuration is tried again, and on which device.
    * @param {string} name
    * @param {unknown} error
    */
@@ -333,7 +333,7 @@ class SessionRunner {
     }
     if (error instanceof DoesNotFitError) return;
     if (error instanceof DeviceLostError) this.#losses += 1;
-    // After another error a device may compute anything.
+    // After another error the device's results cannot be trusted.
     this.#device?.gpu.destroy();
     this.#device = null;
   }

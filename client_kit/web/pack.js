@@ -1,13 +1,13 @@
 /**
- * The codec of sequence packs (docs/data/protocol.md, section 2; slam/datasets/codec.py): a header, then chunks of
- * depth images. The caller has compared the chunks with their digests.
+ * The codec of sequence packs (docs/data/protocol.md, section 2; slam/datasets/formats/codec.py): a header, then
+ * chunks of depth images. The caller has compared the chunks with their digests.
  */
 
 const FORMAT = 1;
-const MAXIMAL_HEADER = 64 * 2 ** 20; // bytes of inflated header, as slam/datasets/pack.py
+const MAXIMAL_HEADER = 64 * 2 ** 20; // bytes of inflated header, as slam/datasets/formats/pack.py
 
 /**
- * What a pack's first chunk says. `truth` holds for each frame the upper three rows of the true pose, camera to
+ * The content of a pack's first chunk. `truth` holds for each frame the upper three rows of the true pose, camera to
  * world, row by row, or null where it is not known.
  * @typedef {object} Header
  * @property {string} name
@@ -20,7 +20,7 @@ const MAXIMAL_HEADER = 64 * 2 ** 20; // bytes of inflated header, as slam/datase
  * @property {(number[] | null)[]} truth
  */
 
-/** A pack that is damaged, or of a format that this program does not read. */
+/** A pack that is damaged, or of an unknown format. */
 export class PackError extends Error {}
 
 /**
@@ -120,9 +120,9 @@ export async function readFrame(chunk, index, width, height) {
 }
 
 /**
- * The bytes of one frame; the size of each stands before it.
+ * The bytes of one frame; each is preceded by its size.
  * @param {DataView<ArrayBuffer>} view
- * @param {number} begin where the first frame's size stands
+ * @param {number} begin the position of the first frame's size
  * @param {number} index
  * @returns {ArrayBuffer}
  */

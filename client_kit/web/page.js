@@ -1,4 +1,6 @@
-/** The page /measure/: asks, measures in a worker, keeps every finished run, sends, and shows what came of it. */
+/**
+ * The page /measure/: asks for consent, measures in a worker, stores every finished run, sends, and shows the result.
+ * */
 
 import * as consent from "./consent.js";
 import * as database from "./database.js";
@@ -14,7 +16,7 @@ import { describeAdapter, requestAdapter } from "./gpu-device.js";
 
 const LONGEST_TIMER_MS = 2 ** 31 - 1; // that a browser's timer can count
 const SILENCE_MS = 180_000; // of the worker, after which it is given up
-// What the worker loads: kept, like all that this page loads, for a visit without a network.
+// The worker's modules: cached, like all that this page loads, for a visit without a network.
 const WORKER_FILES = [
   "worker.js", "measurement.js", "pack.js", "picture.js", "plan.js", "run-record.js", "stage-clock.js", "trajectory.js",
   "webgpu.js",
@@ -36,7 +38,7 @@ const notice = element("notice", HTMLElement);
 const asking = element("asking", HTMLElement);
 const modelInput = element("model", HTMLInputElement);
 
-/** What help there is where a browser cannot measure. */
+/** Remedies where a browser cannot measure. */
 const REASONS = {
   insecure: [
     "This address has no HTTPS",
@@ -51,12 +53,12 @@ const REASONS = {
     "Its graphics driver may be too old or switched off. Update the system, or try another browser.",
   ],
   wrong_results: [
-    "This device computes something else",
+    "This device computes wrong results",
     "Its browser or graphics driver gives wrong results, so nothing was timed and nothing is sent. The server counts this by the maker of the graphics chip and the browser. An update may help.",
   ],
   device_lost: [
     "The graphics device was lost",
-    "The browser took it away twice. What was finished is kept. Close other programs and start again.",
+    "The browser took it away twice. Finished runs are kept. Close other programs and start again.",
   ],
   error: ["The measurement ended with an error", ""],
 };
@@ -90,7 +92,7 @@ async function showConsent() {
     return say("Nothing to measure in a browser", "The published front is for the native client.");
   }
   if (!manifest.accepting) {
-    return say("The server takes no measurements now", manifest.message ?? "Please come back later.");
+    return say("The server does not accept measurements now", manifest.message ?? "Please come back later.");
   }
   const stated = await database.read("settings", "stated");
   const device = await identify(adapter, stated ?? null);
@@ -120,7 +122,7 @@ function isMeasurable({ configurations, protocol }) {
 }
 
 /**
- * Show a notice in place of what was on the page.
+ * Show a notice in place of the page's content.
  * @param {string} title
  * @param {string} text
  */
@@ -131,7 +133,7 @@ function say(title, text) {
 }
 
 /**
- * Say why nothing (more) can be measured, and count it.
+ * Say why the measurement cannot go on, and count it.
  * @param {keyof typeof REASONS} code
  * @param {string} [detail]
  */
@@ -174,7 +176,7 @@ start.addEventListener("click", () => {
 });
 
 /**
- * Measure what MANIFEST asks for, unless another tab measures, and offer probes after an accepted session.
+ * Measure MANIFEST, unless another tab measures, and offer probes after an accepted session.
  * @param {Manifest} manifest
  */
 async function measureAlone(manifest) {
@@ -183,7 +185,7 @@ async function measureAlone(manifest) {
   try {
     accepted = await navigator.locks.request(sessions.LOCK, { ifAvailable: true }, async (lock) => {
       if (lock) return measure(manifest);
-      say("Another tab measures already", "Two measurements would disturb each other.");
+      say("Another tab is already measuring", "Two measurements would disturb each other.");
       return null;
     });
   } catch (error) {
@@ -206,14 +208,14 @@ async function offerProbes({ manifest: { application } }) {
 
 stop.addEventListener("click", () => worker?.postMessage({ type: "stop" }));
 document.addEventListener("visibilitychange", () => {
-  // A hidden page loses the device sooner or later, and computes at another speed.
+  // A hidden page loses the device eventually, and computes at another speed.
   if (document.visibilityState === "hidden") worker?.postMessage({ type: "stop" });
 });
 
 /**
- * Measure what MANIFEST asks for. While probes are measured, the result before them stays.
+ * Measure MANIFEST. While probes are measured, the result before them stays.
  * @param {Manifest} manifest
- * @returns {Promise<Session | null>} the ordinary session, where it ended well and the server has accepted it
+ * @returns {Promise<Session | null>} the ordinary session, if it succeeded and the server has accepted it
  */
 async function measure(manifest) {
   if (!ready) return null;
@@ -242,7 +244,7 @@ async function measure(manifest) {
 }
 
 /**
- * What the worker needs, downloaded where it is missing.
+ * The worker's files, downloaded where missing.
  * @param {Manifest} manifest
  */
 async function orderOf(manifest) {
@@ -269,10 +271,10 @@ async function orderOf(manifest) {
 }
 
 /**
- * Have the worker measure ORDER, and keep what it finishes in SESSION.
+ * Have the worker measure ORDER, and store finished runs in SESSION.
  * @param {Session} session
  * @param {any} order
- * @returns {Promise<Session | null>} the ordinary session, where it ended well and the server has accepted it
+ * @returns {Promise<Session | null>} the ordinary session, if it succeeded and the server has accepted it
  */
 async function measureIn(session, order) {
   const last = await new Promise((resolve, reject) => {
@@ -306,7 +308,7 @@ async function measureIn(session, order) {
     fail(last.code === "cannot_resume" ? "error" : last.code, last.detail);
   } else if (last.interrupted) {
     if (!session.runs.length || !ordinary) await sessions.end(session);
-    say("The measurement was interrupted", "What was finished is kept. Keep this page visible while it measures.");
+    say("The measurement was interrupted", "Finished runs are kept. Keep this page visible while it measures.");
     if (ordinary) count("failed", "hidden");
   } else {
     await sessions.end(session);
@@ -360,7 +362,7 @@ function draw({ width, height, pixels }) {
 }
 
 /**
- * Show the result of SESSION, send it, and show what the server made of it.
+ * Show the result of SESSION, send it, and show the server's evaluation.
  * @param {Session} session
  * @returns {Promise<Session | null>} the session, where the server has accepted it
  */
@@ -415,7 +417,7 @@ function showError(error) {
   fail("error", error instanceof Error ? error.message : String(error));
 }
 
-// What the owner of a device may do.
+// The owner's actions.
 
 element("export", HTMLButtonElement).addEventListener("click", () => save().catch(showError));
 element("erase", HTMLButtonElement).addEventListener("click", () => {
@@ -424,7 +426,7 @@ element("erase", HTMLButtonElement).addEventListener("click", () => {
   }
 });
 
-/** Hand everything that is kept to the browser's downloads. */
+/** Offer all stored data as a download. */
 async function save() {
   const content = JSON.stringify(await delivery.exported(), null, 2);
   const link = document.createElement("a");
@@ -473,7 +475,7 @@ modelInput.addEventListener("input", async () => {
 
 window.addEventListener("online", () => delivery.endPause().then(sendWaiting).catch(showError));
 
-/** Keep what this page loaded, so that it opens without a network. */
+/** Cache what this page loaded, so that it opens without a network. */
 async function keepOffline() {
   if (!("serviceWorker" in navigator)) return;
   await navigator.serviceWorker.register(new URL("service-worker.js", import.meta.url));

@@ -1,16 +1,16 @@
-/** The picture of the model as the camera sees it (slam/render.py). */
+/** The picture of the model as the camera sees it (slam/reports/render.py). */
 
 const BACKGROUND = [22, 24, 30]; // red green blue, where no surface is seen
 const SURFACE = [235, 232, 225];
 const AMBIENT = 0.15;
 
 /**
- * What of a plan shows the model: the buffers that the last raycast of a frame fills, and their size.
+ * The buffers of a plan that show the model, filled by the last raycast of a frame, and their size.
  * @typedef {{vertices: string, normals: string, width: number, height: number}} View
  */
 
 /**
- * What shows the model in the frames of PLAN; null where nothing does.
+ * The view of the model in PLAN; null without a raycast.
  * @param {import("./plan.js").Plan} plan
  * @returns {View | null}
  */

@@ -1,6 +1,6 @@
 /**
- * The plan of a frame as data (slam/plans/plan.py, described by slam/plans/schema.json), without a device: what
- * takes place in a frame, and how the state, the buffers and the kernels' parameters lie in memory.
+ * The plan of a frame as data (slam/plans/plan.py, described by slam/plans/schema.json), without a device: the steps of
+ * a frame, and the memory layout of the state, the buffers and the kernels' parameters.
  */
 
 const VERSION = 1;
@@ -50,7 +50,7 @@ const BYTES = { f32: 4, i32: 4, u32: 4, u16: 2, u8: 1, vec4f: 16 };
  */
 
 /**
- * Refuse what this program cannot execute.
+ * Reject plans that this program cannot execute.
  * @param {Plan} plan
  * @throws {Error} for another version or layout, or for a buffer that does not start at 0
  */
@@ -113,7 +113,7 @@ export function stagesOf(plan) {
 }
 
 /**
- * Whether the camera is looked for in a frame.
+ * Whether the camera is tracked in a frame.
  * @param {Plan} plan
  * @param {number} number
  * @returns {boolean}
@@ -237,8 +237,8 @@ export function bufferBytes(plan, buffer) {
 }
 
 /**
- * What a kernel takes besides buffers, as it lies in its uniform buffer: vectors first, so that nothing needs
- * padding.
+ * A kernel's parameters besides buffers, as laid out in its uniform buffer: vectors first, so that no padding is
+ * needed.
  * @param {Kernel} kernel
  * @returns {Parameter[]}
  */

@@ -14,7 +14,7 @@ const thanks = element("thanks", HTMLElement);
 /** @typedef {import("./sessions.js").Session} Session */
 
 /**
- * The answer of PATH for this browser's installation; null where there is none, or the server does not answer.
+ * The answer of PATH for this browser's installation; null without an installation or an answer.
  * @param {string} path
  * @param {Record<string, string>} query
  * @returns {Promise<any>}
@@ -31,7 +31,7 @@ async function askAsInstallation(path, query) {
 }
 
 /**
- * The manifest of what the server assigns to this device; null where it assigns nothing. It is not kept.
+ * The manifest of this device's probes; null where the server assigns none. It is not stored.
  * @param {string} application
  * @returns {Promise<Manifest | null>}
  */
@@ -41,7 +41,7 @@ export async function assignedManifest(application) {
 }
 
 /**
- * What the server recommends for this device; null where it has nothing to say.
+ * The server's recommendation for this device, or null.
  * @param {string} application
  * @returns {Promise<any>}
  */
@@ -50,7 +50,7 @@ export function recommendation(application) {
 }
 
 /**
- * Show what is assigned, with the reasons. PRESSED is called once, when the visitor wants it measured.
+ * Show the assigned probes with the reasons. PRESSED is called once, when the visitor agrees.
  * @param {Manifest} manifest
  * @param {() => void} pressed
  */
@@ -71,7 +71,7 @@ export function offer({ assigned = [] }, pressed) {
   section.hidden = false;
 }
 
-/** Another measurement begins: nothing is offered, and no thanks are shown. */
+/** Another measurement begins: hide the offer and the thanks. */
 export function reset() {
   section.hidden = true;
   thanks.hidden = true;
@@ -94,6 +94,6 @@ export function probesOf({ runs, probes = [] }, ok = false) {
 export function thank(session) {
   const names = probesOf(session, true);
   const words = names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names.at(-1)}` : names[0];
-  thanks.textContent = words ? `Thank you: the map of devices now knows ${words} on this device.` : "No probe ran on this device.";
+  thanks.textContent = words ? `Thank you: predictions now include ${words} on this device.` : "No probe ran on this device.";
   thanks.hidden = false;
 }

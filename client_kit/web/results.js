@@ -1,4 +1,4 @@
-/** What a session came to, on the page: for its owner at once, whatever the server makes of it later. */
+/** The results of a session on the page, shown to its owner before the server has processed them. */
 
 import { element } from "./elements.js";
 import { probesOf } from "./probes.js";
@@ -66,7 +66,7 @@ export function showResult(session, state, crowd) {
 }
 
 /**
- * Say what the server recommends for this device; nothing where that is null.
+ * Show the server's recommendation for this device, if any.
  * @param {any} recommendation
  */
 export function showRecommendation(recommendation) {
@@ -110,7 +110,7 @@ function rateOf({ runs, manifest }, name) {
 }
 
 /**
- * A configuration's stages, as parts of its frame; none where no clock measured them.
+ * A configuration's stages, as parts of its frame; empty where no clock measured them.
  * @param {Session} session
  * @param {string} name
  * @returns {HTMLElement[]}
@@ -139,7 +139,7 @@ function barOf({ runs, manifest }, name) {
 }
 
 /**
- * Where the session stands, in words.
+ * The state of the session as a sentence.
  * @param {Session} session
  * @param {string | null} standing
  * @param {string} reason
@@ -150,9 +150,9 @@ function barOf({ runs, manifest }, name) {
  */
 function standingOf(session, standing, reason, speedup, own, crowd) {
   if (session.state === "rejected") return `The server refused this session: ${session.reason}`;
-  if (!session.answer) return "Kept on this device. It is sent as soon as the server can be reached.";
-  if (!standing) return "Sent. The server is still working through it.";
-  if (standing !== "unconfirmed" && standing !== "confirmed") return `The server sets this session aside: ${standing}, ${reason}.`;
+  if (!session.answer) return "Stored on this device. It is sent as soon as the server can be reached.";
+  if (!standing) return "Sent. The server is still processing it.";
+  if (standing !== "unconfirmed" && standing !== "confirmed") return `The server does not count this session: ${standing}, ${reason}.`;
   const others = (crowd ?? []).filter((row) => row.backend === "webgpu" && row !== own);
   const faster = others.filter((row) => row.speedup > (speedup ?? 0)).length;
   const place = others.length
@@ -168,7 +168,7 @@ function standingOf(session, standing, reason, speedup, own, crowd) {
  */
 function linksOf(state) {
   const links = [];
-  if (state?.page) links.push(link(state.page, "Your own page"), made("small", "", " (anyone with its address can read it)"));
+  if (state?.page) links.push(link(state.page, "Your private page"), made("small", "", " (anyone with its address can read it)"));
   if (state?.device) {
     const address = `/devices/${state.device}/`;
     links.push(document.createTextNode(" "), link(address, "This device among the others"));
@@ -191,7 +191,7 @@ function link(address, text) {
 }
 
 /**
- * Share ADDRESS as the platform does it, else copy it.
+ * Share ADDRESS with the platform's dialogue, or copy it.
  * @param {HTMLElement} button
  * @param {string} address
  */
@@ -203,13 +203,13 @@ async function shared(button, address) {
       button.textContent = "Link copied";
     }
   } catch {
-    // The owner closed the dialogue, or the browser does not permit it: the link stands beside the button.
+    // The owner closed the dialogue, or the browser does not permit it: the link is beside the button.
   }
 }
 
 /**
  * @param {Session} session
- * @returns {string} what SESSION came to, in a word or two
+ * @returns {string} the outcome of SESSION, in a word or two
  */
 function valueOf(session) {
   if (session.probes?.length) {
@@ -221,7 +221,7 @@ function valueOf(session) {
 }
 
 /**
- * List what was measured here.
+ * List the sessions of this browser.
  * @param {Session[]} all
  */
 export function showSessions(all) {

@@ -1,4 +1,4 @@
-/** What is kept of a run, and when it has failed (client_kit/run_record.py). */
+/** The record of a run, and when a run has failed (client_kit/measuring/run_record.py). */
 
 import { nextNumber, tracks } from "./plan.js";
 import { absoluteTrajectoryError, deviation, positionOf } from "./trajectory.js";
@@ -8,7 +8,7 @@ const MOST_LOST = 0.5;
 const MICROSECONDS = 1e6;
 // Chromium rounds timestamps to so many seconds.
 const TIMESTAMP_QUANTUM = 65536e-9;
-// Timestamps are believed where they are plausible in this part of the frames.
+// Timestamps are used if they are plausible in this share of the frames.
 const PLAUSIBLE = 0.95;
 
 /** @typedef {import("./plan.js").Plan} Plan */
@@ -35,7 +35,7 @@ const PLAUSIBLE = 0.95;
  */
 
 /**
- * What a run is compared with: `trajectory` is the reference, `truth` the true poses of the frames.
+ * The references of a run: `trajectory` is the reference trajectory, `truth` the true poses of the frames.
  * @typedef {{trajectory: number[][], truth: (number[] | null)[]}} Expected
  */
 
@@ -49,7 +49,7 @@ export function positionsOf(frames) {
 }
 
 /**
- * The run that came to an end.
+ * A completed run.
  * @param {PlannedRun} planned
  * @param {Plan} plan
  * @param {Outcome[]} frames
@@ -109,7 +109,7 @@ function failureOf(lost, attempted) {
 }
 
 /**
- * The run that did not come to an end, for REASON.
+ * An uncompleted run, with its REASON.
  * @param {PlannedRun} planned
  * @param {string} reason
  * @param {boolean} timed
@@ -131,8 +131,8 @@ export function failedRun(planned, reason, timed) {
 }
 
 /**
- * Whether the device's clock can be believed: in nearly all frames no stage is negative and all together do not
- * take longer than the frame did, and it does not stand still.
+ * Whether the device's clock is plausible: it advances, and in nearly all frames no stage is negative and their sum is
+ * not longer than the frame.
  * @param {Outcome[]} frames
  * @returns {boolean}
  */
@@ -146,8 +146,7 @@ export function isPlausible(frames) {
 }
 
 /**
- * Whole microseconds of each stage and frame. They never add up to more than the frame took, not even where the
- * device's clock is coarse.
+ * Whole microseconds of each stage and frame. Their sum never exceeds the frame, even with a coarse clock.
  * @param {Outcome[]} frames
  * @param {number[]} frame_us
  * @returns {Record<string, number[]>}

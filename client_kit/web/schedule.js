@@ -1,7 +1,7 @@
-/** The runs of a session in their order (client_kit/manifest.py). */
+/** The runs of a session in their order (client_kit/delivery/manifest.py). */
 
 /**
- * What of a manifest's protocol says how to measure.
+ * The part of a manifest's protocol that the measurement uses.
  * @typedef {object} Protocol
  * @property {number} version
  * @property {number} warmup_frames
@@ -13,7 +13,7 @@
  * @property {number} max_ate
  */
 
-/** A run that is to be made. @typedef {{configuration: string, repeat: number, order: number}} PlannedRun */
+/** A planned run. @typedef {{configuration: string, repeat: number, order: number}} PlannedRun */
 
 /**
  * All runs of a session: the protocol's order, forwards and back, until each configuration has its repeats.

@@ -4,7 +4,7 @@ import * as database from "./database.js";
 
 const API = "/api/v1";
 
-/** The server answered that it does not do this. `retryAfter` in seconds, null where it does not say. */
+/** An error answer of the server. `retryAfter` in seconds, or null. */
 export class Refusal extends Error {
   /**
    * @param {number} status
@@ -27,11 +27,11 @@ export class Refusal extends Error {
 /** The server cannot be reached. */
 export class UnreachableError extends Error {}
 
-/** A download is not what its digest says. */
+/** A download does not match its digest. */
 export class DamagedError extends Error {}
 
 /**
- * Ask for PATH of the API. JSON in and out.
+ * Request PATH of the API. JSON in and out.
  * @param {string} path
  * @param {{method?: string, token?: string, body?: string, headers?: Record<string, string>}} [request]
  * @returns {Promise<Response>} with status 200 to 399
@@ -51,7 +51,7 @@ export async function ask(path, { method = "GET", token, body, headers = {} } = 
 }
 
 /**
- * Ask for PATH and read its JSON. An answer that breaks off is as good as none.
+ * Request PATH and read its JSON. An incomplete answer counts as none.
  * @param {string} path
  * @param {Parameters<typeof ask>[1]} [request]
  * @returns {Promise<any>}
@@ -90,7 +90,7 @@ function secondsOf(header) {
 /** @typedef {{sha256: string, url: string}} Addressed */
 
 /**
- * What a client is asked to measure (docs/data/protocol.md).
+ * The server's manifest for clients (docs/data/protocol.md).
  * @typedef {object} Manifest
  * @property {string} application
  * @property {string} front_version
@@ -102,7 +102,7 @@ function secondsOf(header) {
  * @property {string} minimum_app_version
  * @property {boolean} accepting
  * @property {string | null} message
- * @property {{name: string, why: string}[]} [assigned] what this device is to measure, in a manifest for it alone
+ * @property {{name: string, why: string}[]} [assigned] the probes of this device, in its own manifest
  */
 
 /**
@@ -125,7 +125,7 @@ export async function readManifest() {
 }
 
 /**
- * A file by its digest: the kept one, else downloaded, checked and kept.
+ * A file by its digest: stored, or else downloaded, checked and stored.
  * @param {Addressed} file
  * @returns {Promise<ArrayBuffer>}
  */
@@ -165,7 +165,7 @@ async function digest(content) {
 }
 
 /**
- * Count how far this visitor came; nothing identifies who it is. Nobody waits for the answer.
+ * Count the steps of visitors anonymously. The answer is not awaited.
  * @param {string} step
  * @param {{reason?: string, gpu?: {vendor: string, architecture: string}, browser?: string | null}} [more]
  */

@@ -1,4 +1,4 @@
-/** Opens /measure/ without a network: what the page loaded last is kept, and used where the network fails. */
+/** Opens /measure/ without a network: files of the last visit are cached, and used when the network fails. */
 
 const CACHE = "frontrunner-measure";
 const KEPT = ["/measure/", "/static/"];
@@ -9,7 +9,7 @@ const scope = /** @type {any} */ (self);
 scope.addEventListener("install", () => void scope.skipWaiting());
 scope.addEventListener("activate", (event) => event.waitUntil(scope.clients.claim()));
 
-// The first visit loads before this worker controls the page: it says what it loaded.
+// The first visit loads before this worker controls the page: the page sends the list of its files.
 scope.addEventListener("message", (event) => {
   if (event.data.type === "keep") event.waitUntil(keep(event.data.urls));
 });
@@ -34,7 +34,7 @@ async function keep(urls) {
 }
 
 /**
- * The network's answer, which is kept; without a network the kept one.
+ * The network's answer, which is cached; without a network the cached one.
  * @param {Request} request
  * @returns {Promise<Response>}
  */

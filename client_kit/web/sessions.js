@@ -10,7 +10,7 @@ import { VERSION } from "./version.js";
 const SCHEMA_VERSION = 1;
 /** The lock of the tab that measures. */
 export const LOCK = "frontrunner-measuring";
-// A device that rested for longer is in another state than the one that the first runs saw.
+// After a longer rest the device is in another state than in the first runs.
 const RESUMABLE_MS = 30 * 60 * 1000;
 
 /** @typedef {import("./server.js").Manifest} Manifest */
@@ -20,9 +20,9 @@ const RESUMABLE_MS = 30 * 60 * 1000;
 /** @typedef {"measuring" | "queued" | "accepted" | "duplicate" | "rejected"} State */
 
 /**
- * `manifest` holds what of it a result page needs. `body` and `key` are what is sent, unchanged until there is an
- * answer. `changedAt` is when it was kept last (milliseconds since 1970). `answer` is what the server said. `probes`
- * names the configurations that the server assigned; sessions of earlier versions of this page lack it.
+ * `manifest` is the part that a result page needs. `body` and `key` are sent, and do not change until there is an
+ * answer. `changedAt` is the time of the last write (milliseconds since 1970). `answer` is the server's. `probes`
+ * names the assigned configurations; sessions of earlier versions of this page lack it.
  * @typedef {object} Session
  * @property {string} id
  * @property {string} startedAt
@@ -41,7 +41,7 @@ const RESUMABLE_MS = 30 * 60 * 1000;
  */
 
 /**
- * A new session of what MANIFEST asks for, kept.
+ * A new, stored session for MANIFEST.
  * @param {Manifest} manifest
  * @param {Identity} device
  * @returns {Promise<Session>}
@@ -71,7 +71,7 @@ export async function begin(manifest, device) {
 }
 
 /**
- * Keep what changed of SESSION; it is on disk when this is done.
+ * Store SESSION; it is on disk when the promise resolves.
  * @param {Session} session
  */
 export function keep(session) {
@@ -89,7 +89,7 @@ export async function all() {
 }
 
 /**
- * Whether a tab of this browser measures now.
+ * Whether a tab of this browser is measuring.
  * @returns {Promise<boolean>}
  */
 export async function isMeasuring() {
@@ -98,8 +98,8 @@ export async function isMeasuring() {
 }
 
 /**
- * The session in progress that can go on under MANIFEST, or null: the same front, and the same runs. Others in
- * progress are ended: their finished runs are queued. Call it only while no other tab measures.
+ * The session in progress that MANIFEST can continue, or null: the same front and the same runs. Others in progress
+ * are ended, and their finished runs are queued. Call it only while no other tab measures.
  * @param {Manifest} manifest
  * @returns {Promise<Session | null>}
  */
@@ -125,7 +125,7 @@ function sameRuns(one, other) {
 }
 
 /**
- * No run follows: SESSION waits to be sent, or is forgotten where nothing of it was finished.
+ * End SESSION: queue it for sending, or delete it if no run was finished.
  * @param {Session} session
  */
 export async function end(session) {
@@ -136,7 +136,7 @@ export async function end(session) {
 }
 
 /**
- * The owner agreed to another version of what is sent: waiting sessions are sent under that version, with new keys.
+ * The owner agreed to another consent version: waiting sessions are sent under it, with new keys.
  * @param {number} version
  */
 export async function agreedTo(version) {
@@ -149,7 +149,7 @@ export async function agreedTo(version) {
 }
 
 /**
- * What POST /submissions takes (docs/data/protocol.md).
+ * The body of POST /submissions (docs/data/protocol.md).
  * @param {Session} session
  * @param {SessionClock} clock
  */

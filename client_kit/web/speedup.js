@@ -1,7 +1,7 @@
-/** What the runs of a session come to (client_kit/session.py), computed as the server computes it. */
+/** The results of a session (client_kit/measuring/session.py), computed as on the server. */
 
 const MICROSECONDS = 1e6;
-const LEAST_PAIRS = 3; // for an interval: that of two pairs is so wide that it says nothing
+const LEAST_PAIRS = 3; // pairs needed for an interval: two pairs give a uselessly wide one
 // Student's t, two-sided 95 %, for 1 to 24 degrees of freedom: a session has at most 25 pairs of runs.
 const T_QUANTILES = [
   12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179,
@@ -11,7 +11,7 @@ const T_QUANTILES = [
 /** @typedef {import("./run-record.js").Run} Run */
 
 /**
- * What of a manifest's protocol decides what a run is worth.
+ * The part of a manifest's protocol that decides whether a run counts.
  * @typedef {{first_counted_frame: number, max_ate: number}} Counting
  */
 
@@ -21,8 +21,8 @@ const T_QUANTILES = [
  */
 
 /**
- * How many times faster than the baseline. `low` and `high` bound it with 95 % confidence: how well this session
- * repeats, on this device today. They are null for too few pairs of runs.
+ * The speedup over the baseline. `low` and `high` bound it with 95 % confidence within this session. They are null for
+ * too few pairs of runs.
  * @typedef {{value: number, low: number | null, high: number | null, pairs: number}} Speedup
  */
 
@@ -100,7 +100,7 @@ export function speedupOf(runs, configuration, protocol, bands, baseline = "defa
 }
 
 /**
- * How much slower the second half of a configuration's good runs was than the first: median over the counted
+ * The slowdown of the second half of a configuration's good runs over the first: median over the counted
  * frames of the ratio of their means. Null with fewer than two such runs.
  * @param {Run[]} runs of one session
  * @param {string} configuration

@@ -5,7 +5,7 @@ import { stagesOf } from "./plan.js";
 /** @typedef {import("./plan.js").Plan} Plan */
 /** @typedef {import("./gpu-device.js").Device} Device */
 
-/** The timestamps of a frame's passes, read back behind the state. */
+/** The timestamps of a frame's passes, read back after the state. */
 export class StageClock {
   /**
    * @param {GPUQuerySet} queries
@@ -39,7 +39,7 @@ export class StageClock {
   }
 
   /**
-   * Where pass INDEX of a frame writes its times.
+   * The timestamp writes of pass INDEX of a frame.
    * @param {number} index
    * @returns {GPUComputePassTimestampWrites}
    */
@@ -52,7 +52,7 @@ export class StageClock {
   }
 
   /**
-   * Copy the times of a frame's passes behind the state.
+   * Copy the times of a frame's passes after the state.
    * @param {GPUCommandEncoder} encoder
    * @param {number} passes
    * @param {GPUBuffer} readback
@@ -65,7 +65,7 @@ export class StageClock {
 
   /**
    * Seconds of each stage: from the first begin to the last end of its passes, 0 where nothing was launched.
-   * Passes overlap on tiled GPUs, so that their sum says less.
+   * Passes overlap on tiled GPUs, so their sum would be too large.
    * @param {ArrayBuffer} data what was read back
    * @param {{stage: string}[]} taking the segments of the frame
    * @returns {Record<string, number>}

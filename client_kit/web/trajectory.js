@@ -1,4 +1,4 @@
-/** The error of a trajectory (slam/trajectory.py), and how far it is from the reference trajectory. */
+/** The error of a trajectory (slam/trajectories/trajectory.py), and its deviation from the reference trajectory. */
 
 /**
  * The upper three rows of a pose, row by row: 12 numbers, camera to world, metres.
@@ -62,7 +62,7 @@ export function deviation(positions, reference) {
 }
 
 /**
- * Where the camera is.
+ * The camera's position.
  * @param {Pose} pose
  * @returns {number[]}
  */
@@ -118,7 +118,7 @@ function product(a, b) {
 }
 
 /**
- * The inverse, and not the transpose: an estimated rotation is one in 32 bits only.
+ * The inverse, not the transpose: an estimated rotation is orthonormal only to 32 bits.
  * @param {number[]} matrix 3x3, row by row
  * @returns {number[]}
  */

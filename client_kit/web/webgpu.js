@@ -18,7 +18,7 @@ const ALIGNMENT = 256; // of a part of a uniform buffer
 /** @typedef {Record<string, string>} Shaders WGSL text by the kernel's name */
 
 /**
- * What came of one frame: the state after it, the wall seconds from before the upload until the state was read
+ * The outcome of one frame: the state after it, the wall seconds from before the upload until the state was read
  * back, and the device's seconds by stage, null where no timestamps are taken.
  * @typedef {{state: State, seconds: number, stages: Record<string, number> | null}} Outcome
  */
@@ -141,7 +141,7 @@ export class Execution {
     this.#device.gpu.queue.writeBuffer(present(this.#buffers.get(name)), 0, content);
   }
 
-  /** Give its memory back. */
+  /** Release its memory. */
   destroy() {
     for (const buffer of [...this.#buffers.values(), ...this.#others]) buffer.destroy();
     this.#clock?.destroy();
@@ -285,7 +285,7 @@ function encode(encoder, launches, description) {
 }
 
 /**
- * IMAGE, with a 0 behind it where it does not fill whole 32-bit words.
+ * IMAGE, padded with a 0 to whole 32-bit words.
  * @param {Uint16Array<ArrayBuffer>} image
  * @returns {Uint16Array<ArrayBuffer>}
  */

@@ -1,4 +1,4 @@
-/** The worker of /measure/: it measures what the page orders (client_kit/web/measurement.js says how). */
+/** The worker of /measure/: it runs the page's orders (see client_kit/web/measurement.js). */
 
 import { measure } from "./measurement.js";
 

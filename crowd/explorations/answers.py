@@ -9,8 +9,8 @@ import msgspec
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.searching.points import Point
 from crowd.explorations.selectors import Progress
-from slam.disclosure import public
 from slam.isolated import NO_OBJECTIVES
+from slam.public_text import without_folders
 
 
 class ExplorationSummary(msgspec.Struct):
@@ -133,8 +133,8 @@ def detail(
         objectives=row.objectives,
         limits=row.limits,
         frames=row.frames,
-        command=public(row.command),
-        note=public(row.note),
+        command=without_folders(row.command),
+        note=without_folders(row.note),
         front=[_front_point(row, point) for point in front],
         measurements=[_evaluation(evaluation) for evaluation in measurements],
         next=following,
@@ -175,7 +175,7 @@ def _evaluation(row: Evaluation) -> EvaluationAnswer:
         censored=row.censored,
         perturbation=row.perturbation,
         stages=row.stages,
-        error=public(row.error),
+        error=without_folders(row.error),
         device=row.device,
         software=row.software,
         finished_at=row.finished_at,

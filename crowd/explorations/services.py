@@ -18,7 +18,7 @@ from crowd.explorations.searching.baseline_configurations import DEFAULT
 from crowd.explorations.searching.batches import Wanted
 from crowd.explorations.searching.search import COPIED, FINISHED, SEARCHED
 from pareto.errors import ParetoError
-from slam.isolated import one_line
+from slam.public_text import one_line
 
 # Repeats change medians, and these what belongs to the front: it is looked at again, but not for ever.
 MOST_ROUNDS_OF_REPEATS = 3

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from crowd.operations.environment import DataFolderError, prepared
-from slam.isolated import dies_with_parent
+from slam.child_process import dies_with_parent
 
 FIRST_PAUSE_SECONDS = 0.5
 LONGEST_PAUSE_SECONDS = 30.0

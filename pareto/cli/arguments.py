@@ -1,4 +1,4 @@
-"""What the commands of `python -m pareto` share: reading arguments, and saying what is wrong with them."""
+"""Shared by the commands of `python -m pareto`: reading arguments and reporting errors in them."""
 
 from __future__ import annotations
 
@@ -8,25 +8,12 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NoReturn
 
-from pareto.errors import ObjectiveError, ParetoError, ScenarioError, SpaceError
+from pareto.errors import ObjectiveError, ScenarioError, SpaceError
 from pareto.fronts.objective import Objective
 from pareto.spaces.configspace import is_configspace, read_configspace
 from pareto.spaces.scenario import Scenario, is_scenario
 from pareto.spaces.space import Space
-
-
-class UsageError(ParetoError):
-    """The command line cannot be understood."""
-
-
-class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is an error like all others: one line, exit code 2."""
-
-    def error(self, message: str) -> NoReturn:
-        """Raise UsageError."""
-        raise UsageError(f"{message} ({self.prog} --help tells more)")
 
 
 def add_objectives(command: argparse.ArgumentParser, objectives: str) -> None:
@@ -39,9 +26,9 @@ def add_objectives(command: argparse.ArgumentParser, objectives: str) -> None:
 
 
 def read_objectives(names: str | None, maximise: str, otherwise: Iterable[Objective]) -> list[Objective]:
-    """Return the objectives that the arguments name, `otherwise` where they name none.
+    """Return the objectives that the arguments name, or `otherwise`.
 
-    Raises ObjectiveError for a maximised one that is no objective.
+    Raises ObjectiveError for an unknown maximised one.
     """
     upwards = split(maximise)
     wanted = [Objective(name, name in upwards) for name in split(names)] or list(otherwise)
@@ -87,7 +74,7 @@ def add_units(command: argparse.ArgumentParser) -> None:
 
 
 def read_units(text: str, objectives: Iterable[Objective]) -> dict[str, str]:
-    """Return the units of a NAME=UNIT text. Raises ObjectiveError for a name that is no objective."""
+    """Return the units of a NAME=UNIT text. Raises ObjectiveError for an unknown objective."""
     units = {}
     for item in split(text):
         name, _, unit = item.partition("=")
@@ -105,7 +92,7 @@ def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario |
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return Space.load(path), None  # which says what is wrong with the file
+        return Space.load(path), None  # it reports what is wrong with the file
     except RecursionError:
         raise SpaceError(f"{path} is nested too deeply to be a space") from None
     if is_scenario(description):
@@ -118,7 +105,7 @@ def read_space(path: Path, levels: int | None = None) -> tuple[Space, Scenario |
 
 
 def read_resources(texts: Iterable[str]) -> dict[str, list[str]]:
-    """Return the items of NAME=A,B texts. Raises ScenarioError for a name that no environment has."""
+    """Return the items of NAME=A,B texts. Raises ScenarioError for an invalid variable name."""
     resources: dict[str, list[str]] = {}
     for text in texts:
         name, _, items = text.partition("=")

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 from importlib import import_module
 
-from frontrunner import __version__
-from pareto.cli.arguments import Parser
+from frontrunner import terminal
+from frontrunner.command_line import USAGE_ERROR, Parser
 from pareto.errors import ParetoError
 
 COMMANDS = {
     "explore": "measure configurations until the budget is spent",
     "front": "print the non-dominated points, or the best one for a purpose",
     "plot": "draw an exploration as one HTML file that needs no network",
-    "space": "check a space and tell its size, or convert it",
+    "space": "check a space and print its size, or convert it",
     "compare": "correlate devices over their common configurations",
-    "transfer": "order another device's front by what it promises here",
+    "transfer": "order another device's front by the values expected here",
 }
 
 
@@ -35,35 +34,39 @@ def main(arguments: list[str] | None = None, prog: str = "python -m pareto") -> 
         code = int(options.act(options))
         sys.stdout.flush()
         return code
+    except SystemExit as ended:  # of the parser: it has reported a wrong command line, or printed the help
+        if ended.code != USAGE_ERROR:
+            raise
+        return USAGE_ERROR
     except ParetoError as error:
-        sys.stderr.write(f"frontrunner: {error}\n")
-        return 2
+        terminal.fail(str(error))
+        return USAGE_ERROR
     except ModuleNotFoundError as missing:
         package = (missing.name or "").split(".")[0]
         if package == "pareto":
             raise
-        sys.stderr.write(f"frontrunner: searching needs {package}: pip install 'frontrunner[explore]'\n")
-        return 2
-    except BrokenPipeError:  # | head: nobody reads on, which is nobody's error
+        terminal.fail(f"searching needs {package}: pip install 'frontrunner[explore]'")
+        return USAGE_ERROR
+    except BrokenPipeError:  # | head: the reader has closed the pipe, which is not an error
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        sys.stderr.write(f"frontrunner: {error.filename or 'cannot write'}: {error.strerror or error}\n")
-        return 2
+        terminal.fail(f"{error.filename or 'cannot write'}: {error.strerror or error}")
+        return USAGE_ERROR
     except KeyboardInterrupt as interrupt:
         state = "interrupted; the same command goes on from here" if loaded else "interrupted before it began"
-        sys.stderr.write(f"\nfrontrunner: {str(interrupt) or state}\n")
+        sys.stderr.write("\n")
+        terminal.note(str(interrupt) or state)
         return 130
 
 
-def make_parser(words: list[str], prog: str) -> argparse.ArgumentParser:
+def make_parser(words: list[str], prog: str) -> Parser:
     """The parser, in which the options of the command that WORDS begin with are read."""
-    parser = Parser(prog=prog, description="Search for the best configurations of a program.")
-    parser.add_argument("--version", action="version", version=f"frontrunner {__version__}")
+    parser = Parser.of_program(prog, "Search for the best configurations of a program.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, purpose in COMMANDS.items():
         command = commands.add_parser(name, help=purpose)
-        # The others stay unread: what they need may not be installed, and reading it takes a second.
+        # The others are not imported: their packages may be missing, and importing takes a second.
         if name in words[:1]:
             import_module(f"pareto.cli.{name}").add_arguments(command)
     return parser

@@ -1,4 +1,4 @@
-"""python -m pareto compare: how alike devices are, from the same configurations measured on each."""
+"""python -m pareto compare: how similar devices are, from configurations measured on both."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def add_arguments(compare: argparse.ArgumentParser) -> None:
 
 
 def compare_devices(options: argparse.Namespace) -> int:
-    """Print the correlations of every two devices, and where the best of one comes on the other."""
+    """Print the correlations of every two devices, and the rank of one's best on the other."""
     space, objectives = read_problem(options)
     if len(options.tables) < 2:
         raise ScenarioError("compare needs two CSV files or more, one a device")
@@ -102,7 +102,7 @@ def _line(pair: dict[str, Any]) -> str:
     first, second = pair["devices"]
     text = f"{pair['objective']}: {first} and {second}, {pair['common']} common configurations: "
     if pair["pearson"] is None:
-        text += f"no correlation can be told (it takes {MINIMUM} that differ)"
+        text += f"too few for a correlation ({MINIMUM} different ones are needed)"
     else:
         of = " of logarithms" if pair["logarithms"] else ""
         text += f"Pearson{of} {_estimate(pair['pearson'])}, Spearman {_estimate(pair['spearman'])}"

@@ -1,4 +1,4 @@
-"""python -m pareto explore: measure configurations until the budget is spent, and lose none on the way."""
+"""python -m pareto explore: measure configurations until the budget is spent; no measurement is lost."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from frontrunner import terminal
 from pareto.cli.arguments import (
     add_objectives,
     add_units,
@@ -36,7 +37,7 @@ from pareto.measuring.progress import summarise_front
 from pareto.measuring.table import from_table
 from pareto.search.answer import constant_objectives, obstacle
 from pareto.search.explorer import Explorer
-from pareto.search.methods import DEFAULT, METHODS, present
+from pareto.search.methods import DEFAULT, METHODS, current_method
 from pareto.search.recommendation import is_noisy
 from pareto.spaces.parameter import Value
 from pareto.spaces.scenario import Scenario
@@ -56,7 +57,9 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
     add_objectives(explore, "names, separated by commas; a scenario brings its own")
     source = explore.add_mutually_exclusive_group(required=True)
     source.add_argument("--table", type=Path, help="look values up in a CSV file")
-    source.add_argument("--command", help="run a program: {config} becomes JSON, {name} a parameter's value")
+    source.add_argument(
+        "--command", help="run a program: {config} is replaced by JSON, {name} by a parameter's value"
+    )
     explore.add_argument("--timeout", type=seconds, help="seconds a program may take")
     explore.add_argument("--jobs", type=count, metavar="N", help="programs that run at the same time (1)")
     explore.add_argument(
@@ -64,7 +67,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=A,B,..",
-        help="each running program has one item for itself, as the variable NAME and the placeholder {NAME}",
+        help="each running program gets one item, as the variable NAME and the placeholder {NAME}",
     )
     explore.add_argument(
         "--repeats", type=count, default=1, metavar="N", help="measurements of each configuration (1)"
@@ -76,7 +79,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         help=f"end after N equal failures at the start ({GIVE_UP}); 0 for never",
     )
     explore.add_argument(
-        "--budget", type=count, help="measurements, those of earlier runs in this folder included"
+        "--budget", type=count, help="measurements, including those of earlier runs in this folder"
     )
     explore.add_argument("--batch", type=count, help=f"proposals a round ({BATCH})")
     explore.add_argument(
@@ -86,7 +89,7 @@ def add_arguments(explore: argparse.ArgumentParser) -> None:
         "--prior",
         type=Path,
         metavar="CSV",
-        help="what another device measured, to start from; it never counts",
+        help="measurements of another device to start from; they do not count",
     )
     explore.add_argument(
         "--warm-start", type=Path, metavar="CSV", help="measurements of this device by an earlier run"
@@ -114,7 +117,7 @@ def explore_folder(options: argparse.Namespace) -> int:
     """Explore into the folder; 0 done, 1 nothing succeeded, 130 interrupted with everything saved."""
     space, scenario = read_space(options.space, options.levels)
     for note in scenario.notes if scenario else ():
-        sys.stderr.write(f"frontrunner: {note}\n")
+        terminal.note(note)
     fresh = _new_explorer(options, space, scenario)
     plan = _plan(options, scenario)
     units = read_units(options.units, fresh.objectives)
@@ -139,7 +142,7 @@ def explore_folder(options: argparse.Namespace) -> int:
         if page and options.serve is not None:
             address = stack.enter_context(served(options.out, options.serve))
             page.draw()
-            sys.stderr.write(f"frontrunner: the progress is shown at {address}\n")
+            terminal.note(f"the progress is shown at {address}")
         loop = MeasurementLoop(
             explorer,
             folder,
@@ -156,12 +159,12 @@ def explore_folder(options: argparse.Namespace) -> int:
 
 
 def former_method(text: str) -> str:
-    """A method's name, also that of an earlier program, for argparse."""
-    return present(text, {})[0]
+    """A method's name, current or of an earlier version, for argparse."""
+    return current_method(text, {})[0]
 
 
 def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario | None) -> Explorer:
-    """Return an explorer that knows nothing yet. Raises ScenarioError where there are no objectives."""
+    """Return a new explorer. Raises ScenarioError where there are no objectives."""
     objectives = read_objectives(
         options.objectives, options.maximise, scenario.objectives if scenario else ()
     )
@@ -176,12 +179,12 @@ def _new_explorer(options: argparse.Namespace, space: Space, scenario: Scenario 
         prior=read_measurements(options.prior, space, objectives) if options.prior else (),
         **_method_options(options, scenario),
     )
-    header(explorer)  # before anything is measured, since it refuses names that clash
+    header(explorer)  # before anything is measured: it rejects names that clash
     return explorer
 
 
 def _plan(options: argparse.Namespace, scenario: Scenario | None) -> Plan:
-    """Return how long to measure. Raises ScenarioError for options that contradict each other."""
+    """Return the plan of the measurements. Raises ScenarioError for options that contradict each other."""
     budget = options.budget or (scenario and scenario.budget)
     if not budget:
         raise ScenarioError("--budget is missing: how many measurements?")
@@ -202,16 +205,16 @@ def _lookup(table: Path, explorer: Explorer, feasible: tuple[str, str] | None) -
 
 
 def _tell_known(explorer: Explorer, folder: Folder, known: list[Measurement]) -> None:
-    """Tell what an earlier run measured, each row once, however often the command is started again."""
+    """Tell the explorer the measurements of an earlier run, each row once per folder."""
     history = explorer.history
-    folder.asked(explorer)  # a state must stand before the rows that it does not know
+    folder.asked(explorer)  # the state must be written before rows that it does not contain
     seen: Counter[int] = Counter()
-    told = {index: len(values) for index, values in history.told.items()}
+    recorded = {index: len(values) for index, values in history.results.items()}
     for configuration, values in known:
         index = explorer.space.encode(configuration)
         seen[index] += 1
         of_this_run = index in history.pending or history.phases.get(index, IMPORTED) != IMPORTED
-        if of_this_run or seen[index] <= told.get(index, 0):
+        if of_this_run or seen[index] <= recorded.get(index, 0):
             continue
         explorer.tell([configuration], [values], phase=IMPORTED)
         folder.append(explorer, configuration, values, error="" if values else "failed in the earlier run")
@@ -224,22 +227,21 @@ def _resume(folder: Folder, fresh: Explorer) -> Explorer:
     except DamagedStateError as error:
         reason = str(error).rsplit(": ", 1)[0]
         explorer = folder.rebuild(fresh, reason)
-        told = sum(map(len, explorer.history.told.values()))
-        sys.stderr.write(
-            f"frontrunner: {reason}: it was rebuilt from the {told} rows of {EVALUATIONS}; the search goes "
-            "on with these measurements and the options given now\n"
+        rows = sum(map(len, explorer.history.results.values()))
+        terminal.warn(
+            f"{reason}: it was rebuilt from the {rows} rows of {EVALUATIONS}; the search goes "
+            "on with these measurements and the options given now"
         )
         return explorer
 
 
 def _tell_choices(space: Space, program: Program | None) -> None:
-    """Say what was chosen where the user said nothing."""
+    """Report the defaults that were chosen."""
     if chosen := [f"{name} = {_default(space, name)!r}" for name in space.defaults_chosen]:
-        sys.stderr.write(f"frontrunner: no default given, so chosen: {', '.join(chosen)}\n")
+        terminal.note(f"no default given, so chosen: {', '.join(chosen)}")
     if program and not program.template.used & {CONFIG, *space.names}:
-        sys.stderr.write(
-            "frontrunner: warning: --command has no placeholder such as {config}: the program cannot know "
-            "what it measures\n"
+        terminal.warn(
+            "--command has no placeholder such as {config}: the program cannot know what it measures"
         )
 
 
@@ -248,27 +250,26 @@ def _default(space: Space, name: str) -> Value:
 
 
 def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
-    """Say what was found and what was not; return the exit code."""
+    """Print the result; return the exit code."""
     done, budget = made_here(explorer), loop.plan.budget
     missing = obstacle(explorer.history)
     if loop.stopped:
-        sys.stderr.write(
-            f"frontrunner: stopped: the first {loop.plan.give_up} measurements failed in the same way: "
-            f"{loop.stopped}\nfrontrunner: correct that and start with a new --out, or allow more failures "
-            "with --give-up N (0: any number)\n"
+        terminal.fail(
+            f"stopped: the first {loop.plan.give_up} measurements failed in the same way: {loop.stopped}"
+        )
+        terminal.note(
+            "correct that and start with a new --out, or allow more failures with --give-up N (0: any number)"
         )
     elif done < budget:
-        sys.stderr.write(
-            f"frontrunner: stopped after {done} of {budget}: {explorer.method} has nothing more to ask\n"
-        )
+        terminal.note(f"stopped after {done} of {budget}: {explorer.method} has nothing more to propose")
     if missing:
-        sys.stderr.write(f"frontrunner: {missing}\n")
+        terminal.note(str(missing))
     if isinstance(missing, AllFailedError) and loop.reasons:
         reason, times = loop.reasons.most_common(1)[0]
-        sys.stderr.write(f"frontrunner: {times} times the reason was: {reason}\n")
+        terminal.note(f"{times} times the reason was: {reason}")
     if not isinstance(missing, ConstantObjectiveError):
         for name, value in constant_objectives(explorer.history).items():
-            sys.stderr.write(f"frontrunner: warning: {name} was {value:g} in every configuration\n")
+            terminal.warn(f"{name} was {value:g} in every configuration")
     front = summarise_front(explorer, explorer.estimates().expected)
     kind = "recommended" if is_noisy(explorer.history) else "on the front"
     sys.stdout.write(
@@ -278,7 +279,7 @@ def _report(explorer: Explorer, out: Path, loop: MeasurementLoop) -> int:
 
 
 def _slots(options: argparse.Namespace, taken: Collection[str]) -> list[dict[str, str]]:
-    """Return what each program that runs at the same time as others may use: an item of each --resource.
+    """Return the resources of each program that runs in parallel: an item of each --resource.
 
     Raises ScenarioError where there are too few items, or a resource has one of the names that are `taken`.
     """
@@ -296,7 +297,7 @@ def _slots(options: argparse.Namespace, taken: Collection[str]) -> list[dict[str
 
 
 def _source(options: argparse.Namespace) -> tuple[str, str]:
-    """Return what measures: the command, or the digest of the table, which may be moved."""
+    """Return the source of measurements: the command, or the digest of the table, which may be moved."""
     if options.command:
         return "command", options.command
     with options.table.open("rb") as file:
@@ -304,16 +305,16 @@ def _source(options: argparse.Namespace) -> tuple[str, str]:
 
 
 def _method_options(options: argparse.Namespace, scenario: Scenario | None) -> dict[str, Any]:
-    """Return `initial`: what --random says, or the scenario, but that only with the scenario's own budget."""
+    """Return `initial`: from --random, or from the scenario if its budget is used, too."""
     if options.random:
-        return {"initial": options.random}  # a method that has no such option says so
+        return {"initial": options.random}  # a method without this option rejects it
     known = "initial" in METHODS[options.method].defaults()
     initial = scenario.initial if scenario and not options.budget and known else None
     return {"initial": initial} if initial else {}
 
 
 def _require_same(fresh: Explorer, found: Explorer) -> None:
-    """Raise ScenarioError when the folder's exploration is not the one asked for."""
+    """Raise ScenarioError when the folder holds a different exploration."""
     asked, had = fresh.state(), found.state()
     for field in ("objectives", "limits", "seed", "method", "options"):
         if asked[field] != had[field]:

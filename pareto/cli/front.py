@@ -1,4 +1,4 @@
-"""python -m pareto front: the front of explorations or tables, and which of its points to run."""
+"""python -m pareto front: the front of explorations or tables, and the best point for a purpose."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from frontrunner import terminal
 from pareto.cli.arguments import add_objectives, count, read_limits, read_objectives, read_space, split
 from pareto.errors import ObjectiveError, ScenarioError
 from pareto.fronts.attainment import attainment
@@ -28,7 +29,7 @@ Point = tuple[dict[str, Any], dict[str, float]]
 
 @dataclass(frozen=True)
 class Source:
-    """What was measured in one place: points (columns, values by objective) without those that failed.
+    """The measurements of one source: points (columns, values by objective) without failures.
 
     Where repeats of an exploration differ, the values are the expected ones.
     """
@@ -68,7 +69,7 @@ def print_front(options: argparse.Namespace) -> int:
     """Print the front, or write it to --output; an exploration's folder is only read."""
     paths = [*options.source, *([options.out] if options.out else [])]
     if not paths:
-        raise ScenarioError("front of what? Give an exploration's folder, or a CSV file and --objectives")
+        raise ScenarioError("give an exploration's folder, or a CSV file and --objectives")
     if options.no_limits and options.limits:
         raise ScenarioError("--no-limits and --limits contradict each other: give one of them")
     sources = [_read(path, options) for path in paths]
@@ -83,7 +84,7 @@ def print_front(options: argparse.Namespace) -> int:
     points = _select(sources, objectives, limits, options)
     if not points:
         measured, failed = sum(len(item.points) for item in sources), sum(item.failed for item in sources)
-        sys.stderr.write(f"frontrunner: no point within the limits: {measured} measured, {failed} failed\n")
+        terminal.note(f"no point within the limits: {measured} measured, {failed} failed")
     text = _text(points, objectives, options.format)
     if options.output:
         options.output.write_text(text, encoding="utf-8")
@@ -161,7 +162,7 @@ def _select(
         return [({}, dict(zip(names, row, strict=True))) for row in surface.tolist()]
     points = [point for some in within for point in some]
     if options.prefer and not points:
-        # Nothing to choose from: `choose` says which limit is to blame.
+        # Nothing to choose from: `choose` reports which limit causes it.
         points = [point for source in sources for point in source.points]
     elif options.knee:
         return [points[knee(_values(points, names), upwards)]] if points else []
@@ -190,7 +191,7 @@ def _text(points: Sequence[Point], objectives: Sequence[Objective], form: str) -
             json.dumps([{"configuration": point, "values": values} for point, values in points], indent=2)
             + "\n"
         )
-    # Sources may differ in columns: what one of them lacks stays empty.
+    # Sources may differ in columns: missing values stay empty.
     names = dict.fromkeys(name for _, values in points for name in values)
     columns = dict.fromkeys(name for point, _ in points for name in point if name not in names)
     header = [*columns, *(names or (objective.name for objective in objectives))]

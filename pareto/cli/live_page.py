@@ -16,7 +16,7 @@ from pareto.measuring.folder import EVALUATIONS, FRONT, PAGE
 from pareto.search.explorer import Explorer
 
 HOST = "127.0.0.1"
-SECONDS = 30  # between two drawings, and two looks of a browser, at least
+SECONDS = 30  # least time between two drawings, and between two requests of the page
 SHARE = 0.05  # of the time that drawing may take
 TYPES = {
     PAGE: "text/html; charset=utf-8",
@@ -39,12 +39,12 @@ class LivePage:
         self._due = clock() + SECONDS
 
     def refresh(self) -> None:
-        """Draw the page if it is due."""
+        """Draw the page if the last drawing is old enough."""
         if self._clock() >= self._due:
             self.draw()
 
     def draw(self) -> None:
-        """Draw the page now; a reader finds the old one or the new one, never a part of one."""
+        """Draw the page now, and replace the old one atomically."""
         from pareto.plot import save  # which loads Plotly
 
         started = self._clock()
@@ -57,7 +57,7 @@ class LivePage:
 
 @contextmanager
 def served(folder: Path, port: int) -> Iterator[str]:
-    """Serve the page and its two tables to this machine; give the page's address. Port 0 is any free one.
+    """Serve the page and its two tables to this machine; yield the page's address. Port 0 is any free one.
 
     Raises ScenarioError when the port is taken.
     """
@@ -86,7 +86,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Send a file."""
         name = self.path.split("?", 1)[0].removeprefix("/") or PAGE
         host = (self.headers.get("Host") or "").rsplit(":", 1)[0]
-        # Another host's name means that a page from elsewhere had it point to this machine.
+        # Another host name means DNS rebinding: a page from elsewhere points its name to this machine.
         if name not in TYPES or host not in (HOST, "localhost"):
             self.send_error(HTTPStatus.NOT_FOUND)
             return
@@ -106,7 +106,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self.command != "HEAD":
             self.wfile.write(body)
 
-    do_HEAD = do_GET  # noqa: N815 - the name that http.server calls
+    do_HEAD = do_GET  # noqa: N815 - the name is http.server's
 
     def log_message(self, format: str, *arguments: object) -> None:
         """Write nothing: the error output has the progress."""

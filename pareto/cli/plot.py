@@ -22,7 +22,7 @@ def add_arguments(plot: argparse.ArgumentParser) -> None:
 
 
 def draw(options: argparse.Namespace) -> int:
-    """Write the page and tell where it is."""
+    """Write the page and print its path."""
     from pareto.plot import save
 
     path = options.source or options.out

@@ -1,4 +1,4 @@
-"""python -m pareto space: what a space file holds, what is wrong with it, and the same in another format."""
+"""python -m pareto space: describe, check and convert a space file."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+from frontrunner import terminal
 from pareto.cli.arguments import count, read_objectives, read_space
 from pareto.errors import ScenarioError
 from pareto.spaces.configspace import write_configspace
@@ -42,7 +43,8 @@ def run(options: argparse.Namespace) -> int:
         options.output.write_text(text, encoding="utf-8")
     else:
         sys.stdout.write(text)
-    sys.stderr.writelines(f"frontrunner: {note}\n" for note in notes)
+    for note in notes:
+        terminal.note(note)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""python -m pareto transfer: another device's front, ordered by what it promises on this one."""
+"""python -m pareto transfer: another device's front, ordered by the values expected on this one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from pareto.cli.arguments import add_objectives, count, read_limits, read_problem
-from pareto.devices.zero_shot import promises
+from pareto.devices.zero_shot import expected_points
 from pareto.measuring.folder import table
 from pareto.measuring.measurements import read_measurements
 
@@ -22,13 +22,13 @@ def add_arguments(transfer: argparse.ArgumentParser) -> None:
     add_objectives(transfer, "names, separated by commas; a scenario brings its own")
     transfer.add_argument("--prefer", help="the objective to order by (the first)")
     transfer.add_argument("--count", type=count, help="take this many, front after front (the front)")
-    transfer.set_defaults(act=print_promises)
+    transfer.set_defaults(act=print_expected)
 
 
-def print_promises(options: argparse.Namespace) -> int:
+def print_expected(options: argparse.Namespace) -> int:
     """Print the configurations as CSV: expected values here, values there, measured here, within limits."""
     space, objectives = read_problem(options)
-    found = promises(
+    found = expected_points(
         space,
         objectives,
         read_measurements(options.source, space, objectives),

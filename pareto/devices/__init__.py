@@ -1,1 +1,1 @@
-"""What one device tells about another."""
+"""Predicting one device from others."""

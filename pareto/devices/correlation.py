@@ -1,4 +1,4 @@
-"""How alike two devices rank and scale the same configurations: Pearson and Spearman with intervals."""
+"""How similarly two devices rank and scale the same configurations: Pearson and Spearman with intervals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pareto.errors import ObjectiveError
 
 Array = NDArray[np.float64]
 
-MINIMUM = 5  # common configurations; the coverage of both intervals was tried from 5 upwards
+MINIMUM = 5  # common configurations; the coverage of both intervals was tested from 5 upwards
 PERFECT = 1e-12  # a correlation this near to 1 differs from it by rounding only
 
 
@@ -45,10 +45,10 @@ def correlate(
     """Return the correlation of two devices' values (n,) of the same n configurations in one order.
 
     A pair with NaN, a configuration that either device did not measure, is left out. None when fewer than
-    `minimum` pairs remain or when one device's values (with `log`, their logarithms) are all equal: nothing
-    honest can be said then. With `log`, Pearson is that of the logarithms, which suits times; Spearman is the
-    same either way. `level` is how often the intervals cover the truth, for pairs drawn independently and,
-    for Pearson, jointly normal.
+    `minimum` pairs remain or when one device's values (with `log`, their logarithms) are all equal: no
+    estimate is possible then. With `log`, Pearson is that of the logarithms, which suits times; Spearman is
+    the same either way. `level` is how often the intervals cover the truth, for pairs drawn independently
+    and, for Pearson, jointly normal.
 
     Raises ObjectiveError on shapes that do not fit, infinities, or values without a logarithm.
     """
@@ -78,7 +78,7 @@ def correlation_matrix(
 ) -> list[list[Correlation | None]]:
     """Return the correlation of every two rows of `values` (devices, configurations), NaN where unmeasured.
 
-    Symmetric; None on the diagonal, and where `correlate` has nothing to say.
+    Symmetric; None on the diagonal, and where `correlate` returns None.
     """
     table = np.asarray(values, dtype=np.float64)
     if table.ndim != 2:
@@ -92,7 +92,7 @@ def correlation_matrix(
 
 
 def ranks_of_best(values: ArrayLike, maximise: bool = False) -> NDArray[np.float64]:
-    """Return (devices, devices) ranks: entry [i, j] is where device i's best configuration comes on device j.
+    """Return (devices, devices) ranks: entry [i, j] is the rank of device i's best configuration on device j.
 
     `values` is (devices, configurations), lower better unless `maximise`, NaN where unmeasured. A rank is
     counted among what both devices measured: 1 is best, and ties share the mean of their places, so the
@@ -140,9 +140,9 @@ def _bonett_wright(value: float, count: int, level: float) -> Estimate:
 
 
 def _short_of_perfect(value: float, count: int) -> float:
-    """Return where an interval is centred, at most half a step, of those that rs can take, short of 1.
+    """Return the centre of an interval: at most half a step of rs below 1.
 
-    A perfect sample is no proof that all is perfect, and artanh(1) is infinite.
+    A perfect sample does not prove a perfect correlation, and artanh(1) is infinite.
     """
     half_step = 6.0 / (count * (count**2 - 1))
     return math.copysign(min(abs(value), 1.0 - half_step), value)

@@ -1,8 +1,8 @@
-"""What several devices measured, as tables: a row for each device, a column for each quantity.
+"""The measurements of several devices as tables: a row for each device, a column for each quantity.
 
 A quantity is a mean time of a frame: that of a configuration, or that of one stage of a configuration. It is
 kept as the logarithm of how many times it is shorter than the time of the default on the same device in the
-same session. So nothing depends on how fast a device is, only on how its times compare with each other.
+same session. So the speed of a device cancels out; only the ratios of its times remain.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ def stage_quantity(configuration: str, stage: str) -> str:
 class DeviceMap:
     """`ratios` (devices x quantities): log(time of the default / time), NaN where nothing was measured.
 
-    `errors`: their standard errors, of the same shape. `families` (devices): what devices belong together,
-    such as a maker's chips. `reference` (quantities): the same logarithms on the reference device, NaN where
-    they are unknown. `work` (default and configurations x (stage, resource)): how much of each resource a
-    frame uses in each stage, in any unit that is the same in one resource; None where it is unknown.
-    `stage_times` (default and configurations x stages): times on the reference device, in units of the time
-    of its default; None where they are unknown.
+    `errors`: their standard errors, of the same shape. `families` (devices): the group of each device, such
+    as a maker's chips. `reference` (quantities): the same logarithms on the reference device, NaN where they
+    are unknown. `work` (default and configurations x (stage, resource)): how much of each resource a frame
+    uses in each stage, in any unit that is the same in one resource; None where it is unknown. `stage_times`
+    (default and configurations x stages): times on the reference device, in units of the time of its default;
+    None where they are unknown.
     """
 
     ratios: pd.DataFrame
@@ -70,7 +70,7 @@ class DeviceMap:
         return self.of(self.ratios.index[kept])
 
     def of(self, devices: pd.Index) -> DeviceMap:
-        """The map of these DEVICES alone."""
+        """The map of only these DEVICES."""
         return replace(
             self,
             ratios=self.ratios.loc[devices],

@@ -1,4 +1,4 @@
-"""Which rung predicts best on the data at hand: each family is predicted by what the others teach."""
+"""Which rung predicts best, by cross-validation: each family is predicted from the others."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ Array = NDArray[np.float64]
 
 FOLDS = 8  # families are left out in so many groups at most
 WORTH = 0.97  # a higher rung is taken where its error is at most this part of the lower one's
-LEAST_RESIDUALS = 100  # from which on they say how wide intervals must be
+LEAST_RESIDUALS = 100  # enough residuals to calibrate the width of intervals
 LEAST_SCALE = 0.5
-LEAST_HELD_OUT = 3  # families with a measurement beyond the session that everybody does
+LEAST_HELD_OUT = 3  # families with a measurement beyond the standard session
 QUANTILE_95 = 1.959964
 COLUMNS = ("rung", "device", "family", "configuration", "predicted", "measured", "deviation")
 
 
 @dataclass(frozen=True)
 class Ladder:
-    """The chosen `rung` with its `belief` about a device that was never seen.
+    """The chosen `rung` with its `belief` about an unseen device.
 
-    Intervals must be `scale` times as wide as beliefs say (`interval`). `residuals` (COLUMNS): each
-    prediction of a ratio by what other families teach, with its deviation as the belief says; logarithms all.
+    Intervals are `scale` times as wide as the belief's (`interval`). `residuals` (COLUMNS): each prediction
+    of a ratio from other families, with the belief's deviation, as logarithms.
     """
 
     rung: str
@@ -39,17 +39,19 @@ class Ladder:
 
 
 def interval(belief: Belief, scale: float) -> tuple[Array, Array]:
-    """95 % intervals of BELIEF that are SCALE times as wide as it says: low and high, (quantities,)."""
+    """95 % intervals of BELIEF, widened by SCALE: low and high, (quantities,)."""
     half = QUANTILE_95 * scale * belief.deviation
     return belief.mean - half, belief.mean + half
 
 
 def climb(known: DeviceMap, session: Sequence[str]) -> Ladder:
-    """The best rung for KNOWN. SESSION: the configurations that every session measures besides the default.
+    """The best rung for KNOWN.
+
+    SESSION: the configurations that every session measures in addition to the default.
 
     The error of a rung is the median relative error of the ratios of other configurations, predicted from
-    SESSION and its stages. Where fewer than LEAST_HELD_OUT families measured others, the stages decide where
-    the work is known, else the power.
+    SESSION and its stages. Where fewer than LEAST_HELD_OUT families measured others, the rung is `stages` if
+    the work is known, else `power`.
     """
     candidates = [name for name in RUNGS if _possible(name, known)]
     residuals = held_out(known, session, candidates)
@@ -65,7 +67,7 @@ def climb(known: DeviceMap, session: Sequence[str]) -> Ladder:
 
 
 def held_out(known: DeviceMap, session: Sequence[str], rungs: Sequence[str]) -> pd.DataFrame:
-    """How each of RUNGS predicts the devices of each family from the other families: `Ladder.residuals`."""
+    """The predictions of each of RUNGS for each family from the other families, as in `Ladder.residuals`."""
     taught = [name for name in known.ratios.columns if SEPARATOR in name or name in session]
     tested = [name for name in known.configurations if name not in session]
     useful = known.of(known.ratios.index[known.ratios[tested].notna().any(axis=1)])
@@ -114,7 +116,7 @@ def _predicted(
 
 
 def _scale(residuals: pd.DataFrame) -> float:
-    """By how much intervals must be wider, or narrower, than believed to hold 95 % of the residuals."""
+    """The factor on the width of intervals with which they cover 95 % of the residuals."""
     if len(residuals) < LEAST_RESIDUALS:
         return 1.0
     standardised = np.abs(residuals.predicted - residuals.measured) / residuals.deviation

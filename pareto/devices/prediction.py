@@ -1,4 +1,4 @@
-"""A Gaussian belief about the ratios of a device, and what measurements make of it.
+"""A Gaussian belief about the ratios of a device, and its update by measurements.
 
 Quantities and logarithms are those of `pareto.devices.device_map`. Formulas: Rasmussen & Williams 2006,
 eq. 2.23 to 2.24.
@@ -19,7 +19,7 @@ Places = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Observation:
-    """What one device measured: the places of its quantities, their values and standard errors, (n,) each."""
+    """One device's measurements: the columns of its quantities, values and standard errors, (n,) each."""
 
     places: Places
     values: Array
@@ -41,7 +41,7 @@ class Belief:
     relation: float = 0.0
 
     def after(self, own: Observation, relatives: Sequence[Observation] = ()) -> Belief:
-        """The belief about a device that measured OWN, of whose family RELATIVES are known."""
+        """The belief about a device after it measured OWN and devices of its family measured RELATIVES."""
         if self.relation == 0.0:
             relatives = ()
         seen = [own, *relatives]

@@ -1,4 +1,4 @@
-"""Which further configurations a device should measure: those that teach most about it and its relatives."""
+"""Which further configurations a device should measure: those with the largest information gain."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from pareto.devices.prediction import Belief, Observation
 
 Array = NDArray[np.float64]
-NEARLY_BEST = 0.8  # one of those that teach at least this part of the most is taken by chance
-ERROR = 0.03  # standard error of a ratio that a probe will have
+NEARLY_BEST = 0.8  # a random one of those with at least this share of the largest gain is taken
+ERROR = 0.03  # expected standard error of a probe's ratio
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A chosen `place`, and what each place that was left would have taught."""
+    """A chosen `place`, and the gains of all places that were available."""
 
     place: int
     gains: dict[int, float]
@@ -31,12 +31,12 @@ def choose(
     count: int,
     seed: int,
 ) -> list[Choice]:
-    """At most COUNT of the places CANDIDATES, the first teaching most.
+    """At most COUNT of the places CANDIDATES, by descending gain.
 
-    BELIEF is that about the device after what it measured, RELATIVES are those about others of its family.
-    What a measurement teaches is by how much it lowers the sum of the variances of the quantities WANTED, on
-    the device and, by `belief.relation` squared, on its relatives. SEED decides between nearly equal ones, so
-    that many alike devices do not all measure the same.
+    BELIEF is about the device after its measurements, RELATIVES are about others of its family. The gain of a
+    measurement is the decrease of the sum of the variances of the quantities WANTED, on the device and,
+    weighted with `belief.relation` squared, on its relatives. SEED decides between nearly equal ones, so that
+    similar devices measure different probes.
     """
     chance = np.random.default_rng(seed)
     left, chosen = list(candidates), list[Choice]()
@@ -53,13 +53,13 @@ def choose(
 
 
 def _gain(belief: Belief, candidates: Sequence[int], wanted: Sequence[int]) -> Array:
-    """By how much each of CANDIDATES lowers the sum of the variances of WANTED, (candidates,)."""
+    """The decrease of the sum of the variances of WANTED by each of CANDIDATES, (candidates,)."""
     covariance = belief.covariance[np.ix_(list(wanted), list(candidates))]
     own = np.diag(belief.covariance)[list(candidates)] + ERROR**2
     return np.asarray((covariance**2).sum(axis=0) / own)
 
 
 def _measured(belief: Belief, place: int) -> Belief:
-    """BELIEF as it will be once the quantity at PLACE was measured; what the value is changes no variance."""
+    """BELIEF after a measurement of the quantity at PLACE; the variances do not depend on its value."""
     there = np.array([place])
     return belief.after(Observation(there, belief.mean[there], np.array([ERROR])))

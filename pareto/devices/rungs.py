@@ -1,13 +1,13 @@
-"""The ladder: three ways to learn a belief about a device from those that were measured before.
+"""The ladder: three ways to learn a belief about a device from measured ones.
 
 1. `power`: the reference's ratios to a power, times a factor.
-2. `stages`: besides, every resource (a pixel filtered, a voxel fused, a launch, ...) may cost more or less
-   than on the reference device; the times of stages tell which.
-3. `devices`: besides, what devices have in common beyond that, learned from the devices themselves and
-   shrunk towards the rung below, and what devices of one family share. It needs many families.
+2. `stages`: in addition, every resource (a pixel filtered, a voxel fused, a launch, ...) may cost more or
+less than on the reference device, as the times of stages show.
+3. `devices`: in addition, the remaining covariance between devices and within families, learned from the
+devices and shrunk towards the rung below. It needs many families.
 
-Each is a Gaussian belief, so all of them give intervals, take any measurements, and can say which further
-one would teach most.
+Each is a Gaussian belief, so all give intervals, accept any measurements, and rank further ones by their
+gain.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from pareto.devices.work import WorkModel
 
 Array = NDArray[np.float64]
 
-MOST_FITTED = 200  # devices, those with most measurements: more do not change what is learned
+MOST_FITTED = 200  # devices with most measurements: more do not change the result
 LEAST_FAMILIES = 16  # of the rung `devices`
-LEAST_ERROR = 0.02  # of a measured ratio: what a session cannot know about the next one
-# Standard deviations of the logarithms before anything was measured, as sixteen test devices had them
-# (docs/research/device-map.md), and how sure these guesses are: the standard deviation of their logarithms.
+LEAST_ERROR = 0.02  # of a measured ratio: the difference between sessions
+# Prior standard deviations of the logarithms, from sixteen test devices (docs/research/device-map.md), and
+# the standard deviation of their own logarithms.
 GUESSES = {"power": 0.1, "factor": 0.1, "cost": 0.4, "rest": 0.08, "stage": 0.1, "alike": 0.1}
 REST_WITHOUT_WORK = 0.2  # in place of "rest", "cost" and "alike"
-ALIKE = 1.0  # distance of logarithms of work over which ratios are alike
-SURENESS, FARTHEST = 1.0, float(np.log(4.0))  # a single strange device must not change them beyond that
-STRENGTH = 20.0  # devices that the rung below is worth
+ALIKE = 1.0  # distance of logarithms of work over which ratios correlate
+SURENESS, FARTHEST = 1.0, float(np.log(4.0))  # limits the influence of a single unusual device
+STRENGTH = 20.0  # weight of the rung below, in devices
 ROUNDS = 5  # of expectation and maximisation
 
 
 @dataclass(frozen=True)
 class Components:
-    """What a belief's covariance is made of: (quantities, quantities) matrices, by the name of a guess."""
+    """The components of a belief's covariance: (quantities, quantities) matrices, by the name of a guess."""
 
     mean: Array
     parts: dict[str, Array]
@@ -54,7 +54,7 @@ class Components:
 
 
 def observations(known: DeviceMap) -> list[Observation]:
-    """What each device of KNOWN measured, in the order of its rows."""
+    """The observations of each device of KNOWN, in the order of its rows."""
     values, errors = known.ratios.to_numpy(float), known.errors.to_numpy(float)
     found = []
     for row, error in zip(values, errors, strict=True):
@@ -64,7 +64,7 @@ def observations(known: DeviceMap) -> list[Observation]:
 
 
 def power(known: DeviceMap) -> Belief:
-    """The first rung, from the devices of KNOWN; stages tell it nothing."""
+    """The first rung, from the devices of KNOWN; it does not use the times of stages."""
     return _fitted(_components(known, None), known)
 
 
@@ -109,7 +109,7 @@ def _components(known: DeviceMap, work: WorkModel | None) -> Components:
         "power": np.outer(shape, shape),
         "factor": np.outer(whole, whole).astype(float),
         "rest": np.diag(whole.astype(float)),
-        # What the reference did not measure is known less well.
+        # Quantities that the reference did not measure are less certain.
         "stage": np.diag(np.where(whole, 0.0, np.where(unknown, 9.0, 1.0))),
     }
     if work is not None:
@@ -119,7 +119,7 @@ def _components(known: DeviceMap, work: WorkModel | None) -> Components:
 
 
 def _alikeness(known: DeviceMap) -> Array:
-    """How alike the work of quantities is, (quantities, quantities), 1 for the same."""
+    """The similarity of the work of quantities, (quantities, quantities), 1 for the same."""
     assert known.work is not None
     names = [name.partition(SEPARATOR)[0] for name in known.ratios.columns]
     resources = known.work.columns.get_level_values(1)
@@ -129,7 +129,7 @@ def _alikeness(known: DeviceMap) -> Array:
 
 
 def _fitted(components: Components, known: DeviceMap) -> Belief:
-    """The belief whose standard deviations suit what was measured best (with a prior around GUESSES)."""
+    """The belief with the most probable standard deviations (with a prior around GUESSES)."""
     rest = {} if "cost" in components.parts else {"rest": REST_WITHOUT_WORK}
     guesses = np.log([(GUESSES | rest)[name] for name in components.parts])
     batches = _batches(_most_measured(known))
@@ -198,13 +198,13 @@ def _most_measured(known: DeviceMap) -> DeviceMap:
 
 
 def _weights(known: DeviceMap) -> Array:
-    """Of a family of n devices each counts 1 / sqrt(n): many alike teach less than as many different ones."""
+    """Each of a family of n devices counts 1 / sqrt(n): similar devices are worth less than others."""
     sizes = known.families.map(known.families.value_counts())
     return np.asarray(1.0 / np.sqrt(sizes.to_numpy(float)))
 
 
 def _relation(belief: Belief, known: DeviceMap) -> float:
-    """How alike devices of one family are, beyond what all have in common: 0, not at all, to 0.95.
+    """The correlation within a family beyond what all devices share: 0 to 0.95.
 
     The mean product of the standardised residuals of two devices of a family in one quantity.
     """

@@ -25,8 +25,8 @@ LEAST = 1e-9  # of the time of the default: a shorter one counts as this
 class WorkModel:
     """`ratios` (quantities,): the logarithms that costs and work give on the reference device, infinite for
     a stage without work. `sensitivities` (quantities, resources): the share of each resource in the time of
-    the default less its share in the quantity's own time. Where the times of stages are known, a launch in
-    one stage is another resource than one in another.
+    the default less its share in the quantity's own time. Where the times of stages are known, launches in
+    different stages are different resources.
     """
 
     ratios: Array
@@ -68,7 +68,7 @@ def _from_totals(work: pd.DataFrame, seconds: pd.Series) -> pd.DataFrame:
 
 
 def _from_stages(work: pd.DataFrame, seconds: pd.Series, stage_times: pd.DataFrame) -> pd.DataFrame:
-    """The same, so that the times of each stage are as measured; what no stage has belongs to the others."""
+    """The same, with the measured times of stages; the remaining time is that of the other resources."""
     known = stage_times.loc[seconds.index]
     found = []
     for stage in dict.fromkeys(work.columns.get_level_values(0)):
@@ -81,7 +81,7 @@ def _from_stages(work: pd.DataFrame, seconds: pd.Series, stage_times: pd.DataFra
 
 
 def _costs(work: pd.DataFrame, seconds: pd.Series) -> Array:
-    """Seconds of a unit of each resource, none negative, with the least relative errors."""
+    """Seconds of a unit of each resource, by non-negative least squares of the relative errors."""
     scale = work.max().replace(0.0, 1.0)
     relative = (work / scale).div(seconds, axis=0)
     found, _ = nnls(relative.to_numpy(), np.ones(len(seconds)))

@@ -1,4 +1,4 @@
-"""Another device's front, ordered by what it promises on this one after few measurements here, or none."""
+"""Another device's front, ordered by the values expected on this one after few measurements here, or none."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from pareto.surrogates.gaussian import GaussianProcess
 from pareto.surrogates.line import fitted_line
 
 Array = NDArray[np.float64]
-ENOUGH = 5  # common measurements, from which on a model is worth fitting
+ENOUGH = 5  # common measurements needed to fit a model
 
 Pairs = Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]]
 
 
 @dataclass(frozen=True)
-class Promise:
-    """A configuration of the source's front: what it measured there and what to expect here.
+class ExpectedPoint:
+    """A configuration of the source's front, with its values there and the expected values here.
 
-    `expected` is what was measured here where `measured` says so; `within` tells whether it keeps the limits.
+    `expected` holds the values measured here if `measured`; `within`: whether it keeps the limits.
     """
 
     configuration: Configuration
@@ -37,7 +37,7 @@ class Promise:
     within: bool
 
 
-def promises(
+def expected_points(
     space: Space,
     objectives: Iterable[str | Objective],
     source: Pairs,
@@ -46,18 +46,18 @@ def promises(
     prefer: str | None = None,
     limits: Mapping[str, float] | None = None,
     count: int | None = None,
-) -> list[Promise]:
+) -> list[ExpectedPoint]:
     """Return the source's front, the best in objective `prefer` first, those expected to break `limits` last.
 
-    `source` and `here` are (configuration, values or None for a failure) pairs of the two devices; what
-    failed here, or has a censored value on either, is left out. `prefer` is the first objective unless given.
-    With `count`, that many of the source's configurations are taken, front after front.
+    `source` and `here` are (configuration, values or None for a failure) pairs of the two devices; failures
+    here and censored values on either device are left out. `prefer` is the first objective unless given. With
+    `count`, that many of the source's configurations are taken, front after front.
 
-    Without measurements here the source's values stand as they are. What is measured here of what the source
-    measured, on its front or not, moves them. One measurement moves all by the factor that it shows (a
-    difference, where not all values are positive). With more they move by a line between logarithms, whose
-    slope leaves 1, the same factor everywhere, only as far as the measurements are sure of it. From ENOUGH
-    on, a Gaussian process learns what the line leaves over: only this can change the order.
+    Without measurements here, the source's values are returned unchanged. Measurements here of configurations
+    that the source measured, too, move them. One measurement scales all by its factor (or shifts them by a
+    difference, where not all values are positive). With more they move by a line between logarithms; its
+    slope differs from 1 only as far as the measurements support it. From ENOUGH on, a Gaussian process learns
+    the residuals of the line: only this can change the order.
 
     Raises ConfigurationError or ObjectiveError for bad pairs, limits or an unknown `prefer`.
     """
@@ -68,7 +68,7 @@ def promises(
     target = _history(space, wanted, limits, here)
     prior = Prior.read(space, wanted, {}, source)
     theirs, known = _exact(prior.source), _exact(target)
-    left_out = target.told.keys() - known.keys()
+    left_out = target.results.keys() - known.keys()
     indices = prior.source.front()[0] if count is None else prior.ranked(count)
     values = np.array([theirs[index] for index in indices.tolist()]).reshape(len(indices), len(wanted))
     expected = _moved(space, indices, values, theirs, known)
@@ -79,14 +79,14 @@ def promises(
         now = known.get(index, guess)
         within = bool(target.within_limits(now[None])[0])
         found.append(
-            Promise(space.decode(index), _named(names, row), _named(names, now), index in known, within)
+            ExpectedPoint(space.decode(index), _named(names, row), _named(names, now), index in known, within)
         )
     best = wanted[names.index(prefer) if prefer else 0]
     return sorted(found, key=lambda item: (not item.within, best.sign * item.expected[best.name]))
 
 
 def _exact(history: History) -> dict[int, Array]:
-    """Return the (objectives) values of what succeeded without a censored one, by index."""
+    """Return the (objectives) values of uncensored successes, by index."""
     indices, values = history.measured()
     exact = history.exact()
     return dict(zip(indices[exact].tolist(), values[exact], strict=True))
@@ -105,7 +105,7 @@ def _history(
 def _moved(
     space: Space, indices: Indices, values: Array, theirs: Mapping[int, Array], known: Mapping[int, Array]
 ) -> Array:
-    """Return the source's (n, objectives) values as the common configurations let expect them here."""
+    """Return the (n, objectives) values expected here, from the source's and the common configurations."""
     common = [index for index in known if index in theirs]
     if not common or len(values) == 0:
         return values

@@ -1,1 +1,1 @@
-"""Objectives, dominance and the quality of a front. NumPy is all they need."""
+"""Objectives, dominance and the quality of a front. Needs NumPy only."""

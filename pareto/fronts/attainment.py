@@ -1,4 +1,4 @@
-"""Attainment: what several runs of a search reach, and how many of them reach it."""
+"""Attainment: the regions that several runs of a search reach."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def attainment(
 ) -> NDArray[np.float64]:
     """Return the `level`-th attainment surface: the best points that at least `level` of the `runs` attain.
 
-    A run, measured points (n, objectives), attains a point when one of its own is no worse in any objective.
-    Level 1 is the front of all runs together, `len(runs)` what every run reaches, and the middle one shows a
-    typical run, which a mean of fronts cannot (Fonseca, Guerreiro, Lopez-Ibanez and Paquete 2011; computed by
-    moocore). Rows with NaN are failures and attain nothing. Rows come by the first objective, distinct; none
-    where fewer than `level` runs have measured anything. For up to three objectives.
+    A run, measured points (n, objectives), attains a point when one of its points is not worse in any
+    objective. Level 1 is the front of all runs together, `len(runs)` what every run reaches, and the middle
+    one shows a typical run, which a mean of fronts cannot (Fonseca, Guerreiro, Lopez-Ibanez and Paquete 2011;
+    computed by moocore). Rows with NaN are failures and attain nothing. Rows come by the first objective,
+    distinct; none where fewer than `level` runs have measured anything. For up to three objectives.
 
     Raises ObjectiveError for more objectives, runs of different ones, or a level outside 1 .. len(runs).
     """

@@ -1,4 +1,4 @@
-"""Measurements that ended early: of their value only a bound is known."""
+"""Measurements that ended early: only a bound of their value is known."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Pareto fronts: which points nothing else beats, and which of them to run.
+"""Pareto fronts: the non-dominated points, and choosing one of them.
 
 Needs NumPy only, so that a device can carry a front and choose from it. All objectives are minimised
-unless `maximise` says otherwise. A point dominates another when it is no worse in every objective and
-better in at least one; equal points do not dominate each other, so duplicates are kept or dropped together.
+unless `maximise` says otherwise. A point dominates another when it is at least as good in every objective and
+better in one; equal points do not dominate each other, so duplicates are kept or dropped together.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def signs(maximise: Sequence[bool] | None, count: int) -> NDArray[np.float64]:
 
 
 def dominates(a: ArrayLike, b: ArrayLike) -> bool:
-    """Return whether point `a` is no worse than `b` everywhere and better somewhere (both minimised)."""
+    """Return whether point `a` is nowhere worse than `b` and somewhere better (both minimised)."""
     left, right = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     return bool((left <= right).all() and (left < right).any())
 
@@ -139,9 +139,8 @@ def _not_ruled_out(
     """Return ascending positions of the rows that a coarse grid does not already rule out.
 
     A row is beaten when the least last objective, among all cells that are nearer in every other objective,
-    is no greater than its own. That costs a few passes over the table and leaves little to sort, which is the
-    dear part of the filter. `scale` is any function that keeps the order of numbers; where the cells are
-    narrow decides how much is left, never what is right.
+    is at most its own. That costs a few passes over the table and leaves little to sort, the expensive part
+    of the filter. `scale` is any monotonic function; it affects how many rows are left, never the result.
     """
     axes = len(columns) - 1
     size = int(CELLS ** (1.0 / axes))
@@ -153,7 +152,7 @@ def _not_ruled_out(
     np.minimum.at(least.reshape(-1), cell, columns[-1])
     for axis in range(axes):
         np.minimum.accumulate(least, axis=axis, out=least)
-    nearer = np.full_like(least, np.nan)  # nothing is nearer than the first cells, and NaN rules nothing out
+    nearer = np.full_like(least, np.nan)  # nothing precedes the first cells, and NaN never dominates
     nearer[(slice(1, None),) * axes] = least[(slice(None, -1),) * axes]
     nearer[np.isinf(nearer) & (nearer > 0)] = np.nan
     return np.flatnonzero(~(nearer.reshape(-1)[cell] <= columns[-1]))
@@ -173,9 +172,9 @@ def _cells(numbers: NDArray[np.float64], size: int) -> NDArray[np.intp]:
 
 
 def _ordinal(numbers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return each number's place among all floating-point numbers: about a logarithm, defined everywhere."""
+    """Return each number's rank among all floating-point numbers: about a logarithm, defined everywhere."""
     bits = np.ascontiguousarray(numbers).view(np.int64)
-    # Negative numbers count downwards from minus zero, which shares its place with zero.
+    # Negative numbers count downwards from minus zero, which shares its rank with zero.
     return np.where(bits < 0, np.iinfo(np.int64).min - bits, bits).astype(np.float64)
 
 
@@ -183,7 +182,7 @@ def _staircase(columns: NDArray[np.float64]) -> NDArray[np.bool_]:
     """The filter for one and two objectives: in order of the first, each new least second is on the front."""
     order = np.argsort(columns[0])
     x, y = columns[0, order], columns[-1, order]
-    # Rows that share the first objective stand together: only the least of them can be on the front.
+    # Rows that share the first objective are neighbours: only the least of them can be on the front.
     starts = np.flatnonzero(np.concatenate([[True], x[1:] != x[:-1]]))
     least = np.minimum.reduceat(y, starts)
     step = np.concatenate([[True], least[1:] < np.minimum.accumulate(least)[:-1]])
@@ -193,7 +192,8 @@ def _staircase(columns: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _by_blocks(columns: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """The filter for three objectives and more: in lexicographic order only earlier rows can beat later."""
+    """The filter for three objectives and more: in lexicographic order only earlier rows dominate later
+    ones."""
     order = np.lexsort(columns[::-1])
     columns = columns[:, order]
     # Equal rows are neighbours now: decide for the first of each run and copy its answer to the others.

@@ -75,7 +75,7 @@ def hypervolume_growth(
     """Return the hypervolume after each of `points` (n, objectives), in the order they were measured.
 
     All volumes end at one reference, `reference_point` of all the points, and are of logarithms where all
-    values and limits are positive; so the numbers never fall, and only their growth means something. A row
+    values and limits are positive; so the numbers never fall; only their growth is meaningful. A row
     with NaN, a failure, adds nothing but has its place. Nothing measured has volume 0.
     """
     table = np.asarray(points, dtype=np.float64)
@@ -89,7 +89,7 @@ def hypervolume_growth(
     front: list[int] = []
     for number, row in enumerate(minimised):
         volumes[number] = volumes[number - 1] if number else 0.0
-        # Most measurements are beaten or out of bounds: only the others change the volume.
+        # Most measurements are dominated or out of bounds: only the others change the volume.
         if not (row < bound).all() or (minimised[front] <= row).all(axis=1).any():
             continue
         front = [other for other in front if not (row <= minimised[other]).all()] + [number]

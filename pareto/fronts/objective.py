@@ -1,4 +1,4 @@
-"""What is optimised: named objectives, their direction, and the limits a result must keep."""
+"""Objectives: names, directions, and the limits that a result must keep."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def read_limits(objectives: tuple[Objective, ...], limits: Mapping[str, float] |
 
 
 def read_values(objectives: tuple[Objective, ...], values: Mapping[str, float]) -> tuple[float, ...]:
-    """Return the objectives' values in order. Further keys in `values` are nobody's business and ignored.
+    """Return the objectives' values in order. Further keys in `values` are ignored.
 
     A Censored value stays one.
 

@@ -1,1 +1,1 @@
-"""How a configuration is measured: by a program, or by a look at a table."""
+"""Measuring a configuration: by a program, or by a lookup in a table."""

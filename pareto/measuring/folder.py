@@ -1,4 +1,4 @@
-"""An exploration on disk: every measurement appended as it arrives, and a state to go on from."""
+"""An exploration on disk: every measurement appended as it arrives, and a state to resume from."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ EVALUATIONS, FRONT, PAGE, STATE, SPACE, SOURCE, LOCK = (
     "source.json",
     ".lock",
 )
-DAMAGED = "state.damaged.json"  # where a state is kept that could not be read
-IMPORTED = "told"  # the phase of measurements that an earlier run made
+DAMAGED = "state.damaged.json"  # the copy of a state that could not be read
+IMPORTED = "told"  # the phase of measurements of an earlier run
 
 
 class Folder:
     """Keeps `evaluations.csv`, `front.csv` and the state, space and source (JSON) of one exploration.
 
-    The state is replaced whenever something was asked; measurements go to the CSV file only. After a crash
-    at any moment the state and the rows it does not know yet give the explorer back as it was. Without a
-    state that can be read, the rows alone give back all that was measured.
+    The state is replaced after every `ask`; measurements go to the CSV file only. After a crash, the state
+    and the later rows restore the explorer exactly. Without a readable state, the rows alone restore all
+    measurements.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -44,9 +44,9 @@ class Folder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes from exploring here; the lock ends with the process, however it ends.
+        """Lock the folder against other processes; the lock ends with the process.
 
-        Raises StateError when another one is at work.
+        Raises StateError when another process holds it.
         """
         self.path.mkdir(parents=True, exist_ok=True)
         with (self.path / LOCK).open("a") as file:
@@ -54,13 +54,13 @@ class Folder:
             yield
 
     def space(self) -> Space:
-        """Return the space that is explored here. Raises StateError where nothing is."""
+        """Return the space of this exploration. Raises StateError where there is none."""
         if not (self.path / SPACE).exists():
             raise StateError(f"{self.path} holds no exploration: there is no {SPACE}")
         return Space.load(self.path / SPACE)
 
     def resume(self, space: Space) -> Explorer | None:
-        """Return the explorer that was at work here, ready to go on, or None when there was none.
+        """Return the explorer of this folder, ready to go on, or None when there was none.
 
         Raises StateError when the folder holds another space's exploration or a damaged file.
         """
@@ -72,8 +72,8 @@ class Folder:
     def rebuild(self, fresh: Explorer, reason: str) -> Explorer:
         """Tell `fresh` every row of `evaluations.csv`; keep a damaged state under DAMAGED.
 
-        `reason` says why the state cannot be used. The explorer goes on with the same measurements; what it
-        proposes next may differ. Raises StateError when the rows are not of these parameters and objectives.
+        `reason` says why the state cannot be used. The explorer goes on with the same measurements; its next
+        proposals may differ. Raises StateError when the rows are not of these parameters and objectives.
         """
         path = self.path / EVALUATIONS
         rows = _whole_rows(path)[0] if path.exists() else []
@@ -103,7 +103,7 @@ class Folder:
         self._written = None
 
     def read(self, space: Space) -> Explorer | None:
-        """Return the explorer as `resume` does, but touch nothing: another process may be at work.
+        """Return the explorer as `resume` does, without writing: another process may be exploring.
 
         Raises DamagedStateError, which is a StateError, where `rebuild` can help.
         """
@@ -118,7 +118,7 @@ class Folder:
             ) from None
         except UnicodeDecodeError as error:
             raise self._damaged(error) from error
-        # The rows are read after the state: a process at work adds to the rows first.
+        # The rows are read after the state: a running exploration writes rows first.
         rows = self.rows()
         try:
             explorer = Explorer.restore(space, json.loads(text))
@@ -128,7 +128,7 @@ class Folder:
             raise
         except (ValueError, RecursionError) as error:
             raise self._damaged(error) from error
-        known = sum(map(len, explorer.history.told.values()))
+        known = sum(map(len, explorer.history.results.values()))
         if len(rows) < known:
             raise StateError(
                 f"rows are lost: {self.path / EVALUATIONS} has {len(rows)} of the {known} that {STATE} knows"
@@ -139,9 +139,9 @@ class Folder:
         return explorer
 
     def require_source(self, kind: str, value: str) -> None:
-        """Note what measures here: a command, or the digest of a table.
+        """Record the source of measurements: a command, or the digest of a table.
 
-        Raises StateError when what stands in `evaluations.csv` was measured by another one.
+        Raises StateError when `evaluations.csv` has another source.
         """
         path, source = self.path / SOURCE, {kind: value}
         if not path.exists() or not self.rows():
@@ -158,7 +158,7 @@ class Folder:
             )
 
     def asked(self, explorer: Explorer) -> None:
-        """Save the state: before a batch is measured, so that it can be finished after a crash."""
+        """Save the state before a batch is measured, so that the batch can be finished after a crash."""
         self.path.mkdir(parents=True, exist_ok=True)
         if not (self.path / SPACE).exists():
             self._replace(SPACE, json.dumps(explorer.space.to_dict(), indent=2) + "\n")
@@ -172,7 +172,7 @@ class Folder:
         seconds: float | None = None,
         error: str = "",
     ) -> None:
-        """Write the measurement told last to `evaluations.csv`, safely on disk when this returns."""
+        """Append the last measurement to `evaluations.csv` and sync it to disk."""
         path = self.path / EVALUATIONS
         fresh = not path.exists() or path.stat().st_size == 0
         names = [objective.name for objective in explorer.objectives]
@@ -247,16 +247,15 @@ def header(explorer: Explorer) -> list[str]:
     first, last = ["number", "phase"], ["measured_in", "failure"]
     if shared := [name for name in names if name in (*first, *last)]:
         raise ObjectiveError(
-            f"{shared[0]!r} is a column that {EVALUATIONS} has anyway: give the parameter or objective "
-            "another name"
+            f"{shared[0]!r} is a fixed column of {EVALUATIONS}: give the parameter or objective another name"
         )
     return [*first, *names, *last]
 
 
 def made_here(explorer: Explorer) -> int:
-    """Return how many measurements were made in this exploration, failed ones and repeats included."""
+    """Return the number of measurements of this exploration, including failures and repeats."""
     history = explorer.history
-    return sum(len(values) for index, values in history.told.items() if history.phases[index] != IMPORTED)
+    return sum(len(values) for index, values in history.results.items() if history.phases[index] != IMPORTED)
 
 
 def table(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
@@ -273,7 +272,7 @@ def _line(cells: Iterable[object]) -> str:
 
 
 def _whole_rows(path: Path) -> tuple[list[list[str]], int]:
-    """Return the rows of a CSV file that were written to their end, and where in the file that is."""
+    """Return the complete rows of a CSV file, and the byte where they end."""
     data = path.read_bytes()
     data = data[: data.rfind(b"\n") + 1]
     lines = [line + b"\n" for line in data.split(b"\n")[:-1]]
@@ -294,7 +293,7 @@ def _whole_rows(path: Path) -> tuple[list[list[str]], int]:
 def _lock(file: int, folder: Path) -> None:
     try:
         import fcntl
-    except ImportError:  # Windows: two explorations of one folder are the user's to avoid
+    except ImportError:  # Windows has no fcntl: the folder is not locked there
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

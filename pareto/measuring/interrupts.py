@@ -1,4 +1,4 @@
-"""Ctrl-C and a request to end, at the moments that suit."""
+"""Ctrl-C and SIGTERM, delivered at safe moments."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from types import FrameType
 
 
 class Interrupts:
-    """SIGINT and SIGTERM as KeyboardInterrupt, which waits while it is held."""
+    """SIGINT and SIGTERM as KeyboardInterrupt, deferred while held."""
 
     def __init__(self) -> None:
         self._holding = self._waiting = self._ignoring = False
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Let what the block does be done before an interrupt that came meanwhile is raised."""
+        """Finish the block before an interrupt that arrived meanwhile is raised."""
         self._holding = True
         try:
             yield
@@ -28,7 +28,7 @@ class Interrupts:
             raise KeyboardInterrupt
 
     def ignore(self) -> None:
-        """Raise nothing from now on: the program is ending already."""
+        """Ignore signals from now on: the program is ending."""
         self._ignoring = True
 
     def take(self, _signal: int, _frame: FrameType | None) -> None:
@@ -45,7 +45,9 @@ class Interrupts:
 def interruptible() -> Iterator[Interrupts]:
     """Raise KeyboardInterrupt in the block on SIGINT and on SIGTERM."""
     interrupts = Interrupts()
-    if threading.current_thread() is not threading.main_thread():  # where Python takes no signals
+    if (
+        threading.current_thread() is not threading.main_thread()
+    ):  # Python handles signals in the main thread only
         yield interrupts
         return
     before = {number: signal.signal(number, interrupts.take) for number in (signal.SIGINT, signal.SIGTERM)}

@@ -1,4 +1,4 @@
-"""Measuring until the budget is spent: ask, measure, write down, tell; and stop early where that is wiser."""
+"""The measurement loop: ask, measure, save, tell, until the budget is spent or stopping early is better."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pareto.spaces.space import Configuration
 
 @dataclass(frozen=True)
 class Plan:
-    """How long to measure: `budget` measurements in the folder, in batches of `batch` proposals.
+    """The plan: `budget` measurements in the folder, in batches of `batch` proposals.
 
     Each configuration is measured `repeats` times. So many equal failures at the start as `give_up` end the
     search; 0 for never.
@@ -34,10 +34,10 @@ class Plan:
 
 
 class MeasurementLoop:
-    """Measures into a folder what an explorer asks for, in the slots of a pool.
+    """Measures an explorer's proposals in the slots of a pool, and saves them in a folder.
 
-    `end` kills what is running. `refresh` is called before each batch. `reasons` counts the failures of this
-    call; `stopped` says why the search ended before the budget was spent.
+    `end` kills running programs. `refresh` is called before each batch. `reasons` counts the failures of this
+    call; `stopped`: why the search ended before the budget was spent.
     """
 
     def __init__(
@@ -61,12 +61,12 @@ class MeasurementLoop:
         self._looked_for_constants = False
 
     def run(self) -> None:
-        """Measure. On an interrupt all programs end, and KeyboardInterrupt says where things stand."""
+        """Measure. On an interrupt all programs end, and KeyboardInterrupt reports the progress."""
         with interruptible() as interrupts:
             try:
                 while self._fill(interrupts):
                     self.pool.wait()
-                    with interrupts.held():  # what was measured is written down first
+                    with interrupts.held():  # finished measurements are saved first
                         for finished in self.pool.take():
                             self._take(finished)
                     if self.stopped:
@@ -87,18 +87,18 @@ class MeasurementLoop:
         self._progress.end()
 
     def _unfinished(self) -> list[Configuration]:
-        """Return what an earlier call began and did not finish, in the order in which it would go on."""
+        """Return the unfinished proposals of an earlier call, in its order."""
         explorer, history = self.explorer, self.explorer.history
         counts = {
             index: len(values)
-            for index, values in history.told.items()
+            for index, values in history.results.items()
             if history.phases[index] != IMPORTED and None not in values
         } | dict.fromkeys(history.pending, 0)
         rounds = ((index for index in counts if counts[index] < n) for n in range(1, self.plan.repeats + 1))
         return [explorer.space.decode(index) for index in chain.from_iterable(rounds)]
 
     def _fill(self, interrupts: Interrupts) -> bool:
-        """Start what the free slots can hold; return whether anything is running then."""
+        """Start measurements in free slots; return whether any is running."""
         while self.pool.free and self._done + self.pool.running < self.plan.budget:
             if not self._queue and not self._ask():
                 break
@@ -121,7 +121,7 @@ class MeasurementLoop:
     def _failed(self, configuration: Configuration) -> bool:
         """Return whether a measurement of it failed in this folder: a failure is not repeated."""
         index = self.explorer.space.encode(configuration)
-        return None in self.explorer.history.told.get(index, [])
+        return None in self.explorer.history.results.get(index, [])
 
     def _take(self, finished: Finished) -> None:
         reason = str(finished.failure or "")
@@ -151,11 +151,11 @@ class MeasurementLoop:
             )
 
     def _end_running(self) -> None:
-        """End the programs that run; keep what had finished before."""
+        """End the running programs; keep the finished measurements."""
         for finished in self.pool.end(self._end):
             self._take(finished)
 
 
 def _without_numbers(reason: str) -> str:
-    """Return a reason in which addresses, times and sizes make no difference."""
+    """Return a reason without addresses, times and sizes, for comparison."""
     return re.sub(r"0x[0-9a-f]+|\d+", "0", reason)

@@ -1,4 +1,4 @@
-"""Measurements that were made elsewhere, read from a CSV file."""
+"""Measurements from elsewhere, read from a CSV file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Measurement = tuple[Configuration, dict[str, float] | None]
 def read_measurements(path: Path, space: Space, objectives: Sequence[Objective]) -> list[Measurement]:
     """Return every row of a CSV file with a column for each parameter and objective, in order.
 
-    The values are None where the measurement failed: where a cell is no finite number. Several rows of one
+    The values are None where the measurement failed: where a cell is not a finite number. Several rows of one
     configuration are measurements of it, to be averaged. Further columns are ignored, so `evaluations.csv` of
     an exploration is such a file.
 
@@ -60,11 +60,11 @@ def read_rows(path: Path, wanted: Iterable[str]) -> Iterator[tuple[int, dict[str
     except OSError as error:
         raise ScenarioError(f"cannot read {path}: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise ScenarioError(f"{path}, after line {line}, is no CSV file in UTF-8: {error}") from error
+        raise ScenarioError(f"{path}, after line {line}, is not a CSV file in UTF-8: {error}") from error
 
 
 def number(cell: str) -> float:
-    """Return the finite number that a cell holds; NaN for all else, which is a failed measurement."""
+    """Return the finite number in a cell, or NaN, which marks a failed measurement."""
     try:
         value = float(cell)
     except ValueError:

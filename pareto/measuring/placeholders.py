@@ -9,11 +9,11 @@ from collections.abc import Iterable, Mapping
 
 from pareto.errors import ScenarioError
 
-CONFIG = "config"  # the whole configuration as JSON, even where a parameter has this name
+CONFIG = "config"  # the configuration as JSON, even if a parameter has this name
 
 
 class Template:
-    """A command line, split as a shell would split it, in which `{name}` stands for a value.
+    """A command line, split as a shell would split it, in which `{name}` is replaced by a value.
 
     `{{name}}` stands for the text `{name}`, and `${name}` is left as it is, for a shell that the command may
     start. Other braces are text, such as those of `{"a": 1}`.

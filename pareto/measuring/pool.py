@@ -38,12 +38,12 @@ class Pool:
 
     @property
     def free(self) -> int:
-        """How many measurements may be started now."""
+        """The number of free slots."""
         return len(self._free)
 
     @property
     def running(self) -> int:
-        """How many measurements were started and not yet taken."""
+        """The number of measurements started and not yet taken."""
         return len(self._threads)
 
     def start(self, configuration: Configuration) -> None:
@@ -58,9 +58,9 @@ class Pool:
         self._changed.wait()
 
     def take(self) -> list[Finished]:
-        """Return what has finished, in that order, and free its slots.
+        """Return the finished measurements, in that order, and free their slots.
 
-        Raises whatever but EvaluationError ended a measurement.
+        Raises the error that ended a measurement, unless it is an EvaluationError.
         """
         self._changed.clear()
         taken = []
@@ -73,7 +73,7 @@ class Pool:
         return taken
 
     def end(self, kill: Callable[[], None]) -> list[Finished]:
-        """End all measurements by `kill`; return what had finished before, without what `kill` made fail."""
+        """End all measurements by `kill`; return those that had finished before."""
         self._ending = True
         kill()
         for thread in list(self._threads):

@@ -1,4 +1,4 @@
-"""Measuring a configuration by running a program, which may fail, hang or print nonsense."""
+"""Measuring a configuration by running a program, which may fail, hang or print invalid output."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pareto.measuring.placeholders import CONFIG, Template
 from pareto.measuring.table import require_feasible
 from pareto.spaces.space import Configuration
 
-MOST_OUTPUT = 1 << 20  # bytes at the end of the output in which the answer is looked for
+MOST_OUTPUT = 1 << 20  # bytes at the end of the output that are searched for the answer
 NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
@@ -60,9 +60,9 @@ class Program:
         """Return the values of `configuration`; `resources` are in the program's environment, too.
 
         Raises EvaluationError with the reason when the program fails or prints no values, and when it takes
-        longer than the timeout: then its whole process group ends, which is all that it has started except
-        what has left the group (setsid). Raises InfeasibleError, which is one, when the program's `feasible`
-        (field, text when true) says that the configuration does not count.
+        longer than the timeout: then its process group ends: all its child processes, except those that left
+        the group (setsid). Raises InfeasibleError, which is one, when the program's `feasible` (field, text
+        when true) marks the configuration as infeasible.
         """
         values = {name: "" if value is None else str(value) for name, value in configuration.items()}
         code, output, complaints = self._run(
@@ -86,7 +86,7 @@ class Program:
         return dict(zip((item.name for item in self.objectives), read, strict=True))
 
     def end(self) -> None:
-        """Kill every running program with its process group, and start none again."""
+        """Kill every running program with its process group, and refuse new ones."""
         with self._lock:
             self._ended = True
             for program in self._running:
@@ -96,9 +96,9 @@ class Program:
     def _run(self, arguments: list[str], environment: Mapping[str, str]) -> tuple[int, str, str]:
         """Return exit code, output and error output.
 
-        Raises EvaluationError on a timeout, or where there is no such program.
+        Raises EvaluationError on a timeout, or if the program does not exist.
         """
-        # Files, not pipes: a grandchild that keeps a pipe open would keep us waiting for its end.
+        # Files, not pipes: a grandchild that keeps a pipe open would block until its end.
         with tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as complaints:
             program = self._start(arguments, environment, output, complaints)
             try:
@@ -120,7 +120,7 @@ class Program:
             if self._ended:
                 raise EvaluationError("the search has ended")
             try:
-                # A session, and with it a process group, of its own: what is in the group ends together.
+                # Its own session and process group, so that the whole group can be ended.
                 program = subprocess.Popen(
                     arguments,
                     stdin=subprocess.DEVNULL,
@@ -136,7 +136,7 @@ class Program:
 
 
 def _kill(program: subprocess.Popen[bytes]) -> None:
-    """Kill the program and what it has started in its process group; on Windows the program alone."""
+    """Kill the program's process group; on Windows only the program."""
     if hasattr(os, "killpg"):
         with suppress(ProcessLookupError):  # it has just ended by itself
             os.killpg(program.pid, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""How far an exploration is: one line that is written over on a terminal, now and then a line elsewhere."""
+"""Progress of an exploration: one line rewritten in place on a terminal, an occasional line elsewhere."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ ON_TERMINAL, ELSEWHERE = 0.1, 10.0  # seconds between two lines, at least
 
 
 class Progress:
-    """Tells how many were measured and failed, size and hypervolume of the front, and the time left.
+    """Prints the numbers of measurements and failures, size and hypervolume of the front, and the time left.
 
-    The time left is what the measurements since the start took on average, asking included, times those
-    missing.
+    The time left is the average time of a measurement since the start, including proposals, times the missing
+    ones.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Progress:
         self._told = -np.inf
 
     def tell(self, done: int) -> None:
-        """Write a line after `done` measurements, unless the last one is fresh. The last is always told."""
+        """Write a line after `done` measurements, at most one every few seconds, and always the last."""
         now = self.clock()
         if done < self.budget and now - self._told < (ON_TERMINAL if self.live else ELSEWHERE):
             return
@@ -60,7 +60,7 @@ class Progress:
         self.stream.flush()
 
     def end(self) -> None:
-        """Leave the line as it is and go on below it."""
+        """Finish the line and continue below it."""
         if self.live and np.isfinite(self._told):
             self.stream.write("\n")
             self._told = -np.inf
@@ -89,14 +89,14 @@ class FrontSummary:
     log: bool = False
 
     def describe(self) -> str:
-        """Return the hypervolume with its reference point, in words."""
+        """Return the hypervolume with its reference point, as text."""
         point = ", ".join(f"{name} {value:.4g}" for name, value in self.reference.items())
         kind = " of logarithms" if self.log else ""
         return f"hypervolume {self.volume:.4g}{kind} up to {point}" if point else "hypervolume 0"
 
 
 def summarise_front(explorer: Explorer, values: NDArray[np.float64]) -> FrontSummary:
-    """Return size and hypervolume of the front of (n, objectives) values of what the explorer measured.
+    """Return size and hypervolume of the front of the explorer's (n, objectives) values.
 
     The volume ends at the limits, or at the worst value where there is none. It is of logarithms where all
     values are positive. Configurations with a censored value do not count. Of measured values it is the last

@@ -21,10 +21,10 @@ def from_table(
 ) -> Evaluate:
     """Return a function that looks a configuration up in a CSV file with a column a parameter and objective.
 
-    It raises EvaluationError for a configuration that is not in the table, whose values are no finite
-    numbers, or whose `feasible` (column, text when true) says no; the text is compared without case. Several
+    It raises EvaluationError for a configuration that is not in the table, whose values are not finite
+    numbers, or whose `feasible` (column, text when true) is false; the text is compared without case. Several
     rows of one configuration are measurements of it: the mean of those that did not fail counts. Rows that
-    the space's constraints forbid are never asked for.
+    the space's constraints forbid are never looked up.
 
     Raises ScenarioError when the file cannot be read, lacks a column or holds a value that the space does not
     have, ObjectiveError for objectives that share a column.
@@ -59,7 +59,7 @@ def _values(row: dict[str, str], names: list[str], feasible: tuple[str, str] | N
     values = [number(row[name]) for name in names]
     for name, value in zip(names, values, strict=True):
         if math.isnan(value):
-            raise EvaluationError(f"{name} is {row[name]!r} in the table, no finite number")
+            raise EvaluationError(f"{name} is {row[name]!r} in the table, not a finite number")
     return values
 
 

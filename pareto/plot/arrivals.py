@@ -1,4 +1,4 @@
-"""What was measured, in the order in which it came back, failures in their place."""
+"""The measurements in order of arrival, including failures."""
 
 from __future__ import annotations
 
@@ -17,9 +17,8 @@ from pareto.spaces.space import Indices
 @dataclass(frozen=True)
 class Arrivals:
     """(n,) `indices`, (n, objectives) mean `values`, and (n,) `phases`. Values are NaN for failures
-    and where one of them is censored: a bound has no place in a picture of values.
-
-    `estimates` has what to expect of those that succeeded.
+    and where one of them is censored: pictures show values, not bounds. `estimates` holds the expected values
+    of successes.
     """
 
     explorer: Explorer
@@ -32,7 +31,7 @@ class Arrivals:
     def of(cls, explorer: Explorer) -> Arrivals:
         """Read an explorer's history."""
         history = explorer.history
-        indices = np.array(list(history.told), dtype=np.int64)
+        indices = np.array(list(history.results), dtype=np.int64)
         values = np.full((len(indices), len(explorer.objectives)), np.nan)
         measured, means = history.measured()
         place = {index: row for row, index in enumerate(indices.tolist())}
@@ -43,7 +42,7 @@ class Arrivals:
 
     @property
     def succeeded(self) -> NDArray[np.bool_]:
-        """(n,) whether there are values."""
+        """(n,) whether the values are known."""
         return np.asarray(np.isfinite(self.values).all(axis=1))
 
     @property

@@ -1,4 +1,4 @@
-"""How the front grew: fronts after ever more measurements, and the hypervolume after each."""
+"""How the front grew: fronts after more and more measurements, and the hypervolume after each."""
 
 from __future__ import annotations
 

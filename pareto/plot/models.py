@@ -1,4 +1,4 @@
-"""What a model makes of the measurements: which parameter matters, and how well it foretells."""
+"""What a model learns from the measurements: which parameter matters, and how well it predicts."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 FAILING = "failing"
-LEAST_FAILURES = 20  # of fewer, nothing is said about what makes a measurement fail
+LEAST_FAILURES = 20  # failures needed to learn what makes a measurement fail
 
 
 def grown(arrivals: Arrivals) -> dict[str, Bagging]:
-    """Return a forest for each objective that can be learnt, and for failing at all."""
+    """Return a forest for each objective that can be learnt, and one for failures."""
     columns = dict(zip(arrivals.names, arrivals.values.T, strict=True))
     failed = np.isin(arrivals.indices, arrivals.explorer.history.failed())
     if LEAST_FAILURES <= failed.sum() <= len(failed) - LEAST_FAILURES and FAILING not in columns:
@@ -32,7 +32,7 @@ def grown(arrivals: Arrivals) -> dict[str, Bagging]:
 
 
 def importances(arrivals: Arrivals, forests: Mapping[str, Bagging]) -> dict[str, dict[str, float]]:
-    """Return the parameters' shares of the variance of what each forest has learnt."""
+    """Return the parameters' shares of the variance of each forest's objective."""
     names = arrivals.explorer.space.names
     return {name: dict(zip(names, shares(forest), strict=True)) for name, forest in forests.items()}
 
@@ -64,7 +64,7 @@ def parameter_importance(found: Mapping[str, Mapping[str, float]]) -> Figure:
 def predicted_against_measured(
     arrivals: Arrivals, name: str, prediction: Prediction, units: Mapping[str, str] | None = None
 ) -> Figure:
-    """Return each measurement of one objective against what trees that had not seen it foretold."""
+    """Return each measurement of one objective against its out-of-bag prediction."""
     figure = blank(440)
     ends = [
         min(prediction.measured.min(), prediction.predicted.min()),

@@ -46,12 +46,12 @@ th:first-child, td:first-child {{ text-align: left; font-weight: 600; }}
 }}
 """
 NOTES = {
-    "scatter": "Every configuration that was measured, but for those that failed. The line is the front "
+    "scatter": "Every configuration that was measured without failure. The line is the front "
     "within the limits, the diamond the default configuration. Where repeats of one configuration differ, it "
     "is the recommended front: of expected values, with 95 % intervals.",
     "fronts": "The front after a sixteenth, an eighth, a quarter, half and all of the evaluations.",
-    "hypervolume": "What the measured points dominate, up to the limits, or to the worst value measured "
-    "where there is none; of logarithms where all values are positive. Only its growth means something.",
+    "hypervolume": "The volume that the measured points dominate, up to the limits or the worst value "
+    "measured; of logarithms where all values are positive. Only its growth is meaningful.",
     "importance": "How much of an objective's variance is lost without knowing the parameter: it is permuted "
     "in rows that the trees of a random forest have not seen. Interactions count for each parameter in them.",
     "prediction": "By trees that have not seen the measurement; on the dashed line they would be exact.",

@@ -1,4 +1,4 @@
-"""What all pictures share: colours, fonts, axes, and text as it is."""
+"""Shared by all pictures: colours, fonts, axes, and escaped text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much hypervolume a candidate is expected to add, when its objectives are independent Gaussians.
+"""Expected hypervolume improvement of a candidate whose objectives are independent Gaussians.
 
 The expected improvement is the integral of P(candidate <= w) over the region that no front point covers
 (Emmerich et al. 2006). For one and two objectives the region is a staircase and the integral is closed
@@ -26,7 +26,7 @@ def expected_improvement(
     """Return the expected gain in hypervolume below `reference` for each candidate.
 
     `mean` and `spread` are (candidates, objectives), spread above 0; `front` is (points, objectives), any
-    points: those dominated or beyond the reference count for nothing. `rng` is used from three objectives on.
+    points: those dominated or beyond the reference are ignored. `rng` is used from three objectives on.
     """
     if not len(mean):
         return np.empty(0)
@@ -48,7 +48,7 @@ def expected_fall(bound: Array | float, mean: Array, spread: Array) -> Array:
 
 
 def _staircase(mean: Array, spread: Array, front: Array, reference: Array) -> Array:
-    # Between two neighbouring front points, what is uncovered lies below the left one's second objective.
+    # Between two neighbouring front points, the uncovered region lies below the left one's second objective.
     edges = np.append(front[:, 0], reference[0])
     heights = np.concatenate([[reference[1]], front[:, 1]])
     width = expected_fall(edges, mean[:, :1], spread[:, :1])
@@ -57,10 +57,10 @@ def _staircase(mean: Array, spread: Array, front: Array, reference: Array) -> Ar
 
 
 def _sampled(mean: Array, spread: Array, front: Array, reference: Array, rng: np.random.Generator) -> Array:
-    from scipy.stats import qmc  # takes a second to import: not by who merely lists the methods
+    from scipy.stats import qmc  # takes a second to import, which listing the methods must not cost
 
     samples = SAMPLES if len(reference) == 3 else SAMPLES // 2
-    # The box leaves out what one candidate in a hundred alone might reach: the others need the points.
+    # The box leaves out what only one candidate in a hundred might reach: the others need the points.
     lowest = np.minimum(np.quantile(mean - 3.0 * spread, 0.01, axis=0), reference - 1e-9)
     if len(front):
         lowest = np.minimum(lowest, front.min(axis=0))

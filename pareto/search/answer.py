@@ -1,4 +1,4 @@
-"""Why an exploration has no answer, in words that say what to do."""
+"""Why an exploration has no answer, with a remedy."""
 
 from __future__ import annotations
 
@@ -19,16 +19,18 @@ ENOUGH = 10  # different configurations that must agree before an objective is c
 
 
 def obstacle(history: History) -> NoAnswerError | None:
-    """Return what stands between `history` and a front worth reading; None when nothing does.
+    """Return the reason why `history` has no useful front, or None.
 
-    The search itself goes on through all of it: what it asks for next may remove the obstacle.
+    The search can go on regardless: its next proposals may remove the obstacle.
     """
-    if not history.told:
-        return NothingMeasuredError("nothing was measured yet: ask for configurations and tell their values")
+    if not history.results:
+        return NothingMeasuredError(
+            "nothing was measured yet: call ask() for configurations and tell() with their values"
+        )
     indices, values = history.measured()
     if len(indices) == 0:
         return AllFailedError(
-            f"all {len(history.told)} configurations failed: find out why one of them does, the default first"
+            f"all {len(history.results)} configurations failed: find out why, beginning with the default"
         )
     exact = history.exact()
     if not exact.any():

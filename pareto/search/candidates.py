@@ -1,4 +1,4 @@
-"""The points that a search looks at: drawn ones that may succeed, and the neighbours of good ones."""
+"""The candidates of a search: drawn points that may succeed, and the neighbours of good ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pareto.spaces.space import Indices, Space
 from pareto.surrogates.success import Success
 
 LIKELY = 10  # points drawn for each that is taken, in proportion to their chance to succeed
-DRAWS = 1 << 22  # at most, against constraints that hardly any point keeps
+DRAWS = 1 << 22  # at most, for constraints that few points keep
 
 
 def pool(
@@ -30,12 +30,12 @@ def pool(
     if space.region.size <= count:
         drawn = sample(space, count, rng, taken, draws=DRAWS)
     else:
-        around = rng.permutation(beside_front(targets, space))[: count // 2]
-        drawn = np.concatenate([likely(space, measurable, count - len(around), taken, rng), around])
+        around = rng.permutation(front_neighbours(targets, space))[: count // 2]
+        drawn = np.concatenate([likely_points(space, measurable, count - len(around), taken, rng), around])
     return np.setdiff1d(drawn, np.fromiter(taken, dtype=np.int64))
 
 
-def likely(
+def likely_points(
     space: Space, measurable: Success | None, count: int, taken: Collection[int], rng: np.random.Generator
 ) -> Indices:
     """Return up to `count` distinct random indices, none of them `taken`.
@@ -53,12 +53,12 @@ def likely(
     return rng.choice(drawn, size=count, replace=False, p=chance / chance.sum())
 
 
-def beside_front(targets: Targets, space: Space) -> Indices:
+def front_neighbours(targets: Targets, space: Space) -> Indices:
     """Return the allowed points that differ from one of the measured front in one parameter, ascending."""
-    return beside(targets.indices[targets.front], space)
+    return neighbours(targets.indices[targets.front], space)
 
 
-def beside(indices: Indices, space: Space) -> Indices:
+def neighbours(indices: Indices, space: Space) -> Indices:
     """Return the allowed points that differ from one of `indices` in one parameter, ascending."""
     found = [space.neighbours(int(index)) for index in indices]
     return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Ask and tell: which configurations to measure next, and what was learnt from them."""
+"""The ask-and-tell interface: which configurations to measure next, and their results."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from pareto.fronts.objective import (
 )
 from pareto.search.answer import obstacle
 from pareto.search.history import History
-from pareto.search.methods import DEFAULT, METHODS, create, present
+from pareto.search.methods import DEFAULT, METHODS, create, current_method
 from pareto.search.prior import Prior
 from pareto.search.recommendation import Estimates, Recommended, estimate, recommend
 from pareto.spaces.space import Configuration, Space, read_index
@@ -41,9 +41,9 @@ VERSION = 1  # of the saved state
 
 @dataclass(frozen=True)
 class Proposal:
-    """A configuration to measure, and the phase of the search that wants it: random, active, again or repeat.
+    """A configuration to measure, and the phase that proposed it: random, active, again or repeat.
 
-    `again` is a configuration that the search wants to measure once more, `repeat` one that the user does.
+    `again`: the search measures a configuration once more; `repeat`: the user asked for it.
     """
 
     index: int
@@ -52,16 +52,16 @@ class Proposal:
 
 
 class Explorer:
-    """Searches `space` for the configurations that no other beats.
+    """Searches `space` for the non-dominated configurations.
 
     `objectives` are names (minimised) or Objective; `limits` bound them inclusively, from above or, for
     maximised ones, from below. On one machine, equal seeds, options and histories give equal proposals;
     another one may round otherwise. Further `options` are the method's; `pareto.search.methods` lists both.
 
     `prior` is what another device measured, as (configuration, values or None for a failure) pairs: it guides
-    the search as far as the measurements told here confirm it, and never counts as told. What was measured
-    on this very device is told instead. A Censored value of a prior counts as its bound, and its
-    configuration is not tried first.
+    the search as far as the measurements here confirm it, and never counts as measured. Pass measurements of
+    this device to `tell` instead. A Censored value of a prior counts as its bound, and its configuration is
+    not tried first.
 
     Raises SpaceError, ObjectiveError, or MethodError for an unknown method, option or seed, or for a method
     that cannot use a prior.
@@ -86,9 +86,9 @@ class Explorer:
         self.seed = _whole("seed", seed)
         self.finished = False
         self.history = History(space, self.objectives, self.limits)
-        # NumPy's whole numbers are as good as Python's, but JSON does not know them.
+        # JSON cannot encode NumPy's integers.
         options = {k: int(v) if isinstance(v, np.integer) else v for k, v in options.items()}
-        self.method, self._options = present(method, options)
+        self.method, self._options = current_method(method, options)
         self._method = create(self.method, self._options)
         self._method.seed = self.seed % 2**64
         self._take_prior(Prior.read(space, self.objectives, self.limits, prior))
@@ -102,12 +102,12 @@ class Explorer:
     def propose(self, count: int = 1, repeats: bool = False) -> list[Proposal]:
         """Return up to `count` distinct proposals, none of them pending, and mark them pending.
 
-        None is told already but those of phase `again`: where repeats differ, or what models cannot follow
-        may be noise, a search measures a configuration once more if that is worth more than a new one. Where
-        measurements agree to the last digit, it stops after the first. With `repeats`, configurations of the
-        present front are proposed again instead, those measured least first. Fewer than `count` come back
-        when the method waits for pending results, or has nothing more to ask for (then `finished` is set
-        until something new is told).
+        None has results already, except those of phase `again`: where repeats differ, or the residuals of the
+        models may be noise, a search measures a configuration once more if that is worth more than a new one.
+        Where measurements agree to the last digit, it stops after the first. With `repeats`, configurations
+        of the current front are proposed again instead, those measured least first. Fewer than `count` come
+        back when the method waits for pending results, or has nothing more to propose (then `finished` is set
+        until the next `tell`).
 
         Raises MethodError when `count` is not a whole number.
         """
@@ -131,10 +131,10 @@ class Explorer:
         results: Sequence[Mapping[str, float] | None],
         phase: str = "told",
     ) -> None:
-        """Take measured values; None is a failed measurement, which is learnt from.
+        """Record measured values; None is a failed measurement, from which the search also learns.
 
-        Any subset of what was asked, in any order, and configurations that were never asked, for which
-        `phase` is noted. Telling one configuration again averages its values. Either all are taken or, when
+        Accepts any subset of the proposals, in any order, and configurations that were never proposed, for
+        which `phase` is recorded. Values of one configuration are averaged. Either all are recorded or, when
         an error is raised (ConfigurationError, ObjectiveError), none.
 
         A value may be Censored: this or worse. Its configuration is never on the front, and the models learn
@@ -159,12 +159,12 @@ class Explorer:
             self.finished = False
 
     def tell_frame(self, frame: DataFrame) -> None:
-        """Take the rows of a pandas DataFrame with a column for each parameter and objective, as `tell` does.
+        """Record the rows of a pandas DataFrame with a column per parameter and objective, as `tell` does.
 
         A missing value is a failed measurement, except in a parameter that is inactive. A column of numbers
         holds values, never bounds: censored ones are for `tell`. Further columns are ignored.
 
-        Raises ConfigurationError or ObjectiveError, and takes nothing then.
+        Raises ConfigurationError or ObjectiveError, and records nothing then.
         """
         from pareto.search.frames import read_frame
 
@@ -172,9 +172,9 @@ class Explorer:
         self.tell([configuration for configuration, _ in rows], [values for _, values in rows])
 
     def forget(self, configurations: Sequence[Mapping[str, Any]]) -> None:
-        """Take back pending configurations that nobody will measure; they may be proposed again.
+        """Withdraw pending configurations that will not be measured; they may be proposed again.
 
-        Raises ConfigurationError, and takes none back then.
+        Raises ConfigurationError, and withdraws none then.
         """
         if not _is_list(configurations):
             raise ConfigurationError("forget takes a list: forget([configuration])")
@@ -191,7 +191,7 @@ class Explorer:
 
     def estimates(self) -> Estimates:
         """Return what to expect of every configuration that succeeded; see `recommended`."""
-        measurements = sum(map(len, self.history.told.values()))
+        measurements = sum(map(len, self.history.results.values()))
         if self._estimates is None or self._estimates[0] != measurements:
             self._estimates = measurements, estimate(self.history, self._method.prior)
         return self._estimates[1]
@@ -225,16 +225,16 @@ class Explorer:
             self.objectives,
             (
                 (self.space.decode(index), None if row is None else dict(zip(names, row, strict=True)))
-                for index, measured in self.history.told.items()
+                for index, measured in self.history.results.items()
                 for row in measured
             ),
         )
 
     def answer(self) -> list[tuple[Configuration, dict[str, float]]]:
-        """Return the front where there is one worth reading, otherwise raise the reason.
+        """Return the front if it is useful, otherwise raise the reason.
 
         Raises NothingMeasuredError, AllFailedError, NothingFeasibleError or ConstantObjectiveError, all of
-        them NoAnswerError; `front` is empty or trivial then, and asking goes on as ever.
+        them NoAnswerError; `front` is empty or trivial then, and `ask` still works.
         """
         reason = obstacle(self.history)
         if reason is not None:
@@ -242,15 +242,15 @@ class Explorer:
         return self.front()
 
     def pending(self) -> list[Configuration]:
-        """Return what was asked and not yet told, in the order asked."""
+        """Return the proposals without results, in their order."""
         return [self.space.decode(index) for index in self.history.pending]
 
     def skip_asks(self, count: int) -> None:
-        """Count `count` batches as asked for: the next ones do not draw what was drawn for those."""
+        """Skip `count` batches of random numbers, so that the next ones differ."""
         self._asks += count
 
     def state(self) -> dict[str, Any]:
-        """Return everything as plain JSON, from which `restore` goes on exactly as this explorer would."""
+        """Return everything as plain JSON, from which `restore` continues exactly."""
         state = {
             "version": VERSION,
             "space": self.space.digest,
@@ -276,7 +276,7 @@ class Explorer:
         Raises StateError when it is another version's, another space's, or damaged.
         """
         if not isinstance(state, Mapping):
-            raise DamagedStateError(f"the state is damaged: it is {state!r:.40} and no object")
+            raise DamagedStateError(f"the state is damaged: it is {state!r:.40}, not an object")
         if missing := [field for field in ("version", "space") if field not in state]:
             raise DamagedStateError(f"the state is damaged: {missing[0]!r} is missing")
         if state["version"] != VERSION:
@@ -306,13 +306,13 @@ class Explorer:
             explorer._method.recall(state["memory"], space)
         except StateError as error:
             raise DamagedStateError(str(error)) from error
-        # A list where an object belongs has no `items`; a value that may not be told is a ValueError.
+        # A list instead of an object has no `items`; an invalid value raises a ValueError.
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise DamagedStateError(f"the state is damaged: {error!r}") from error
         return explorer
 
     def _take_prior(self, prior: Prior) -> None:
-        if not prior.source.told:
+        if not prior.source.results:
             return
         if not self._method.uses_prior:
             able = ", ".join(name for name, kind in METHODS.items() if kind.uses_prior)
@@ -322,14 +322,14 @@ class Explorer:
     def _repeats(self, count: int) -> list[tuple[int, str]]:
         indices, _ = self.history.front()
         waiting = [int(index) for index in indices if int(index) not in self.history.pending]
-        waiting.sort(key=lambda index: len(self.history.told[index]))
+        waiting.sort(key=lambda index: len(self.history.results[index]))
         return [(index, "repeat") for index in waiting[:count]]
 
 
 def _observations(history: History) -> list[list[Any]]:
     return [
         [index, history.phases[index], [None if v is None else [*map(_saved, v)] for v in values]]
-        for index, values in history.told.items()
+        for index, values in history.results.items()
     ]
 
 
@@ -355,7 +355,7 @@ def _read_saved(name: str, value: Any) -> float:
 
 
 def _is_list(items: object) -> bool:
-    """Whether `items` has elements and is no single configuration or result itself."""
+    """Whether `items` has elements and is not a single configuration or result."""
     return isinstance(items, Collection) and not isinstance(items, (Mapping, str))
 
 

@@ -1,4 +1,4 @@
-"""What an exploration knows: what was asked, what came back, and what is still under way."""
+"""The history of an exploration: proposals, results, and pending measurements."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ class History:
         self.space = space
         self.objectives = objectives
         self.limits = dict(limits)
-        self.told: dict[int, list[Values | None]] = {}
+        self.results: dict[int, list[Values | None]] = {}
         self.phases: dict[int, str] = {}
         self.pending: dict[int, str] = {}
 
     def expect(self, index: int, phase: str) -> None:
-        """Note that `index` is being measured."""
+        """Mark `index` as pending."""
         self.pending[index] = phase
 
     def record(self, index: int, values: Values | None, phase: str = "told") -> None:
-        """Note a measurement, or a failed one; `phase` names its origin when nobody asked for it."""
+        """Record a measurement, or a failed one; `phase` is its origin if it was not proposed."""
         self.phases.setdefault(index, self.pending.get(index, phase))
         self.pending.pop(index, None)
-        self.told.setdefault(index, []).append(values)
+        self.results.setdefault(index, []).append(values)
 
     def taken(self) -> set[int]:
-        """Return every index that is told or pending."""
-        return self.told.keys() | self.pending.keys()
+        """Return every index with results or pending."""
+        return self.results.keys() | self.pending.keys()
 
     def measured(self) -> tuple[Indices, NDArray[np.float64]]:
-        """Return (n,) indices and (n, objectives) mean values of what succeeded, in order of arrival."""
-        rows = [(index, [v for v in values if v is not None]) for index, values in self.told.items()]
+        """Return (n,) indices and (n, objectives) mean values of successes, in order of arrival."""
+        rows = [(index, [v for v in values if v is not None]) for index, values in self.results.items()]
         rows = [(index, values) for index, values in rows if values]
-        # Nearly everything is measured once: the mean of one takes ten times as long as the rest together.
+        # Most points are measured once, and np.mean of one value is slow.
         means = [values[0] if len(values) == 1 else mean(values) for _, values in rows]
         table = np.array(means, dtype=np.float64)
         indices = np.array([index for index, _ in rows], dtype=np.int64)
@@ -57,7 +57,7 @@ class History:
 
     def censored(self) -> NDArray[np.bool_]:
         """Return an (n, objectives) mask of what is only a bound in the rows of `measured`."""
-        rows = [[v for v in values if v is not None] for values in self.told.values()]
+        rows = [[v for v in values if v is not None] for values in self.results.values()]
         masks = [
             [any(isinstance(value, Censored) for value in column) for column in zip(*values, strict=True)]
             for values in rows
@@ -72,33 +72,33 @@ class History:
     def repeats(self) -> list[list[Values]]:
         """Return the measurements without a censored value, of each configuration that has two or more.
 
-        A bound says nothing of how far two measurements differ.
+        A bound says nothing about the difference of two measurements.
         """
         exact = (
             [v for v in values if v is not None and not any(isinstance(value, Censored) for value in v)]
-            for values in self.told.values()
+            for values in self.results.values()
             if len(values) > 1
         )
         return [values for values in exact if len(values) > 1]
 
     def successes(self) -> NDArray[np.float64]:
         """Return (m, objectives) values of every single measurement that succeeded."""
-        rows = [value for values in self.told.values() for value in values if value is not None]
+        rows = [value for values in self.results.values() for value in values if value is not None]
         return np.array(rows, dtype=np.float64).reshape(len(rows), len(self.objectives))
 
     def counts(self) -> NDArray[np.int64]:
-        """Return how many (n) successful measurements stand behind each row of `measured`."""
-        counts = [sum(value is not None for value in values) for values in self.told.values()]
+        """Return the (n) numbers of successful measurements of each row of `measured`."""
+        counts = [sum(value is not None for value in values) for values in self.results.values()]
         return np.array([count for count in counts if count], dtype=np.int64)
 
     def attempts(self) -> NDArray[np.int64]:
         """Return `counts` with the failed measurements of the same configurations."""
-        attempts = [len(values) for values in self.told.values() if any(values)]
+        attempts = [len(values) for values in self.results.values() if any(values)]
         return np.array(attempts, dtype=np.int64)
 
     def failed(self) -> Indices:
         """Return the indices of which every measurement failed, in order of arrival."""
-        return np.array([i for i, values in self.told.items() if not any(values)], dtype=np.int64)
+        return np.array([i for i, values in self.results.items() if not any(values)], dtype=np.int64)
 
     def within_limits(self, values: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return a mask of the rows of (n, objectives) natural values that keep all limits."""

@@ -1,13 +1,13 @@
-"""What a search knows: processes for each objective, near the front and overall, and what succeeds.
+"""The models of a search: Gaussian processes for each objective, near the front and overall, and for success.
 
-An objective may be smooth over its whole range, as a time that grows with the work done, or only where
-things go well, as an error that gets rough and then leaps as tracking is lost. So two Gaussian processes are
-made for each: the overall one learns from all values, the local one from those of points on the front or
-beside it. The one that predicts the latter better, each left out in turn, is kept. Where that is the local
-one, a point that is not beside the front counts as a failure, and so does one that leaps away from all
-around it, or could not be measured. A point with a censored value always counts as a failure, and the overall
-process learns of it what it expects beyond the bound. One more process learns where failures are, and so do
-trees, because a process alone finds gaps between any failures, and a search looks for exactly these.
+An objective may be smooth over its whole range, such as a time that grows with the work, or only in a part of
+it, such as an error that jumps when tracking is lost. So two Gaussian processes are fitted for each: the
+overall one to all values, the local one to points on or near the front. The one that predicts the latter
+better (leave-one-out) is kept. Where that is the local one, a point that is not near the front counts as a
+failure. So does an outlier from all its neighbours, or a point that could not be measured. A point with a
+censored value always counts as a failure, and the overall process learns its expected value beyond the bound.
+Another process and trees learn where failures are: a process alone leaves gaps between failures, which a
+search would exploit.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ Rows = NDArray[np.int64]
 Hyperparameters = list[float]  # of a process
 
 NEAR, MEASURABLE = "near", "measurable"
-LARGEST = 100.0  # hyperparameter, a logarithm, that a saved state may have: no search for them ends near it
-LEAP = 3.0  # standard deviations by which a near point may be worse than predicted, and still be learned from
-SMALL = 1 / 3  # share of the measured points that lie far from the front: no reason to look elsewhere
+LARGEST = 100.0  # largest hyperparameter, a logarithm, of a valid state; fitted ones are far smaller
+LEAP = 3.0  # standard deviations above its prediction from which a near point is an outlier
+SMALL = 1 / 3  # share of measured points far from the front that is still ignored
 RENEWAL = 20  # further points, after which trees are grown again
 
 
 @dataclass(frozen=True)
 class Learned:
-    """What outlives a set of models: how each was made, by name, so that the next ones need not search.
+    """The fitted hyperparameters and trees by name, which the next models reuse.
 
-    A process has its objective's number as name, with `near` behind it where it is a local one.
+    A process is named by its objective's number, followed by `near` for a local one.
     """
 
     hyperparameters: dict[str, Hyperparameters] = field(default_factory=dict)
@@ -54,10 +54,10 @@ class Learned:
 
 @dataclass(frozen=True)
 class ObjectiveModels:
-    """The local process of an objective, and the overall one: the same where that predicts as well.
+    """The local process of an objective, and the overall one; one object where both predict equally well.
 
-    Of a local process the standard deviation counts up to `widest`, that of its own targets. `rows` numbers
-    the targets that the local one was learned from, `leapt` those that it was not.
+    A local standard deviation is capped at `widest`, that of its targets. `rows` numbers the targets of the
+    local one, `leapt` its outliers.
     """
 
     local: GaussianProcess
@@ -68,7 +68,7 @@ class ObjectiveModels:
 
     @property
     def is_local(self) -> bool:
-        """Whether points near the front have a process of their own."""
+        """Whether points near the front have a separate process."""
         return self.local is not self.overall
 
 
@@ -86,7 +86,7 @@ class Models:
     ) -> None:
         """Learn from at most `points` measurements near the front, and from as many successes and failures.
 
-        The processes learn what `trend` leaves over. What `earlier` models learned is not searched for again.
+        The processes learn the residuals of `trend`. Hyperparameters of `earlier` models are reused.
         """
         self.space = history.space
         self.targets = targets
@@ -122,9 +122,9 @@ class Models:
 
     @property
     def far(self) -> float:
-        """The share of what was measured that lies neither on the front nor beside it; 0 while it is small.
+        """The share of measured points that are not near the front; 0 while it is small.
 
-        It tells how much of what is proposed falls far from where it was expected.
+        It estimates how many proposals miss their predicted values by far.
         """
         far = 1.0 - float(self._near.mean())
         return far if far > SMALL else 0.0
@@ -137,7 +137,7 @@ class Models:
 
     @cached_property
     def estimates(self) -> tuple[Array, Array]:
-        """The (n, objectives) posterior means of what was measured, without noise, and their deviations.
+        """The (n, objectives) posterior means of measured points, without noise, and their deviations.
 
         Without known noise they are the measurements themselves.
         """
@@ -146,7 +146,7 @@ class Models:
         return self.estimated(self.noise)
 
     def estimated(self, noise: Noise) -> tuple[Array, Array]:
-        """Return `estimates` for a supposed `noise`. A point that no process learned stands for itself."""
+        """Return `estimates` for a supposed `noise`. A point that no process learned keeps its value."""
         mean, deviation = self.targets.values.copy(), np.zeros_like(self.targets.values)
         for number, objective in enumerate(self.objectives):
             variance = self.variance(number, noise)
@@ -163,7 +163,7 @@ class Models:
         return noise.expected(number, self.objectives[number].local.nugget)
 
     def at(self, indices: Indices) -> Prediction:
-        """Return what the models say about `indices`."""
+        """Return the models' predictions at `indices`."""
         features = self.space.features(indices)
         near = np.ones(len(indices))
         if self._near_process and self._near_trees:
@@ -190,7 +190,7 @@ class Models:
         every, rows, beyond = rows, rows[~censored], rows[censored]
         name, local_name = str(number), f"{number} {NEAR}"
         theta = None
-        if len(beyond) and len(rows) * 4 < FEW:  # of so few values, bounds tell more than they mislead
+        if len(beyond) and len(rows) * 4 < FEW:  # with so few values, bounds help more than they mislead
             theta = self._process(name, indices[every], column[every]).theta
         overall = self._process(name, indices[rows], column[rows], rows, theta)
         if len(beyond):
@@ -203,7 +203,7 @@ class Models:
         if not len(some) or (local_name not in self._earlier.hyperparameters and (known or few)):
             return ObjectiveModels(overall, overall, rows)
         local = self._process(local_name, indices[some], column[some], some)
-        # A few that leap would make all of the process rough: it is fitted again without them.
+        # A few outliers would make the whole process rough: it is fitted again without them.
         kept = some[local.excess() < LEAP]
         if FEW <= len(some) > len(kept):
             local = self._process(local_name, indices[kept], column[kept], kept)
@@ -224,7 +224,7 @@ class Models:
         rows: Rows | None = None,
         theta: Array | None = None,
     ) -> GaussianProcess:
-        """Return a process by hyperparameters `theta`, or those of earlier, or ones that are searched for.
+        """Return a process with hyperparameters `theta`, or earlier ones, or fitted ones.
 
         `rows` numbers the targets that may be means of repeated measurements.
         """
@@ -255,8 +255,8 @@ class Models:
 class Prediction:
     """Posteriors at `indices`: of the local processes and of the overall ones, often the same objects.
 
-    `near` (n) are the chances that a point is a success for the local ones, `measurable` (n) those for the
-    overall ones, zero where these have no turn. `widest` (objectives) are the largest deviations that count.
+    `near` (n) are the probabilities of success for the local ones, `measurable` (n) those for the overall
+    ones, zero where these are not used. `widest` (objectives) caps the deviations.
     """
 
     indices: Indices
@@ -276,7 +276,7 @@ class Prediction:
     def overall_gain(self, front: Array, rng: np.random.Generator) -> Array:
         """Return the (n,) expected gain below the worst that was measured, times the chance to succeed.
 
-        All that is better than that counts: where the front may go on, nobody knows where its worth ends.
+        Every improvement counts: where the front may go on, its useful end is unknown.
         """
         if not self.measurable.any():
             return np.zeros(len(self.indices))
@@ -285,14 +285,14 @@ class Prediction:
         return self.measurable * expected_improvement(mean, spread, known, self.targets.worst, rng)
 
     def suppose(self, number: int) -> Array:
-        """Take point `number` as measured with the values expected, and return these (objectives)."""
+        """Condition on point `number` having its expected values, and return them (objectives)."""
         for posterior in {id(item): item for item in [*self.local, *self.overall]}.values():
             posterior.suppose(number)
         return np.array([posterior.mean[number] for posterior in self.local])
 
 
 def read_hyperparameters(numbers: Iterable[float], space: Space) -> Hyperparameters:
-    """Return saved ones for processes on `space`. Raises StateError or TypeError otherwise."""
+    """Return saved hyperparameters for processes on `space`. Raises StateError or TypeError otherwise."""
     theta = [float(number) for number in numbers]
     count = len(space.shape) + SHARED
     if len(theta) != count or not (np.abs(theta) < LARGEST).all():
@@ -301,7 +301,7 @@ def read_hyperparameters(numbers: Iterable[float], space: Space) -> Hyperparamet
 
 
 def read_learned(saved: Mapping[str, Mapping], space: Space) -> Learned:
-    """Return what `Learned` said of itself. Raises StateError, KeyError or TypeError where it is damaged."""
+    """Return a saved `Learned`. Raises StateError, KeyError or TypeError where it is damaged."""
     return Learned(
         {str(name): read_hyperparameters(theta, space) for name, theta in saved["hyperparameters"].items()},
         {str(name): Success.read(success, space) for name, success in saved["success"].items()},

@@ -1,4 +1,4 @@
-"""How far two measurements of one configuration differ: the noise of each objective."""
+"""The measurement noise of each objective, from repeats of configurations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 class Noise:
     """The (objectives) `variance` of one measurement in targets, from `freedom` degrees of freedom.
 
-    Without repeats nothing is known. Repeats that all agree say that there is no noise.
+    Without repeats it is unknown. If all repeats agree, there is no noise.
     """
 
     variance: Array
@@ -25,19 +25,19 @@ class Noise:
 
     @classmethod
     def of(cls, history: History, targets: Targets) -> Noise:
-        """Pool the variance within each repeated configuration; censored measurements tell nothing of it."""
+        """Pool the variance within each repeated configuration, without censored measurements."""
         squares = np.zeros(targets.values.shape[1])
         freedom = 0
         for values in history.repeats():
             table = targets.scale.targets(np.array(values))
-            table -= table[0].copy()  # so that equal measurements differ by nothing, not even by rounding
+            table -= table[0].copy()  # so equal measurements have variance 0, without rounding errors
             squares += ((table - table.mean(axis=0)) ** 2).sum(axis=0)
             freedom += len(values) - 1
         return cls(squares / max(freedom, 1), freedom)
 
     @classmethod
     def suspected(cls, targets: Targets) -> Noise:
-        """What is to be feared as long as nothing was repeated: all that a model cannot follow."""
+        """The upper bound while nothing was repeated: all residual variance of a model."""
         return cls(np.zeros(targets.values.shape[1]), 0)
 
     @property
@@ -50,9 +50,9 @@ class Noise:
         return bool(self.variance.any())
 
     def expected(self, objective: int, nugget: float) -> float:
-        """Return the variance to reckon with: the `nugget` of a process counts as much as one repeat.
+        """Return the expected variance: the `nugget` of a process counts as much as one repeat.
 
-        Few repeats tell little of a variance, and what a smooth model leaves over bounds it. An objective
+        Few repeats say little about a variance, and the residuals of a smooth model bound it. An objective
         whose repeats all agree has no noise.
         """
         variance = float(self.variance[objective])

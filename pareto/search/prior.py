@@ -1,4 +1,4 @@
-"""What another device measured: which of its points to try first, and what they let expect."""
+"""Measurements of another device: which of its points to try first, and predictions from them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from pareto.surrogates.forest import LARGEST_GRID, Forest
 Array = NDArray[np.float64]
 
 TREES = 100
-REACH = 4  # how far down its list the most unlike one is looked for
+REACH = 4  # how far down its list the most different one is searched
 
 
 class Prior:
     """Measurements of the same space by another device, the source; none of them counts as measured here."""
 
     def __init__(self, space: Space, objectives: tuple[Objective, ...], limits: Mapping[str, float]) -> None:
-        """Start empty. `limits` are this device's: they tell what is promising and rule nothing out."""
+        """Start empty. `limits` are this device's: they rank points and exclude none."""
         self.source = History(space, objectives, limits={})
         self._limits = dict(limits)
 
@@ -39,9 +39,9 @@ class Prior:
         limits: Mapping[str, float],
         pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, float] | None]],
     ) -> Prior:
-        """Take (configuration, values or None for a failure) pairs; those of one configuration average.
+        """Read (configuration, values or None for a failure) pairs, averaged by configuration.
 
-        Raises ConfigurationError or ObjectiveError for what `Explorer.tell` would refuse.
+        Raises ConfigurationError or ObjectiveError as `Explorer.tell` does.
         """
         prior = cls(space, objectives, limits)
         for pair in pairs:
@@ -49,7 +49,7 @@ class Prior:
                 configuration, values = pair
             except (TypeError, ValueError):
                 raise ObjectiveError(
-                    f"a prior is (configuration, values or None for a failure) pairs, {pair!r} is none"
+                    f"a prior is (configuration, values or None for a failure) pairs, not {pair!r}"
                 ) from None
             read = None if values is None else read_values(objectives, values)
             prior.source.record(space.encode(configuration), read)
@@ -63,9 +63,8 @@ class Prior:
         """Return the source's best `count` configurations, the most promising first.
 
         Those that keep more of the limits on the source come first, since a limit in its values may be out of
-        its reach; then front after front, what is left when the one before is taken away; and within a front
-        each next one is the farthest, in log values, from those before it. Those with a censored value are
-        left out.
+        its reach; then front after front (non-dominated sorting); and within a front each next one is the
+        farthest, in log values, from those before it. Those with a censored value are left out.
         """
         indices, values = self.source.measured()
         if len(indices) == 0:
@@ -88,8 +87,8 @@ class Prior:
     def promising(self, count: int, exclude: Collection[int] = ()) -> Indices:
         """Return up to `count` configurations to try first, none in `exclude`, the most promising first.
 
-        The best of a device are often near relatives, which do well or badly together on another: the k-th to
-        try is, among the best REACH * k, the one that is most unlike those before it.
+        The best points of a device are often similar, and do well or badly together on another: the k-th to
+        try is, among the best REACH * k, the one most different from those before it.
         """
         wanted = max(count, 0) + len(exclude)
         ranked = self.ranked(REACH * wanted)
@@ -105,7 +104,7 @@ class Prior:
         return np.array(free[: max(count, 0)], dtype=np.int64)
 
     def expected(self, indices: Indices) -> Array:
-        """Return (n, objectives) of what the source measured or its model predicts there.
+        """Return (n, objectives) values that the source measured or its model predicts.
 
         In the units of `Targets.values`: minimised, logarithms where all values are positive. A censored
         value counts as its bound.

@@ -1,4 +1,4 @@
-"""The front to recommend: by posterior means, so that no lucky measurement stays on it."""
+"""The recommended front: by posterior means, so that lucky measurements drop out."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SURE = 1.96  # standard deviations of a 95 % interval
 
 
 class Recommended(NamedTuple):
-    """A configuration, the `values` to expect of it, and the 95 % `intervals` (low, high) of these.
+    """A configuration, its expected `values`, and their 95 % `intervals` (low, high).
 
     The interval is about the expected value, not about one measurement. Where repeats agree, or nothing was
     repeated, values are the measured ones and intervals have no width.
@@ -37,9 +37,9 @@ class Recommended(NamedTuple):
 
 @dataclass(frozen=True)
 class Estimates:
-    """Of what succeeded: (n,) `indices`, (n, objectives) `expected` values, and the `low` and `high` ends.
+    """Of successes: (n,) `indices`, (n, objectives) `expected` values, and the `low` and `high` ends.
 
-    The ends are those of 95 % intervals, in natural values. `noisy` tells whether repeats differed; otherwise
+    The ends are those of 95 % intervals, in natural values. `noisy`: whether repeats differed; otherwise
     all three are the measured values. A censored value is its bound in all three.
     """
 
@@ -56,9 +56,9 @@ def is_noisy(history: History) -> bool:
 
 
 def estimate(history: History, prior: Prior | None = None) -> Estimates:
-    """Return what to expect of all that succeeded: posterior means where repeats differ.
+    """Return the expected values of successes: posterior means where repeats differ.
 
-    Of a handful of configurations no model can be learned: they stand for themselves.
+    A handful of configurations is too few for a model: their measured values are returned.
     """
     indices, values = history.measured()
     if not is_noisy(history):

@@ -1,4 +1,4 @@
-"""What it is worth to measure a configuration once more.
+"""The expected gain of measuring a configuration once more.
 
 A further measurement moves the posterior mean of its configuration, and a front of posterior means may gain
 by that: a point moves on it, rises onto it, or makes room for the one behind it. The expected gain is in
@@ -23,12 +23,11 @@ REPEATS = 5  # measurements of one configuration at most: the mean of five has l
 
 
 def repeat_gains(models: Models, pending: Collection[int], rng: np.random.Generator) -> Array:
-    """Return the (n,) expected gain in hypervolume by one more measurement of each told configuration.
+    """Return the (n,) expected gain in hypervolume by one more measurement of each measured configuration.
 
-    As long as nothing was repeated, it is what there is to gain if all that the models cannot follow is
-    noise. It is zero where repeats agree, for what is `pending`, and while the first repeat is. Nor is a
-    configuration repeated that ever failed or has a censored value; and after REPEATS repeats that all
-    failed, none is.
+    While nothing was repeated, it is the gain if all residuals of the models are noise. It is zero where
+    repeats agree, for `pending` points, and while the first repeat is pending. A configuration that ever
+    failed or has a censored value is not repeated. After REPEATS repeats that all failed, none is.
     """
     targets, noise = models.targets, models.noise
     gains = np.zeros(len(targets.indices))

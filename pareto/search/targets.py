@@ -16,16 +16,16 @@ from pareto.spaces.space import Indices
 
 Array = NDArray[np.float64]
 
-FEW = 40  # successes, up to which little is known: the first design, and the least that counts as near
-MARGIN = 0.1  # of a front's extent: what lies so little behind it, or beyond its ends, still matters
-WIDE_MARGIN = 0.5  # of the ends, while few points are known: a front found from its middle must grow outwards
-TRADE = 0.05  # least gain in one objective for what is given up in another, in shares of the front's extent
-TINY = 1e-9  # beside values of the order of one
+FEW = 40  # successes of the first design, and the least number of near points
+MARGIN = 0.1  # of a front's extent: points so close behind it, or beyond its ends, still matter
+WIDE_MARGIN = 0.5  # of the ends while few points are known: a front found from its middle must grow outwards
+TRADE = 0.05  # least gain in one objective per loss in another, in shares of the front's extent
+TINY = 1e-9  # relative to values of the order of one
 
 
 @dataclass(frozen=True)
 class Scale:
-    """How natural values become targets: logarithms or shares of a unit, times a sign, for each objective."""
+    """The transform of natural values to targets: logarithms or shares of a unit, times a sign."""
 
     log: NDArray[np.bool_]
     unit: Array
@@ -74,9 +74,9 @@ class Targets:
     def of(cls, history: History) -> Targets:
         """Read the history's successes: logarithms, or shares of the largest magnitude where there are none.
 
-        Where the user set no limit, the reference lies beyond the part of the front that is worth its price;
-        while nothing keeps the limits, they are what the nearest miss keeps. Censored rows
-        say nothing of either while there is any other. Raises ValueError when nothing succeeded.
+        Where the user set no limit, the reference lies beyond the useful part of the front. While nothing
+        keeps the limits, they are relaxed to the nearest miss. Censored rows count for neither unless all
+        rows are censored. Raises ValueError when nothing succeeded.
         """
         indices, natural = history.measured()
         if len(indices) == 0:
@@ -85,7 +85,7 @@ class Targets:
         values = scale.targets(natural)
         given = np.array([[history.limits.get(item.name, np.nan) for item in history.objectives]])
         bounds = scale.targets(given)[0]
-        # Values are of the order of one: what lies a thousand million times as far bounds nothing.
+        # Values are of the order of one: a limit a thousand million times as far has no effect.
         bounds[np.isnan(bounds) | (bounds > 1 / TINY)] = np.inf
         censored = history.censored()
         exact = history.exact()
@@ -101,17 +101,17 @@ class Targets:
         return np.asarray(~self.censored.any(axis=1))
 
     def front_of(self, values: Array) -> NDArray[np.int64]:
-        """Return the rows on the front by other (n, objectives) values, as the means of models are."""
+        """Return the rows on the front by other (n, objectives) values, such as the means of models."""
         return _front_rows(values, self.exact, self.reference)
 
     @property
     def floor(self) -> Array:
-        """The least distance (objectives) below the reference that is worth telling apart."""
+        """The least relevant distance (objectives) below the reference."""
         return np.maximum(TRADE * self.values.std(axis=0), TINY)
 
     @property
     def worst(self) -> Array:
-        """The (objectives) limits, and where there is none the largest value measured."""
+        """The (objectives) limits, or else the largest value measured."""
         return np.where(np.isfinite(self.limits), self.limits, self.values.max(axis=0))
 
     @cached_property
@@ -121,9 +121,9 @@ class Targets:
         return known[nondominated(known)]
 
     def near(self) -> NDArray[np.bool_]:
-        """Return which of the n points lie on the front or beside it: a quarter of them at least.
+        """Return which of the n points lie on or near the front: a quarter of them at least.
 
-        A censored one never does: how far it is, nobody knows. All others may be fewer than a quarter.
+        Censored ones never do, since their distance is unknown; so there may be fewer than a quarter.
         """
         depth = self.depth[self.exact]
         if not len(depth):
@@ -134,11 +134,11 @@ class Targets:
 
     @cached_property
     def depth(self) -> Array:
-        """How far each of the n points must improve, in all objectives alike, before it would count.
+        """The least improvement of each of the n points, equal in all objectives, before it would count.
 
         In shares of the extent of the front and the reference: it must get ahead of every point of the front
-        in some objective, and keep the reference in all. Zero on the front. Of a censored point it is the
-        least that may be.
+        in some objective, and keep the reference in all. Zero on the front. Of a censored point it is a lower
+        bound.
         """
         front = self.values[self.front] if len(self.front) else self.reference[None]
         scale = np.maximum(np.ptp(np.vstack([front, self.reference]), axis=0), self.floor)
@@ -147,9 +147,9 @@ class Targets:
         return np.maximum.reduce([behind, beyond, np.zeros(len(behind))])
 
     def winsorised(self) -> Array:
-        """Return the values, those out of reach of the reference pulled in to where that ends.
+        """Return the values, winsorised at a margin beyond the reference.
 
-        How bad a bad point is does not matter, and would bend smooth models where it does.
+        The exact value of a bad point does not matter, and would distort smooth models near the front.
         """
         return np.minimum(self.values, self.reach)
 
@@ -172,7 +172,7 @@ def _front_rows(values: Array, exact: NDArray[np.bool_], reference: Array) -> ND
 def _relaxed(limits: Array, values: Array) -> Array:
     """Return the limits; while nothing keeps them all, those that the nearest miss keeps.
 
-    Improving on the nearest miss leads towards the limits, of which a model may know no more than that.
+    Improving on the nearest miss leads towards the limits.
     """
     excess = np.maximum(values - limits, 0.0) / np.maximum(values.std(axis=0), TINY)
     nearest = values[np.argmin(excess.sum(axis=1))]
@@ -182,15 +182,14 @@ def _relaxed(limits: Array, values: Array) -> Array:
 def _complete(limits: Array, values: Array) -> Array:
     """Fill in a reference for objectives without a limit: beyond the end of the front within the limits.
 
-    A front ends where hardly anything is gained any more for what is given up, both in shares of its extent:
-    where trade-offs are out of bounds (proper efficiency, Geoffrion 1968). Otherwise a front that goes on to
-    where tracking is lost, for a percent of the time, would be searched mostly there.
+    A front ends where the gain per loss becomes tiny, both in shares of its extent: where trade-offs are out
+    of bounds (proper efficiency, Geoffrion 1968). Otherwise the search would concentrate on an end where
+    tracking is lost for a gain of a percent of the time.
 
-    Whatever lies beyond the reference is worth nothing and is not looked for, so the margin is wide at first.
-    But the wider it is, the more a gain at either end counts, and the less one between; in the end it is the
-    tenth of Ishibuchi et al. 2011. Where the front is a single point (one objective, or objectives that
-    agree), it has no extent: the median of what was measured within the limits is then the least that the
-    reference lets in.
+    Points beyond the reference have no value and are not searched for, so the margin is wide at first. But a
+    wide margin favours gains at the ends over those between; finally it is the tenth of Ishibuchi et al.
+    2011. Where the front is a single point (one objective, or objectives that agree), it has no extent: the
+    median of what was measured within the limits is then the least that the reference lets in.
     """
     inside = values[(values <= limits).all(axis=1)]
     front = inside[nondominated(inside)]

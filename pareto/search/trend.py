@@ -1,9 +1,9 @@
-"""What a prior lets expect on this device, as far as the measurements here confirm it.
+"""Predictions from a prior for this device, as far as its measurements confirm them.
 
 Devices rarely agree in their values and often in their order, so only a straight line is assumed between the
-(log) values of the two, objective by objective. Its slope is learned from what is measured here, and counts
-only where chance is an unlikely reason for it: a source that says nothing gets a slope of zero and is
-ignored, one that is reversed a negative slope. The models of the search then learn what the line leaves over.
+(log) values of the two, objective by objective. Its slope is learned from the measurements here, and counts
+only where it is significant: an unrelated source gets a slope of zero and is ignored, a reversed one a
+negative slope. The models of the search then learn the residuals.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from pareto.surrogates.line import Line, fitted_line
 
 Array = NDArray[np.float64]
 
-ENOUGH = 8  # measurements on this device, before which a source is trusted unseen
-LIKELY = math.sqrt(2)  # standard errors: a trial costs one measurement, while a line bends every model
+ENOUGH = 8  # measurements here below which a source is trusted without a check
+LIKELY = math.sqrt(2)  # standard errors: a trial costs one measurement, but a line affects every model
 
 
 class Trend:
-    """What a prior lets expect here, as far as the measurements here confirm it; zero without a prior.
+    """Predictions from a prior, as far as the measurements here confirm them; zero without a prior.
 
     `slope` holds, for each objective, that of this device's values over the source's.
     """
@@ -38,7 +38,7 @@ class Trend:
 
     @classmethod
     def of(cls, prior: Prior | None, targets: Targets) -> Trend:
-        """Fit a line for each objective to what was measured here."""
+        """Fit a line for each objective to the measurements here."""
         if not prior:
             nothing = np.zeros(targets.values.shape[1])
             return cls(None, nothing, nothing)
@@ -55,9 +55,9 @@ class Trend:
         return np.where(self.slope == 0, 0.0, line)
 
     def rest(self, targets: Targets) -> Array:
-        """Return (n, objectives) what is left to learn of the winsorised targets.
+        """Return (n, objectives) residuals of the winsorised targets.
 
-        The line is pulled in as they are, so that a point which is bad on both devices leaves nothing over.
+        The line is winsorised likewise, so a point that is bad on both devices has residual 0.
         """
         ours = targets.winsorised()
         line = np.minimum(self(targets.indices), ours.max(axis=0))
@@ -75,7 +75,7 @@ def trusted(history: History, prior: Prior | None) -> bool:
 
 
 def _lines(prior: Prior, targets: Targets) -> list[Line]:
-    """Return for each objective the line from what the source lets expect to what was measured here.
+    """Return for each objective the line from the source's predictions to the measurements here.
 
     Censored values are left out, unless all are.
     """

@@ -1,4 +1,4 @@
-"""Conditional parameters: which ones are active in a configuration, and what stands for the others."""
+"""Conditional parameters: which ones are active in a configuration, and the values of the others."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Conditions:
         return many
 
     def clauses(self) -> tuple[Clause, ...]:
-        """Return what a folded point keeps: each parameter is active, or at its one position."""
+        """Return the constraints of a folded point: each parameter is active, or at its one position."""
         return tuple(self._clause(name) for name in self._conditions)
 
     def constraint(self, text: str) -> Constraint:

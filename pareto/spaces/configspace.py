@@ -134,7 +134,7 @@ def _condition(item: Mapping[str, Any]) -> str:
 
 
 def _constraints(item: Mapping[str, Any]) -> list[str]:
-    """Return the constraints that forbid what a clause forbids."""
+    """Return the constraints that express a forbidden clause."""
     if item["type"] == "OR":
         return [text for part in item["clauses"] for text in _constraints(part)]
     return [f"not ({_forbidden(item)})"]

@@ -41,12 +41,12 @@ class Constraint:
 
     Python's syntax and precedence, of which `+ - * / // % **`, comparisons (chained too), `and or not`,
     `in [..]`, min, max, abs, parentheses, numbers, texts and true and false are known; `&`, `|` and `~` may
-    join conditions. A parameter whose name is no identifier is written in backticks. Arithmetic is float64
-    (true counts as 1), numbers within 1e-12 of each other are equal, and no comparison with a division by
-    zero holds. `clauses` hold all together; of the `alternatives`, which `or` joins, one has to hold.
+    join conditions. A parameter whose name is not an identifier is written in backticks. Arithmetic is
+    float64 (true counts as 1), numbers within 1e-12 of each other are equal, and no comparison with a
+    division by zero holds. `clauses` hold all together; of the `alternatives`, which `or` joins, one has to
+    hold.
 
-    Raises ConstraintError, naming what cannot be read and what would be right; its message begins with
-    `label`.
+    Raises ConstraintError with the invalid part and a remedy; its message begins with `label`.
     """
 
     def __init__(self, text: str, parameters: Sequence[Parameter], label: str = "constraint") -> None:
@@ -65,7 +65,7 @@ class Constraint:
 
 @dataclass(frozen=True)
 class _Term:
-    """A part of an expression: its kind, how its column is computed, and what it is where that is fixed."""
+    """A part of an expression: its kind, the function of its column, and its value if constant."""
 
     kind: str
     column: Callable[[Codes], Column]
@@ -75,7 +75,7 @@ class _Term:
 
 
 class _Reader:
-    """Turns the syntax tree of one constraint into functions of columns."""
+    """Compiles the syntax tree of one constraint to functions of columns."""
 
     def __init__(self, text: str, parameters: Sequence[Parameter], label: str) -> None:
         self.text = text
@@ -109,13 +109,13 @@ class _Reader:
             raise self.error(f"{term.source!r} depends on no parameter")
 
         def holds(codes: Codes) -> NDArray[np.bool_]:
-            with np.errstate(all="ignore"):  # what is undefined becomes NaN, of which no comparison holds
+            with np.errstate(all="ignore"):  # undefined values become NaN, for which no comparison holds
                 return np.asarray(term.column(codes), dtype=bool)
 
         return Clause(tuple(self.used), holds)
 
     def _identified(self, text: str) -> str:
-        """Return `text` with names in backticks replaced by identifiers that stand for them."""
+        """Return `text` with names in backticks replaced by identifiers."""
 
         def stand_in(match: re.Match[str]) -> str:
             if not match[0].startswith("`"):
@@ -222,7 +222,7 @@ class _Reader:
         term = self._term(left)
         if isinstance(operator, (ast.In, ast.NotIn)):
             if not isinstance(right, (ast.List, ast.Tuple, ast.Set)) or not right.elts:
-                raise self.error(f"{ast.unparse(right)!r} is no list: write {term.source} in [1, 2]")
+                raise self.error(f"{ast.unparse(right)!r} is not a list: write {term.source} in [1, 2]")
             equal = [self._compared(np.equal, term, self._term(item)) for item in right.elts]
             inside = isinstance(operator, ast.In)
             return lambda codes: reduce(np.logical_or, [one(codes) for one in equal]) == inside
@@ -241,7 +241,7 @@ class _Reader:
         return lambda codes: compare(one(codes), other(codes))
 
     def _symbols_of(self, term: _Term, other: _Term) -> Callable[[Codes], Column]:
-        """Return what of `term` is compared with the text `other`, unless the two can never be equal."""
+        """Return the values of `term` to compare with the text `other`, unless the two can never be equal."""
         constant, choices = term.constant, other.parameter
         if constant is None:
             if term.kind != TEXT:

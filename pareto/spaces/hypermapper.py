@@ -13,7 +13,7 @@ from pareto.spaces.space import Space
 
 
 def write_hypermapper(space: Space, objectives: Sequence[Objective]) -> tuple[dict[str, Any], list[str]]:
-    """Return a scenario of HyperMapper 2, and sentences on what it cannot say.
+    """Return a scenario of HyperMapper 2, and sentences on what it cannot express.
 
     Numbers keep the values that they have here: reals become ordinals. Raises ScenarioError where objectives
     are missing, or a name is one that HyperMapper refuses.

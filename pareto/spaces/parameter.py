@@ -10,7 +10,7 @@ from typing import Any
 
 from pareto.errors import ConfigurationError, SpaceError
 from pareto.numbers import is_finite, is_number
-from pareto.spaces.spacing import MOST_VALUES, spaced
+from pareto.spaces.value_ranges import MOST_VALUES, spaced
 
 TYPES = ("ordinal", "categorical", "boolean", "integer", "real")
 Value = bool | int | float | str
@@ -95,15 +95,15 @@ class Parameter:
         raise ConfigurationError(f"parameter {self.name!r}: {value!r} is not one of {self.some_values()}")
 
     def parse(self, text: str) -> Value:
-        """Return the value that `text` (a CSV cell, a command line) stands for.
+        """Return the value of `text` (a CSV cell, a command line).
 
-        The value that is written exactly so comes first; else blanks around the text, the case of true and
-        false and the notation of numbers do not matter. Raises ConfigurationError when no value is like that.
+        An exact match comes first; otherwise surrounding blanks, the case of true and false and the notation
+        of numbers do not matter. Raises ConfigurationError when no value is like that.
         """
         return self.values[self.position(text)]
 
     def position(self, text: str) -> int:
-        """Return the position of the value that `text` stands for; else as `parse`."""
+        """Return the position of the value of `text`; else as `parse`."""
         code = self._texts.get(text, self._texts.get(text.strip()))
         if code is not None:
             return code
@@ -197,7 +197,7 @@ class Parameter:
                 )
 
     def _require_distinct_texts(self) -> None:
-        # A CSV file holds texts only: what is written alike cannot be told apart when it is read back.
+        # A CSV file holds only text: values that are written alike cannot be distinguished when read back.
         if not any(isinstance(value, str) for value in self.values):
             return
         seen: dict[str, Value] = {}
@@ -219,7 +219,7 @@ class Parameter:
 
 
 def key(value: Value) -> tuple[str, Value]:
-    """Return what two values share exactly when they are one: 1 thread and "yes" differ, as 1 and "1" do."""
+    """Return a key that is equal for equal values: 1 and True differ, as 1 and "1" do."""
     kind = "boolean" if isinstance(value, bool) else "text" if isinstance(value, str) else "number"
     return kind, value
 

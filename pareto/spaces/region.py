@@ -1,12 +1,11 @@
-"""The part of a space that its constraints allow: its size, and its points by number, without enumerating it.
+"""The part of a space that its constraints allow: counting and numbering its points without enumerating it.
 
 Parameters that no constraint links are independent, so the allowed part is a product of smaller sets. Each
-set is tabulated: starting from one a parameter, those that a constraint links are joined and what breaks it
-is dropped, as long as no join is too large. What is left is a product again, whose members are counted and
-drawn exactly however tight the constraints are. A constraint that links too much to be tabulated stays open:
-draws from the product are tested against it. Conditions are tabulated like constraints. Where they link too
-much, values are drawn for inactive parameters, too, and the point is then folded to the one that stands for
-it.
+set is tabulated: starting from one per parameter, those that a constraint links are joined and violations are
+dropped, as long as no join is too large. The result is a product again, whose members are counted and drawn
+exactly, even for tight constraints. A constraint that links too much to be tabulated stays open: draws from
+the product are tested against it. Conditions are tabulated like constraints. Where they link too much, values
+are drawn for inactive parameters, too, and the point is then folded to its representative.
 """
 
 from __future__ import annotations
@@ -28,8 +27,8 @@ if TYPE_CHECKING:
 LARGEST_JOIN = 2**22  # rows: 32 MiB of indices, and well below a second
 CHUNK = 2**16  # points evaluated at once, whose columns the cache holds
 DRAWS = 2**20  # for an estimate
-HITS = 10_000  # after which an estimate is good to about 1 %
-FIXED = 1000.0  # what a step of a parameter costs that should stay as it is
+HITS = 10_000  # for an accuracy of about 1 %
+FIXED = 1000.0  # cost of a step of a parameter that should not move
 
 
 @dataclass(frozen=True)
@@ -49,11 +48,11 @@ class Count:
 
 
 class Region:
-    """The points of `space` that keep its constraints, as a product of factors and what must be tested.
+    """The points of `space` that keep its constraints, as a product of factors and open clauses.
 
     A point's index is the sum of one offset from each of the `factors`; `open` are the clauses that remain.
     In a `folded` region the factors also hold values of inactive parameters: several members of the product
-    are then one point. A region is folded where conditions cannot be tabulated, or where that is asked for.
+    are then one point. A region is folded where conditions cannot be tabulated, or on request.
     """
 
     def __init__(self, space: Space, folded: bool = False) -> None:
@@ -68,12 +67,12 @@ class Region:
 
     @cached_property
     def sizes(self) -> tuple[int, ...]:
-        """How many members each factor has."""
+        """The number of members of each factor."""
         return tuple(len(factor) for factor in self.factors)
 
     @cached_property
     def size(self) -> int:
-        """How many members the product has: all allowed points, and those that break open clauses only.
+        """The number of members of the product: all allowed points, and those that break open clauses only.
 
         A folded region has more members than points.
         """
@@ -161,7 +160,7 @@ def _smallest(space: Space, clauses: Sequence[Clause]) -> tuple[list[Indices], l
     """Return factors and open clauses, of the two orders of joining those with fewer open clauses."""
     factors, still_open = _tabulated(space, clauses, largest_first=False)
     if still_open:
-        # A large join that drops nearly everything may be what makes the others small.
+        # A large join that drops nearly everything may make the others small.
         others, left = _tabulated(space, clauses, largest_first=True)
         if len(left) < len(still_open):
             return others, left
@@ -184,7 +183,7 @@ def _tabulated(
             linked = [i for i, names in enumerate(members) if names & set(clause.names)]
             size = math.prod(len(factors[i]) for i in linked)
             if size <= LARGEST_JOIN:
-                # What lies within one factor makes it smaller at no cost.
+                # A clause within one factor makes it smaller at no cost.
                 joins.append((len(linked) > 1, -size if largest_first else size, clause, linked))
         if not joins:
             return factors, left

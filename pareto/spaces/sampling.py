@@ -31,7 +31,7 @@ def sample(
     if space.clauses:
         taken = taken[space.allowed(taken)]
     if count >= region.size - len(taken) or (count + len(taken)) * 2 > region.size:
-        # Most of the points are wanted or gone: there are then no more of them than in the answer, roughly.
+        # Most of the points are wanted or excluded: enumerating them costs about as much as the answer.
         every = region.at(np.arange(region.size, dtype=np.int64))
         return rng.permutation(np.setdiff1d(every[region.keeps(every)], taken))[:count]
     return _drawn(region, count, rng, taken, draws)

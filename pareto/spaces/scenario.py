@@ -1,4 +1,4 @@
-"""HyperMapper scenario files, read into a space, objectives and budgets of our own."""
+"""HyperMapper scenario files, read into a space, objectives and budgets."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from pareto.spaces.space import Space
 
 @dataclass(frozen=True)
 class Scenario:
-    """What a scenario file asks for; a file that describes a space only has no objectives.
+    """The content of a scenario file; a file that describes only a space has no objectives.
 
-    `feasible` is the column that tells whether an evaluation counts and the text it then holds; `initial`
-    and `iterations` are the evaluations before learning begins and the rounds after it, of `batch`
-    evaluations each, and `table` the file of an exhaustive search; None where not given. `notes` are
-    sentences on what was read differently from how it is written, or has no effect here.
+    `feasible` is the column that marks feasible evaluations, and the text it then holds; `initial` and
+    `iterations` are the evaluations before learning begins and the rounds after it, of `batch` evaluations
+    each, and `table` the file of an exhaustive search; None where not given. `notes` are sentences on what
+    was changed or has no effect here.
     """
 
     space: Space
@@ -55,13 +55,13 @@ class Scenario:
 
     @classmethod
     def from_dict(cls, description: Mapping[str, Any], real_count: int = 33) -> Scenario:
-        """Read all that describes the problem; what describes HyperMapper's own workings becomes `notes`.
+        """Read the problem's description; settings of HyperMapper itself become `notes`.
 
         Real parameters become `real_count` values, evenly spaced, or on a log scale where their `transform`
         is "log"; a real default becomes the nearest of them. A parameter without a default takes its middle
-        value, as HyperMapper's users leave it out when they have no better guess; where constraints forbid
-        that, an allowed one near it. Constraints of a parameter (of HyperMapper's later versions) become
-        constraints of the space.
+        value, or an allowed one near it, since HyperMapper's users leave the default out when they have no
+        better guess. Constraints of a parameter (of HyperMapper's later versions) become constraints of the
+        space.
 
         Raises ScenarioError when parameters or objectives are missing or of an unknown type, SpaceError when
         a parameter's values or constraints are not well formed.
@@ -147,7 +147,7 @@ def _parameter(name: str, item: Mapping[str, Any], real_count: int, notes: list[
 
 
 def nearest_value(name: str, values: Sequence[Value], default: object, notes: list[str]) -> Value:
-    """Return the value that stands for a default, which may lie between two of the `values`.
+    """Return the nearest of the `values` to a default, which may lie between two of them.
 
     Where it does, that is added to the `notes`. Raises ScenarioError for a default outside the values' range.
     """

@@ -18,7 +18,7 @@ READ = {
 
 _FILES = "the exploration's folder holds all files"
 _OWN_METHOD = "it sets up a method of HyperMapper's"
-_RESUME = "a second run in the same folder goes on where the first ended"
+_RESUME = "a second run in the same folder resumes the first"
 _PRIOR = "only measured values count as prior knowledge"
 
 REASONS = {
@@ -91,7 +91,7 @@ REASONS = {
 }
 
 _LEARNT = "failures are always learnt from"
-SECTIONS: dict[str, dict[str, str | None]] = {  # their fields, with the reason where one has no effect
+SECTIONS: dict[str, dict[str, str | None]] = {  # their fields, with the reason for no effect
     "design_of_experiment": {
         "number_of_samples": None,
         "doe_type": "the search method has a design of its own",
@@ -99,7 +99,7 @@ SECTIONS: dict[str, dict[str, str | None]] = {  # their fields, with the reason 
     "feasible_output": {
         "name": None,
         "true_value": None,
-        "false_value": None,  # whatever is not true is false
+        "false_value": None,  # every value except true is false
         "enable_feasible_predictor": _LEARNT,
         "enable_feasible_predictor_grid_search_on_recall_and_precision": _LEARNT,
         "feasible_predictor_grid_search_validation_file": _LEARNT,

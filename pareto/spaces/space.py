@@ -1,4 +1,4 @@
-"""A discrete design space: the product of finitely many parameters, addressed by one integer."""
+"""A discrete design space: the product of finitely many parameters, indexed by one integer."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Space:
 
     Every configuration has one index in 0 .. len(space) - 1, forbidden ones too. The first parameter varies
     slowest, as in a C-ordered NumPy array of shape `space.shape`, so an array over the whole space reshapes
-    to that grid. `allowed` tells which points keep all constraints. A default that is forbidden moves to an
-    allowed point near it, if the parameters named `movable`, whose default nobody chose, are enough for that.
+    to that grid. `allowed` tells which points keep all constraints. A forbidden default moves to an allowed
+    point near it, if changing the `movable` parameters, those without an explicit default, is enough.
 
     A parameter with a condition is inactive where it does not hold, and None in configurations there. Of the
     indices that differ in inactive parameters only, one is allowed: that with their defaults (see `fold`).
@@ -94,7 +94,7 @@ class Space:
 
     @property
     def clauses(self) -> tuple[Clause, ...]:
-        """All that an allowed point keeps."""
+        """The clauses that an allowed point keeps."""
         return (*self.constraint_clauses, *self.condition_clauses)
 
     def fold(self, indices: Indices) -> Indices:
@@ -106,7 +106,7 @@ class Space:
         return self.conditions.multiplicity(indices, self._strides)
 
     def parse(self, cells: Mapping[str, str]) -> Configuration:
-        """Return the configuration that texts by parameter, as in a row of a CSV file, stand for.
+        """Return the configuration of texts by parameter, as in a row of a CSV file.
 
         The empty text is None for a parameter with a condition, unless it is one of its values. Raises
         ConfigurationError for a text that a parameter cannot take; further texts are ignored.
@@ -119,19 +119,21 @@ class Space:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of parameters and constraints: two spaces with one digest number and allow alike."""
+        """SHA-256 of parameters and constraints: equal spaces have the same indices and allowed points."""
         described = self.to_dict()
         del described["name"]
         if not self.constraints:
-            described = described["parameters"]  # as before there were constraints: saved states name it
+            described = described[
+                "parameters"
+            ]  # without constraints the digest of earlier versions: saved states contain it
         text = json.dumps(described, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def encode(self, configuration: Mapping[str, object]) -> int:
         """Return the index of `configuration`; inactive parameters may have any value, None, or be absent.
 
-        Raises ConfigurationError for what is not a mapping, or naming a missing or unknown parameter or a
-        value that it cannot take, and ForbiddenError, which is one, naming the constraint that is broken.
+        Raises ConfigurationError for anything but a mapping, a missing or unknown parameter or a bad value,
+        and its subclass ForbiddenError for a broken constraint.
         """
         index = self.index_of(configuration)
         for constraint in self.constraints:
@@ -334,7 +336,7 @@ class Space:
         return {name: bool(mask.all()) for name, mask in self.conditions.active(codes).items()}
 
     def _constrain(self, constraints: Sequence[str]) -> None:
-        """Read constraints and conditions; an inactive parameter is then at its present default."""
+        """Read constraints and conditions; an inactive parameter is then at its current default."""
         self.conditions = Conditions(self.parameters)
         self.constraints = tuple(self.conditions.constraint(text) for text in constraints)
         self.constraint_clauses: tuple[Clause, ...] = tuple(
@@ -376,7 +378,10 @@ class Space:
 
 
 def read_index(space: Space, number: Any) -> int:
-    """Return the index that a saved state names. Raises TypeError for no whole number, StateError outside."""
+    """Return the index that a saved state names.
+
+    Raises TypeError unless it is a whole number, StateError outside.
+    """
     index = operator.index(number)
     if not 0 <= index < len(space):
         raise StateError(f"the state is damaged: index {index} is outside 0 .. {len(space) - 1}")

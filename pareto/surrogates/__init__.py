@@ -1,1 +1,1 @@
-"""Models that predict what was not measured."""
+"""Surrogate models."""

@@ -1,4 +1,4 @@
-"""Breiman's random forest on measured configurations, and which rows each of its trees never saw."""
+"""Breiman's random forest on measured configurations, with the out-of-bag rows of each tree."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from pareto.errors import ObjectiveError
 from pareto.spaces.space import Indices, Space
 
-LEAST_ROWS = 20  # of fewer measurements nothing is said
-MOST_ROWS = 4000  # a model of more tells the same, later
+LEAST_ROWS = 20  # fewer measurements give no result
+MOST_ROWS = 4000  # more rows cost time without a better model
 TREES = 100
 
 

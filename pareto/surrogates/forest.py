@@ -25,10 +25,10 @@ CORNERS_AT_ONCE = 1 << 18  # a few MB of working memory, which the cache half ho
 
 @dataclass(frozen=True)
 class Boxes:
-    """What to paint for a sum over trees: a box for each split, and one for each root.
+    """The boxes of a sum over trees: one for each split, and one for each root.
 
     Box i covers low[i] <= code < high[i] on every axis and adds value[plus[i]] - value[minus[i]], nodes
-    of all trees; one past the last node stands for nothing (a root has no left side to step from).
+    of all trees; one past the last node means 0 (a root has no left side to step from).
     """
 
     low: NDArray[np.int32]
@@ -227,5 +227,5 @@ def _means(
 
 
 def _middle(values: NDArray[np.float64]) -> float:
-    """Return the middle of the values' range: what lies around it has most digits in fixed point."""
+    """Return the middle of the values' range: values around it have most digits in fixed point."""
     return float((values.min() + values.max()) / 2)

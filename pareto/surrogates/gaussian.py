@@ -1,10 +1,9 @@
 """Gaussian process regression for a few hundred points: a smooth trend plus a rough remainder.
 
 The covariance is (1 - share) Matern-5/2 + share exponential of the city-block distance, with one length
-scale a parameter. The first is what smooth responses look like. The second (the product of Ornstein-
+scale a parameter. The first models smooth responses. The second (the product of Ornstein-
 Uhlenbeck kernels, the limit of Mondrian forests: Balog et al. 2016) follows steps and ridges along the
-axes, as tree ensembles do. Its share is learned like everything else, so that nobody has to know beforehand
-which kind of response a space has.
+axes, as tree ensembles do. Its share is learned, too, so the kind of response need not be known in advance.
 
 Formulas: Rasmussen & Williams 2006, eq. 2.25, 2.26 (prediction), 5.9 (gradient of the likelihood). The
 signal variance is maximised in closed form.
@@ -33,7 +32,7 @@ SHARE = (-1.0, 2.0, -8.0, 6.0)
 NOISE = (math.log(1e-3), 2.0, math.log(1e-6), 0.0)
 SHARED = 3  # hyperparameters beyond the length scales
 SQRT5 = math.sqrt(5.0)
-ROUNDS = 2  # in which the expectations of censored targets learn from each other
+ROUNDS = 2  # iterations for the expectations of censored targets
 
 
 class Kernel:
@@ -54,7 +53,9 @@ class Kernel:
         correlation = _matern(squared)
         if self._share > 1e-3:
             correlation *= 1.0 - self._share
-            from scipy.spatial.distance import cdist  # slow to import: not by who merely lists the methods
+            from scipy.spatial.distance import (
+                cdist,
+            )  # slow to import, which listing the methods must not cost
 
             rough = cdist(a * self._rough, b * self._rough, "cityblock")
             np.negative(rough, out=rough)
@@ -67,9 +68,9 @@ class Kernel:
 class GaussianProcess:
     """A fitted process on (n, columns) features; `owner[c]` is the length scale that column c uses.
 
-    What the process cannot follow, its nugget, is roughness (different at each point, the same at each
-    visit) or noise of measurement (different at each visit). Each target is the mean of `counts` (n)
-    measurements, and `variance` is the noise of one; all else is roughness.
+    The residual variance, its nugget, is roughness (a fixed deviation at each point) or measurement noise
+    (different at each visit). Each target is the mean of `counts` (n) measurements, and `variance` is the
+    noise of one; the rest is roughness.
     """
 
     def __init__(
@@ -105,7 +106,7 @@ class GaussianProcess:
 
     @property
     def nugget(self) -> float:
-        """The variance of what the process cannot follow: the noise of a measurement is at most that."""
+        """The residual variance: an upper bound of the noise of a measurement."""
         return self._scale * self.kernel.noise
 
     @classmethod
@@ -174,8 +175,9 @@ class GaussianProcess:
         Each is replaced by its conditional expectation: the mean of the normal distribution that is predicted
         there, truncated below the bound (Schmee and Hahn 1979; Hutter, Hoos and Leyton-Brown 2013), at most
         `ceiling` (m). At first this process predicts, then the new one does, ROUNDS times, each point left
-        out in turn. The hyperparameters stay: a plateau of bounds would be learned as if it were one.
-        `counts` (m) are measurements. The new rows stand behind those of this process, and count as measured.
+        out in turn. The hyperparameters stay: otherwise a plateau of bounds would be learned as a plateau of
+        values. `counts` (m) are measurements. The new rows follow those of this process, and count as
+        measured.
         """
         posterior = self.at(features)
         mean, deviation = posterior.mean, np.sqrt(self._scale * (posterior._variance + self.kernel.noise))
@@ -208,7 +210,7 @@ class GaussianProcess:
 
 
 class Posterior:
-    """What a process says about a fixed list of candidates, and what it would say after further points."""
+    """The posterior at a fixed list of candidates, and its update by further points."""
 
     def __init__(self, process: GaussianProcess, features: Array) -> None:
         self._process = process
@@ -225,10 +227,9 @@ class Posterior:
 
     @property
     def spread(self) -> Array:
-        """How far the expected value at each candidate moves once it is measured, a standard deviation.
+        """The standard deviation of the change of each candidate's expected value by measuring it.
 
-        The roughness counts: a lucky point is a find. The noise does not, and hides part of what a
-        measurement tells.
+        It includes the roughness, which a measurement reveals, and not the noise, which hides a part of it.
         """
         unknown = self._variance + self._process.roughness
         return np.sqrt(self._process._scale * unknown**2 / (unknown + self._process.noise))

@@ -1,4 +1,4 @@
-"""Which parameter matters: how much of an objective's variance is lost without knowing it."""
+"""Parameter importance: the share of an objective's variance that is lost without the parameter."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ def importance(space: Space, indices: Indices, values: ArrayLike, seed: int = 0)
     up to more than 1, and noise for none, so they may add up to less. Where a search has gathered its
     measurements near the front, parameters depend on each other, and shares only hint at what matters there.
 
-    A parameter that tells nothing has 0. None, not a guess, for fewer than 20 measurements or values that are
-    all equal. Equal seeds give equal answers.
+    An irrelevant parameter has 0. None for fewer than 20 measurements or values that are all equal. Equal
+    seeds give equal answers.
     """
     bagging = grow(space, indices, values, seed)
     return None if bagging is None else dict(zip(space.names, shares(bagging, seed), strict=True))
 
 
 def shares(bagging: Bagging, seed: int = 0) -> list[float]:
-    """Return the share of each parameter, as `importance` tells it, from a forest that is grown already."""
+    """Return the share of each parameter, as `importance` does, from a fitted forest."""
     rng = np.random.default_rng(seed)
     growth = np.zeros(bagging.codes.shape[1])
     for tree, unseen in zip(bagging.trees, bagging.unseen, strict=True):

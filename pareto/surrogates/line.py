@@ -1,4 +1,4 @@
-"""A straight line from one device's values to another's, believed as far as its points bear it out."""
+"""A straight line from one device's values to another's, shrunk by its uncertainty."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-LEAST = 4  # points of which a slope is told
+LEAST = 4  # points needed for a slope
 SURE = 2.5  # standard errors from zero, from which on a slope counts
-FENCE = 1.5  # interquartile ranges beyond the quartiles: Tukey's rule for what is far out
+FENCE = 1.5  # interquartile ranges beyond the quartiles: Tukey's rule for outliers
 
 
 class Line(NamedTuple):
@@ -27,8 +27,8 @@ def fitted_line(x: Array, y: Array) -> Line:
     """Return the least-squares line through the points, pulled in at Tukey's fences, its slope shrunk.
 
     The slope is multiplied by max(0, 1 - (SURE / t)^2), the nonnegative garrote of Breiman 1995 for a single
-    coefficient: up to SURE standard errors it is zero, and one that is sure is left as it is. Chance alone
-    makes more of 20 unrelated points in one of fifty cases, more often of fewer. Fewer than LEAST points, or
+    coefficient: up to SURE standard errors it is zero, and a significant one is hardly changed. By chance 20
+    unrelated points exceed it in one of fifty cases, fewer points more often. Fewer than LEAST points, or
     points of one x, have slope 0 and t 0: the line is then their mean y.
     """
     x, y = _pulled_in(x), _pulled_in(y)
@@ -48,7 +48,7 @@ def fitted_line(x: Array, y: Array) -> Line:
 
 
 def _pulled_in(values: Array) -> Array:
-    """Return the values, those beyond Tukey's fences moved to the fence: one wild value turns no line."""
+    """Return the values winsorised at Tukey's fences, so that one outlier cannot turn the line."""
     low, high = np.quantile(values, [0.25, 0.75])
     reach = FENCE * (high - low)
     return np.clip(values, low - reach, high + reach) if reach > 0 else values

@@ -1,4 +1,4 @@
-"""Trees that tell what succeeds from what fails."""
+"""Trees that predict success or failure."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TREES = 64
 class Success:
     """Extremely randomised trees that learn from `good` and `bad` points (Geurts et al. 2006).
 
-    They are grown when they are first asked.
+    They are grown on first use.
     """
 
     def __init__(self, space: Space, good: Indices, bad: Indices, seed: int) -> None:
@@ -29,16 +29,16 @@ class Success:
         self.seed = seed
 
     def __len__(self) -> int:
-        """How many points the trees learn from."""
+        """The number of points that the trees learn from."""
         return len(self.good) + len(self.bad)
 
     def chance(self, indices: Indices) -> NDArray[np.float64]:
         """Return the (n,) chances that `indices` succeed, above 0 and below 1."""
-        # One tree more, undecided: nothing is impossible.
+        # Another, undecided tree, so that no probability is 0 or 1.
         return (TREES * self._forest.predict(self.space.codes(indices)) + 0.5) / (TREES + 1)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what the trees are grown from as plain JSON; `read` grows the same ones again."""
+        """Return the trees' data as plain JSON; `read` grows the same trees again."""
         return {"good": self.good.tolist(), "bad": self.bad.tolist(), "seed": self.seed}
 
     @classmethod

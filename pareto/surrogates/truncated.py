@@ -1,4 +1,4 @@
-"""The normal distribution above a bound: what to expect of a value that is known to be that or larger."""
+"""The normal distribution above a bound: the mean of a value that is known to be that or larger."""
 
 from __future__ import annotations
 

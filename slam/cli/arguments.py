@@ -1,13 +1,10 @@
-"""What arguments of the command line mean."""
+"""Types of command-line arguments."""
 
 from __future__ import annotations
 
 import argparse
 import math
 import os
-import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +12,7 @@ PYRAMID = ("pyramid_iterations_fine", "pyramid_iterations_middle", "pyramid_iter
 
 
 class UsageError(ValueError):
-    """An argument that says something impossible."""
+    """An argument with an impossible value."""
 
 
 def number(text: str) -> float:
@@ -66,7 +63,7 @@ def _parameter(text: str) -> int | float:
     try:
         return number(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
 
 
 def values(text: str) -> tuple[float, ...]:
@@ -84,24 +81,3 @@ def writable(path: Path | None) -> None:
         raise UsageError(f"{path} cannot be written: there is no folder {path.parent}")
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise UsageError(f"{path} cannot be written: permission denied")
-
-
-def show_progress(done: int, total: int) -> None:
-    """One line on standard error that counts up."""
-    sys.stderr.write(f"\r{done}/{total}" + ("\n" if done == total else ""))
-    sys.stderr.flush()
-
-
-def progress_line(label: str = "", unit: str = "frame") -> Callable[[int, int], None] | None:
-    """A progress line that tells the rate and what remains, too; None where nobody looks, as in a pipe."""
-    if not sys.stderr.isatty():
-        return None
-    began = time.monotonic()
-
-    def show(done: int, total: int) -> None:
-        rate = done / max(time.monotonic() - began, 1e-9)
-        text = f"{label}{unit} {done}/{total}, {rate:.1f} a second, {(total - done) / rate:.0f} s left"
-        sys.stderr.write(f"\r{text}\x1b[K" + ("\n" if done == total else ""))
-        sys.stderr.flush()
-
-    return show

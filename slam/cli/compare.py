@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from slam.cli.arguments import UsageError, setting, writable
-from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene
-from slam.devices.choice import choose_device
+from slam.cli.scenes import Commands, add_run_options, measure, merged, open_device, open_scene
+from slam.registry import complete
 from slam.reports import compare, page, report
-from slam.systems import complete, open_session
 
 
 def add(subparsers: Commands) -> None:
@@ -38,13 +37,11 @@ def _compare(options: argparse.Namespace) -> None:
     wanted = [(text, *_item(text, options)) for text in options.items]
     measured = [text for text, found, _ in wanted if found is None]
     sequence = open_scene(options) if measured else None
-    session = (
-        open_session(options.system, choose_device(options.device, options.backend)) if measured else None
-    )
+    session = open_device(options) if measured else None
     reports: dict[str, Mapping[str, Any]] = {}
     for text, found, configuration in wanted:
         name = text.strip() or "default"
-        while name in reports:  # the same twice: to see how measurements repeat
+        while name in reports:  # the same configuration twice shows how measurements repeat
             name += " again"
         if sequence is not None and found is None:
             found = measure(options, configuration, sequence, session, f"{name}: ").to_dict()

@@ -10,15 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from frontrunner import terminal
 from frontrunner.folders import SEQUENCES
-from slam.cli.arguments import (
-    UsageError,
-    four_numbers,
-    number,
-    progress_line,
-    show_progress,
-    three_numbers,
-)
+from frontrunner.terminal import progress_line
+from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.cli.scenes import Commands
 from slam.datasets import Sequence, SequenceError, open_sequence
 from slam.datasets.altered import Altered
@@ -90,16 +85,16 @@ def add(subparsers: Commands) -> None:
 
 
 def _add_alterations(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--dark", type=_frames, metavar="A:B", help="frames in which nothing is seen")
+    parser.add_argument("--dark", type=_frames, metavar="A:B", help="frames without any measurement")
     parser.add_argument(
         "--no-truth-in-dark",
         dest="truth_in_dark",
         action="store_false",
-        help="the true poses of these frames are unknown, so that no error is counted there",
+        help="leave the true poses of these frames unknown: they do not count for the error",
     )
     parser.add_argument(
         "--focal-error", type=number, default=0.0, metavar="F",
-        help="claim focal lengths larger by this fraction: a camera that turns then drifts",
+        help="report focal lengths larger by this fraction: a camera that turns then drifts",
     )  # fmt: skip
 
 
@@ -111,7 +106,7 @@ def _frames(text: str) -> tuple[int, int]:
 
 
 def _ratio(text: str) -> int:
-    """How many times WxH goes into the camera's own size, which it must divide."""
+    """The ratio of the camera's size to WxH, which must divide it."""
     common = math.gcd(CAMERA.width, CAMERA.height)
     ratios = {
         f"{CAMERA.width // ratio}x{CAMERA.height // ratio}": ratio
@@ -120,7 +115,7 @@ def _ratio(text: str) -> int:
     }
     if text not in ratios:
         sizes = ", ".join(ratios)
-        raise argparse.ArgumentTypeError(f"{text!r} is none of {sizes}: choose one")
+        raise argparse.ArgumentTypeError(f"{text!r} is not one of {sizes}: choose one")
     return ratios[text]
 
 
@@ -147,7 +142,7 @@ def _make(options: argparse.Namespace) -> None:
 
 
 def _make_all(options: argparse.Namespace) -> None:
-    """Make the packs of depth that searches learn on and those held out, unless they are there."""
+    """Make the depth packs that searches learn on, and the held-out ones, unless they exist."""
     if options.colour or options.format != "pack" or options.dark or options.focal_error:
         raise UsageError(f"{ALL} makes plain packs of depth: leave out --colour, --format and alterations")
 
@@ -177,8 +172,8 @@ def _convert(options: argparse.Namespace) -> None:
 
 
 def _write(sequence: Sequence, target: Path, form: str, colour: bool) -> None:
-    for note in write(sequence, target, form, colour, show_progress if sys.stderr.isatty() else None):
-        sys.stderr.write(f"note: {note}\n")
+    for text in write(sequence, target, form, colour, progress_line()):
+        terminal.note(text)
     sys.stdout.write(f"{target}: {len(sequence)} frames\n")
 
 
@@ -188,7 +183,7 @@ def _list(options: argparse.Namespace) -> None:
         sys.stdout.write("Scenes that `datasets make` renders:\n")
         for scene in SCENES.values():
             sys.stdout.write(f"{scene.name:18} {scene.role:10} {scene.frames:4} frames  {scene.summary}\n")
-        sys.stdout.write("\nPacks that are here:\n")
+        sys.stdout.write("\nPacks on this machine:\n")
     elif not folder.is_dir():
         raise SequenceError(f"{folder} is not a folder")
     for manifest in sorted(folder.glob(f"*/{pack.MANIFEST}")):

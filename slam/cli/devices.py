@@ -1,4 +1,4 @@
-"""`devices`: what can measure here."""
+"""`devices`: the devices that can measure on this machine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def add(subparsers: Commands) -> None:
 
 
 def _devices(_: argparse.Namespace) -> None:
-    # Without any device, choosing one raises the error that says what to install.
+    # Without a device, `choose_device` raises the error that says what to install.
     present = []
     for backend in BACKENDS:
         with contextlib.suppress(ImportError):  # its package is not installed, or does not load here

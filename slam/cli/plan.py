@@ -1,4 +1,4 @@
-"""`plan`: what happens in a frame, as data."""
+"""`plan`: the steps of a frame, as data."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 from slam.cli.arguments import setting, writable
 from slam.cli.scenes import Commands, add_scene_options, merged, open_scene
 from slam.devices.layout import KINDS, Layout
+from slam.registry import complete, frame_plan
 from slam.system import scene_of
-from slam.systems import complete, frame_plan
 
 
 def add(subparsers: Commands) -> None:
     """Add the command and its options to the command line."""
-    parser = subparsers.add_parser("plan", help="write what happens in a frame, as data (JSON)")
+    parser = subparsers.add_parser("plan", help="write the steps of a frame as JSON")
     add_scene_options(parser)
     parser.add_argument("--set", action="append", default=[], type=setting, metavar="NAME=VALUE")
     parser.add_argument("--layout", choices=KINDS, default="pixels", help="of the kernels; default: pixels")

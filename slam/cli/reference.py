@@ -1,4 +1,4 @@
-"""`reference`: what a front of protocol 2 adds to its configurations."""
+"""`reference`: the trajectories, bands and times that protocol 2 adds to a front."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from slam.cli.arguments import UsageError, progress_line, writable
+from frontrunner.terminal import progress_line
+from slam.cli.arguments import UsageError, writable
 from slam.cli.scenes import Commands
 from slam.datasets import open_sequence
 from slam.protocol import fixed_pairs
@@ -18,7 +19,7 @@ def add(subparsers: Commands) -> None:
     """Add the command and its options to the command line."""
     parser = subparsers.add_parser(
         "reference",
-        help="make a front one of protocol 2: a trajectory and a band for each configuration and probe, from "
+        help="convert a front to protocol 2: a trajectory and a band for each configuration and probe, from "
         "all devices here",
     )
     parser.add_argument("--front", type=Path, required=True, metavar="FILE", help="JSON with configurations")
@@ -29,7 +30,7 @@ def add(subparsers: Commands) -> None:
         type=int,
         default=times.ROUNDS,
         metavar="N",
-        help="in which each is timed beside the default; 0: none (default: %(default)s)",
+        help="in which each is timed relative to the default; 0: none (default: %(default)s)",
     )
     parser.add_argument("--out", type=Path, required=True, metavar="FILE")
     parser.set_defaults(execute=_reference)
@@ -41,7 +42,7 @@ def _reference(options: argparse.Namespace) -> None:
     sequence = open_sequence(options.sequence)
     frames = options.frames or front.get("protocol", {}).get("frames") or len(sequence)
     if not 1 <= frames <= len(sequence):
-        raise UsageError(f"--frames {frames}: give 1 to {len(sequence)}, all that {sequence.name!r} has")
+        raise UsageError(f"--frames {frames}: give 1 to {len(sequence)}, the frames of {sequence.name!r}")
     probes = front.pop("probes", [])
     kept: list[dict[str, Any]] = []
     every = [(point, False) for point in front["configurations"]] + [(probe, True) for probe in probes]
@@ -52,9 +53,9 @@ def _reference(options: argparse.Namespace) -> None:
         unsteady = is_probe and found.band > bands.WIDEST_BAND_OF_A_PROBE
         if is_probe and not unsteady:
             kept.append(configuration)
-        largest, band = 1e3 * max(found.deviations.values()), 1e3 * found.band
-        note = ": left out, devices here do not agree" if unsteady else ""
-        sys.stdout.write(f"{name}: largest deviation {largest:.2f} mm, band {band:.2f} mm{note}\n")
+        largest, band = 1e2 * max(found.deviations.values()), 1e2 * found.band
+        note = ": left out, because the devices here do not agree" if unsteady else ""
+        sys.stdout.write(f"{name}: largest deviation {largest:.3f} cm, band {band:.3f} cm{note}\n")
     if kept:
         front["probes"] = kept
     if "protocol" in front:
@@ -67,10 +68,12 @@ def _reference(options: argparse.Namespace) -> None:
 
 
 def _add_times(points: list[dict[str, Any]], sequence: Path, frames: int, rounds: int) -> str:
-    """Give each of POINTS its times on SEQUENCE, beside those of the default; the device that measured."""
+    """Add to each of POINTS its times on SEQUENCE relative to the default; return the device."""
     parameters = {point["name"]: point["parameters"] for point in points}
     if times.DEFAULT not in parameters:
-        raise UsageError("--front: no configuration is called default to time others beside: give --rounds 0")
+        raise UsageError(
+            "--front: no configuration is called default, so there is no baseline for times: give --rounds 0"
+        )
     progress = progress_line("times: ", "run")
     measured, device = times.on_sequence(parameters, sequence, frames, rounds, progress)
     for point in points:

@@ -10,14 +10,21 @@ from pathlib import Path
 from typing import Any
 
 from slam.cli.arguments import UsageError, number, setting, writable
-from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene, shipped_sequence
+from slam.cli.scenes import (
+    Commands,
+    add_run_options,
+    measure,
+    merged,
+    open_device,
+    open_scene,
+    shipped_sequence,
+)
 from slam.datasets import Sequence
 from slam.datasets.altered import Perturbed
-from slam.devices.choice import choose_device
+from slam.registry import complete
 from slam.reports import mesh, report, slambench_log
 from slam.reports.render import Renderer
 from slam.system import Exporting, System
-from slam.systems import complete, open_session
 
 
 def add(subparsers: Commands) -> None:
@@ -37,7 +44,7 @@ def add(subparsers: Commands) -> None:
         "--perturb",
         type=int,
         metavar="SEED",
-        help="change each measured depth by -1, 0 or +1 units: an error that depends on it stands on an edge",
+        help="change each measured depth by -1, 0 or +1 units, to test whether an error depends on rounding",
     )
     parser.add_argument(
         "--stop-above", type=number, metavar="M", help="run no further sequence after a largest error above M"
@@ -49,7 +56,7 @@ def add(subparsers: Commands) -> None:
 
 
 class _Observers:
-    """Draws pictures where asked for, and keeps the system so that its surface can be extracted."""
+    """Draws pictures on request, and keeps the system so that its surface can be extracted."""
 
     def __init__(self, renderer: Renderer | None) -> None:
         self.renderer = renderer
@@ -105,12 +112,12 @@ def _run_one(
 def _run_several(
     options: argparse.Namespace, configuration: Mapping[str, Any]
 ) -> tuple[dict[str, Any], list[str]]:
-    """The reports of all sequences up to where `--stop-above` ends, and a line about each."""
+    """The reports of all sequences until `--stop-above` ends the run, and a line for each."""
     for name in ("trajectory", "tsv", "mesh", "render"):
         if getattr(options, name):
-            raise UsageError(f"--{name} belongs to one sequence: {len(options.sequence)} are given")
+            raise UsageError(f"--{name} needs exactly one sequence, got {len(options.sequence)}")
     sequences = _sequences(options)
-    session = open_session(options.system, choose_device(options.device, options.backend))
+    session = open_device(options)
     reports: list[dict[str, Any]] = []
     above = 0
     for sequence in sequences:
@@ -122,12 +129,13 @@ def _run_several(
             break
     lines = [report.line(found) for found in reports]
     if len(reports) < len(sequences):
-        lines.append(f"{len(sequences) - len(reports)} not run: the largest error is above {limit:g} m")
+        missing = len(sequences) - len(reports)
+        lines.append(f"{missing} not run: the largest error is above {100 * limit:g} cm")
     return {"runs": reports}, lines
 
 
 def _sequences(options: argparse.Namespace) -> list[Sequence]:
-    """All sequences of `run`, opened, and perturbed where that is wanted."""
+    """All sequences of `run`, opened, and perturbed on request."""
     opened = [open_scene(options, path) for path in options.sequence]
     return opened if options.perturb is None else [Perturbed(found, options.perturb) for found in opened]
 
@@ -136,7 +144,7 @@ def _write_mesh(system: System | None, path: Path) -> str:
     if isinstance(system, Exporting):
         return system.export(path)
     if not isinstance(system, mesh.Volumetric):
-        raise UsageError("--mesh: this system holds neither surfels nor a volume of distances")
+        raise UsageError("--mesh: this system has no surfels and no distance volume")
     surface_mesh = mesh.extract(system.volume)
     surface_mesh.write(path)
     return f"{len(surface_mesh.vertices)} vertices and {len(surface_mesh.triangles)} triangles in {path}"

@@ -1,4 +1,4 @@
-"""What commands that run a system have in common: its sequence, its device, its progress."""
+"""Shared by commands that run a system: sequence, device, progress."""
 
 from __future__ import annotations
 
@@ -7,19 +7,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from frontrunner.command_line import Parser
 from frontrunner.folders import SEQUENCES
+from frontrunner.terminal import progress_line
 from slam.benchmark import Observer, Report, run
-from slam.cli.arguments import UsageError, four_numbers, number, progress_line, three_numbers
+from slam.cli.arguments import UsageError, four_numbers, number, three_numbers
 from slam.datasets import Sequence, open_sequence
-from slam.devices.choice import AnySession
+from slam.devices.choice import AnySession, choose_device
 from slam.devices.device import BACKENDS
-from slam.systems import SYSTEMS, require_backend
+from slam.registry import SYSTEMS, open_session, require_backend
 
-Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def add_run_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
-    """Add the options of a command that runs a system; SEVERAL sequences in turn where it can do that."""
+    """Add the options of a command that runs a system; SEVERAL: whether it takes several sequences."""
     add_scene_options(parser, several)
     parser.add_argument("--frames", type=int, metavar="N", help="the first N (default: all)")
     parser.add_argument("--backend", choices=BACKENDS, default="opencl", help="default: opencl")
@@ -27,7 +29,7 @@ def add_run_options(parser: argparse.ArgumentParser, several: bool = False) -> N
 
 
 def add_scene_options(parser: argparse.ArgumentParser, several: bool = False) -> None:
-    """Add the options that say what is seen: a sequence, its camera and its truth."""
+    """Add the options of the scene: a sequence, its camera and its truth."""
     parser.add_argument("--system", choices=sorted(SYSTEMS), default="kfusion")
     parser.add_argument(
         "--sequence",
@@ -68,6 +70,12 @@ def shipped_sequence(system: str) -> Path:
     return SEQUENCES / ("living-room-colour" if SYSTEMS[system].colour else "living-room")
 
 
+def open_device(options: argparse.Namespace) -> AnySession:
+    """A session on the device of OPTIONS, with progress while kernel layouts are tried there."""
+    device = choose_device(options.device, options.backend)
+    return open_session(options.system, device, progress_line("trying kernel layouts: ", "layout"))
+
+
 def measure(
     options: argparse.Namespace,
     configuration: Mapping[str, Any],
@@ -92,5 +100,5 @@ def measure(
 
 
 def merged(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    """All settings of PARTS; the last one of a name holds."""
+    """All settings of PARTS; the last value of a name wins."""
     return {name: value for part in parts for name, value in part.items()}

@@ -10,16 +10,15 @@ from typing import Any
 
 from slam.benchmark import Report
 from slam.cli.arguments import UsageError, setting, values
-from slam.cli.scenes import Commands, add_run_options, measure, merged, open_scene
-from slam.devices.choice import choose_device
+from slam.cli.scenes import Commands, add_run_options, measure, merged, open_device, open_scene
+from slam.registry import complete, definition
 from slam.reports import page, surface
-from slam.systems import complete, definition, open_session
 
 
 def add(subparsers: Commands) -> None:
     """Add the command and its options to the command line."""
     parser = subparsers.add_parser(
-        "surface", help="time and error over a grid of two parameters' values; goes on where it stopped"
+        "surface", help="time and error over a grid of two parameters' values; resumes an interrupted run"
     )
     for axis in ("x", "y"):
         parser.add_argument(f"--{axis}", required=True, metavar="NAME", help="a parameter of the system")
@@ -49,8 +48,10 @@ def _surface(options: argparse.Namespace) -> None:
     fixed = merged(options.set)
     sequence = open_scene(options)
     if sequence.truth is None:
-        raise UsageError(f"{sequence.name} has no true trajectory, so no error to draw: give --truth FILE")
-    session = open_session(options.system, choose_device(options.device, options.backend))
+        raise UsageError(
+            f"{sequence.name} has no true trajectory, so there is no error to draw: give --truth FILE"
+        )
+    session = open_device(options)
     options.out.mkdir(parents=True, exist_ok=True)
     total, done = len(grid.x_values) * len(grid.y_values), 0
 

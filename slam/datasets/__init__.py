@@ -27,7 +27,7 @@ def open_sequence(
 
     `camera` gives the intrinsics where the files hold none or wrong ones: a Camera, or for files that know
     their own size the four numbers fx, fy, cx, cy. `truth` is a TUM trajectory that replaces the sequence's
-    own. Raises SequenceError when the path is none of these or is damaged, or when the intrinsics do not fit
+    own. Raises SequenceError for any other path, damaged files, or intrinsics that do not fit
     the images, TrajectoryError for a bad truth.
     """
     place = Path(path)
@@ -36,9 +36,7 @@ def open_sequence(
         raise SequenceError(f"{place} does not exist: give {FORMS}")
     if place.is_dir() and (place / MANIFEST).exists():
         if camera is not None or truth is not None:
-            raise SequenceError(
-                f"{place} is a sequence pack, which carries its camera and truth: give neither"
-            )
+            raise SequenceError(f"{place} is a sequence pack, which contains its camera and truth: omit both")
         return Pack(place)
     if place.is_dir() and is_original_form(place):
         return IclNuimOriginal(place, camera, truth_path)
@@ -47,13 +45,13 @@ def open_sequence(
         return form(place, camera, truth_path)
     if place.is_file() and place.suffix == ".raw":
         if camera is None:
-            raise SequenceError(f"{place} carries no intrinsics: give the camera as fx,fy,cx,cy")
+            raise SequenceError(f"{place} has no intrinsics: give the camera as fx,fy,cx,cy")
         return RawSequence(place, _numbers(camera), truth_path)
     if place.is_file() and place.suffix == ".slam":
         return SlamSequence(place, None if camera is None else _numbers(camera), truth_path)
     raise SequenceError(
-        f"{place} is no known sequence: expected a folder with {MANIFEST} (a pack), depth/ (TUM or ICL-NUIM) "
-        "or scene_00_*.depth (ICL-NUIM's original form), or a .raw or .slam file of SLAMBench"
+        f"{place} is not a known sequence: expected a folder with {MANIFEST} (a pack), depth/ (TUM or "
+        "ICL-NUIM) or scene_00_*.depth (ICL-NUIM's original form), or a .raw or .slam file of SLAMBench"
     )
 
 

@@ -1,4 +1,4 @@
-"""A sequence with something amiss: dark frames, a badly calibrated camera, or slightly perturbed depth."""
+"""A sequence with a defect: dark frames, a badly calibrated camera, or slightly perturbed depth."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from slam.datasets.sequence import Sequence, SequenceError
 
 
 class Altered(Sequence):
-    """`sequence` with nothing to see in the frames `dark` = (first, last), while the camera moves on, and
-    with focal lengths that claim to be larger by the fraction `focal_error` than those it was taken with.
+    """`sequence` without depth in the frames `dark` = (first, last), while the camera moves on, and with
+    focal lengths that are reported too large by the fraction `focal_error`.
 
-    A camera whose focal length is thought too long seems to turn too little: it drifts, and when it has
-    turned round it believes itself elsewhere. Without `truth_in_dark` the true poses of dark frames are
-    unknown: an error counts only where something was seen. Raises SequenceError for frames that there are
-    not, or a fraction of -0.5 or less, or 0.5 or more.
+    With a focal length that is too long, rotations are underestimated: the trajectory drifts, and after a
+    full turn the estimated pose is wrong. Without `truth_in_dark` the true poses of dark frames are unknown,
+    so that errors count only in the other frames. Raises SequenceError for frames outside the sequence, or a
+    fraction outside (-0.5, 0.5).
     """
 
     def __init__(
@@ -66,8 +66,8 @@ class Altered(Sequence):
 class Perturbed(Sequence):
     """`sequence` with each measured depth changed by -1, 0 or +1 of its units, as `seed` draws them.
 
-    That is less than a sensor's own noise. A configuration whose error depends on it stands on an edge: the
-    rounding of another driver would do the same. Raises SequenceError for a negative seed.
+    That is less than a sensor's noise. A configuration whose error depends on it is unstable: the rounding of
+    another driver would change it as much. Raises SequenceError for a negative seed.
     """
 
     def __init__(self, sequence: Sequence, seed: int) -> None:

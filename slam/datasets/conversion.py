@@ -1,4 +1,4 @@
-"""Write any sequence in any form, and say what that form cannot hold."""
+"""Write a sequence in any format, and report what that format cannot hold."""
 
 from __future__ import annotations
 

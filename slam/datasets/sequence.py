@@ -1,4 +1,4 @@
-"""What every sequence offers, whatever file it comes from."""
+"""The interface of every sequence, whatever its format."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FRAME_RATE = 30.0  # frames a second, where a format has no stamps: the rate of 
 SMALLEST_JUDGED = 32  # pixels
 LARGEST_SIDE = 16384  # pixels
 LARGEST_VOLUME = 1e4  # metres
-# What a caller may say of a camera: fx, fy, cx, cy where the files tell their size, or everything.
+# What a caller may give of a camera: fx, fy, cx, cy where the files tell their size, or everything.
 Given = Camera | tuple[float, float, float, float] | None
 MIRROR_Y = np.diag([1.0, -1.0, 1.0, 1.0])
 
@@ -104,7 +104,7 @@ def read_truth(
     """The true pose of every frame, (n, 4, 4) in the axes of `camera`, from a TUM file.
 
     Files called *.freiburg are ICL-NUIM's, with y up: they are mirrored unless the camera is as well (fy
-    below 0). Raises TrajectoryError when the file is no trajectory, SequenceError when no pose belongs to a
+    below 0). Raises TrajectoryError when the file is not a trajectory, SequenceError when no pose matches a
     frame.
     """
     trajectory = Trajectory.read(source)
@@ -133,7 +133,7 @@ def match_truth(
         frames, rows = associate(timestamps, stamps)
     if not len(frames):
         raise SequenceError(
-            f"{source}: no pose belongs to a frame: its stamps run from {stamps.min():.3f} to "
+            f"{source}: no pose matches a frame: its stamps run from {stamps.min():.3f} to "
             f"{stamps.max():.3f}, the frames' from {timestamps.min():.3f} to {timestamps.max():.3f} s"
         )
     truth = np.full((len(timestamps), 4, 4), np.nan)
@@ -156,7 +156,7 @@ def check_camera(camera: Camera, source: Path) -> None:
 
     The principal point must lie inside the image and the focal lengths between a tenth and ten times its
     size: intrinsics of another resolution, in another order or divided by the size fail that. Images below
-    SMALLEST_JUDGED are patterns made by hand, whose lens is not judged. No camera has an fx below 0; an fy
+    SMALLEST_JUDGED are patterns made by hand, whose lens is not checked. No camera has an fx below 0; an fy
     below 0 mirrors y, as in ICL-NUIM. A side has at most LARGEST_SIDE pixels.
     """
     width, height = camera.width, camera.height

@@ -1,1 +1,1 @@
-"""What dense SLAM systems share: images on the device, their pyramids, point-to-plane rows, motions."""
+"""Shared by dense SLAM systems: images on the device, their pyramids, point-to-plane rows, motions."""

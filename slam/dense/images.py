@@ -19,7 +19,7 @@ SOURCE = Path(__file__).parent / "kernels" / "images.cl"
 
 
 @dataclass(frozen=True)
-class Planes:
+class Vector3Image:
     """Three float32 images of one size: the x, y and z of a vector at each pixel."""
 
     x: Buffer
@@ -27,7 +27,7 @@ class Planes:
     z: Buffer
 
     @classmethod
-    def allocate(cls, session: Session, pixels: int) -> Planes:
+    def allocate(cls, session: Session, pixels: int) -> Vector3Image:
         return cls(*(session.buffer(4 * pixels, "an image") for _ in range(3)))
 
     def __iter__(self):  # type: ignore[no-untyped-def]
@@ -40,12 +40,12 @@ class Level:
 
     camera: Camera
     depth: Buffer
-    normals: Planes
+    normals: Vector3Image
 
     @classmethod
     def allocate(cls, session: Session, camera: Camera) -> Level:
         pixels = camera.width * camera.height
-        return cls(camera, session.buffer(4 * pixels, "an image"), Planes.allocate(session, pixels))
+        return cls(camera, session.buffer(4 * pixels, "an image"), Vector3Image.allocate(session, pixels))
 
 
 def halved(camera: Camera) -> Camera:

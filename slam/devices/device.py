@@ -1,4 +1,4 @@
-"""What a device is, whichever backend drives it, and what can go wrong there."""
+"""A device, independent of its backend, and its errors."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ BACKENDS = ("opencl", "webgpu")
 
 
 class DeviceError(RuntimeError):
-    """Something that a device or its driver cannot do; the message says what would help."""
+    """Something that a device or its driver cannot do; the message suggests a remedy."""
 
 
 class NoDeviceError(DeviceError):
-    """No device is present, or none whose label contains what was asked for."""
+    """No device is present, or no label contains the requested text."""
 
 
 class DeviceMemoryError(DeviceError):
@@ -41,11 +41,11 @@ class Device:
 
     @property
     def label(self) -> str:
-        """What `--device` matches: name, platform, version and driver."""
+        """The text that `--device` matches: name, platform, version and driver."""
         return f"{self.name} ({self.platform}, {self.version}, driver {self.driver})"
 
     def describe(self) -> dict[str, str]:
-        """What a report says of the device."""
+        """The device in a report."""
         return {"platform": self.platform, "name": self.name, "driver": self.driver, "backend": self.backend}
 
     def check_allocation(self, nbytes: int, what: str) -> None:

@@ -1,4 +1,4 @@
-"""How kernels over an image are laid out on a device."""
+"""The layout of kernels over an image on a device."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ class Layout:
         return self.kind == "pixels"
 
     def macros(self) -> dict[str, int]:
-        """What kernels must know of it: the sizes of `slam.devices.layout`, and PIXELS for that kind."""
+        """The macros that kernels need: the sizes of `slam.devices.layout`, and PIXELS for that kind."""
         return {"SUMS": SUMS, "SUM_GROUP": SUM_GROUP, "SOLVERS": SOLVERS} | (
             {"PIXELS": 1} if self.pixels else {}
         )
 
     def over(self, width: int, height: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Global and local size of a kernel over an image; groups at the sides may stand out of it."""
+        """Global and local size of a kernel over an image; groups at the sides may extend beyond it."""
         if not self.pixels:
             return (height,), (1,)
         columns, rows = self.group
         return (-(-width // columns) * columns, -(-height // rows) * rows), self.group
 
     def sums(self, width: int, height: int) -> tuple[int, tuple[int, ...], tuple[int, ...]]:
-        """How many records a summing kernel leaves for an image, and its global and local size."""
+        """The number of records that a summing kernel writes for an image, and its global and local size."""
         if not self.pixels:
             return height, (height,), (1,)
         groups = min(MOST_SUM_GROUPS, -(-width * height // SUM_GROUP))

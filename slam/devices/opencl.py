@@ -134,6 +134,14 @@ def source_text(source: Path) -> str:
     return expanded(source)
 
 
+def defined(source: Path, name: str) -> int:
+    """The whole number of `#define NAME` in a file of kernels: host and kernels share the constant."""
+    match = re.search(rf"^#define {name} (\d+)(?![\w.])", source.read_text(encoding="utf-8"), re.MULTILINE)
+    if match is None:
+        raise ValueError(f"{source.name} defines no whole number {name}")
+    return int(match[1])
+
+
 class Session:
     """A context and an in-order queue on one device, with the programs built on it.
 
@@ -152,7 +160,7 @@ class Session:
         self._programs: dict[tuple[Path, str], cl.Program] = {}
 
     def _open_queue(self) -> cl.CommandQueue:
-        """A queue whose events say when they ran, where the driver has such."""
+        """A queue with profiling, where the driver supports it."""
         import pyopencl as cl
 
         try:
@@ -257,7 +265,7 @@ class Session:
     def span(self, first: Event, last: Event) -> tuple[int, int] | None:
         """When FIRST started and LAST ended, nanoseconds of the device's clock.
 
-        None where the driver does not say, or says that it ended before it started.
+        None where the driver does not report it, or reports an end before the start.
         """
         import pyopencl as cl
 
@@ -290,7 +298,7 @@ class Session:
 
 
 class BoundKernel:
-    """A kernel whose arguments stay the same from frame to frame, but for few: a launch costs one call."""
+    """A kernel that keeps its arguments from frame to frame, except a few: a launch costs one call."""
 
     def __init__(
         self,
@@ -309,7 +317,7 @@ class BoundKernel:
         self._group = group
 
     def __call__(self, size: tuple[int, ...] | None = None) -> Event:
-        """Enqueue it, over `size` work-items where that differs from launch to launch."""
+        """Enqueue it, over `size` work-items where the number varies."""
         return self._session.launch(self._kernel, self._name, size or self._size, self._group)
 
     def set(self, index: int, value: Any) -> None:

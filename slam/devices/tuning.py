@@ -1,4 +1,4 @@
-"""Which layout of a system's kernels is fastest on a device: tried once and remembered."""
+"""Which layout of a system's kernels is fastest on a device: measured once and remembered."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Progress = Callable[[int, int], object]  # called with how many are done, and ho
 
 @dataclass(frozen=True)
 class Trial:
-    """What is tried on a device: a system, made for SCENE, whose kernels lie in the folders `kernels`."""
+    """A trial on a device: a system made for SCENE, with kernels from the folders `kernels`."""
 
     make: Callable[[Session], System]
     kernels: tuple[Path, ...]
@@ -96,7 +96,7 @@ def layout_for(device: Device, trial: Trial, progress: Progress | None = None) -
 
 
 def candidates(device: Device) -> list[Layout]:
-    """What is tried: rows only on CPUs, and there one shape of pixels; every shape of pixels elsewhere."""
+    """The layouts to try: on CPUs rows and one shape of pixels, elsewhere every shape of pixels."""
     if device.kind == "cpu":
         return [Layout("rows"), Layout("pixels", GROUPS[0])]
     return [Layout("pixels", group) for group in GROUPS]
@@ -113,7 +113,7 @@ def _cache_file() -> Path:
 
 
 def _read(place: Path) -> dict[str, tuple[str, int, int]]:
-    """What is remembered; nothing where the file is missing or not ours."""
+    """The remembered layouts; nothing where the file is missing or not valid."""
     try:
         content = json.loads(place.read_text())
         return {key: (str(kind), int(w), int(h)) for key, (kind, w, h) in content.items()}

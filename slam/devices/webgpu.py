@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from wgpu import GPUAdapter, GPUBindGroup, GPUComputePipeline
     from wgpu import GPUBuffer as Buffer
 
-# The default limits of WebGPU, which every browser grants. Without them wgpu-py requests the adapter's.
+# The default limits of WebGPU, which every browser grants. wgpu-py would request the adapter's limits.
 LIMITS = MappingProxyType(
     {
         "max-storage-buffer-binding-size": 128 * 2**20,
@@ -56,7 +56,7 @@ def list_devices() -> list[Device]:
         return []
     try:
         adapters = wgpu.gpu.enumerate_adapters_sync()
-    except (wgpu.GPUError, RuntimeError, OSError):  # no driver that wgpu can speak to
+    except (wgpu.GPUError, RuntimeError, OSError):  # no driver that wgpu supports
         return []
     rank = {"gpu": 0, "other": 1, "cpu": 2}
     usable = [a for a in adapters if a.info["backend_type"] not in SKIPPED and _keeps_limits(a)]
@@ -181,7 +181,7 @@ class WebGPUSession:
         return self._pipelines[key]
 
     def bind(self, pipeline: GPUComputePipeline, bindings: Sequence[Binding]) -> GPUBindGroup:
-        """What a launch of PIPELINE reads and writes, in the order of its bindings."""
+        """The bind group of a launch of PIPELINE, in the order of its bindings."""
         entries = [
             {
                 "binding": index,

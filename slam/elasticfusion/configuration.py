@@ -8,14 +8,14 @@ from typing import ClassVar
 from slam.configuration import ConfigurationError, Parameters, finite, flag, whole
 
 # Constants of the published system; lengths in metres, angles in radians unless said otherwise.
-NEAREST = 0.3  # what a sensor says of nearer things is not believed
+NEAREST = 0.3  # nearer measurements are discarded
 FARTHEST = 20.0  # surfels are predicted and tracked against up to here
 REFERENCE_PIXELS = 640 * 480  # thresholds on numbers of pixels are for this size
 LEVELS = 3
 ITERATIONS = (10, 5, 4)  # of the registration, finest level first
 MIN_VELOCITY_WEIGHT = 0.5  # what a frame of a fast camera counts
 FULL_WEIGHT_BELOW = 0.01  # metres or radians a frame: linear from weight 1 at rest to the least weight here
-LARGEST_RGB_STEP = 0.3  # metres a frame; a larger step that colour had a part in is refused
+LARGEST_RGB_STEP = 0.3  # metres a frame; a larger step is refused if colour contributed to it
 LOST_ICP_ERROR = 1e-4  # of the registration to the model, at REFERENCE_PIXELS
 LOST_DEVIATION = 0.005  # of the registered pose: metres, and radians
 LOST_AFTER = 10  # failures in a row; one more and the camera is lost
@@ -25,7 +25,7 @@ ICP_ONLY = 100.0  # icp_weight from which colour has no part
 
 @dataclass(frozen=True)
 class Configuration(Parameters):
-    """One point of the design space, and settings that are no part of it; the defaults are the paper's.
+    """One point of the design space, and settings outside it; the defaults are the paper's.
 
     icp_weight: weight of the point-to-plane error beside the photometric one; 0 is colour alone, 100 or more
     depth alone. depth_cutoff: metres beyond which depth is not used. confidence_threshold: confidence from
@@ -41,10 +41,11 @@ class Configuration(Parameters):
     fern's view is recognised. fern_threshold: dissimilarity above which a view is a new keyframe.
     fern_agreement: share of equal ferns above which a keyframe is registered to the view;
     fern_error_threshold: error of that registration (at 640x480; the published 3e-4 is for 80x60) and
-    fern_inliers, fern_inliers_lost: share of the pixels measured in both with which it is believed, the
+    fern_inliers, fern_inliers_lost: share of the pixels measured in both with which it is accepted, the
     latter by a lost camera; fern_deviation_threshold: its largest standard deviation, likewise.
-    closure_distance: metres that a global loop must gape before, closure_error: metres that it may after, and
-    closure_energy: of its deformation. surfel_capacity: surfels the map can hold. seed: of the random ferns.
+    closure_distance: least gap of a global loop before, closure_error: largest gap after (metres), and
+    closure_energy: largest energy of its deformation. surfel_capacity: surfels the map can hold. seed: of the
+    random ferns.
     """
 
     system: ClassVar[str] = "ElasticFusion"

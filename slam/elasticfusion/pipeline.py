@@ -17,7 +17,7 @@ from slam.configuration import ConfigurationError
 from slam.devices.opencl import Session
 from slam.elasticfusion import configuration as constants
 from slam.elasticfusion.configuration import Configuration
-from slam.elasticfusion.loops.deforming import Deforming
+from slam.elasticfusion.loops.deformer import MapDeformer
 from slam.elasticfusion.loops.registration import Loops
 from slam.elasticfusion.loops.thumbnail import read
 from slam.elasticfusion.mapping import cloud
@@ -27,25 +27,24 @@ from slam.elasticfusion.mapping.index_map import IndexMap
 from slam.elasticfusion.mapping.prediction import Prediction
 from slam.elasticfusion.mapping.surfels import Surfels
 from slam.elasticfusion.mapping.visible import Visible
-from slam.elasticfusion.preprocessing import Live
-from slam.elasticfusion.tracking.health import Health
+from slam.elasticfusion.preprocessing import InputFrame
+from slam.elasticfusion.tracking.monitor import TrackingMonitor
 from slam.elasticfusion.tracking.tracking import Tracking
 from slam.system import STAGES, Frame, LoopCounts, Scene, View
 
 Pose = NDArray[np.float64]
 
 SMALLEST = 32  # pixels of width and height: the coarsest level of the pyramid then has 8
-FOREVER = 2**30  # a time window in ticks that nothing leaves
+FOREVER = 2**30  # a time window in ticks that never ends
 
 
 class ElasticFusion:
     """A `slam.system.System`. The world is the frame of the first camera.
 
     The first frame that measures anything makes the map and is not tracked. A frame that is not tracked well
-    enough is not fused; with `relocalisation` the camera is lost after several, and found again by the views
-    that it remembers. Time stands still while it is lost.
-    Raises ConfigurationError for images too small, or too large for the map's capacity; DeviceMemoryError
-    where the map does not fit the device.
+    enough is not fused; with `relocalisation` the camera is lost after several, and relocalised by keyframes.
+    The tick does not advance while it is lost. Raises ConfigurationError for images too small, or too large
+    for the map's capacity; DeviceMemoryError where the map does not fit the device.
     """
 
     def __init__(self, configuration: Configuration, scene: Scene, session: Session) -> None:
@@ -64,21 +63,21 @@ class ElasticFusion:
         self._shape = (camera.height, camera.width)
         self._pose: Pose = np.eye(4)
         self._tick = 1
-        self._health = Health(configuration.relocalisation)
+        self._monitor = TrackingMonitor(configuration.relocalisation)
         self._counts = LoopCounts()
         self._window = FOREVER if configuration.open_loop else configuration.time_window
 
-        self._live = Live(session, camera, configuration.depth_cutoff)
+        self._input_frame = InputFrame(session, camera, configuration.depth_cutoff)
         self._surfels = Surfels(session, configuration.surfel_capacity)
         visible = Visible(session, self._surfels, camera)
         self._prediction = Prediction(session, self._surfels, camera, visible)
-        self._fill_in = FillIn(session, self._prediction.image, self._live.image)
-        self._tracking = Tracking(session, configuration, self._live.image, self._fill_in.image)
+        self._fill_in = FillIn(session, self._prediction.image, self._input_frame.image)
+        self._tracking = Tracking(session, configuration, self._input_frame.image, self._fill_in.image)
         self._index_map = IndexMap(session, self._surfels, camera, visible)
         self._fusion = Fusion(
-            session, self._surfels, self._index_map, self._live, configuration.confidence_threshold
+            session, self._surfels, self._index_map, self._input_frame, configuration.confidence_threshold
         )
-        self._deforming = Deforming(session, self._surfels)
+        self._deformer = MapDeformer(session, self._surfels)
         self._loops = Loops(session, configuration, self._surfels, self._prediction, self._fill_in, visible)
         session.finish()
 
@@ -131,7 +130,7 @@ class ElasticFusion:
             raise ValueError(f"a colour image is uint8 {(*self._shape, 3)} (height, width, 3), got {got}")
         clock = [perf_counter()]
 
-        self._live.take(np.ascontiguousarray(depth), np.ascontiguousarray(colour))
+        self._input_frame.take(np.ascontiguousarray(depth), np.ascontiguousarray(colour))
         self._session.finish()
         clock.append(perf_counter())
 
@@ -143,7 +142,7 @@ class ElasticFusion:
         clock.append(perf_counter())
 
         self._predict(tracked)
-        if not self._health.lost:
+        if not self._monitor.lost:
             self._tick += 1
         self._session.finish()
         clock.append(perf_counter())
@@ -154,25 +153,25 @@ class ElasticFusion:
         return Frame(self._pose.copy(), tracked, integrated, seconds, clock[-1] - clock[0])
 
     def _track(self) -> tuple[bool | None, float]:
-        """Move the pose; returns whether that is certain (None without a map), and the frame's weight."""
+        """Update the pose; returns whether tracking succeeded (None without a map) and a weight."""
         if self._surfels.count == 0:
             self._tracking.begin()
             return None, 1.0
         step = self._tracking.track()
         self._pose = self._pose @ step.motion
-        was_lost = self._health.lost
-        self._health.judge(step.good)
-        if was_lost and not self._health.lost:
+        was_lost = self._monitor.lost
+        self._monitor.record(step.good)
+        if was_lost and not self._monitor.lost:
             self._counts = replace(self._counts, relocalisations=self._counts.relocalisations + 1)
-        return step.good and not self._health.lost, velocity_weight(step.motion)
+        return step.good and not self._monitor.lost, velocity_weight(step.motion)
 
     def _integrate(self, tracked: bool | None, weight: float) -> bool:
-        """Close loops, fuse the frame and clean up behind it; returns whether it was fused."""
+        """Close loops, fuse the frame and clean the map; returns whether it was fused."""
         if tracked is None:
             fused = self._fusion.initialise(self._pose, self._tick) > 0
         else:
             self._close_loops()
-            fused = self._health.fuses(tracked)
+            fused = self._monitor.fuses(tracked)
             if fused:
                 self._index_map.build(self._pose, self._active)
                 self._fusion.fuse(self._pose, self._tick, weight)
@@ -181,38 +180,37 @@ class ElasticFusion:
         return fused
 
     def _close_loops(self) -> None:
-        """Correct the pose, and the map with it, where the camera sees what it has seen before."""
-        if self._health.lost:
+        """Correct the pose and the map where the camera recognises an earlier view."""
+        if self._monitor.lost:
             found = self._loops.relocalise(self._tick)
             if found is not None:
                 self._pose = found
-                self._health.recognised()
+                self._monitor.recognised()
             return
         closure = self._loops.close(self._pose, self._tick, self._active)
         if closure is None:
             return
-        self._deforming.deform(closure.deformation, self._tick)
+        self._deformer.deform(closure.deformation, self._tick)
         self._pose = closure.pose
         if closure.local:
             self._counts = replace(self._counts, local=self._counts.local + 1)
             surface = self._loops.inactive(self._pose, self._active)
             stable = self._configuration.confidence_threshold
-            self._deforming.reactivate(surface, self._pose, self._tick, stable)
+            self._deformer.reactivate(surface, self._pose, self._tick, stable)
         else:
             self._counts = replace(self._counts, global_=self._counts.global_ + 1)
 
     def _predict(self, tracked: bool | None) -> None:
-        """What the next frame is tracked against: the map from the present pose, filled in where it is young.
+        """Render what the next frame is tracked against: the map from the current pose, with gaps filled in.
 
-        A camera that is lost has only its last frame to go by. One that may have found itself again has to
-        prove it against all that was ever seen there, and nothing else. What is seen from a pose that is
-        not certain becomes no keyframe.
+        A lost camera uses only its last frame. A relocalised camera on probation is checked against the whole
+        map and nothing else. A view from an uncertain pose does not become a keyframe.
         """
-        health, stable = self._health, self._configuration.confidence_threshold
-        if health.on_probation:
+        monitor, stable = self._monitor, self._configuration.confidence_threshold
+        if monitor.on_probation:
             self._prediction.render(self._pose, (0, self._tick), 0.0)
             self._fill_in.fill(holes=False)
-        elif health.lost:
+        elif monitor.lost:
             self._fill_in.fill(keep_depth=False, keep_colour=False)
         else:
             self._prediction.render(self._pose, self._active, stable)
@@ -224,12 +222,12 @@ class ElasticFusion:
 
     @property
     def _active(self) -> tuple[int, int]:
-        """The first and the last tick at which what is active was seen."""
+        """The first and the last tick of the active time window."""
         return max(0, self._tick - self._window), self._tick
 
 
 def velocity_weight(motion: Pose) -> float:
-    """What a frame's measurements count after a motion (4, 4): 1 at rest, less the faster, at least half."""
+    """The weight of a frame after a motion (4, 4): 1 at rest, less when fast, at least half."""
     cosine = np.clip((np.trace(motion[:3, :3]) - 1) / 2, -1, 1)
     speed = max(float(np.linalg.norm(motion[:3, 3])), float(np.arccos(cosine)))
     return max(1 - speed / constants.FULL_WEIGHT_BELOW, constants.MIN_VELOCITY_WEIGHT)

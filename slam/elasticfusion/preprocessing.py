@@ -24,14 +24,14 @@ SPATIAL_SIGMA = 4.5  # pixels
 RANGE_SIGMA = 0.03  # metres
 
 
-class Live:
-    """The frame that the camera sees now.
+class InputFrame:
+    """The current frame of the camera.
 
     image: depth as measured, 0 beyond `depth_cutoff` and nearer than 0.3 m; normals of the filtered depth;
     the colours. filtered: float32 metres (height, width), the depth smoothed (13x13, bilateral).
 
-    The map is made of measured depth, so that is what is registered to it: the filter rounds creases and
-    rims, and a camera tracked by its depth is drawn aside there, by 1 to 2 mm a frame in a small room.
+    The map is made of measured depth, so the measured depth is registered to it. The filter rounds creases
+    and rims: tracking by filtered depth drifts there, by 1 to 2 mm a frame in a small room.
     """
 
     def __init__(self, session: Session, camera: Camera, depth_cutoff: float) -> None:

@@ -1,4 +1,4 @@
-"""Whether the normal equations of tracking hold the camera in every direction.
+"""Whether the normal equations of tracking constrain the camera in every direction.
 
 In front of a flat wall the camera may slide and turn along it, and the point-to-plane error does not change:
 the pose passes its check though the camera is elsewhere (Gelfand et al. 2003; Zhang, Kaess and Singh 2016).
@@ -36,5 +36,5 @@ def weakest_direction(normal_matrix: Array, inliers: float, centre: Array) -> fl
 
 
 def is_degenerate(normal_matrix: Array, inliers: float, centre: Array) -> bool:
-    """Whether a direction is held weaker than WEAK_DIRECTION; arguments as in `weakest_direction`."""
+    """Whether a direction is weaker than WEAK_DIRECTION; arguments as in `weakest_direction`."""
     return weakest_direction(normal_matrix, inliers, centre) < WEAK_DIRECTION

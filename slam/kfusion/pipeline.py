@@ -50,14 +50,14 @@ class KFusion:
 
     @property
     def stage_clock(self) -> str:
-        """Who measures the stages: "device" or "none"."""
+        """The clock of the stages: "device" or "none"."""
         return self._execution.stage_clock
 
     def configuration(self) -> dict[str, Any]:
         return self._configuration.to_dict()
 
     def view(self) -> View | None:
-        """What the last raycast saw, thus from the pose after the last frame; None before the first."""
+        """The view of the last raycast, from the pose after the last frame; None before the first."""
         if not self._has_model:
             return None
         vertices, normals = (
@@ -70,7 +70,7 @@ class KFusion:
     def process(
         self,
         depth: NDArray[np.uint16],
-        colour: NDArray[np.uint8] | None = None,  # noqa: ARG002  it has no use for it
+        colour: NDArray[np.uint8] | None = None,  # noqa: ARG002  KinectFusion does not use it
     ) -> Frame:
         """Take the next depth image: uint16 (height, width), millimetres, 0 where nothing was measured."""
         if depth.shape != self._shape or depth.dtype != np.uint16:

@@ -1,4 +1,4 @@
-"""What KinectFusion does with each frame, as data: nothing else knows the order of a frame.
+"""The steps of KinectFusion in each frame, as data: the only place that knows their order.
 
 Frame 0 is the first in which anything was measured (`farthest` is above 0): until then a driver runs frame 0
 again for each image, which changes neither volume nor pose. Frames 0 to 3 are integrated where the camera
@@ -24,7 +24,7 @@ from slam.system import Scene
 
 SCALE = 32766  # of the stored 16-bit distance: one truncation distance
 BLOCK = 8  # voxels along each side of a block
-NEAR_SURFACE = 0.8 * SCALE  # below it a ray takes small steps
+NEAR_SURFACE = 0.8 * SCALE  # below this a ray takes small steps
 FARTHEST_MEASURED = 65535  # millimetres that 16 bits can say
 # A ray advances by at least this part of a voxel, however small mu is: each ray comes to its end.
 LEAST_STEP = 1 / 16
@@ -61,7 +61,7 @@ CAMERA = Parameter("camera", "vec4f")  # fx, fy, cx, cy
 
 
 def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
-    """What each kernel takes. A word holds a voxel's weight where kernels own pixels; by rows it lies
+    """The parameters of each kernel. A word holds a voxel's weight where kernels own pixels; by rows it lies
     apart.
     """
     weights = () if layout.pixels else (_buffer("weights", "write", "u8"),)
@@ -126,7 +126,7 @@ def kernels_of(layout: Layout) -> tuple[Kernel, ...]:
 
 
 def constants_of(layout: Layout) -> dict[str, int | float]:
-    """What kernels of every language share by name."""
+    """The constants that kernels of every language share by name."""
     found: dict[str, int | float] = {
         "BLOCK": BLOCK,
         "SCALE": float(SCALE),

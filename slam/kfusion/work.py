@@ -1,4 +1,4 @@
-"""How much a configuration computes in a frame, from its plan: what a prediction of its time starts from."""
+"""The work of a configuration in a frame, from its plan: the basis of predicted times."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ RESOURCES = {
     "raycasting": "rays",
 }
 FRAMES, LAUNCHES, STEPS = "frames", "launches", "ray steps"
-# By the kernel: the arguments whose product is what its work-items walk through.
+# By kernel: the arguments whose product is the number of steps of each work-item.
 WALKED = {"integrate": ("resolution",) * 3, "track": ("width", "height")}
-OTHER = "other"  # what belongs to no stage
+OTHER = "other"  # outside of all stages
 
 Work = dict[tuple[str, str], float]
 

@@ -1,5 +1,5 @@
-"""What kernels of both languages must agree on, written from the plan: constants, the state, a kernel's
-bindings.
+"""Declarations that kernels of both languages share, generated from the plan: constants, the state, a
+kernel's bindings.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What every executor of a plan offers."""
+"""The interface of every executor of a plan."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from slam.plans.plan import Dispatch, Plan
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one frame: the state after it, and seconds.
+    """The outcome of one frame: the state after it, and seconds.
 
     `computation` is the wall time from the first upload until the state was read back. `stages` is the
     device's time by stage, empty where it has no clock; stages in which nothing was launched took 0.

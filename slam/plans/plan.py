@@ -59,7 +59,7 @@ class Buffer:
 
 @dataclass(frozen=True)
 class Parameter:
-    """What a kernel takes: a buffer, or a scalar or vec4f (without `access`).
+    """A parameter of a kernel: a buffer, or a scalar or vec4f (without `access`).
 
     `access` is "read", "write" (and read), or "atomic" where several work-items may write the same word.
     """
@@ -119,13 +119,13 @@ class Dispatch:
 
     @property
     def groups(self) -> tuple[int, ...]:
-        """How many groups cover SIZE, in each direction."""
+        """The number of groups that cover SIZE, in each direction."""
         return tuple(-(-size // group) for size, group in zip(self.size, self.group, strict=True))
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How one configuration of a system treats each frame of a scene.
+    """The plan of one configuration of a system for each frame of a scene.
 
     `input`: the buffer that takes each frame's depth image, uint16 millimetres, row by row. `state`: the
     members of the struct in the buffer of type "state", without padding; `initial` are those that do not
@@ -163,11 +163,11 @@ class Plan:
         return state
 
     def buffer(self, name: str) -> Buffer:
-        """The buffer NAME. Raises KeyError where there is none."""
+        """The buffer NAME. Raises KeyError if it does not exist."""
         return {buffer.name: buffer for buffer in self.buffers}[name]
 
     def kernel(self, name: str) -> Kernel:
-        """The kernel NAME. Raises KeyError where there is none."""
+        """The kernel NAME. Raises KeyError if it does not exist."""
         return {kernel.name: kernel for kernel in self.kernels}[name]
 
     @property

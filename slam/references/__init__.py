@@ -1,1 +1,1 @@
-"""What a front of protocol 2 adds to its configurations: reference trajectories, bands and times."""
+"""What protocol 2 adds to a front's configurations: reference trajectories, bands and times."""

@@ -1,8 +1,7 @@
-"""How far devices that compute the same may lie apart: a reference trajectory and a band for each
-configuration.
+"""How far devices that compute the same may differ: a reference trajectory and a band for each configuration.
 
-The same kernels on another driver, or laid out otherwise, round otherwise, and tracking carries that on. A
-client whose trajectory leaves the band computes something else.
+The same kernels round differently on another driver or in another layout, and tracking accumulates the
+difference. A client whose trajectory leaves the band computes something else.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from slam.datasets.sequence import Progress
 from slam.devices.choice import choose_device, list_devices, open_session
 from slam.devices.device import Device, DeviceError
 from slam.devices.layout import KINDS, Layout
-from slam.systems import complete
+from slam.registry import complete
 from slam.trajectories.text_files import read_text
 
 # A band is so many times the largest deviation among the devices here, and at least this wide (m):
-# drivers that are not here round differently, too.
+# other drivers round differently, too.
 FACTOR = 3.0
 LEAST_BAND = 0.002
 # A probe whose band would be wider (m) is left out: where drivers disagree, others would, too.

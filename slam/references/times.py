@@ -1,7 +1,7 @@
-"""How long the configurations of a front take on the sequence that clients measure, beside its default.
+"""Times of a front's configurations on the clients' sequence, relative to its default.
 
-An exploration times them over several sequences, most of them once. Predictions for other devices need times
-that can be compared with theirs: of the same sequence, each beside the default.
+An exploration times them over several sequences, most of them once. Predictions for other devices need
+comparable times: on the same sequence, each relative to the default.
 """
 
 from __future__ import annotations

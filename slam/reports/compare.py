@@ -1,4 +1,4 @@
-"""Reports drawn beside each other: time of each stage, time and trajectory error of each frame."""
+"""Reports drawn side by side: time of each stage, time and trajectory error of each frame."""
 
 from __future__ import annotations
 

@@ -124,7 +124,7 @@ def _triangles(distances: NDArray[np.float32], weights: NDArray[np.uint8], first
 def _positions(
     keys: NDArray[np.int64], distances: NDArray[np.float32], first: int, voxel_size: float
 ) -> NDArray[np.float32]:
-    """Where the distance along each edge is zero, in metres, x y z."""
+    """The zero crossing of the distance along each edge, in metres, x y z."""
     side = distances.shape[1]
     voxel, axis = np.divmod(keys, 3)
     lower = np.stack([voxel // side**2 - first, voxel // side % side, voxel % side])

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class MissingPlotlyError(RuntimeError):
-    """Figures were asked for where Plotly is not installed."""
+    """Figures need Plotly, which is not installed."""
 
 
 def plotly() -> ModuleType:
@@ -28,7 +28,7 @@ def plotly() -> ModuleType:
 
 
 def escape(text: str) -> str:
-    """Text as Plotly shows it literally: it reads a small HTML in every label."""
+    """Text escaped for Plotly, which reads simple HTML in every label."""
     return html.escape(text, quote=False)
 
 

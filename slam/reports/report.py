@@ -1,4 +1,4 @@
-"""Reports of runs, as `python -m slam run --json` writes them: read back, and summed up in tables."""
+"""Reports of runs, as `python -m slam run --json` writes them: reading, and summary tables."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STAGE_MEANINGS = {
     },
 }
 MEANINGS = {
-    "computation": "from the upload until the pose is known: what a configuration is judged by",
+    "computation": "from the upload until the pose is known: the time of a configuration",
     "acquisition": "reading and decoding the images; not part of the computation",
     "rendering": "drawing pictures (--render); not part of the computation",
     "total": "all of it",
@@ -46,11 +46,11 @@ ENERGY_SOURCES = {
 
 
 class ReportError(ValueError):
-    """A file that is no report."""
+    """A file that is not a report."""
 
 
 def read(path: Path) -> Mapping[str, Any]:
-    """The report in a JSON file. Raises ReportError naming what is wrong, OSError when it cannot be read."""
+    """The report in a JSON file. Raises ReportError for bad content, OSError when it cannot be read."""
     try:
         report = json.loads(path.read_text(encoding="utf-8"))
         missing = NEEDED - set(report)
@@ -59,25 +59,25 @@ def read(path: Path) -> Mapping[str, Any]:
         for name in (*stages(report), "computation"):
             milliseconds(report, name)
     except (ValueError, KeyError, TypeError) as error:
-        raise ReportError(f"{path} is no report of `python -m slam run --json`: {error}") from None
+        raise ReportError(f"{path} is not a report of `python -m slam run --json`: {error}") from None
     return report
 
 
 def stages(report: Mapping[str, Any]) -> tuple[str, ...]:
-    """The stages whose times are known: none where the backend has no clock for them."""
+    """The stages with known times; none where the backend has no clock for them."""
     return tuple(stage for stage in STAGES if all(frame[stage] is not None for frame in report["frames"]))
 
 
 def milliseconds(report: Mapping[str, Any], name: str) -> NDArray[np.float64]:
     """Times of a stage over the frames that count: from frame 10 on, or all where there are no more."""
     counted = report["frames"][FIRST_COUNTED_FRAME:] or report["frames"]
-    # Reports of older versions know no rendering.
+    # Reports of older versions have no rendering.
     times = [frame.get(name, 0.0) if name == "rendering" else frame[name] for frame in counted]
     return 1e3 * np.array(times, np.float64)
 
 
 def summary(report: Mapping[str, Any]) -> str:
-    """What a run measured, as text for people."""
+    """The measurements of a run, as text for people."""
     sequence, device, frames = report["sequence"], report["device"], report["frames"]
     known = (*stages(report), *MEANINGS)
     names = [name for name in known if name != "rendering" or milliseconds(report, name).any()]
@@ -106,7 +106,7 @@ def summary(report: Mapping[str, Any]) -> str:
 def line(report: Mapping[str, Any]) -> str:
     """One of several sequences on one line: time, largest error, lost frames."""
     ate = report["ate"]
-    error = "no true trajectory" if ate is None else f"largest error {100 * ate['max']:.2f} cm"
+    error = "no true trajectory" if ate is None else f"largest error {_cm(ate['max'])}"
     lost = sum(frame["tracked"] is False for frame in report["frames"])
     return f"{report['sequence']['name']:16}{1e3 * report['runtime']:9.3f} ms a frame, {error}, {lost} lost"
 
@@ -114,7 +114,7 @@ def line(report: Mapping[str, Any]) -> str:
 def _facts(report: Mapping[str, Any]) -> list[str]:
     frames = report["frames"]
     tracked = [frame["tracked"] for frame in frames]
-    degenerate = sum(frame.get("degenerate") is True for frame in frames)  # older reports do not say
+    degenerate = sum(frame.get("degenerate") is True for frame in frames)  # older reports lack this
     computed = sum(frame["computation"] for frame in frames)
     lines = [
         f"{'frames':14}tracked {tracked.count(True)}, lost {tracked.count(False)}, "
@@ -126,26 +126,26 @@ def _facts(report: Mapping[str, Any]) -> list[str]:
     memory, energy = report.get("peak_memory_bytes"), report.get("energy_joules")
     lines.append(f"{'memory':14}" + ("unknown" if memory is None else f"{memory / 2**20:.0f} MiB at most"))
     if energy is None:
-        lines.append(f"{'energy':14}unknown: this platform does not tell")
+        lines.append(f"{'energy':14}unknown: this platform does not report it")
     else:
         source = ENERGY_SOURCES.get(report.get("energy_source") or "", "source unknown")
         power = f", {energy / computed:.2f} W" if computed else ""
         lines.append(f"{'energy':14}{energy / len(frames):.4f} J a frame{power}: {source}")
     ate = report["ate"]
-    if (matched := report.get("matched_poses")) is not None:  # older reports do not say
+    if (matched := report.get("matched_poses")) is not None:  # older reports lack this
         share = 100 * matched / len(frames)
         lines.append(f"{'true poses':14}{matched} of {len(frames)} frames ({share:.0f} %)")
     if ate is None:
         lines.append(f"{'error':14}unknown: no frame has a true pose")
     else:
         lines.append(
-            f"{'error':14}mean {ate['mean']:.4f} m, max {ate['max']:.4f} m, RMSE {ate['rmse']:.4f} m, "
-            f"aligned {ate['rmse_aligned']:.4f} m: {_verdict(report)}"
+            f"{'error':14}mean {_cm(ate['mean'])}, max {_cm(ate['max'])}, RMSE {_cm(ate['rmse'])}, "
+            f"aligned {_cm(ate['rmse_aligned'])}: {_verdict(report)}"
         )
     if online := report.get("ate_online"):
         lines.append(
-            f"{'online error':14}mean {online['mean']:.4f} m, max {online['max']:.4f} m, "
-            f"aligned {online['rmse_aligned']:.4f} m"
+            f"{'online error':14}mean {_cm(online['mean'])}, max {_cm(online['max'])}, "
+            f"aligned {_cm(online['rmse_aligned'])}"
         )
     if loops := report.get("loops"):
         lines.append(
@@ -161,9 +161,9 @@ def _verdict(report: Mapping[str, Any]) -> str:
     return f"{word} ({reason})" if reason else word
 
 
-ONLINE = "online error: of the poses as they were right after each frame"
+ONLINE = "online error: of the poses as reported right after each frame"
 LOOPS = (
-    "loops: local, by fitting what is seen now to an older part of the map; global, by an earlier view; "
+    "loops: local, by registering the view to an older part of the map; global, by an earlier view; "
     "relocalisations: how often a lost camera was found again"
 )
 CLOCKS = {
@@ -183,28 +183,28 @@ def _explanations(report: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     )
     return [
         f"mean ... max: milliseconds a frame, {counted}",
-        CLOCKS[report.get("stage_clock", "wall")],  # older reports do not say
+        CLOCKS[report.get("stage_clock", "wall")],  # older reports lack this
         "95%: 95 of 100 frames took no longer; share: of the computation",
         *(f"{name}: {meanings[name]}" for name in names if name in meanings),
         *([f"not attempted: {ATTEMPTS[system]}"] if system in ATTEMPTS else []),
         "lost: the pose failed its check",
         *(
-            ["degenerate: tracked, but what is seen lets the camera slide or turn, as a flat wall does"]
+            ["degenerate: tracked, but the view lets the camera slide or turn, as a flat wall does"]
             if any(frame.get("degenerate") for frame in report["frames"])
             else []
         ),
         "CPU: of all threads during the computation; energy: likewise, all frames",
         "memory: the largest resident size of the process during the run",
-        "error: metres from the true position, first poses laid on each other; RMSE: root of the mean square",
+        "error: distance from the true position, first poses laid on each other; RMSE: root mean square",
         *([ONLINE] if "ate_online" in report else []),
         *([LOOPS] if "loops" in report else []),
         f"aligned: RMSE after the best rigid alignment, TUM's ATE; valid: tracked, at least "
-        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {VALID_BELOW} m",
+        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {_cm(VALID_BELOW)}",
     ]
 
 
 def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
-    """Reports side by side, the first as the one that others are compared with. Keys are their names."""
+    """Reports side by side, compared with the first. Keys are their names."""
     letters = {
         name: chr(ord("A") + number % 26) + (str(number // 26) if number >= 26 else "")
         for number, name in enumerate(reports)
@@ -228,7 +228,7 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     for key in ("mean", "max", "rmse", "rmse_aligned"):
         errors = [report["ate"] for report in reports.values()]
         title = "aligned RMSE" if key == "rmse_aligned" else f"error {key}"
-        row(title, [f"{ate[key]:.4f} m" if ate else "unknown" for ate in errors])
+        row(title, [_cm(ate[key]) if ate else "unknown" for ate in errors])
     row("true poses", [str(report.get("matched_poses", "unknown")) for report in reports.values()])
     row("lost", [str(sum(f["tracked"] is False for f in r["frames"])) for r in reports.values()])
     words = {True: "yes", False: "no", None: "unknown"}
@@ -252,8 +252,8 @@ def comparison(reports: Mapping[str, Mapping[str, Any]]) -> str:
     lines += [
         "stages and computation: mean time a frame, as in `run`; speedup: of the computation, over A",
         "CPU: of all threads, a frame; lost: frames whose pose failed the check",
-        f"error: metres from the truth, first poses laid on each other; valid: tracked, at least "
-        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {VALID_BELOW} m",
+        f"error: distance from the truth, first poses laid on each other; valid: tracked, at least "
+        f"{100 * LEAST_MATCHED:g} % of the frames compared with a true pose, max below {_cm(VALID_BELOW)}",
     ]
     return "\n".join(lines) + "\n"
 
@@ -262,8 +262,12 @@ def _mean(report: Mapping[str, Any], name: str) -> str:
     return f"{milliseconds(report, name).mean():.3f} ms"
 
 
+def _cm(metres: float) -> str:
+    return f"{100 * metres:.2f} cm"
+
+
 def _identity(description: str | Mapping[str, Any]) -> Any:
-    """What two descriptions share if they are of one thing: of a sequence its digest."""
+    """The identity of a description: for a sequence its digest."""
     return description if isinstance(description, str) else description.get("sha256") or dict(description)
 
 

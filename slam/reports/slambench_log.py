@@ -13,9 +13,9 @@ def log(report: Report) -> str:
     """SLAMBench's columns with their header, separated by tabs.
 
     Times are seconds, of a stage by the report's `stage_clock`, 0 where it has none. X, Y, Z are metres from
-    where the camera started, OpenCV axes (x right, y down, z forward at the start), of the pose after the
-    frame, as the system believes it in the end; SLAMBench itself writes the pose before the frame. tracked
-    and integrated are 1 or 0; a frame whose tracking was not attempted is 0, as in SLAMBench.
+    the camera's start, OpenCV axes (x right, y down, z forward at the start), of the pose after the frame, as
+    finally estimated; SLAMBench itself writes the pose before the frame. tracked and integrated are 1 or 0; a
+    frame whose tracking was not attempted is 0, as in SLAMBench.
     """
     lines = ["\t".join(COLUMNS)]
     positions = report.poses[:, :3, 3] - report.poses[0, :3, 3]

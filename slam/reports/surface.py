@@ -1,7 +1,7 @@
 """The response surface of two parameters: time and trajectory error over a grid of their values.
 
 Nardi et al. 2015 draw it for mu and icp_threshold. Measurements are kept in a CSV file, so that an
-interrupted grid goes on where it stopped.
+interrupted grid resumes where it stopped.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LOG_SPAN = 20  # values that span more than this, all above zero, are drawn on a
 
 
 class SurfaceError(ValueError):
-    """A grid that cannot be measured, or a file that holds something else."""
+    """A grid that cannot be measured, or a file with other content."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class Grid:
 
 
 class Measurements:
-    """The rows of a CSV file by what was measured: every column but MEASURED says what that is.
+    """The rows of a CSV file by their point: every column except MEASURED is part of it.
 
-    A line that an interruption cut off is dropped. Raises SurfaceError when the file holds something else.
+    A line that was cut off is dropped. Raises SurfaceError when the file has other content.
     """
 
     def __init__(self, path: Path, columns: Iterable[str]) -> None:
@@ -75,16 +75,16 @@ class Measurements:
                 with path.open(newline="", encoding="utf-8") as file:
                     lines = list(csv.reader(file))
             except (UnicodeDecodeError, csv.Error) as error:
-                raise SurfaceError(f"{path} is no CSV file: {error}") from None
+                raise SurfaceError(f"{path} is not a CSV file: {error}") from None
             if lines and lines[0] != header:
                 raise SurfaceError(
-                    f"{path} holds other columns than a surface of this version: take another folder"
+                    f"{path} has other columns than a surface of this version: choose another folder"
                 )
             for line in lines[1:]:
                 if len(line) == len(header) and _is_complete(line[len(self._columns) :]):
                     row = dict(zip(header, line, strict=True))
                     self._rows[self._key(row)] = row
-        # Anew and moved into place, so that nothing is lost and no half line is continued.
+        # Written to a new file that replaces the old one: nothing is lost, and no cut line is continued.
         fresh = path.with_suffix(".new")
         with fresh.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, header)
@@ -123,12 +123,12 @@ def measure(
     setting: Mapping[str, Any],
     path: Path,
 ) -> dict[str, NDArray[np.float64]]:
-    """Measure what `path` does not hold yet; return "runtime", "ate_mean" and "ate_max" as (y, x) arrays.
+    """Measure the points that `path` lacks; return "runtime", "ate_mean" and "ate_max" as (y, x) arrays.
 
-    `complete` fills in a configuration, `run` measures one, `setting` names all else that a measurement
-    depends on (sequence, frames, device ...). A configuration that this device cannot run is kept as a
-    failure with its reason (remove its line to try again) and is NaN in the arrays; a bad parameter of any
-    point raises ConfigurationError before anything is measured. A run without truth raises SurfaceError.
+    `complete` fills in a configuration, `run` measures one, `setting` names everything else that a
+    measurement depends on (sequence, frames, device ...). A configuration that this device cannot run is kept
+    as a failure with its reason (remove its line to try again) and is NaN in the arrays; a bad parameter of
+    any point raises ConfigurationError before anything is measured. A run without truth raises SurfaceError.
     """
     configurations = [complete(point) for point in grid.points()]
     known = Measurements(path, [*setting, *configurations[0]])
@@ -169,7 +169,7 @@ def table(grid: Grid, measured: Mapping[str, NDArray[np.float64]]) -> str:
     lines = []
     for title, name, unit, form in (
         ("mean computation, wall milliseconds a frame", "runtime", 1e3, "12.3f"),
-        (f"max trajectory error, metres (valid below {VALID_BELOW})", "ate_max", 1.0, "12.4f"),
+        (f"max trajectory error, centimetres (valid below {100 * VALID_BELOW:g})", "ate_max", 1e2, "12.2f"),
     ):
         lines += [f"{title}; one row for each {grid.y}, one column for each {grid.x}", " " * 10]
         lines[-1] += "".join(f"{value:12g}" for value in grid.x_values)
@@ -214,7 +214,7 @@ def figures(grid: Grid, measured: Mapping[str, NDArray[np.float64]], title: str)
 
 
 def _surface(grid: Grid, values: NDArray[np.float64], z_title: str, colours: str) -> Any:
-    # Colours follow the axis, for of an error that spans decades the small ones matter.
+    # Colours follow the axis: where an error spans decades, the small values matter.
     colour = np.log10(values) if _is_log(values) else values
     ticks = np.array(_round_values(values))
     return plotly().Surface(
@@ -233,7 +233,7 @@ def _surface(grid: Grid, values: NDArray[np.float64], z_title: str, colours: str
 
 
 def _axis(values: Sequence[float] | NDArray[np.float64], ticks: Sequence[float]) -> dict[str, Any]:
-    """The scale that shows these values best, with the ticks written out."""
+    """The best scale for these values, with its ticks."""
     text = [f"{tick:g}" for tick in ticks]
     return {"type": "log" if _is_log(values) else "linear", "tickvals": list(ticks), "ticktext": text}
 

@@ -1,4 +1,4 @@
-"""Trajectory errors by the conventions of SLAMBench 1, SLAMBench 2 and TUM's benchmark, each under its name.
+"""Trajectory errors by the conventions of SLAMBench 1, SLAMBench 2 and TUM's benchmark.
 
 The conventions differ in the alignment, so their figures must not be compared with each other. All take the
 same matched poses here. The programs match stamps themselves: SLAMBench 1 by the frame's number, SLAMBench 2
@@ -51,9 +51,9 @@ def align_new(estimate: Array, truth: Array) -> Array:
     """SLAMBench 2's alignment "new" of ESTIMATE (n, 4, 4), TrajectoryAlignmentMethod.cpp.
 
     Up to 100 poses it is the alignment of the first pose. Else a similarity is fitted that maps the truth to
-    the estimate, and its inverse is applied. The sum of outer products starts with the identity, which pulls
-    the rotation towards none for trajectories of little extent: that is the program's, and kept here.
-    Raises TrajectoryError where the true camera does not move or the fitted scale is 0.
+    the estimate, and its inverse is applied. The sum of outer products starts with the identity, which biases
+    the rotation towards the identity for short trajectories: the original does so, too. Raises
+    TrajectoryError where the true camera does not move or the fitted scale is 0.
     """
     if len(estimate) < ALIGNED_FROM:
         return align_first_pose(estimate, truth)
@@ -134,7 +134,7 @@ def _figures(convention: Convention, estimate: Array, truth: Array) -> dict[str,
 
 
 def statistics(errors: Array) -> dict[str, float]:
-    """The statistics of a list of errors under the names of `evo`, but for the sum of squares."""
+    """The statistics of a list of errors under the names of `evo`, without the sum of squares."""
     return {
         "mean": float(errors.mean()),
         "median": float(np.median(errors)),

@@ -1,4 +1,4 @@
-"""Text files that people and other programs wrote."""
+"""Text files from people and other programs."""
 
 from __future__ import annotations
 

@@ -285,7 +285,7 @@ def _root_mean_square(values: Array) -> float:
 def align(estimate: Array, truth: Array, alignment: Alignment) -> tuple[Array, float]:
     """Poses (n, 4, 4) moved onto the truth as absolute_trajectory_error does, and their scale.
 
-    All true poses must be known. The scale is 1 but for "sim3", which also stretches the positions.
+    All true poses must be known. The scale is 1 except for "sim3", which also stretches the positions.
     """
     if alignment == "first":
         return align_first_pose(estimate, truth), 1.0
@@ -298,9 +298,9 @@ def align(estimate: Array, truth: Array, alignment: Alignment) -> tuple[Array, f
 
 @dataclass(frozen=True)
 class RelativePoseError:
-    """Drift over a fixed number of frames: root mean squares in metres and in degrees, and every pair's own.
+    """Drift over a fixed number of frames: RMSE in metres and in degrees, and the values of every pair.
 
-    A drift is the motion between two frames that the estimate has too much.
+    A drift is the difference between the estimated and the true motion between two frames.
     """
 
     translation: float

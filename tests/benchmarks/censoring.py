@@ -1,8 +1,9 @@
 """python -m tests.benchmarks.censoring: what a search loses where measurements beyond the limit end early.
 
-The made-up KinectFusion with limits, rough and smooth. An error beyond its limit is told in three ways: in
-full, as Censored at a bound between the limit and the value, or as that bound as if it were the value. Prints
-the regret (see tests.benchmarks.pareto) of each seed, the median and the share of censored measurements.
+The made-up KinectFusion with limits, rough and smooth. An error beyond its limit is reported in three ways:
+in full, as Censored at a bound between the limit and the value, or as that bound as if it were the value.
+Prints the regret (see tests.benchmarks.pareto) of each seed, the median and the share of censored
+measurements.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from tests.benchmarks.pareto import BATCH, SEEDS
 from tests.benchmarks.pareto_problems import NAMES, Problem, kfusion
 
 MARKS = (100, 200)  # evaluations
-WAYS: dict[str, tuple[bool, Callable[[float], float]]] = {  # whether measurements end early, what is told
+WAYS: dict[
+    str, tuple[bool, Callable[[float], float]]
+] = {  # whether measurements end early, the reported value
     "full values": (False, float),
     "censored": (True, Censored),
     "bounds as values": (True, float),

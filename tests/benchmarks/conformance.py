@@ -17,7 +17,7 @@ from slam.datasets import open_sequence
 from slam.devices.choice import list_devices
 from slam.devices.device import BACKENDS, Device, DeviceError
 from slam.references.bands import deviation
-from slam.systems import open_session
+from slam.registry import open_session
 
 FRONT = Path(__file__).parents[2] / "fixtures" / "fronts" / "kfusion-4.json"
 NAMES = ("default", "best", "knee", "accurate", "fast3", "front-02")

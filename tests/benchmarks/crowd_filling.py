@@ -1,4 +1,4 @@
-"""A database full of measurements that nobody made: python -m tests.benchmarks.crowd_filling RUNS DEVICES.
+"""A database full of simulated measurements: python -m tests.benchmarks.crowd_filling RUNS DEVICES.
 
 Adds RUNS runs, four a session, of the first published front to the deployment that the environment names.
 The installations are called `simulated`, and no such phone exists. A few devices are very popular and most

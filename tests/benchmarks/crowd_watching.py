@@ -1,4 +1,4 @@
-"""How long whoever watches a large exploration waits: its page, its live part, its figures, the API.
+"""How long a viewer of a large exploration waits: its page, its live part, its figures, the API.
 
 Ten thousand measurements on the embedded default, asked for one after another on a kept connection: what is
 told again (`warm`), and the first answers after another measurement has come (`changed`). Part of

@@ -114,7 +114,7 @@ def simulated(say: Callable[[str], Any]) -> None:
     """A simulated crowd; devices that measured enough are predicted from other series of chips."""
     with tempfile.TemporaryDirectory() as folder:
         crowd.simulate(Path(folder))
-        say("\n### Simulated crowd: nobody measured these devices\n")
+        say("\n### Simulated crowd: these devices were not measured\n")
         say(crowd.inside(Path(folder), "compare"))
 
 

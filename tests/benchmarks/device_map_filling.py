@@ -1,4 +1,4 @@
-"""A large crowd that nobody measured: figures of every configuration, and a session, of each of many devices.
+"""A large simulated crowd: figures of every configuration, and a session, of each of many devices.
 
 Part of `tests.benchmarks.device_map`. Ratios are the reference's to a power that differs by device, with
 noise. The chips are made up; their names have the form of real ones.

@@ -25,8 +25,8 @@ from slam.datasets import Sequence, open_sequence
 from slam.devices.choice import choose_device
 from slam.elasticfusion.configuration import Configuration
 from slam.elasticfusion.pipeline import ElasticFusion
+from slam.registry import open_session
 from slam.system import STAGES, Scene
-from slam.systems import open_session
 
 ROOT = Path(__file__).parent.parent.parent
 SEQUENCE = ROOT / "fixtures" / "sequences" / "living-room"

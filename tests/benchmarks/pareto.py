@@ -3,7 +3,7 @@
 Regret is 1 - HV / HV* of the logarithms of the objectives, HV* of the exhaustive front: lower is better. All
 get the same problems and budgets; a point evaluated twice counts twice. Where measurements are noisy, what a
 search recommends is judged by the values without noise: the recommended front of ours, the non-dominated
-measurements of all others; what it discovered stands beside that. Our seeds are ones that nobody looked
+measurements of all others; what it discovered stands beside that. Our seeds are ones that were not looked
 at while the methods were developed. The peers live in an environment of their own, made on first use (about
 5 GB); their runs are kept there, so that only the first time takes long: about five hours of CPU, of which
 nine tenths are Optuna's Gaussian processes, SMAC and HyperMapper (`--cheap` leaves them out). What is kept

@@ -34,7 +34,7 @@ RESTRICTIONS = [  # of the convolution kernel: exactly what its table leaves out
 class Problem:
     """A space, the (points, 2) minimised values of all its points, NaN where one fails, and what is given.
 
-    `limits` are what a search is told. `references` are the points from which hypervolume is counted, by
+    `limits` are those of the search. `references` are the points from which hypervolume is counted, by
     what they mean: the limits, or the worst values of the whole table. Never does one come from the front.
     With `noise`, a standard deviation of logarithms, each measurement is a value times a random factor; a
     search is judged by the values themselves.

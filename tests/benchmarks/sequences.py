@@ -32,7 +32,7 @@ WINDOW = 100  # frames
 REAL_STARTS = (0, 100, 200)
 REAL_VOLUME, REAL_POSITION = 6.0, (0.5, 0.5, 0.1)
 # SLAMBench's own OpenMP program over the whole recording with the default's parameters: errors in metres.
-# It was built and run by whoever recorded these figures, on another machine.
+# The person who recorded these figures built and ran it, on another machine.
 SLAMBENCH = {"redkitchen-0-300": {"ate_mean": 0.048, "ate_max": 0.092}}
 
 Row = dict[str, Any]

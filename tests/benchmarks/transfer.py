@@ -51,13 +51,13 @@ def search(
 ) -> list[int]:
     """Return the indices that one search measured, in order; `times` (points,) has NaN where one fails."""
     explorer = Explorer(problem.space, ("time",), seed=seed, prior=prior)
-    while len(explorer.history.told) < budget:
-        proposals = explorer.propose(min(BATCH, budget - len(explorer.history.told)))
+    while len(explorer.history.results) < budget:
+        proposals = explorer.propose(min(BATCH, budget - len(explorer.history.results)))
         explorer.tell(
             [proposal.configuration for proposal in proposals],
             [_values(times[proposal.index]) for proposal in proposals],
         )
-    return list(explorer.history.told)
+    return list(explorer.history.results)
 
 
 def excess(times: NDArray[np.float64], indices: list[int]) -> NDArray[np.float64]:

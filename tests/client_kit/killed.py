@@ -2,7 +2,7 @@
 
 `python -m tests.client_kit.killed FOLDER SERVER STRIDE` runs once to count the lines, then again and again
 in forked children, each with a home of its own, killed STRIDE lines later than the one before, and after
-each a second `run`, of one session, that nobody disturbs. It prints, as JSON, how many lines there are and
+each a second `run`, of one session, without disturbance. It prints, as JSON, how many lines there are and
 for each kill the line's place and what the spool held after the kill and at the end. Measuring is canned: it
 is what comes before, after and between the runs that may lose or double a session. No OpenCL is touched,
 which does not survive a fork.
@@ -19,7 +19,7 @@ from types import FrameType, SimpleNamespace
 from typing import Any
 
 import client_kit
-from client_kit.console import Console, Silence
+from client_kit.console import Console, NullStream
 from client_kit.delivery.manifest import Manifest
 from client_kit.delivery.spool import Spool
 from client_kit.device import preflight
@@ -27,7 +27,7 @@ from client_kit.home import Home
 from client_kit.measuring import measurement
 from client_kit.measuring.session import Session
 from client_kit.participating import participation
-from client_kit.participating.participation import Wishes
+from client_kit.participating.participation import RunOptions
 from tests.client_kit import canned
 
 CLIENT = Path(client_kit.__file__).parent
@@ -63,8 +63,8 @@ def run(home: Home, server: str, sessions: int, last: int | None = None) -> int:
     sys.settrace(lines)
     try:
         home.prepare()
-        wishes = Wishes(server, yes=True, sessions=sessions)
-        participation.run(wishes, home, Console(Silence()), pause=lambda _: None)
+        options = RunOptions(server, yes=True, sessions=sessions)
+        participation.run(options, home, Console(NullStream()), pause=lambda _: None)
     finally:
         sys.settrace(None)
     return lines.count

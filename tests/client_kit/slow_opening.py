@@ -25,7 +25,7 @@ def open_session(_application: str, _device: Any, progress: Progress | None = No
 
 
 class SlowWorker(worker.Worker):
-    """The real one, but for its measurements."""
+    """The real one, except its measurements."""
 
     def measure(self, parameters: Mapping[str, Any], frames: int, ahead: int, progress: Any) -> Any:
         return BreakingWorker.measure(self, parameters, frames, ahead, progress)  # type: ignore[arg-type]

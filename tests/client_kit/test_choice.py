@@ -142,7 +142,7 @@ def test_what_failed_here_is_not_chosen_for_its_prediction() -> None:
      {"front": [recommended("fine", {}, low="low")]}, {"front": [recommended("fine", {}, ratio=None)]}],
 )  # fmt: skip
 def test_a_recommendation_that_is_not_understood_is_refused(answer: dict[str, Any]) -> None:
-    with pytest.raises(NotFrontrunnerError, match="recommendation is not understood"):
+    with pytest.raises(NotFrontrunnerError, match="recommendation is malformed"):
         predictions(answer)
 
 
@@ -253,10 +253,10 @@ def test_what_fails_half_the_time_here_is_never_chosen() -> None:
     default = run("default", 200, 0.011)
 
     half = points(FRONT, [session(default, run("best", 40, 0.03), failed)])
-    seldom = points(FRONT, [session(default, run("best", 40, 0.03), run("best", 40, 0.03), failed)])
+    rarely = points(FRONT, [session(default, run("best", 40, 0.03), run("best", 40, 0.03), failed)])
 
     assert "best" not in [point.name for point in half]
-    assert "best" in [point.name for point in seldom]
+    assert "best" in [point.name for point in rarely]
 
 
 def test_the_choice_is_run_on_the_device_that_it_was_made_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,12 +3,20 @@
 import io
 import os
 
+import pytest
+
 from client_kit.console import Console
 
 
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True
+
+
+@pytest.fixture(autouse=True)
+def _plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Terminals without colours, whatever this machine's are."""
+    monkeypatch.setenv("NO_COLOR", "1")
 
 
 def test_a_bar_is_drawn_in_place_and_makes_way_for_a_line() -> None:
@@ -59,3 +67,16 @@ def test_when_its_reader_is_gone_it_falls_silent() -> None:
         console.lines(["two", "three"])
 
         assert console.silent
+
+
+def test_a_terminal_highlights_the_first_word_of_notes_and_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("sys.platform", "linux")
+    terminal = Terminal()
+
+    Console(terminal).lines(["Note: warm", "Speedup of best: 2.00", "Notes: none"])
+
+    assert terminal.getvalue() == (
+        "\x1b[1;33mNote:\x1b[0m warm\n\x1b[1;32mSpeedup\x1b[0m of best: 2.00\nNotes: none\n"
+    )

@@ -195,7 +195,7 @@ def test_the_parts_of_a_measurement_are_sent(
     assert lab.results[0]["parts"] == [
         {"sequence": "room", "lost": 1, "objectives": {"runtime": 0.02, "ate_max": 0.01}}
     ]
-    assert "at least 10.0 mm over 1 of 2 sequences" in said
+    assert "at least 1.00 cm over 1 of 2 sequences" in said
 
 
 @pytest.mark.parametrize(
@@ -340,7 +340,7 @@ def test_a_result_that_was_not_told_is_told_by_the_next_process(
     lab.server.answer = lambda request: away if request.path.endswith("/result") else lab.answer(request)
     with pytest.raises(KeyboardInterrupt):
         serve(Server(lab.server.url), "board", "secret", home, Console(said), pause=interrupted)
-    assert "its result is kept here and sent by the next `evaluate`" in said.getvalue()
+    assert "its result is stored here and sent by the next `evaluate`" in said.getvalue()
 
     lab.server.answer = lab.answer
     told, _ = serve_lab(lab)

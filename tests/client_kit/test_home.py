@@ -39,7 +39,7 @@ def test_a_damaged_document_is_named(home: Home) -> None:
 def test_a_folder_that_cannot_be_made_is_told_with_the_remedy(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
 
-    with pytest.raises(HomeError, match="set FRONTRUNNER_HOME to a folder that can be written"):
+    with pytest.raises(HomeError, match="set FRONTRUNNER_HOME to a writable folder"):
         Home(tmp_path / "file" / "home").prepare()
 
 
@@ -61,11 +61,11 @@ def test_a_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
 def test_consent_holds_for_one_version_and_one_server(home: Home) -> None:
     consent.remember(home, "https://one.example", 1)
 
-    assert consent.given(home, "https://one.example", 1)
-    assert not consent.given(home, "https://one.example", 2)
-    assert not consent.given(home, "https://two.example", 1)
+    assert consent.is_agreed(home, "https://one.example", 1)
+    assert not consent.is_agreed(home, "https://one.example", 2)
+    assert not consent.is_agreed(home, "https://two.example", 1)
     consent.withdraw(home)
-    assert not consent.given(home, "https://one.example", 1)
+    assert not consent.is_agreed(home, "https://one.example", 1)
 
 
 def test_the_consent_text_shows_what_this_device_would_send() -> None:

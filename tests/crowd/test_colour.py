@@ -16,7 +16,7 @@ from crowd.fronts.content.front_file import InvalidFrontError
 from crowd.fronts.publishing import services
 from crowd.fronts.sequences import SequenceError
 from slam.datasets.formats.pack import Pack, colour_folder
-from slam.systems import SYSTEMS
+from slam.registry import SYSTEMS
 from tests.crowd.documents import front_document, write_pack
 from tests.crowd.participant import API
 from tests.slam.tiny import FRAMES, write_tiny_pack

@@ -9,7 +9,7 @@ import pytest
 from crowd.fronts.content.generalisation import bound
 from slam.benchmark import run
 from slam.devices.choice import choose_device
-from slam.systems import open_session
+from slam.registry import open_session
 from tests.benchmarks.sequences import REAL_STARTS, WINDOW, newest_fronts, real_excerpts
 from tests.slam.real import DATA, needs_real_data
 

@@ -292,7 +292,7 @@ def test_the_default_method_learns_from_given_configurations_in_its_space(unsave
     phases = set(exploration.evaluations.values_list("phase", flat=True))
     assert phases - {"again"} == {"given", "random", "active", "repeat"}
     explorer = search.explorer(exploration, search.rows_of(exploration))
-    assert len(explorer.history.told) == 50 - exploration.evaluations.filter(phase="again").count()
+    assert len(explorer.history.results) == 50 - exploration.evaluations.filter(phase="again").count()
 
 
 @pytest.mark.parametrize(

@@ -117,7 +117,7 @@ def test_the_search_is_told_a_bound_and_never_puts_it_on_the_front(several: Expl
 
     explorer = search.explorer(exploration, search.rows_of(exploration))
 
-    [values] = explorer.history.told[row.index]
+    [values] = explorer.history.results[row.index]
     assert isinstance(values[0], Censored)
     assert values[1] == pytest.approx(objectives_of(row)["runtime"])
     assert BAD not in [configuration for configuration, _ in explorer.front()]

@@ -116,7 +116,7 @@ def test_points_measured_again_run_over_the_whole_sequence_in_turn(unsaved: Expl
     assert {row.frames for row in exploration.evaluations.exclude(phase="repeat")} == {11}
     assert run_to_the_end(exploration).state == "done"
     explorer = search.explorer(exploration, search.rows_of(exploration))
-    assert all(len(values) == 1 for values in explorer.history.told.values())
+    assert all(len(values) == 1 for values in explorer.history.results.values())
 
 
 def test_a_clone_wishes_the_same_and_has_measured_nothing(exploration: Exploration) -> None:
@@ -151,7 +151,7 @@ def test_another_devices_measurements_are_a_prior_and_never_a_measurement(explor
 
     assert warm.evaluations.filter(phase="prior").count() == exploration.evaluations.count()
     explorer = search.explorer(warm, search.rows_of(warm))
-    assert not explorer.history.told
+    assert not explorer.history.results
     assert explorer.state()["prior"]
 
 
@@ -219,7 +219,7 @@ def test_an_outlier_is_measured_twice_more_and_the_median_counts(unsaved: Explor
     assert len(checks) <= search.CHECKS * search.MOST_OUTLIERS * 50
     finish(checks)
     explorer = search.explorer(exploration, search.rows_of(exploration))
-    (told,) = explorer.history.told[rows[0].index or 0]
+    (told,) = explorer.history.results[rows[0].index or 0]
     assert told == (disturbed.objectives["ate_max"], disturbed.objectives["runtime"])
     assert run_to_the_end(exploration).evaluations.filter(phase="check").count() == len(checks)
 

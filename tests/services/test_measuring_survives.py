@@ -97,5 +97,5 @@ def test_a_board_outlives_its_server_and_a_lost_lease(tmp_path: Path) -> None:
             client.process.wait(60)
             said = client.said()
 
-        assert "is given back" in said
+        assert "is returned" in said
         assert until(lambda: evaluations(server))["running"] == 0

@@ -1,4 +1,4 @@
-"""Real recordings that are no part of this project, where someone has put them."""
+"""Real recordings, which are not part of this project, where present."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from slam.datasets.formats import tum
 from slam.devices.device import NoDeviceError
 from slam.devices.opencl import BoundKernel
 from slam.kfusion.configuration import STANDARD
+from slam.registry import complete
 from slam.system import STAGES
-from slam.systems import complete
 from tests.slam.sequences import ArraySequence
 from tests.slam.shipped import LIVING_ROOM
 from tests.slam.tiny import write_tiny_pack

@@ -253,4 +253,4 @@ def _runs(pid: int) -> bool:
         state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
     except FileNotFoundError:
         return False
-    return state != "Z"  # whoever adopted it has not looked at it yet
+    return state != "Z"  # its new parent has not collected it yet

@@ -13,8 +13,8 @@ from crowd.fronts.content.protocol import first_counted_frame, max_ate
 from crowd.results.reading.backends import BACKENDS
 from crowd.results.reading.rows import Attempts, Device, RunSeries, Speedup
 from crowd.results.validity.rules import RULES
-from slam.disclosure import public
 from slam.protocol import MAX_DRIFT
+from slam.public_text import without_folders
 
 register = template.Library()
 
@@ -39,7 +39,7 @@ FORMATS: dict[str, Callable[..., str]] = {
     "application": formats.application,
     "model": formats.model,
     "duration": formats.duration,
-    "public": public,
+    "public": without_folders,
     "hour": formats.hour,
     "day": formats.day,
 }

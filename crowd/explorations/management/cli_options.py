@@ -13,7 +13,7 @@ from crowd.explorations.models import Exploration, ReferenceDevice
 from crowd.explorations.objectives import RATIO
 from crowd.fronts import sequences
 from pareto.errors import ParetoError
-from pareto.search.methods import DEFAULT, METHODS, present
+from pareto.search.methods import DEFAULT, METHODS, current_method
 from pareto.spaces.space import Space
 from slam.protocol import VALID_BELOW
 
@@ -147,7 +147,7 @@ def _names(text: str) -> list[str]:
 
 
 def _method(text: str) -> str:
-    return present(text, {})[0]  # of an earlier program: what replaced it
+    return current_method(text, {})[0]  # of an earlier program: what replaced it
 
 
 def _limit(text: str) -> tuple[str, float]:

@@ -25,7 +25,7 @@ from crowd.explorations.measuring.measurement import (
     outcome,
 )
 from crowd.explorations.models import Evaluation, Exploration, ReferenceDevice
-from slam.isolated import one_line
+from slam.public_text import one_line
 
 UNFINISHED = (Evaluation.State.PENDING, Evaluation.State.RUNNING)
 ASK_AGAIN_SECONDS = 0.5

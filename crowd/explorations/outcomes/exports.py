@@ -11,8 +11,8 @@ from typing import Any
 
 from crowd.explorations.models import Evaluation, Exploration
 from crowd.explorations.objectives import MEASURED
-from slam.disclosure import public
 from slam.isolated import STAGES
+from slam.public_text import without_folders
 
 ABOUT = (
     *("number", "phase", "iteration", "label", "state", "attempt", "frames", "perturbation", "censored"),
@@ -70,7 +70,7 @@ def _rows(exploration: Exploration, staff: bool) -> Iterator[dict[str, Any]]:
     for evaluation in evaluations.iterator(chunk_size=AT_ONCE):
         yield {
             **{name: getattr(evaluation, name) for name in ABOUT},
-            **({"worker": evaluation.worker} if staff else {"error": public(evaluation.error)}),
+            **({"worker": evaluation.worker} if staff else {"error": without_folders(evaluation.error)}),
             "device": (evaluation.device or {}).get("name"),
             **{
                 name: moment.isoformat() if (moment := getattr(evaluation, name)) else None

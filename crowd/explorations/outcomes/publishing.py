@@ -22,8 +22,8 @@ from crowd.fronts.models import FrontVersion
 from crowd.fronts.publishing import services as fronts
 from crowd.fronts.selectors import BEST, DEFAULT
 from pareto.fronts.front import knee, nondominated
-from slam.disclosure import public
 from slam.protocol import VALID_BELOW
+from slam.public_text import without_folders
 
 PREDICTED = ("runtime", "ate_max", "ate_mean")
 PROTOCOL: dict[str, Any] = {
@@ -346,7 +346,7 @@ def _provenance(
             "frames": exploration.frames or "all",
         },
         **warm_start,
-        "command": public(exploration.command) or creation_command.command(exploration) or UNSPOKEN,
+        "command": without_folders(exploration.command) or creation_command.command(exploration) or UNSPOKEN,
     }
 
 

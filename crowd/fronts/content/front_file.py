@@ -49,7 +49,7 @@ class Application(NamedTuple):
     colour: bool
 
 
-# As slam.systems has them, without the OpenCL behind those: every start of a server checks what ships.
+# As slam.registry has them, without the OpenCL behind those: every start of a server checks what ships.
 APPLICATIONS = {
     "elasticfusion": Application(ElasticConfiguration.from_mapping, ("opencl",), colour=True),
     "kfusion": Application(KFusionConfiguration.from_mapping, ("opencl", "webgpu"), colour=False),

@@ -21,7 +21,7 @@ from crowd.results.intake import checking, packing, protocol_2, schema, unknown_
 from crowd.results.intake.allowance import Sender, charge_body, charge_rows
 from crowd.results.intake.stages import STAGES
 from crowd.results.models import MeasurementSession, Run, State, Submission
-from slam.disclosure import public
+from slam.public_text import without_folders
 
 CLOSED_SECONDS = 3600
 TRIES = 3  # a request stored beside others of the same content
@@ -249,7 +249,7 @@ def _run(item: checking.Item, front: checking.Front) -> Run:
         repeat=run.repeat,
         order=run.order,
         status=run.status,
-        failure=public(run.failure or ""),
+        failure=without_folders(run.failure or ""),
         frame_us=packing.pack(run.frame_us),
         stages=names,
         stages_us=stages_us,

@@ -23,9 +23,9 @@ class Algorithm1(Method):
 
     Measure `initial` random configurations; fit one random forest of `trees` trees to each objective;
     predict the whole space and take its front P; measure P minus what is measured; refit; stop when nothing
-    is left to measure. Nothing here knows of limits, and failures are not learnt from. A censored value
-    counts as its bound. All of P is measured before the forests are fitted again, so a small `count` deals it
-    out over several calls.
+    is left to measure. It ignores limits and failures. A censored value
+    counts as its bound. All of P is measured before the forests are fitted again, so a small `count` spreads
+    it over several calls.
     """
 
     initial: int = 200
@@ -53,11 +53,11 @@ class Algorithm1(Method):
         return [(index, ACTIVE) for index in self._queue[:count]]
 
     def memory(self) -> dict[str, Any]:
-        """Return what of P is still to be dealt out."""
+        """Return the part of P that was not returned yet."""
         return {"queue": self._queue}
 
     def recall(self, memory: Mapping[str, Any], space: Space) -> None:
-        """Take back the rest of P."""
+        """Restore the rest of P."""
         self._queue = [read_index(space, index) for index in memory["queue"]]
 
 

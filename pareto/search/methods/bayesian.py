@@ -1,8 +1,8 @@
 """The default method: Gaussian processes, and two expected gains in hypervolume.
 
-The local gain is what the processes near the front expect beyond it; the overall gain, what the processes of
-all values expect anywhere. Each proposal is the best by one of them, and both look at one pool: drawn points,
-the neighbours of the front, and the neighbours of the best of these for as long as they get better.
+The local gain uses the processes near the front, the overall gain the processes of all values. Each proposal
+maximises one of them over a common pool: drawn points, the neighbours of the front, and the neighbours of the
+best of these as long as they improve.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from pareto.errors import StateError
-from pareto.search.candidates import DRAWS, beside, beside_front, likely, pool
+from pareto.search.candidates import DRAWS, front_neighbours, likely_points, neighbours, pool
 from pareto.search.history import History
 from pareto.search.methods.method import ACTIVE, AGAIN, RANDOM, Method
 from pareto.search.models import RENEWAL, Learned, Models, read_learned
@@ -29,13 +29,13 @@ from pareto.spaces.space import Indices, Space, read_index
 from pareto.surrogates.success import Success
 
 Array = NDArray[np.float64]
-Chosen = list[tuple[int, str]]  # indices, each with the phase that wants it
+Chosen = list[tuple[int, str]]  # indices, each with its phase
 
-EXPLORE = 14  # one proposal in so many is random at first; the share falls with the root of what was measured
-CLIMB = 8  # best candidates whose neighbours are looked at, and how often
-AHEAD = 50  # one in so many of the measurements: proposals that are chosen at once, though asked for singly
-SHORTLIST = 500  # candidates that are kept until the next renewal: a limit of cost, as the next one is
-GREEDY = 100  # of a batch that are chosen one after the other
+EXPLORE = 14  # one proposal in so many is random at first; see `Bayesian`
+CLIMB = 8  # best candidates whose neighbours are evaluated, and how often
+AHEAD = 50  # proposals chosen at once, one in so many of the measurements, even if asked for one by one
+SHORTLIST = 500  # candidates kept until the next renewal: limits the cost, like the next one
+GREEDY = 100  # of a batch that are chosen sequentially
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # the fractions of its multiples are spread evenly
 
 
@@ -43,18 +43,18 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # the fractions of its multiples are spre
 class Bayesian(Method):
     """Expected hypervolume improvement over a pool of candidates.
 
-    `initial` evenly spread configurations come first, the default before all others. Where it is not given,
-    those are FEW, and no more once half as many succeeded. Then each batch: Gaussian processes learn from at
-    most `points` measurements near the front, and look at about `candidates` points; the best are taken one
-    after the other, each as if those before it had turned out as expected (kriging believer). Where repeats
-    differ, or are suspected to, a configuration is measured again when that is expected to gain more than a
-    new one. One in EXPLORE proposals is drawn at random instead; that share falls with the root of what was
-    measured, so that exploration gets rare and never ends. Small batches share a pool and, once there are
+    `initial` evenly spread configurations come first, the default before all others. By default those are
+    FEW, or fewer once half as many succeeded. Then, for each batch: Gaussian processes learn from at most
+    `points` measurements near the front, and predict about `candidates` points. The best are taken
+    sequentially, each as if those before it had turned out as expected (kriging believer). Where repeats
+    differ, or may differ, a configuration is measured again when that is expected to gain more than a new
+    one. One in EXPLORE proposals is random instead; that share falls with the root of the number of
+    measurements, so exploration becomes rare and never ends. Small batches share a pool and, once there are
     hundreds of measurements, models: a few proposals are chosen ahead.
 
-    With a prior, every other of the first half of the initial ones is one that did well on the other device,
-    as long as the measurements here agree, and of the second half those are left out that it measured; the
-    models learn what the trend between the two devices leaves over.
+    With a prior, every second one of the first half of the initial points did well on the other device, as
+    long as the measurements here agree. The second half skips points that the other device measured. The
+    models learn the residuals of the trend between the two devices.
     """
 
     uses_prior: ClassVar[bool] = True
@@ -66,10 +66,10 @@ class Bayesian(Method):
     _learned: Learned = field(default_factory=Learned, init=False)
     _since: int = field(default=0, init=False)  # proposals since both were renewed
     _ahead: Chosen = field(default_factory=list, init=False)  # not yet asked for
-    _until: int = field(default=0, init=False)  # so many are taken: those are out of date
+    _until: int = field(default=0, init=False)  # the number of results after which both are out of date
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> Chosen:
-        """Return `count` proposals, or what is left of the space."""
+        """Return `count` proposals, or the rest of the space."""
         taken = history.taken()
         chosen = self._design(history, count, rng)
         count -= len(chosen)
@@ -81,15 +81,16 @@ class Bayesian(Method):
             count -= len(best)
         if count <= 0:
             return chosen
-        # Where no candidate promises anything, the rest of the batch explores.
+        # Where no candidate has an expected gain, the rest of the batch is random.
         exclude = taken | {index for index, _ in chosen}
-        rest = likely(history.space, _measurable(history, rng), count, exclude, rng).tolist()
+        rest = likely_points(history.space, _measurable(history, rng), count, exclude, rng).tolist()
         if not chosen and not rest:
-            rest = sample(history.space, count, rng, exclude).tolist()  # to propose nothing ends a search
+            rest = sample(history.space, count, rng, exclude).tolist()  # an empty batch would end the search
         return chosen + [(index, RANDOM) for index in rest]
 
     def memory(self) -> dict[str, Any]:
-        """Return what small batches share: the shortlist, what models learned, and what is chosen ahead."""
+        """Return the state of small batches: the shortlist, the learned models, the proposals chosen
+        ahead."""
         return {
             "shortlist": self._shortlist,
             "hyperparameters": self._learned.hyperparameters,
@@ -100,7 +101,7 @@ class Bayesian(Method):
         }
 
     def recall(self, memory: Mapping[str, Any], space: Space) -> None:
-        """Take back what `memory` returned; without it, as in states of earlier programs, all is renewed."""
+        """Restore what `memory` returned; without it, as in states of earlier versions, all is renewed."""
         if memory.get("hyperparameters") is None:
             return
         self._shortlist = [read_index(space, index) for index in memory["shortlist"]]
@@ -110,7 +111,7 @@ class Bayesian(Method):
         self._until = int(memory["until"])
 
     def _design(self, history: History, most: int, rng: np.random.Generator) -> Chosen:
-        """Return up to `most` of what comes first, the same however small the portions it is asked for in."""
+        """Return up to `most` initial points; the sequence does not depend on the batch sizes."""
         taken, space = history.taken(), history.space
         first = self.initial or FEW
         if len(taken) >= first or (self.initial is None and 2 * len(history.measured()[0]) >= FEW):
@@ -121,7 +122,7 @@ class Bayesian(Method):
         drawn = spread_sample(space, first - 1, np.random.default_rng(self.seed), {default})
         design = [default, *drawn.tolist()]
         if prior:
-            design = design[:half] + [index for index in design[half:] if index not in prior.source.told]
+            design = design[:half] + [index for index in design[half:] if index not in prior.source.results]
         count = min(len(design) - len(taken), most)
         if count <= 0:
             return []
@@ -129,7 +130,7 @@ class Bayesian(Method):
         if prior:
             phases = [*(history.phases | history.pending).values()]
             wanted = min(len(taken) + count, half) // 2 - phases.count(ACTIVE)
-            room = count - (default not in taken)  # which comes before all others
+            room = count - (default not in taken)  # the default comes first
             proven = prior.promising(min(wanted, room), taken | {default}).tolist()
         exclude = taken | {*proven}
         design = [index for index in design if index not in exclude][: count - len(proven)]
@@ -138,14 +139,14 @@ class Bayesian(Method):
         return [(index, RANDOM) for index in [*design, *rest]] + [(index, ACTIVE) for index in proven]
 
     def _next(self, history: History, count: int, also_taken: list[int], rng: np.random.Generator) -> Chosen:
-        """Return the next `count` of those chosen ahead, or choose again if they are too few or old."""
+        """Return the next `count` proposals chosen ahead, or choose again if they are too few or old."""
         taken = history.taken() | set(also_taken)
         gone = {RANDOM: taken, ACTIVE: taken, AGAIN: history.pending.keys() | set(also_taken)}
         ahead = [(index, phase) for index, phase in self._ahead if index not in gone[phase]]
         if len(ahead) < count or len(taken) >= self._until:
             size = max(count, len(taken) // AHEAD)
             self._until = len(taken) + size
-            # On matrices of a few hundred rows, threads of BLAS cost six times what they save.
+            # BLAS threads slow down work on matrices of a few hundred rows.
             with threadpool_limits(limits=1, user_api="blas"):
                 ahead = self._best(history, size, also_taken, rng)
         self._ahead = ahead[count:]
@@ -164,7 +165,7 @@ class Bayesian(Method):
         if renewed:
             found = pool(targets, history.space, models.measurable, self.candidates, taken, rng)
         else:
-            around = rng.permutation(beside_front(targets, history.space))[: self.candidates // 2]
+            around = rng.permutation(front_neighbours(targets, history.space))[: self.candidates // 2]
             found = np.union1d(self._shortlist, around).astype(np.int64)
             found = found[~np.isin(found, np.fromiter(taken, dtype=np.int64))]
         found = _climb(models, found, taken, max(SHORTLIST, 5 * count), rng)
@@ -187,12 +188,12 @@ def _read_phase(phase: object) -> str:
 
 
 def looks_elsewhere(turn: int, far: float) -> bool:
-    """Return whether the overall gain decides: in a share `far` of all turns, evenly spread."""
+    """Return whether the overall gain is used: in a share `far` of all turns, evenly spread."""
     return turn * GOLDEN % 1.0 < far
 
 
 def _climb(models: Models, found: Indices, taken: set[int], count: int, rng: np.random.Generator) -> Indices:
-    """Return the `count` of `found`, and of the neighbours of the best, that promise most, best first."""
+    """Return the `count` best of `found` and of the neighbours of its best, by descending gain."""
     if not len(found):
         return found
     front = models.front
@@ -205,7 +206,7 @@ def _climb(models: Models, found: Indices, taken: set[int], count: int, rng: np.
     seen = taken | set(found.tolist())
     fresh, fresh_gain = found, gain
     for _ in range(CLIMB):
-        around = beside(fresh[_best_of_each(fresh_gain, CLIMB)], models.space)
+        around = neighbours(fresh[_best_of_each(fresh_gain, CLIMB)], models.space)
         around = rng.permutation(around[~np.isin(around, np.fromiter(seen, dtype=np.int64))])[:SHORTLIST]
         if not len(around):
             break
@@ -219,7 +220,7 @@ def _climb(models: Models, found: Indices, taken: set[int], count: int, rng: np.
 
 
 def _best_of_each(gain: Array, count: int) -> NDArray[np.int64]:
-    """Return the positions of the `count` best, in turn by each of the (2, n) gains that sees any there."""
+    """Return the positions of the `count` best, in turn by each of the (2, n) gains that are not all zero."""
     order = np.argsort(-gain, axis=1, kind="stable")
     promising = np.take_along_axis(gain, order, axis=1) > 0
     ranked = np.concatenate([order.T[promising.T], np.arange(gain.shape[1])])
@@ -232,9 +233,8 @@ def _greedy(
 ) -> Chosen:
     """Return `count` of `found` or of what was measured, each the best if those before turn out as expected.
 
-    Those `waiting` are under way already and are supposed first. The gains take turns, the first of them
-    that of number `turn`; where one sees nothing left to gain, the other decides. A repeat competes with the
-    local gain, whose unit it has.
+    Those `waiting` are pending and are supposed first. The gains alternate, beginning with number `turn`;
+    where one is zero everywhere, the other is used. A repeat competes with the local gain, in the same unit.
     """
     front = models.front
     prediction = models.at(np.concatenate([found, waiting]))
@@ -254,7 +254,7 @@ def _greedy(
         if again.max(initial=0.0) > best and not elsewhere:
             row = int(np.argmax(again))
             chosen.append((int(models.targets.indices[row]), AGAIN))
-            # One repeat is enough to learn whether there is any noise.
+            # One repeat shows whether there is any noise.
             again[row if models.noise.known else slice(None)] = 0.0
             continue
         if best <= 0:
@@ -263,7 +263,7 @@ def _greedy(
         chosen.append((int(prediction.indices[place]), ACTIVE))
         front = np.vstack([front, prediction.suppose(place)])
         free[place] = False
-    # Of a huge batch the rest is taken as the last look ranks it.
+    # The rest of a huge batch is taken in the order of the last gains.
     gain = np.where(free, gain, 0.0)
     ranked = np.argsort(-gain, kind="stable")[: count - len(chosen)]
     return chosen + [(int(prediction.indices[place]), ACTIVE) for place in ranked if gain[place] > 0]

@@ -1,4 +1,4 @@
-"""What every search method does."""
+"""The interface of search methods."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ RANDOM, ACTIVE, AGAIN = "random", "active", "again"  # phases: AGAIN measures a 
 
 
 class Method:
-    """Proposes what to measure next from what is known.
+    """Proposes the next measurements from the history.
 
-    A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps
-    nothing between proposals but its `memory`. `uses_prior` tells whether it respects what another device
-    measured; the explorer then sets its `prior`.
+    A dataclass: its fields with defaults are its options, all of them whole numbers. A method keeps only its
+    `memory` between proposals. `uses_prior`: whether it uses another device's measurements; the explorer then
+    sets its `prior`.
     """
 
     uses_prior: ClassVar[bool] = False
-    seed: int = 0  # the explorer's, for what must not depend on how often it was asked
+    seed: int = 0  # the explorer's, for draws that must not depend on the number of calls
     prior: Prior | None = None
 
     def propose(self, history: History, count: int, rng: np.random.Generator) -> list[tuple[int, str]]:
         """Return up to `count` (index, phase) pairs, distinct; fewer to wait or to end.
 
-        None is pending, and only those of phase AGAIN are told already.
+        None is pending, and only those of phase AGAIN have results.
         """
         raise NotImplementedError
 
     def memory(self) -> dict[str, Any]:
-        """Return what must survive a restart beyond the history, as plain JSON."""
+        """Return the state beyond the history as plain JSON."""
         return {}
 
     def recall(self, memory: Mapping[str, Any], space: Space) -> None:
-        """Take back what `memory` returned.
+        """Restore what `memory` returned.
 
         Raises StateError, or what reading plain JSON of another shape raises, when it is damaged.
         """

@@ -13,7 +13,7 @@ from pareto.spaces.sampling import sample
 
 @dataclass
 class Random(Method):
-    """Draws uniformly from what is left; `initial` is every method's option, and changes nothing here."""
+    """Draws uniformly from the remaining points; `initial` is every method's option, without effect here."""
 
     initial: int = 40
 

@@ -7,9 +7,9 @@ into a plane of low and one of high bytes, and deflated.
 
 A chunk, little-endian: u32 palette size, u16 palette, then for every frame u32 size and that many bytes.
 
-Why not the median-edge predictor of JPEG-LS: it can only be undone pixel by pixel, and on ranks of Kinect
-depth it saves nothing (58 KB a frame against 60 on a real recording, 71 against 63 on noisy synthetic
-depth, both deflated), while a running sum undoes plain steps in one NumPy call.
+Why not the median-edge predictor of JPEG-LS: it can only be undone pixel by pixel, and it saves nothing on
+ranks of Kinect depth: 58 KB a frame against 60 on a real recording, 71 against 63 on noisy synthetic depth,
+both deflated. A running sum undoes plain steps in one NumPy call.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def decode(chunk: bytes, index: int, width: int, height: int) -> npt.NDArray[np.
         (size,) = _COUNT.unpack_from(chunk, 0)
         palette = np.frombuffer(chunk, "<u2", size, _COUNT.size).astype(np.uint16)
         data = part(chunk, index, _COUNT.size + 2 * size)
-        # One byte more than is due lets a frame that is too long be noticed without inflating all of it.
+        # Inflating one byte more than expected detects a frame that is too long.
         planes = zlib.decompressobj().decompress(data, 2 * width * height + 1)
         low, high = np.frombuffer(planes, np.uint8).reshape(2, height * width)
         folded = low | (high.astype(np.uint16) << 8)
@@ -64,7 +64,7 @@ def join(parts: list[bytes]) -> bytes:
 
 
 def part(chunk: bytes, index: int, begin: int = 0) -> bytes:
-    """The bytes of frame `index`, whose sizes stand in the chunk from `begin` on.
+    """The bytes of frame `index`, whose sizes are in the chunk from `begin` on.
 
     Raises SequenceError when the chunk ends before the frame does.
     """

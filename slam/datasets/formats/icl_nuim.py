@@ -4,7 +4,7 @@ The *PNG form* is a TUM-like folder: `depth/N.png` with 5000 units a metre along
 and `livingRoomK.gt.freiburg`. The *original form* is a folder of `scene_00_NNNN.depth` (text, the length of
 every pixel's ray in metres), `.png` (colour) and `.txt` (POV-Ray's camera).
 
-Both carry no intrinsics (fx 481.2, fy -480, cx 319.5, cy 239.5 for 640x480) and have y up, hence the negative
+Both lack intrinsics (fx 481.2, fy -480, cx 319.5, cy 239.5 for 640x480) and have y up, hence the negative
 fy. Read here, poses and camera have OpenCV's axes: y is mirrored and fy is 480.
 """
 
@@ -111,7 +111,9 @@ class IclNuimOriginal(Sequence):
                 f"{path} holds {distances.size} distances, an image of {self.camera.width}x"
                 f"{self.camera.height} has {self._lengths.size}: it is cut short, or give its camera and size"
             )
-        with np.errstate(over="ignore", invalid="ignore"):  # what is too far or NaN was not measured
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # NaN and depths that are too large count as not measured
             millimetres = np.rint(1000 * distances.reshape(self._lengths.shape) / self._lengths)
         measured = (millimetres >= 0) & (millimetres <= _FURTHEST)  # also false for NaN
         return np.where(measured, millimetres, 0).astype(np.uint16)
@@ -184,7 +186,7 @@ def write(sequence: Sequence, folder: Path, progress: Progress | None = None) ->
 def write_original(sequence: Sequence, folder: Path, progress: Progress | None = None) -> None:
     """Write any sequence in the original form; distances keep the millimetres exactly.
 
-    The form has no place for intrinsics: whoever reads it must know `sequence.camera`.
+    The form has no place for intrinsics: its reader must know `sequence.camera`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     lengths = ray_lengths(sequence.camera) / 1000
@@ -215,7 +217,7 @@ def _upward(sequence: Sequence) -> npt.NDArray[np.float64]:
 
 
 def _scene(name: str) -> tuple[float, tuple[float, float, float]] | tuple[None, None]:
-    """What is known of `livingRoom2.gt.freiburg`, or of folders `living_room_traj2_loop` and `icl-kt2`."""
+    """Volume and start of `livingRoom2.gt.freiburg`, and of folders such as `icl-kt2`."""
     found = re.search(r"(?:livingRoom|living_room_traj|(?<![a-zA-Z])kt)(\d)", name)
     return SCENES.get(int(found[1]), (None, None)) if found else (None, None)
 

@@ -65,7 +65,7 @@ def _decode(path: Path, flags: int) -> npt.NDArray[np.uint8]:
 
 
 def _decoded(cv2: ModuleType, data: bytes, flags: int) -> npt.NDArray[np.uint8] | None:
-    """What OpenCV makes of the bytes of an image, None where it refuses them."""
+    """The image that OpenCV decodes from bytes, None where it fails."""
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:  # such as a header that claims more pixels than OpenCV decodes
@@ -92,7 +92,7 @@ def _check_png(data: bytes, path: Path) -> None:
 
 
 def png_size(path: Path) -> tuple[int, int] | None:
-    """Width and height that stand in the header of a PNG; None for any other or unreadable file."""
+    """Width and height from the header of a PNG; None for any other or unreadable file."""
     try:
         with path.open("rb") as file:
             head = file.read(24)

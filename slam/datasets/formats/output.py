@@ -1,4 +1,4 @@
-"""Files that appear only when they are whole."""
+"""Files that appear only when complete."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A file to write to, which becomes `path` at the end; after an error nothing of it is left."""
+    """A file to write to, which is renamed to `path` at the end, and removed after an error."""
     partial = path.with_name(path.name + ".partial")
     try:
         with partial.open("wb") as file:

@@ -2,9 +2,9 @@
 
 A pack is a folder with `pack.json` and `chunks/<sha256>`. `pack.json` names the sequence, its size and start,
 and its chunks in order with digest and length; the same object travels in the HTTP manifest. The first chunk
-is the header (deflated JSON: camera, stamps, truth), the others hold FRAMES_PER_CHUNK frames each. The
-pack's own digest is the SHA-256 of its chunks' hexadecimal digests, a line each, so it covers every byte of
-content, and the header repeats what `pack.json` says of the scene, so that is covered too.
+is the header (deflated JSON: camera, stamps, truth), the others hold FRAMES_PER_CHUNK frames each. The pack's
+own digest is the SHA-256 of its chunks' hexadecimal digests, a line each, so it covers every byte of content.
+The header repeats the scene of `pack.json`, which is therefore covered, too.
 
 Depth is lossless (codec.py). Colour is JPEG in a second pack `<name>-colour` beside the first.
 """
@@ -56,7 +56,7 @@ class _Chunks:
         self._kept: tuple[int, bytes] | None = None
 
     def read(self, number: int) -> bytes:
-        """Chunk `number`; raises DigestError when its bytes are not what the manifest promises."""
+        """Chunk `number`; raises DigestError when its bytes do not match the manifest."""
         entry = self.manifest["chunks"][number]
         path = self.folder / "chunks" / entry["sha256"]
         try:
@@ -102,7 +102,8 @@ class Pack(Sequence):
     """A depth pack, with colour where the colour pack of the same sequence lies beside it.
 
     Opening checks the manifest and the header; a chunk is checked when a frame of it is first read.
-    Raises SequenceError when the folder is no pack, DigestError when its content is not what it promises.
+    Raises SequenceError when the folder is not a pack, DigestError when its content does not match its
+    digests.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -129,12 +130,12 @@ class Pack(Sequence):
 
     @property
     def manifest(self) -> dict[str, Any]:
-        """What `pack.json` holds: the HTTP manifest's `sequence` without addresses."""
+        """The content of `pack.json`: the HTTP manifest's `sequence` without addresses."""
         return dict(self._chunks.manifest)
 
     @property
     def colour_manifest(self) -> dict[str, Any] | None:
-        """What the `pack.json` of its colour holds; None where no colour of it lies beside it."""
+        """The content of the colour's `pack.json`; None without a colour pack."""
         return None if self._colour is None else dict(self._colour.manifest)
 
     @property
@@ -160,7 +161,7 @@ class Pack(Sequence):
         return image
 
     def verify(self) -> None:
-        """Read every chunk once; raises SequenceError or DigestError at the first that is not right."""
+        """Read every chunk once; raises SequenceError or DigestError at the first bad one."""
         for number in range(len(self._chunks.manifest["chunks"])):
             self._chunks.read(number)
 
@@ -194,7 +195,7 @@ def write_colour(sequence: Sequence, beside: Pack, folder: Path, progress: Progr
 
 
 def colour_folder(folder: Path) -> Path:
-    """Where the colour of the depth pack in `folder` lies, if it has any."""
+    """The folder of the colour of the depth pack in `folder`, if any."""
     folder = folder.resolve()
     return folder.with_name(folder.name + "-colour")
 
@@ -252,7 +253,7 @@ def _write_chunk(folder: Path, data: bytes) -> dict[str, Any]:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What `pack.json` holds. Raises SequenceError or DigestError when it describes no pack."""
+    """The content of `pack.json`. Raises SequenceError or DigestError when it does not describe a pack."""
     path = folder / MANIFEST
     try:
         manifest = parse_object(read_text(path, SequenceError))

@@ -1,4 +1,4 @@
-"""What a pack's manifest and header must say: each value is checked before it is used."""
+"""Checks of a pack's manifest and header before their values are used."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 A sensor: u8 length and name, u8 length and type, u8 index, u32 length and description, f32 rate, 16 f32 pose
 by columns, then what its type adds; lengths of texts count the final NUL. Cameras and depth sensors add u32
 frame format, u32 pixel format, u32 width, u32 height and f32 fx, fy, cx, cy divided by the size, and then
-what Layout tells.
+what Layout describes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ PIXEL_BYTES = {GREY_8: 1, RGB_888: 3, 3: 1, 4: 4, DEPTH_16: 2, 6: 8, RGBA_8888: 
 MILLIMETRES = (0.001, 0.0)  # disparity parameters: metres = 0.001 d + 0
 AFFINE = 0
 _IMAGE = struct.Struct("<4I4f")
-# Bytes that sensors other than cameras add to the header, and bytes of their frames; None: told per frame.
+# Bytes that sensors other than cameras add to the header, and bytes of their frames; None: given per frame.
 _OTHERS: dict[str, tuple[int, int | None]] = {
     "GroundTruthTrajectory": (0, 64),
     "PointCloud": (0, None),
@@ -35,7 +35,7 @@ _OTHERS: dict[str, tuple[int, int | None]] = {
 
 @dataclass(frozen=True)
 class Layout:
-    """What a release of SLAMBench writes for a sensor beside what all of them write.
+    """The fields of a sensor that differ between releases of SLAMBench.
 
     delay: f32 behind the pose. camera: how many distortions of 5 f32 follow the u32 distortion type of a
     camera. depth: "none", or where a depth sensor's distortion (u32 type, 5 f32) lies to its disparity (2 f32

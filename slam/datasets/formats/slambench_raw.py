@@ -41,9 +41,9 @@ class RawSequence(Sequence):
         total = path.stat().st_size
         if total % self._frame_bytes:
             raise SequenceError(
-                f"{path} has {total} bytes, which is no whole number of {width}x{height} frames "
+                f"{path} has {total} bytes, which is not a whole number of {width}x{height} frames "
                 f"({self._frame_bytes} bytes each): it is cut short in frame {total // self._frame_bytes}, "
-                "holds images of several sizes or is no SLAMBench 1 file"
+                "holds images of several sizes or is not a SLAMBench 1 file"
             )
         self.timestamps = regular_timestamps(total // self._frame_bytes)
         if truth is not None:
@@ -57,7 +57,7 @@ class RawSequence(Sequence):
             raise SequenceError(f"{self._path} is empty: a .raw file begins with u32 width, u32 height")
         width, height = _SIZE.unpack(header)
         if not (0 < width <= 16384 and 0 < height <= 16384):
-            raise SequenceError(f"{self._path} begins with the size {width}x{height}: no SLAMBench 1 file")
+            raise SequenceError(f"{self._path} begins with the size {width}x{height}: not a SLAMBench 1 file")
         return width, height
 
     def depth(self, index: int) -> npt.NDArray[np.uint16]:
@@ -71,7 +71,7 @@ class RawSequence(Sequence):
         return np.frombuffer(self._read(index, begin, 3 * shape[0] * shape[1]), np.uint8).reshape(shape)
 
     def _read(self, index: int, begin: int, count: int) -> bytes:
-        """`count` bytes of a frame behind the size that stands at `begin`."""
+        """`count` bytes of a frame after the size at `begin`."""
         self.check_index(index)
         with self._path.open("rb") as file:
             file.seek(index * self._frame_bytes + begin)
@@ -80,7 +80,7 @@ class RawSequence(Sequence):
         if size != (self.camera.width, self.camera.height):
             raise SequenceError(
                 f"{self._path}, frame {index}: the size {size[0]}x{size[1]} where "
-                f"{self.camera.width}x{self.camera.height} is due: the file is damaged"
+                f"{self.camera.width}x{self.camera.height} was expected: the file is damaged"
             )
         return data
 

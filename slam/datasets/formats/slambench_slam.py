@@ -213,7 +213,7 @@ def _read_index(path: Path) -> tuple[list[Sensor], list[_Frame]]:
     with path.open("rb") as file:
         header = file.read(_HEADER)
         if not header.startswith(MAGIC) or len(header) < 13:
-            raise SequenceError(f"{path} is no .slam file: it does not begin with {MAGIC!r} and a version")
+            raise SequenceError(f"{path} is not a .slam file: it does not begin with {MAGIC!r} and a version")
         version, count = struct.unpack_from("<II", header, len(MAGIC))
         if version != VERSION:
             raise SequenceError(f"{path} has the version {version}: only version {VERSION} can be read")

@@ -56,7 +56,9 @@ class TumSequence(Sequence):
         size = images.png_size(self._depth[0])
         if isinstance(camera, tuple):
             if size is None:
-                raise SequenceError(f"{self._depth[0]} is no PNG that tells its size: write intrinsics.txt")
+                raise SequenceError(
+                    f"{self._depth[0]} is not a PNG with a size in its header: write intrinsics.txt"
+                )
             camera = make_camera(camera, size, folder)
         self.camera, self._units = _intrinsics(folder, camera)
         self._check_focal_length(given=camera is not None)
@@ -70,7 +72,7 @@ class TumSequence(Sequence):
             self.truth = read_truth(truth, self.camera, stamps, numbers)
 
     def _check_focal_length(self, given: bool) -> None:
-        """Refuse an fy below 0 that stands in intrinsics.txt: only ICL-NUIM mirrors y."""
+        """Refuse an fy below 0 in intrinsics.txt: only ICL-NUIM mirrors y."""
         if self.camera.fy < 0 and not given:
             raise SequenceError(
                 f"{self._folder / 'intrinsics.txt'}: the focal length fy={self.camera.fy:g} must be above 0: "
@@ -186,7 +188,7 @@ def _intrinsics(folder: Path, camera: Camera | None) -> tuple[Camera, float]:
 def _listed(
     folder: Path, kind: str
 ) -> tuple[list[Path], npt.NDArray[np.float64], npt.NDArray[np.int64] | None]:
-    """Images of `kind` in order, their stamps, and their numbers where numbers are all that they have."""
+    """Images of `kind` in order, their stamps, and their numbers where they have only numbers."""
     for listing in (folder / f"{kind}.txt", folder / "associations.txt"):
         if listing.exists():
             entries = _entries(listing, kind)

@@ -1,4 +1,4 @@
-"""Unpack an archive that someone else made, into a folder that appears when all of it is there."""
+"""Unpack an untrusted archive into a folder that appears only when it is complete."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _tarred(archive: Path) -> Iterator[tuple[str, IO[bytes] | None]]:
             if not (member.isfile() or member.isdir()):
                 raise ArchiveError(f"{archive}: {member.name!r} is a link or a device, which is not unpacked")
             yield member.name, None if member.isdir() else tar.extractfile(member)
-        # A tar's last member does not end its compressed file, whose end says whether all of it was right.
+        # A tar's last member is not the end of the compressed file, whose checksum comes last.
         while tar.fileobj and tar.fileobj.read(1 << 20):
             pass
 

@@ -1,4 +1,4 @@
-"""Public sequences that `datasets get` knows: where they lie, whose they are, how they must be cited.
+"""Public sequences that `datasets get` knows: their addresses, their licences, and how to cite them.
 
 No publisher of these gives checksums, so there are none here; download.py says what it does instead.
 """
@@ -13,10 +13,10 @@ from slam.datasets.sequence import SequenceError
 
 @dataclass(frozen=True)
 class Entry:
-    """A sequence to download. `size` is the archive's bytes where they are known, for the reader only.
+    """A sequence to download. `size` is the archive's length in bytes where known, for display only.
 
-    `sha256` is the digest that the publisher gives, None where there is none. `camera` is what the files
-    themselves do not tell, None where they do or the reader knows it.
+    `sha256` is the digest that the publisher gives, or None. `camera` is given where the files do not contain
+    it and the reader does not know it.
     """
 
     name: str
@@ -84,7 +84,7 @@ ENTRIES = {
 
 
 def find(name: str) -> Entry:
-    """The entry of this name. Raises SequenceError naming those there are."""
+    """The entry of this name. Raises SequenceError, which lists the known ones."""
     if name not in ENTRIES:
         raise SequenceError(f"no public sequence {name!r} is known here: choose one of {', '.join(ENTRIES)}")
     return ENTRIES[name]

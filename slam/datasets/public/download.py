@@ -1,9 +1,9 @@
 """Fetch one large file over HTTP: resumed where the server allows it, checked, and in place only when whole.
 
-While it is fetched, `FILE.partial` and `FILE.partial.json` lie beside `FILE` (the latter tells from where it
-comes and the server's mark of that version, so that no two versions are joined), afterwards `FILE.sha256`.
-A digest that `FILE.sha256` holds from an earlier fetch is checked again: that does not prove that the first
-copy was right, only that this one is the same.
+During the download, `FILE.partial` and `FILE.partial.json` lie beside `FILE`, afterwards `FILE.sha256`. The
+JSON file holds the address and the server's ETag, so that two versions are never joined. A digest that
+`FILE.sha256` holds from an earlier fetch is checked again: that does not prove that the first copy was right,
+only that this one is the same.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class DownloadError(SequenceError):
 
 @dataclass(frozen=True)
 class Fetched:
-    """A file that lies where it should. `checked` tells against what its digest was compared."""
+    """A complete file in its place. `checked` says what its digest was compared with."""
 
     path: Path
     sha256: str
@@ -49,14 +49,13 @@ def fetch(
 ) -> Fetched:
     """Download `address` to `target`, going on where an earlier attempt ended.
 
-    `sha256` is the digest that the publisher gives; without it the one recorded beside the file counts, and
-    without that the digest is computed, recorded and compared with nothing. `progress` is told of bytes.
-    `pause` is how many seconds to wait after an attempt that brought nothing.
-    Raises DownloadError when the server does not give the whole file, DigestError when the digest is wrong;
-    a file with a wrong digest is removed.
+    `sha256` is the digest that the publisher gives; without it, the one recorded beside the file counts.
+    Without either, the digest is computed and recorded only. `progress` is called with bytes. `pause` is how
+    many seconds to wait after an attempt that brought nothing. Raises DownloadError when the server does not
+    give the whole file, DigestError when the digest is wrong; a file with a wrong digest is removed.
     """
     if not re.match(r"https?://", address):
-        raise DownloadError(f"{address!r} is no address that starts with http:// or https://")
+        raise DownloadError(f"{address!r} is not an address that starts with http:// or https://")
     target.parent.mkdir(parents=True, exist_ok=True)
     if not target.exists():
         partial = _Partial(target, address)
@@ -67,7 +66,7 @@ def fetch(
 
 
 class _Partial:
-    """What has been fetched so far of one version of a file."""
+    """The part of one version of a file that was fetched so far."""
 
     def __init__(self, target: Path, address: str) -> None:
         self.address = address
@@ -75,7 +74,7 @@ class _Partial:
         self.note = target.with_name(target.name + ".partial.json")
 
     def complete(self, progress: Progress | None, pause: float) -> None:
-        """Ask until the file is whole or the server has given nothing more ATTEMPTS times."""
+        """Request until the file is complete or ATTEMPTS requests in a row brought nothing."""
         failures = 0
         while True:
             before = self._size()
@@ -103,7 +102,7 @@ class _Partial:
     def _ask(self, progress: Progress | None) -> bool:
         """One request for what is missing; whether the file is whole after it."""
         begin, mark = self._size(), self._mark()
-        if begin and not mark:  # without a mark nobody can tell whether the rest belongs to it
+        if begin and not mark:  # without an ETag the rest may belong to another version
             begin = 0
         headers = {"Accept-Encoding": "identity", "User-Agent": "frontrunner"}
         if begin:
@@ -113,7 +112,7 @@ class _Partial:
                 urllib.request.Request(self.address, headers=headers), timeout=TIMEOUT
             )
         except urllib.error.HTTPError as error:
-            if error.code == 416 and begin:  # nothing lies behind what is here, or it is of another version
+            if error.code == 416 and begin:  # the file is complete, or of another version
                 if error.headers.get("Content-Range", "") == f"bytes */{begin}":
                     return True
                 self.path.unlink()
@@ -134,21 +133,23 @@ class _Partial:
         return total is None or begin == total
 
     def _total(self, answer: Any, begin: int) -> int | None:
-        """Bytes of the whole file, None where the server does not tell."""
+        """Bytes of the whole file, None where the server does not send the length."""
         if answer.status != 206:
             length = answer.headers.get("Content-Length")
             return int(length) if length and length.isdecimal() else None
         found = re.fullmatch(r"bytes (\d+)-\d+/(\d+)", answer.headers.get("Content-Range", ""))
         if found is None or int(found[1]) != begin:
             self.path.unlink(missing_ok=True)
-            raise DownloadError(f"{self.address}: the server sent another part than was asked for: try again")
+            raise DownloadError(
+                f"{self.address}: the server sent a different part from the one requested: try again"
+            )
         return int(found[2])
 
     def _size(self) -> int:
         return self.path.stat().st_size if self.path.exists() else 0
 
     def _mark(self) -> str:
-        """The server's mark of the version that the partial file belongs to, empty when there is none."""
+        """The server's ETag of the partial file's version, or an empty text."""
         try:
             note = json.loads(self.note.read_text(encoding="utf-8"))
             return str(note["mark"]) if note["address"] == self.address else ""

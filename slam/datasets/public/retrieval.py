@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from frontrunner.terminal import progress_line
 from slam.datasets import open_sequence
 from slam.datasets.public.archive import unpack
 from slam.datasets.public.catalogue import ENTRIES, Entry, find
@@ -16,7 +17,7 @@ from slam.datasets.sequence import SequenceError
 _CHECKED = {
     "published": "its SHA-256 is the published one",
     "recorded": "its SHA-256 is the one recorded at an earlier download",
-    "nothing": "its publisher gives no checksum, so its SHA-256 was computed and recorded: that tells later "
+    "nothing": "its publisher gives no checksum, so its SHA-256 was computed and recorded: it shows later "
     "copies from this one, not whether this one is right",
 }
 
@@ -47,7 +48,7 @@ def _get(options: argparse.Namespace) -> None:
     if not name:
         raise SequenceError(f"--address {address}: it names no file")
     archive = options.out / name
-    fetched = fetch(address, archive, options.sha256 or entry.sha256, _show if sys.stderr.isatty() else None)
+    fetched = fetch(address, archive, options.sha256 or entry.sha256, progress_line(unit="MB", scale=10**6))
     sys.stdout.write(f"{archive.name}: SHA-256 {fetched.sha256}; {_CHECKED[fetched.checked]}\n")
     unpack(archive, folder)
     _describe(folder, entry, address, fetched)
@@ -59,7 +60,7 @@ def _get(options: argparse.Namespace) -> None:
 
 
 def _describe(folder: Path, entry: Entry, address: str, fetched: Fetched) -> None:
-    """Add the camera, where the files do not tell it, and where they are from."""
+    """Add the camera, where the files lack it, and their origin."""
     camera = entry.camera
     if camera is not None and not (folder / "intrinsics.txt").exists():
         (folder / "intrinsics.txt").write_text(
@@ -72,8 +73,3 @@ def _describe(folder: Path, entry: Entry, address: str, fetched: Fetched) -> Non
         f"licence: {entry.licence}\ncite: {entry.citation}\n",
         encoding="utf-8",
     )
-
-
-def _show(done: int, total: int) -> None:
-    sys.stderr.write(f"\r{done / 1e6:.0f}/{total / 1e6:.0f} MB" + ("\n" if done == total else ""))
-    sys.stderr.flush()

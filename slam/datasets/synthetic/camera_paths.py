@@ -1,4 +1,4 @@
-"""How the camera moves through the synthetic living room: held in a hand, or once round and on."""
+"""The camera paths of the synthetic living room: hand-held, or a turn of more than a full circle."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HURRY = 0.025  # seconds by which the swings run ahead and fall behind, twice a 
 # The loop: a circle on which the camera looks outwards, with slow swings in height and pitch.
 CENTRE = np.array([0.0, -1.35, -0.2])
 RADIUS = 0.35
-TURNED = 410.0  # degrees from the first frame to the last: the start comes into view again and goes by
+TURNED = 410.0  # degrees from the first frame to the last: the start comes into view again and leaves it
 LOOP_PITCH = (-16.0, 4.0, 3)  # degrees: mean, amplitude, waves a turn
 LOOP_HEIGHT = (0.08, 2)  # metres, waves a turn
 

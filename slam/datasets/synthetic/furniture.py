@@ -117,7 +117,7 @@ def shelf(
 def _row(
     place: Place, rng: np.random.Generator, width: float, bottom: float, tall: float, depth: float
 ) -> None:
-    """What stands on a shelf: mostly books, and here and there a box or nothing."""
+    """The content of a shelf: mostly books, and now and then a box or a gap."""
     x = -width / 2
     while x < width / 2 - 0.12:
         material = LOOSE[rng.integers(len(LOOSE))]

@@ -1,4 +1,4 @@
-"""What a Kinect makes of exact depth: quantised disparity, jitter, shadows, dropouts."""
+"""A model of the Kinect: quantised disparity, jitter, shadows, dropouts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_CYCLES = 1.5  # of such a wave over the width or height of the image
 
 @dataclass(frozen=True)
 class Sensor:
-    """How good a Kinect is. Disparities are in eighths of a pixel.
+    """The quality of a Kinect. Disparities are in eighths of a pixel.
 
     disparity_sigma: random error of the disparity. distortion: amplitude of a smooth, constant error of the
     disparity over the image, as a poor calibration leaves it. lateral_sigma: pixels. edge_dropout: share of
@@ -98,7 +98,7 @@ def _jittered(
 
 
 def _shadow(depth: npt.NDArray[np.float64], camera: Camera) -> npt.NDArray[np.bool_]:
-    """Where the projector, which stands to the right of the sensor, is hidden by something nearer."""
+    """The pixels where the projector, to the right of the sensor, is hidden by something nearer."""
     seen_from_projector = np.arange(depth.shape[1]) - camera.fx * BASELINE / depth
     hiding = np.minimum.accumulate(seen_from_projector[:, ::-1], axis=1)[:, ::-1]
     return np.asarray(seen_from_projector > hiding + 0.5)

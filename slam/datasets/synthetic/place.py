@@ -21,7 +21,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Material:
-    """What a surface looks like, and the share of the Kinect's infrared light that it sends back (`albedo`,
+    """The look of a surface, and the share of the Kinect's infrared light that it sends back (`albedo`,
     0 to 1). Black plastic sends back little, so it is not measured from afar or aslant; glass and screens
     send back nothing (0)."""
 

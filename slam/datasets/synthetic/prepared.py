@@ -1,4 +1,4 @@
-"""Packs of synthetic scenes that are made once and then found again, for searches over several sequences."""
+"""Packs of synthetic scenes, made once and reused, for searches over several sequences."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from slam.datasets.synthetic.camera_paths import SEED
 from slam.datasets.synthetic.rendering import Noise, SyntheticSequence
 from slam.datasets.synthetic.scenes import SyntheticScene
 
-# Mathematical libraries differ in the last digit, so a few pixels of the same frame do, too.
+# Mathematical libraries differ in the last digit, so a few pixels of a frame differ, too.
 MOST_DIFFERENT = 0.001  # share of the pixels that may differ by more than 1 mm
 
 
@@ -54,7 +54,7 @@ def make_all(
 
 
 def is_same(path: Path, wanted: Sequence) -> bool:
-    """Whether the pack `path` holds the sequence `wanted`, judged by its header and its middle frame."""
+    """Whether the pack `path` holds the sequence `wanted`, by its header and its middle frame."""
     if not (path / MANIFEST).exists():
         return False
     try:

@@ -49,7 +49,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class View:
-    """What the camera sees: `depth` (h, w) metres along the optical axis, infinite where there is nothing,
+    """A rendered view: `depth` (h, w) metres along the optical axis, infinite where there is nothing,
     and `shape` (h, w), the index of the shape seen or -1."""
 
     depth: Array

@@ -16,7 +16,7 @@ kernel void millimetres_to_metres(global const ushort *restrict millimetres, int
 #define LOG2_E 1.44269504f
 
 // 2^-t for t >= 0, relative error below 4e-6: a polynomial of the fraction, whose exponent the whole part lowers.
-// Plain arithmetic turns into vector code where a call of exp() does not.
+// Plain arithmetic compiles to vector code; a call of exp() does not.
 INLINE float power_of_half(float t)
 {
     const float exponent = smaller(t, 120.0f);

@@ -5,7 +5,7 @@
 #include "surfels.h"
 #include "view.h"
 
-#define BAND 16 // rows; `visible.py` has the same
+#define BAND 16 // rows
 
 INLINE int bin_of(Box box, int bands)
 {
@@ -15,10 +15,11 @@ INLINE int bin_of(Box box, int bands)
 
 // The surfels of each run that are seen, in order, at the run's place in `seen_ids`, their bins beside them in
 // `seen_bins`, how many they are in `seen_counts`, and how many of each bin in `bin_counts`, bin after bin.
-INLINE void cull(int whole_discs, int count, global const float *restrict place, global const float *restrict face,
-                 global const int *restrict seen, global const View *restrict view, int width, int height,
-                 float4 camera, int bands, global int *restrict seen_ids, global ushort *restrict seen_bins,
-                 global int *restrict seen_counts, global int *restrict bin_counts)
+INLINE void cull(int whole_discs, int count, global const float *restrict position_confidence,
+                 global const float *restrict normal_radius, global const int *restrict last_seen,
+                 global const View *restrict view, int width, int height, float4 camera, int bands,
+                 global int *restrict seen_ids, global ushort *restrict seen_bins, global int *restrict seen_counts,
+                 global int *restrict bin_counts)
 {
     const int run = get_global_id(0), runs = (count + RUN - 1) / RUN;
     const int start = run * RUN, size = count - start < RUN ? count - start : RUN;
@@ -32,7 +33,7 @@ INLINE void cull(int whole_discs, int count, global const float *restrict place,
 
     int any = 0;
     for (int k = 0; k < size; ++k)
-        any |= (seen[start + k] >= first) & (seen[start + k] <= last);
+        any |= (last_seen[start + k] >= first) & (last_seen[start + k] <= last);
     seen_counts[run] = 0;
     if (!any)
         return;
@@ -40,10 +41,10 @@ INLINE void cull(int whole_discs, int count, global const float *restrict place,
     int bins[RUN];
     for (int k = 0; k < size; ++k) {
         const int i = start + k;
-        const Disc disc = disc_of(place, face, i, matrix);
+        const Disc disc = disc_of(position_confidence, normal_radius, i, matrix);
         const Box box = whole_discs ? box_of(disc, camera, width, height) : pixel_of(disc, camera, width, height);
-        const int visible = wanted(place[4 * i + 3], seen[i], confidence, first, last) & (disc.z <= farthest) &
-                            (box.left <= box.right) & (box.top <= box.bottom);
+        const int visible = wanted(position_confidence[4 * i + 3], last_seen[i], confidence, first, last) &
+                            (disc.z <= farthest) & (box.left <= box.right) & (box.top <= box.bottom);
         bins[k] = visible ? bin_of(box, bands) : -1;
     }
     int found = 0;
@@ -58,21 +59,25 @@ INLINE void cull(int whole_discs, int count, global const float *restrict place,
 }
 
 // A surfel is seen where its disc may cover a pixel's middle.
-kernel void cull_discs(int count, global const float *restrict place, global const float *restrict face,
-                       global const int *restrict seen, global const View *restrict view, int width, int height,
-                       float4 camera, int bands, global int *restrict seen_ids, global ushort *restrict seen_bins,
+kernel void cull_discs(int count, global const float *restrict position_confidence,
+                       global const float *restrict normal_radius, global const int *restrict last_seen,
+                       global const View *restrict view, int width, int height, float4 camera, int bands,
+                       global int *restrict seen_ids, global ushort *restrict seen_bins,
                        global int *restrict seen_counts, global int *restrict bin_counts)
 {
-    cull(1, count, place, face, seen, view, width, height, camera, bands, seen_ids, seen_bins, seen_counts, bin_counts);
+    cull(1, count, position_confidence, normal_radius, last_seen, view, width, height, camera, bands, seen_ids,
+         seen_bins, seen_counts, bin_counts);
 }
 
 // A surfel is seen where its middle lies in the image.
-kernel void cull_points(int count, global const float *restrict place, global const float *restrict face,
-                        global const int *restrict seen, global const View *restrict view, int width, int height,
-                        float4 camera, int bands, global int *restrict seen_ids, global ushort *restrict seen_bins,
+kernel void cull_points(int count, global const float *restrict position_confidence,
+                        global const float *restrict normal_radius, global const int *restrict last_seen,
+                        global const View *restrict view, int width, int height, float4 camera, int bands,
+                        global int *restrict seen_ids, global ushort *restrict seen_bins,
                         global int *restrict seen_counts, global int *restrict bin_counts)
 {
-    cull(0, count, place, face, seen, view, width, height, camera, bands, seen_ids, seen_bins, seen_counts, bin_counts);
+    cull(0, count, position_confidence, normal_radius, last_seen, view, width, height, camera, bands, seen_ids,
+         seen_bins, seen_counts, bin_counts);
 }
 
 // How many surfels come before each run's in each bin; `starts` is where the bins begin and where the last ends.

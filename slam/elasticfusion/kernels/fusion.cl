@@ -4,7 +4,7 @@
 #include "shape.h"
 #include "frame.h"
 
-// What a pixel's match says; 0 and above is a pixel of the index map, whose surfel is the one.
+// The values of a match; 0 and above is a pixel of the index map, whose surfel matches.
 #define NOTHING -2 // the pixel measures nothing
 #define NEW -1     // the map does not hold what it measures
 
@@ -37,9 +37,10 @@ kernel void all_new(global const float *restrict raw, global const float *restri
 // the same way: normals measured there are poor.
 kernel void associate(global const float *restrict raw, global const float *restrict normal_x,
                       global const float *restrict normal_y, global const float *restrict normal_z, int width,
-                      int height, float4 camera, global const int *restrict ids, global const float4 *restrict place,
-                      global const float4 *restrict face, global const Frame *restrict frame, float max_distance,
-                      float min_dot, float slanted, global int *restrict matches)
+                      int height, float4 camera, global const int *restrict ids,
+                      global const float4 *restrict position_confidence, global const float4 *restrict normal_radius,
+                      global const Frame *restrict frame, float max_distance, float min_dot, float slanted,
+                      global int *restrict matches)
 {
     const int step = frame->step, phase = frame->phase;
     const int columns = (width + step - 1) / step, rows = (height + step - 1) / step;
@@ -61,10 +62,10 @@ kernel void associate(global const float *restrict raw, global const float *rest
                     const int id = ids[m];
                     if (id < 0)
                         continue;
-                    const float3 p = to_camera(frame->pose, place[id].xyz);
+                    const float3 p = to_camera(frame->pose, position_confidence[id].xyz);
                     if (!(magnitude(p.z - z) < nearness))
                         continue;
-                    const float3 n = turned_to_camera(frame->pose, face[id].xyz);
+                    const float3 n = turned_to_camera(frame->pose, normal_radius[id].xyz);
                     const float dot = n.x * normal_x[i] + n.y * normal_y[i] + n.z * normal_z[i];
                     if (!(magnitude(n.z) < slanted || dot > min_dot))
                         continue;
@@ -107,8 +108,8 @@ kernel void update(global const float *restrict raw, global const float *restric
                    int height, float4 camera, global const float *restrict share_x,
                    global const float *restrict share_y, global const int *restrict ids,
                    global const Frame *restrict frame, float max_coarsening, global const int *restrict matches,
-                   global float4 *restrict place, global float4 *restrict face, global uint *restrict colour,
-                   global int *restrict seen)
+                   global float4 *restrict position_confidence, global float4 *restrict normal_radius,
+                   global uint *restrict colour, global int *restrict last_seen)
 {
     const int step = frame->step, phase = frame->phase;
     const int columns = (width + step - 1) / step, rows = (height + step - 1) / step;
@@ -124,19 +125,20 @@ kernel void update(global const float *restrict raw, global const float *restric
         if (first) {
             const int x = step * column + phase, y = step * row + phase, i = y * width + x, id = ids[match];
             const float4 fresh = measured(raw, filtered, normal_z[i], width, camera, x, y);
-            const float4 old_place = place[id], old_face = face[id];
+            const float4 old_position = position_confidence[id], old_normal = normal_radius[id];
             const float confidence = frame->weight * share_x[x] * share_y[y];
-            const float total = old_place.w + confidence;
-            float4 new_place = old_place;
-            if (fresh.w < max_coarsening * old_face.w) {
-                const float share = old_place.w / total;
+            const float total = old_position.w + confidence;
+            float4 new_position = old_position;
+            if (fresh.w < max_coarsening * old_normal.w) {
+                const float share = old_position.w / total;
                 const float3 p = to_world(frame->pose, fresh.xyz);
                 const float3 n = turned_to_world(frame->pose, (float3)(normal_x[i], normal_y[i], normal_z[i]));
-                new_place.xyz = p + (old_place.xyz - p) * share;
-                const float3 mean = n + (old_face.xyz - n) * share;
+                new_position.xyz = p + (old_position.xyz - p) * share;
+                const float3 mean = n + (old_normal.xyz - n) * share;
                 const float square = mean.x * mean.x + mean.y * mean.y + mean.z * mean.z;
                 if (square > 0.0f)
-                    face[id] = (float4)(mean * inverse_root(square), fresh.w + (old_face.w - fresh.w) * share);
+                    normal_radius[id] =
+                        (float4)(mean * inverse_root(square), fresh.w + (old_normal.w - fresh.w) * share);
                 const uint old_colour = colour[id], seen_colour = live_colour[i];
                 if (seen_colour)
                     colour[id] = old_colour ? mean_channel(old_colour, seen_colour, 0, share) |
@@ -144,9 +146,9 @@ kernel void update(global const float *restrict raw, global const float *restric
                                                   mean_channel(old_colour, seen_colour, 16, share)
                                             : seen_colour;
             }
-            new_place.w = total;
-            place[id] = new_place;
-            seen[id] = frame->tick;
+            new_position.w = total;
+            position_confidence[id] = new_position;
+            last_seen[id] = frame->tick;
         }
     }
 }
@@ -181,8 +183,8 @@ kernel void append(global const float *restrict raw, global const float *restric
                    float4 camera, global const float *restrict share_x, global const float *restrict share_y,
                    global const Frame *restrict frame, global const int *restrict matches,
                    global const int *restrict row_new, global int *restrict ids,
-                   global float4 *restrict place, global float4 *restrict face, global uint *restrict colour,
-                   global int *restrict born, global int *restrict seen)
+                   global float4 *restrict position_confidence, global float4 *restrict normal_radius,
+                   global uint *restrict colour, global int *restrict first_seen, global int *restrict last_seen)
 {
     const int row = get_global_id(0), step = frame->step, phase = frame->phase;
     const int columns = (width + step - 1) / step;
@@ -192,12 +194,13 @@ kernel void append(global const float *restrict raw, global const float *restric
             continue;
         const int x = step * column + phase, y = step * row + phase, i = y * width + x;
         const float4 fresh = measured(raw, filtered, normal_z[i], width, camera, x, y);
-        place[id] = (float4)(to_world(frame->pose, fresh.xyz), frame->weight * share_x[x] * share_y[y]);
-        face[id] = (float4)(turned_to_world(frame->pose, (float3)(normal_x[i], normal_y[i], normal_z[i])), fresh.w);
+        position_confidence[id] = (float4)(to_world(frame->pose, fresh.xyz), frame->weight * share_x[x] * share_y[y]);
+        normal_radius[id] =
+            (float4)(turned_to_world(frame->pose, (float3)(normal_x[i], normal_y[i], normal_z[i])), fresh.w);
         colour[id] = live_colour[i];
-        born[id] = frame->tick;
-        seen[id] = frame->tick;
-        if (frame->count > 0 && (ids[i] < 0 || to_camera(frame->pose, place[ids[i]].xyz).z > fresh.z))
+        first_seen[id] = frame->tick;
+        last_seen[id] = frame->tick;
+        if (frame->count > 0 && (ids[i] < 0 || to_camera(frame->pose, position_confidence[ids[i]].xyz).z > fresh.z))
             ids[i] = id;
         ++id;
     }

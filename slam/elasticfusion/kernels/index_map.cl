@@ -14,37 +14,38 @@ kernel void clear_index(int width, int height, global float *restrict depths, gl
     EACH_PIXEL(x, y, width, height)
     {
         depths[y * width + x] = OUT_OF_SIGHT;
-        ids[y * width + x] = NOBODY;
+        ids[y * width + x] = NO_SURFEL;
     }
 }
 
 #ifdef PIXELS
-// First the nearest depth at each pixel, then, where `choosing`, the smallest id of those who are that near. The two
+// First the nearest depth at each pixel, then, where `choosing`, the smallest id of those that are that near. The two
 // launches may round differently, so that a millionth of the depth counts as equal.
-kernel void index_surfels(int count, global const float *restrict place, global const float *restrict face,
-                          global const int *restrict seen, global const View *restrict view, int width, int height,
-                          float4 camera, int choosing, volatile global uint *depths, volatile global uint *ids)
+kernel void index_surfels(int count, global const float *restrict position_confidence,
+                          global const float *restrict normal_radius, global const int *restrict last_seen,
+                          global const View *restrict view, int width, int height, float4 camera, int choosing,
+                          volatile global uint *depths, volatile global uint *ids)
 {
     float matrix[12];
     for (int k = 0; k < 12; ++k)
         matrix[k] = view->matrix[k];
     EACH_SURFEL(i, count)
     {
-        const Disc d = disc_of(place, face, i, matrix);
+        const Disc d = disc_of(position_confidence, normal_radius, i, matrix);
         const Box box = pixel_of(d, camera, width, height);
-        if (!wanted(place[4 * i + 3], seen[i], view->confidence, view->first, view->last) || d.z > view->farthest ||
-            box.right < 0)
+        if (!wanted(position_confidence[4 * i + 3], last_seen[i], view->confidence, view->first, view->last) ||
+            d.z > view->farthest || box.right < 0)
             return;
         const int pixel = box.top * width + box.left;
         if (!choosing)
             atomic_min(depths + pixel, as_uint(d.z)); // positive floats have the order of their bits
         else if (d.z <= as_float(depths[pixel]) * 1.000001f)
-            atomic_min(ids + pixel, (uint)i); // NOBODY is the largest
+            atomic_min(ids + pixel, (uint)i); // NO_SURFEL is the largest
     }
 }
 #else
 // One band of the image (a bin of `binning.cl`) per work-item.
-kernel void index_surfels(global const float *restrict place, global const float *restrict face,
+kernel void index_surfels(global const float *restrict position_confidence, global const float *restrict normal_radius,
                           global const View *restrict view, int width, int height, float4 camera,
                           global const int *restrict starts, global const int *restrict sorted,
                           global float *restrict depths, global int *restrict ids)
@@ -59,7 +60,7 @@ kernel void index_surfels(global const float *restrict place, global const float
         int pixels[BATCH];
         float found[BATCH];
         for (int b = 0; b < BATCH; ++b) {
-            const Disc d = disc_of(place, face, sorted[start + (b < size ? b : 0)], matrix);
+            const Disc d = disc_of(position_confidence, normal_radius, sorted[start + (b < size ? b : 0)], matrix);
             const Box box = pixel_of(d, camera, width, height);
             pixels[b] = box.right < 0 ? -1 : box.top * width + box.left;
             found[b] = d.z;

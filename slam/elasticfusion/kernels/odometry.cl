@@ -109,10 +109,10 @@ kernel void equations(global const float *restrict depth, global const float *re
             const float gy = 0.5f * (gradient_y[s] + target_gradient_y[t]);
             const float inverse = pixel.visible ? 1.0f / point.z : 0.0f;
             const float beyond_x = across * inverse - pixel.column, beyond_y = along * inverse - pixel.line;
-            const float seen = brightness + target_gradient_x[t] * beyond_x + target_gradient_y[t] * beyond_y;
+            const float expected = brightness + target_gradient_x[t] * beyond_x + target_gradient_y[t] * beyond_y;
             const int inlier = pixel.visible & (tz > 0.0f) & (brightness > 0.0f) &
                                (magnitude(tz - point.z) <= max_depth_difference);
-            const float difference = inlier ? intensity[s] - seen : 0.0f;
+            const float difference = inlier ? intensity[s] - expected : 0.0f;
             const float w = inlier ? rgb_weight / (noise + magnitude(difference)) : 0.0f;
 
             const float sx = w * gx * target_camera.x * inverse, sy = w * gy * target_camera.y * inverse;
@@ -133,7 +133,7 @@ kernel void equations(global const float *restrict depth, global const float *re
     LEAVE_RECORD(records)
 }
 
-#define LEAST_NOISE 1.0f // a grey level: colours are no finer
+#define LEAST_NOISE 1.0f // a grey level: the resolution of colours
 
 INLINE float noise_of(real squared_error, real inliers)
 {

@@ -17,11 +17,11 @@ typedef struct {
 // else, so a row has no part that depends on a translation. What lies between pixels is as the gradient says, and
 // that is the mean of both images'.
 SUM_GROUP_SIZE
-kernel void turn_equations(global const float *restrict intensity, global const float *restrict gradient_x,
-                           global const float *restrict gradient_y, global const float *restrict earlier_intensity,
-                           global const float *restrict earlier_gradient_x,
-                           global const float *restrict earlier_gradient_y, int width, int height, float4 camera,
-                           global const Alignment *restrict alignment, global float *restrict records)
+kernel void so3_linearise(global const float *restrict intensity, global const float *restrict gradient_x,
+                          global const float *restrict gradient_y, global const float *restrict earlier_intensity,
+                          global const float *restrict earlier_gradient_x,
+                          global const float *restrict earlier_gradient_y, int width, int height, float4 camera,
+                          global const Alignment *restrict alignment, global float *restrict records)
 {
     if (alignment->ended)
         return;
@@ -41,7 +41,7 @@ kernel void turn_equations(global const float *restrict intensity, global const 
         const float beyond_x = across * inverse - pixel.column, beyond_y = along * inverse - pixel.line;
         const float gx = 0.5f * (gradient_x[i] + earlier_gradient_x[e]);
         const float gy = 0.5f * (gradient_y[i] + earlier_gradient_y[e]);
-        const float seen = earlier + earlier_gradient_x[e] * beyond_x + earlier_gradient_y[e] * beyond_y;
+        const float expected = earlier + earlier_gradient_x[e] * beyond_x + earlier_gradient_y[e] * beyond_y;
         const float w = (pixel.visible & (intensity[i] > 0.0f) & (earlier > 0.0f)) ? 1.0f : 0.0f;
         const float sx = w * gx * camera.x * inverse, sy = w * gy * camera.y * inverse;
         const float sz = -(sx * ray.x + sy * ray.y) * inverse;
@@ -50,7 +50,7 @@ kernel void turn_equations(global const float *restrict intensity, global const 
         equation.j3 = ray.y * sz - ray.z * sy;
         equation.j4 = ray.z * sx - ray.x * sz;
         equation.j5 = ray.x * sy - ray.y * sx;
-        equation.error = w * (intensity[i] - seen);
+        equation.error = w * (intensity[i] - expected);
         equation.weight = w;
         ACCUMULATE(equation)
     }

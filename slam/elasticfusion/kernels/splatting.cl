@@ -9,9 +9,9 @@
 #include "surfels.h"
 #include "view.h"
 
-#define LANES 8  // pixels that are tried side by side in the layout by rows; `prediction.py` pads rows with as many
-#define BATCH 16 // discs that are made ready side by side there
-#define BEND 8.0f // radii that a disc's rim is bent backwards; `reference_prediction.py` has the same
+#define LANES 8   // pixels that are tried side by side in the layout by rows, by which rows are padded
+#define BATCH 16  // discs that are made ready side by side there
+#define BEND 8.0f // radii that a disc's rim is bent backwards
 
 // A disc as rays see it that are off the one through its middle by (x, y): the inverse of the depth at which a ray
 // meets its plane is linear, inverse + inverse_x x + inverse_y y, and it meets the disc itself where
@@ -46,24 +46,26 @@ kernel void clear_view(int stride, int height, global float *restrict nearness, 
     EACH_PIXEL(x, y, stride, height)
     {
         nearness[y * stride + x] = 0.0f;
-        ids[y * stride + x] = NOBODY;
+        ids[y * stride + x] = NO_SURFEL;
     }
 }
 
 #ifdef PIXELS
-// First the largest nearness at each pixel, then, where `choosing`, the smallest id of those who are that near. The two
-// launches may round differently, so that a millionth counts as equal.
-kernel void splat(int count, global const float *restrict place, global const float *restrict face,
-                  global const int *restrict seen, global const View *restrict view, int width, int height,
-                  float4 camera, int stride, int choosing, volatile global uint *nearness, volatile global uint *ids)
+// First the largest nearness at each pixel, then, where `choosing`, the smallest id of those that are that near. The
+// two launches may round differently, so that a millionth counts as equal.
+kernel void splat(int count, global const float *restrict position_confidence,
+                  global const float *restrict normal_radius, global const int *restrict last_seen,
+                  global const View *restrict view, int width, int height, float4 camera, int stride, int choosing,
+                  volatile global uint *nearness, volatile global uint *ids)
 {
     float matrix[12];
     for (int k = 0; k < 12; ++k)
         matrix[k] = view->matrix[k];
     EACH_SURFEL(i, count)
     {
-        const Disc d = disc_of(place, face, i, matrix);
-        if (!wanted(place[4 * i + 3], seen[i], view->confidence, view->first, view->last) || d.z > view->farthest)
+        const Disc d = disc_of(position_confidence, normal_radius, i, matrix);
+        if (!wanted(position_confidence[4 * i + 3], last_seen[i], view->confidence, view->first, view->last) ||
+            d.z > view->farthest)
             return;
         const Box box = box_of(d, camera, width, height);
         const Sheet sheet = sheet_of(d);
@@ -80,14 +82,14 @@ kernel void splat(int count, global const float *restrict place, global const fl
                 if (!choosing)
                     atomic_max(nearness + pixel, as_uint(key)); // positive floats have the order of their bits
                 else if (key >= as_float(nearness[pixel]) * 0.999999f)
-                    atomic_min(ids + pixel, (uint)i); // NOBODY is the largest
+                    atomic_min(ids + pixel, (uint)i); // NO_SURFEL is the largest
             }
     }
 }
 #else
 // Draws one bin (of `binning.cl`): band `first` + `step` times the work-item. A disc may reach into the next band,
 // so that neighbouring bands must not be drawn at once.
-kernel void splat(global const float *restrict place, global const float *restrict face,
+kernel void splat(global const float *restrict position_confidence, global const float *restrict normal_radius,
                   global const View *restrict view, int width, int height, float4 camera, int stride,
                   global const int *restrict starts, global const int *restrict sorted, int first, int step,
                   global float *restrict nearness, global int *restrict ids)
@@ -103,7 +105,7 @@ kernel void splat(global const float *restrict place, global const float *restri
         Sheet sheets[BATCH];
         Box boxes[BATCH];
         for (int b = 0; b < BATCH; ++b) {
-            const Disc disc = disc_of(place, face, sorted[start + (b < size ? b : 0)], matrix);
+            const Disc disc = disc_of(position_confidence, normal_radius, sorted[start + (b < size ? b : 0)], matrix);
             boxes[b] = box_of(disc, camera, width, height);
             sheets[b] = sheet_of(disc);
         }
@@ -137,11 +139,11 @@ kernel void splat(global const float *restrict place, global const float *restri
 
 // The attributes of the surfel that each pixel sees: an RGB-D image with its surfels' ages and confidences.
 kernel void resolve(global const int *restrict ids, int stride, int width, int height, float4 camera,
-                    global const float *restrict place, global const float *restrict face,
-                    global const uint *restrict colours, global const int *restrict births,
+                    global const float *restrict position_confidence, global const float *restrict normal_radius,
+                    global const uint *restrict colours, global const int *restrict first_ticks,
                     global const View *restrict view, global float *restrict depth, global float *restrict normal_x,
                     global float *restrict normal_y, global float *restrict normal_z, global uint *restrict colour,
-                    global int *restrict born, global float *restrict confidence)
+                    global int *restrict first_seen, global float *restrict confidence)
 {
     const float step_x = 1.0f / camera.x, step_y = 1.0f / camera.y;
     float matrix[12];
@@ -150,8 +152,8 @@ kernel void resolve(global const int *restrict ids, int stride, int width, int h
     EACH_PIXEL(x, y, width, height)
     {
         const int pixel = y * width + x, working = y * stride + x;
-        const int covered = ids[working] != NOBODY, i = covered ? ids[working] : 0;
-        const Disc d = disc_of(place, face, i, matrix);
+        const int covered = ids[working] != NO_SURFEL, i = covered ? ids[working] : 0;
+        const Disc d = disc_of(position_confidence, normal_radius, i, matrix);
         const float ray_x = (x - camera.z) * step_x, ray_y = (y - camera.w) * step_y;
         const float plane = d.nx * d.x + d.ny * d.y + d.nz * d.z;
         depth[pixel] = covered ? plane / (d.nx * ray_x + d.ny * ray_y + d.nz) : 0.0f;
@@ -159,8 +161,8 @@ kernel void resolve(global const int *restrict ids, int stride, int width, int h
         normal_y[pixel] = covered ? d.ny : 0.0f;
         normal_z[pixel] = covered ? d.nz : 0.0f;
         colour[pixel] = covered ? colours[i] : 0;
-        born[pixel] = covered ? births[i] : 0;
-        confidence[pixel] = covered ? place[4 * i + 3] : 0.0f;
+        first_seen[pixel] = covered ? first_ticks[i] : 0;
+        confidence[pixel] = covered ? position_confidence[4 * i + 3] : 0.0f;
     }
 }
 

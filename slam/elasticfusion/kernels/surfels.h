@@ -1,6 +1,6 @@
 // How kernels over the map's surfels are laid out; `surfels.py` launches them so. Rows: a work-item walks a run of
 // RUN surfels in a plain loop. Pixels: one work-item per surfel. Either way a surfel's run is `i / RUN`.
-#define RUN 1024 // `surfels.py` has the same
+#define RUN 1024
 
 #ifdef PIXELS
 #define EACH_SURFEL(i, count)                                                                                          \

@@ -1,6 +1,6 @@
-// Where a camera stands and which surfels it is to see; and what a surfel's disc covers of its image.
+// A camera's pose, the surfels that it shows, and the pixels that a surfel's disc covers.
 
-#define NOBODY (-1) // the id of the surfel where there is none
+#define NO_SURFEL (-1) // the id at a pixel without a surfel
 
 // `view.py` holds the same layout. `matrix` is 3x4, row by row.
 typedef struct {
@@ -25,11 +25,12 @@ INLINE float row_of(const float *matrix, int row, float x, float y, float z)
     return matrix[4 * row] * x + matrix[4 * row + 1] * y + matrix[4 * row + 2] * z;
 }
 
-// `place` and `face` are the map's arrays of (x, y, z, confidence) and (nx, ny, nz, radius).
-INLINE Disc disc_of(global const float *restrict place, global const float *restrict face, int i, const float *matrix)
+// `position_confidence` and `normal_radius` are the map's arrays of (x, y, z, confidence) and (nx, ny, nz, radius).
+INLINE Disc disc_of(global const float *restrict position_confidence, global const float *restrict normal_radius, int i,
+                    const float *matrix)
 {
-    const float x = place[4 * i], y = place[4 * i + 1], z = place[4 * i + 2];
-    const float nx = face[4 * i], ny = face[4 * i + 1], nz = face[4 * i + 2];
+    const float x = position_confidence[4 * i], y = position_confidence[4 * i + 1], z = position_confidence[4 * i + 2];
+    const float nx = normal_radius[4 * i], ny = normal_radius[4 * i + 1], nz = normal_radius[4 * i + 2];
     Disc disc;
     disc.x = row_of(matrix, 0, x, y, z) + matrix[3];
     disc.y = row_of(matrix, 1, x, y, z) + matrix[7];
@@ -37,7 +38,7 @@ INLINE Disc disc_of(global const float *restrict place, global const float *rest
     disc.nx = row_of(matrix, 0, nx, ny, nz);
     disc.ny = row_of(matrix, 1, nx, ny, nz);
     disc.nz = row_of(matrix, 2, nx, ny, nz);
-    disc.radius = face[4 * i + 3];
+    disc.radius = normal_radius[4 * i + 3];
     return disc;
 }
 
@@ -52,7 +53,7 @@ INLINE int last_pixel(float b, int size)
     return bounded((int)(smaller(larger(b, -1.0f), size) + 1.01f) - 1, -1, size - 1);
 }
 
-// Exact, but for a hundredth of a pixel: the planes through the camera's centre and a column of pixels that touch
+// Exact to a hundredth of a pixel: the planes through the camera's centre and a column of pixels that touch
 // the disc. With k = (u - cx) / fx they satisfy (x - k z)^2 = r^2 (1 + k^2 - (nx - k nz)^2), a quadratic equation
 // with two roots where all of the disc lies in front of the camera. Discs that do not, or face away, have no pixel.
 INLINE Box box_of(Disc d, float4 camera, int width, int height)
@@ -91,8 +92,8 @@ INLINE Box pixel_of(Disc d, float4 camera, int width, int height)
     return box;
 }
 
-// Whether a view wants a surfel at all: removed ones have confidence 0.
-INLINE int wanted(float confidence, int seen, float least_confidence, int first, int last)
+// Whether a view shows a surfel: removed ones have confidence 0.
+INLINE int wanted(float confidence, int last_seen, float least_confidence, int first, int last)
 {
-    return (confidence > 0.0f) & (confidence >= least_confidence) & (seen >= first) & (seen <= last);
+    return (confidence > 0.0f) & (confidence >= least_confidence) & (last_seen >= first) & (last_seen <= last);
 }

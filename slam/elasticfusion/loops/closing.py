@@ -1,7 +1,7 @@
-"""Closing loops: when what is seen now was seen before, how far apart the two are, and what mends it.
+"""Closing loops: recognising earlier views, measuring the gap, and correcting it.
 
 Whelan et al. 2015, sections 6 (local loops, by registering the active to the inactive model) and 7 (global
-ones, by random ferns). Here it is decided; rendering, registering and moving surfels is the pipeline's.
+ones, by random ferns). This module decides; the pipeline renders, registers and moves surfels.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from slam.camera import Camera
 from slam.configuration import ConfigurationError
 from slam.elasticfusion.configuration import REFERENCE_PIXELS, Configuration
-from slam.elasticfusion.loops.deformation import Constraints, optimise
 from slam.elasticfusion.loops.ferns import Ferns, Keyframe, overlap
 from slam.elasticfusion.loops.graph import Deformation, Graph
+from slam.elasticfusion.loops.optimisation import Constraints, optimise
 from slam.elasticfusion.loops.pose_log import PoseLog
 from slam.elasticfusion.loops.thumbnail import Thumbnail
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from slam.elasticfusion.tracking.odometry import Registration
 
 Array = NDArray[np.float64]
-Verify = Callable[[Thumbnail, Thumbnail], "Registration"]  # the first view registered to the second's camera
+Verify = Callable[[Thumbnail, Thumbnail], "Registration"]  # first view registered to the second's camera
 
 FERN_STEP = 10  # every how many ferns give a pair of points to a global closure
 GRID_COLUMNS = 32  # of the points that a local closure draws together
@@ -71,16 +71,20 @@ class Grid:
 
     @classmethod
     def sampled(
-        cls, depth: NDArray[np.float32], born: NDArray[np.int32], old_born: NDArray[np.int32], camera: Camera
+        cls,
+        depth: NDArray[np.float32],
+        first_seen: NDArray[np.int32],
+        old_first_seen: NDArray[np.int32],
+        camera: Camera,
     ) -> Grid:
         """About GRID_COLUMNS columns of pixels that both views cover; images (height, width), 0 where none.
 
-        `depth` and `born` are those of the active view, `old_born` that of the inactive one.
+        `depth` and `first_seen` are those of the active view, `old_first_seen` that of the inactive one.
         """
         step = max(1, camera.width // GRID_COLUMNS)
         rows, columns = np.mgrid[step // 2 : camera.height : step, step // 2 : camera.width : step]
         z = depth[rows, columns].astype(np.float64)
-        times, old_times = (image[rows, columns].astype(np.int64) for image in (born, old_born))
+        times, old_times = (image[rows, columns].astype(np.int64) for image in (first_seen, old_first_seen))
         points = np.stack(
             [(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z], axis=-1
         )
@@ -94,7 +98,7 @@ class Grid:
 
 
 class LoopClosing:
-    """What has been seen before, the loops that were closed, and the trajectory as they leave it.
+    """The views seen before, the loops that were closed, and the corrected trajectory.
 
     `camera` is that of the thumbnails, `verify` registers one thumbnail to another by their depth alone. With
     open_loop it only recognises views, for a lost camera.
@@ -131,10 +135,10 @@ class LoopClosing:
     def recognise(self, view: Thumbnail, tick: int, lost: bool) -> Recognition | None:
         """The keyframe that saw the same from about here, verified by shape and by colour; None without one.
 
-        It must be older than AGE time windows, but for a `lost` camera, whom any helps and for whom fewer
-        inliers will do. Those are counted among the pixels that both views measured: the published share of
-        all pixels is out of reach where a sensor leaves holes or the cutoff takes half of the view. That a
-        registration slid along walls shows in its deviations, which the published system does not ask for.
+        It must be older than AGE time windows. A `lost` camera accepts any keyframe, and fewer inliers.
+        Inliers are counted among the pixels that both views measured: the published share of all pixels is
+        out of reach where a sensor leaves holes or the cutoff takes half of the view. A registration that
+        slid along walls has large deviations, which the published system does not check.
         """
         limits = self._thresholds
         before = tick + 1 if lost else tick - int(AGE * limits.time_window)
@@ -160,8 +164,8 @@ class LoopClosing:
     def close_globally(self, found: Recognition, pose: Array, nodes: Graph, tick: int) -> Closure | None:
         """Bring what is seen from `pose` to where the recognised keyframe saw it; None where that fails.
 
-        `nodes` are those of the local graph. A loop is closed when it gaped before, hardly does after, and
-        the deformation is no wild one. Keyframes, trajectory and earlier loops move along.
+        `nodes` are those of the local graph. A loop is closed when its gap was large before and is small
+        after, and the deformation's energy is low. Keyframes, trajectory and earlier loops move along.
         """
         limits = self._thresholds
         points = self._ferns.points(found.view, FERN_STEP)
@@ -186,10 +190,11 @@ class LoopClosing:
         """Bring the active model to where the inactive one is, given the registration of the two.
 
         Both were seen from `pose`; `registration.pose` takes points of the active view's camera to the
-        inactive one's. None where that is too uncertain. Nodes that an earlier local closure has put in place
-        stay. A point of the active view moves with what was born with it: the paper takes it for as young as
-        the frame, and a surface that was first seen a while ago would come half the way. What was born before
-        the time window gives no pair: most of its contemporaries are inactive, and would be torn from it.
+        inactive one's. None where that is too uncertain. Nodes that an earlier local closure has placed stay
+        fixed. A point of the active view moves with the surfels of its own first tick. The paper uses the
+        frame's tick instead: a surface that was first seen a while ago then moves only half the way. Surfels
+        older than the time window give no pair: most of their contemporaries are inactive and would be
+        separated from them.
         """
         grid = grid.born_after(tick - self._thresholds.time_window)
         if not self.accepts(registration) or len(grid.times) < FEWEST_PAIRS:
@@ -209,7 +214,7 @@ class LoopClosing:
         return Closure(corrected, best.deformation, local=True)
 
     def accepts(self, registration: Registration) -> bool:
-        """Whether the registration of two models is certain enough to close a loop."""
+        """Whether the registration of two models is accurate enough to close a loop."""
         limits = self._thresholds
         return bool(
             registration.is_certain(limits.icp_deviation_threshold)

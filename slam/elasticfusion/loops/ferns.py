@@ -94,7 +94,7 @@ class Ferns:
         self.keyframes = [replace(key, pose=pose) for key, pose in zip(self.keyframes, moved, strict=True)]
 
     def points(self, view: Thumbnail, step: int = 1) -> Array:
-        """What every `step`-th fern's pixel sees, (p, 3) in the camera's frame, where it has depth."""
+        """The points (p, 3) at every `step`-th fern's pixel with depth, in the camera's frame."""
         rows, columns = self.rows[::step], self.columns[::step]
         depth = view.depth[rows, columns].astype(np.float64)
         camera = view.camera

@@ -1,4 +1,4 @@
-"""The deformation graph: nodes sampled from the map in the order of their birth, and what moving them moves.
+"""The deformation graph: nodes sampled from the map by first tick, and their influence on points.
 
 Sumner et al. 2007 ("Embedded deformation for shape manipulation"), with the connectivity and the influence by
 time of Whelan et al. 2015 (section 5): a surface may lie on top of one that was seen long ago, and must not
@@ -8,17 +8,21 @@ be moved with it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slam.camera import Camera
+from slam.devices.opencl import defined
 from slam.elasticfusion.configuration import REFERENCE_PIXELS
+
+DEFORMING = Path(__file__).parents[1] / "kernels" / "deforming.cl"
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-NEIGHBOURS = 4  # of a node, and nodes that move a point
+NEIGHBOURS = defined(DEFORMING, "NEIGHBOURS")  # of a node, and nodes that move a point
 CANDIDATES = 20  # nodes next in time, among which those that move a point are the nearest
 LOCAL_SAMPLING = 5000  # surfels a node at REFERENCE_PIXELS
 GLOBAL_SAMPLING = 5  # nodes of the local graph a node of the global one,
@@ -27,14 +31,14 @@ MOST_NODES = 1024
 
 
 def sampling(surfels: int, camera: Camera) -> int:
-    """Every how many surfels of a map of that many there is a node: smaller images make fewer surfels."""
+    """The number of surfels per node, for a map of that many: smaller images make fewer surfels."""
     by_area = round(LOCAL_SAMPLING * camera.width * camera.height / REFERENCE_PIXELS)
     return max(1, by_area, -(-surfels // MOST_NODES))
 
 
 @dataclass(frozen=True)
 class Graph:
-    """Nodes by age: `positions` float64 (n, 3) in the world, `times` int64 (n,), the ticks of their birth."""
+    """Nodes by age: `positions` float64 (n, 3) in the world, `times` int64 (n,), their first ticks."""
 
     positions: Array
     times: NDArray[np.int64]
@@ -66,21 +70,21 @@ class Graph:
     def windows(self, times: NDArray[np.integer]) -> tuple[Indices, Indices]:
         """The nodes [first, last) that can move what was born at each of `times` (p,).
 
-        They are the CANDIDATES nearest in time, with all that are as near as the last of them: nodes of one
-        tick, of which the first frame makes many, are told apart by their place alone.
+        They are the CANDIDATES nearest in time, with all that are as near as the last of them: the first
+        frame makes many nodes of one tick, which only their position distinguishes.
         """
         count = min(CANDIDATES, len(self))
-        born = np.asarray(times, dtype=np.int64)
+        first_seen = np.asarray(times, dtype=np.int64)
         starts, ends = self.times[: len(self) - count + 1], self.times[count - 1 :]
-        after = np.clip(np.searchsorted(starts + ends, 2 * born), 0, len(starts) - 1)
+        after = np.clip(np.searchsorted(starts + ends, 2 * first_seen), 0, len(starts) - 1)
         before = np.maximum(after - 1, 0)
         reach = np.minimum(
-            np.maximum(born - starts[after], ends[after] - born),
-            np.maximum(born - starts[before], ends[before] - born),
+            np.maximum(first_seen - starts[after], ends[after] - first_seen),
+            np.maximum(first_seen - starts[before], ends[before] - first_seen),
         )
         return (
-            np.searchsorted(self.times, born - reach, side="left"),
-            np.searchsorted(self.times, born + reach, side="right"),
+            np.searchsorted(self.times, first_seen - reach, side="left"),
+            np.searchsorted(self.times, first_seen + reach, side="right"),
         )
 
     def influence(self, points: Array, times: NDArray[np.integer]) -> tuple[Indices, Array]:
@@ -108,7 +112,7 @@ class Graph:
 
 @dataclass(frozen=True)
 class Deformation:
-    """How each node moves what is near it: x -> R (x - g) + g + t, with the node's position g.
+    """The motion of points near each node: x -> R (x - g) + g + t, with the node's position g.
 
     `rotations` (n, 3, 3), nearly orthonormal, and `translations` (n, 3), float64.
     """
@@ -118,7 +122,7 @@ class Deformation:
     translations: Array
 
     def of_points(self, points: Array, times: NDArray[np.integer]) -> tuple[Array, Array]:
-        """Where points (p, 3) born at `times` (p,) come to lie, and the mean linear maps (p, 3, 3) there.
+        """The new positions of points (p, 3) with first ticks `times` (p,), and their linear maps (p, 3, 3).
 
         Normals go by the inverse transpose of that map (Sumner et al. 2007, eq. 3 and section 4).
         """

@@ -1,4 +1,4 @@
-"""The trajectory as a system believes it: poses that later loops correct."""
+"""The estimated trajectory: poses that later loops correct."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class PoseLog:
         self._ticks.append(tick)
 
     def poses(self) -> Array:
-        """All poses (n, 4, 4) in the order of the frames, as they are believed to be now."""
+        """All poses (n, 4, 4) in the order of the frames, as corrected so far."""
         return np.array(self._poses).reshape(-1, 4, 4)
 
     def deform(self, deformation: Deformation) -> None:

@@ -1,4 +1,4 @@
-"""What closing loops needs of the device: views of the map now and long ago, and how they register."""
+"""The device's part of closing loops: views of the active and inactive map, and their registration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from slam.devices.opencl import Session
 from slam.elasticfusion.configuration import ICP_ONLY, LOOP_ICP_WEIGHT, REFERENCE_PIXELS, Configuration
 from slam.elasticfusion.images import RgbdImage
 from slam.elasticfusion.loops.closing import Closure, Grid, LoopClosing
-from slam.elasticfusion.loops.deforming import Deforming
+from slam.elasticfusion.loops.deformer import MapDeformer
 from slam.elasticfusion.loops.graph import Graph, sampling
 from slam.elasticfusion.loops.thumbnail import Sampling, Thumbnail, write
 from slam.elasticfusion.mapping.fill_in import FillIn
@@ -33,9 +33,9 @@ THUMBNAIL_ICP_WEIGHTS = (0.5, ICP_ONLY)
 
 
 class Loops:
-    """Finds loops that the present view closes, locally or by a keyframe, and the pose of a lost camera.
+    """Finds loops that the current view closes, locally or by a keyframe, and the pose of a lost camera.
 
-    `prediction` and `fill_in` are the pipeline's own, which are rendered anew here.
+    `prediction` and `fill_in` are the pipeline's, and are rendered again here.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Loops:
         self._configuration = configuration
         self._prediction = prediction
         self._fill_in = fill_in
-        self._deforming = Deforming(session, surfels)
+        self._deformer = MapDeformer(session, surfels)
         self._inactive = Prediction(session, surfels, camera, visible)
         self._active_pyramid = Pyramid(session, prediction.image)
         self._inactive_pyramid = Pyramid(session, self._inactive.image)
@@ -84,24 +84,24 @@ class Loops:
         self._closing.log(pose, tick)
 
     def remember(self, pose: NDArray[np.float64], tick: int) -> None:
-        """Keep what the filled-in prediction shows as a keyframe, if there is none like it."""
+        """Keep the filled-in prediction as a keyframe if no similar one exists."""
         self._closing.remember(self._sampling.read(), pose, tick)
 
     def relocalise(self, tick: int) -> NDArray[np.float64] | None:
-        """The pose that the live image was seen from, by the keyframe that saw the same; None without one."""
+        """The pose of the live image, by the keyframe that shows the same; None without one."""
         self._fill_in.fill(keep_depth=False, keep_colour=False)
         found = self._closing.recognise(self._sampling.read(), tick, lost=True)
         return None if found is None else found.pose
 
     def close(self, pose: NDArray[np.float64], tick: int, active: tuple[int, int]) -> Closure | None:
-        """The loop that what is seen from `pose` closes, by a keyframe if there is one; None without."""
+        """The loop that the view from `pose` closes, by a keyframe if there is one, or None."""
         if self._configuration.open_loop or active[0] <= 1:
             return None  # everything is active, or nothing is old enough
         self._prediction.render(pose, active, self._configuration.confidence_threshold)
         return self._close_globally(pose, tick) or self._close_locally(pose, tick, active)
 
     def inactive(self, pose: NDArray[np.float64], active: tuple[int, int]) -> RgbdImage:
-        """What the camera sees from `pose` of the stable map that was left before the `active` ticks."""
+        """The view from `pose` of stable surfels that were last seen before the `active` ticks."""
         self._inactive.render(pose, (0, active[0] - 1), self._configuration.confidence_threshold)
         return self._inactive.image
 
@@ -122,17 +122,17 @@ class Loops:
             return None
         grid = Grid.sampled(
             self._downloaded(self._prediction.image.depth, np.float32),
-            self._downloaded(self._prediction.born, np.int32),
-            self._downloaded(self._inactive.born, np.int32),
+            self._downloaded(self._prediction.first_seen, np.int32),
+            self._downloaded(self._inactive.first_seen, np.int32),
             self._prediction.camera,
         )
         return self._closing.close_locally(registration, pose, grid, self._nodes(), tick)
 
     def _nodes(self) -> Graph:
-        return self._deforming.sample(sampling(self._surfels.count, self._prediction.camera))
+        return self._deformer.sample(sampling(self._surfels.count, self._prediction.camera))
 
     def _verify(self, view: Thumbnail, key: Thumbnail) -> Registration:
-        """The view registered to a keyframe's; how well it fits is said of its depth alone."""
+        """The view registered to a keyframe's; the quality of the fit is that of depth alone."""
         for image, pyramid, thumbnail in zip(self._views, self._view_pyramids, (view, key), strict=True):
             write(self._session, image, thumbnail)
             pyramid.build()

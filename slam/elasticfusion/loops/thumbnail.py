@@ -1,4 +1,4 @@
-"""Small images on the host: what ferns compare, and keyframes are kept as."""
+"""Small images on the host, for ferns and keyframes."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def sampled(camera: Camera, ratio: int) -> Camera:
 
 
 def read(session: Session, image: RgbdImage) -> Thumbnail:
-    """An image as it is at present on the device; waits for it."""
+    """The current image on the device; waits for it."""
     shape = (image.camera.height, image.camera.width)
     planes = np.empty((4, *shape), np.float32)
     colour = np.empty(shape, np.uint32)
@@ -86,6 +86,6 @@ class Sampling:
         )  # fmt: skip
 
     def read(self) -> Thumbnail:
-        """Sample the image as it is at present; waits for the device."""
+        """Sample the current image; waits for the device."""
         self._sample()
         return read(self._session, self.image)

@@ -19,7 +19,7 @@ VERTEX = np.dtype(
 
 
 def write(path: Path, surfels: NDArray[Any], least_confidence: float = 0.0) -> int:
-    """Write those of an array of SURFEL that have `least_confidence`, and return how many they are.
+    """Write the SURFELs with `least_confidence` or more, and return their number.
 
     A binary little-endian PLY file: one vertex a surfel, in the array's order, with its normal, colour,
     radius (metres) and confidence.

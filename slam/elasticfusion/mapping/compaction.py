@@ -16,8 +16,8 @@ STRETCH = 64  # runs gathered at once: 65,536 surfels, 2.75 MiB
 class Compaction:
     """Moves the living surfels together, stretch by stretch.
 
-    What a stretch holds is gathered beside the map and copied to its new place, which never lies behind the
-    stretch itself, so that nothing is overwritten that is still to be moved.
+    A stretch is gathered outside the map and copied to its new place, which is never after the stretch
+    itself. So nothing is overwritten before it is moved.
     """
 
     def __init__(self, session: Session, surfels: Surfels) -> None:
@@ -26,22 +26,24 @@ class Compaction:
         self._arrays = [
             (array, session.buffer(size * STRETCH * RUN, "a stretch of the map"), size)
             for array, size in (
-                (surfels.place, 16),
-                (surfels.face, 16),
+                (surfels.position_confidence, 16),
+                (surfels.normal_radius, 16),
                 (surfels.colour, 4),
-                (surfels.born, 4),
-                (surfels.seen, 4),
+                (surfels.first_seen, 4),
+                (surfels.last_seen, 4),
             )
         ]
         self._runs = session.buffer(4 * -(-surfels.capacity // RUN), "the map's runs")
-        self._count_living = session.kernel(SOURCE, "count_living", (1,), 0, surfels.place, self._runs)
+        self._count_living = session.kernel(
+            SOURCE, "count_living", (1,), 0, surfels.position_confidence, self._runs
+        )
         self._gather = session.kernel(
             SOURCE, "gather_living", (1,), 0, 0, self._runs, *(array for array, _, _ in self._arrays),
             *(gathered for _, gathered, _ in self._arrays),
         )  # fmt: skip
 
     def compact(self) -> int:
-        """Give up the places of removed surfels and return how many they were. The order stays."""
+        """Free the places of removed surfels and return their number. The order stays."""
         surfels, runs, session = self._surfels, self._surfels.runs, self._session
         if runs == 0:
             return 0

@@ -1,4 +1,4 @@
-"""A prediction with its holes filled from the live image: what is tracked against while the map is young."""
+"""A prediction with its holes filled from the live image: tracking uses it while the map has gaps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ class FillIn:
         self._fill = session.image_kernel(
             SOURCE, "fill_in", camera.width, camera.height, *maps, camera.width, camera.height, 1, 1, 1
         )
-        self._keep = len(maps) + 2  # where the three arguments are that say what is kept and filled
+        self._keep = (
+            len(maps) + 2
+        )  # index of the first of the three arguments that say what is kept and filled
 
     def fill(self, keep_depth: bool = True, keep_colour: bool = True, holes: bool = True) -> None:
         """Enqueue it. Without `keep_depth` depth and normals are wholly the live image's, and without

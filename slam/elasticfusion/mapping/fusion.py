@@ -21,7 +21,7 @@ from slam.elasticfusion.mapping.surfels import MapFullError, Surfels
 if TYPE_CHECKING:
     from slam.devices.opencl import Buffer
     from slam.elasticfusion.mapping.index_map import IndexMap
-    from slam.elasticfusion.preprocessing import Live
+    from slam.elasticfusion.preprocessing import InputFrame
 
 SOURCE = Path(__file__).parents[1] / "kernels" / "fusion.cl"
 CLEANING = Path(__file__).parents[1] / "kernels" / "cleaning.cl"
@@ -35,7 +35,7 @@ DOUBLE_DISTANCE = 0.01  # a surfel and what it doubles lie closer than this behi
 DOUBLE_REACH = 1.4  # radii to the side
 DOUBLES = 8  # samples of 16 that may lie so
 SEEN_THROUGH = 5  # pixels of 9 that must measure what lies farther behind than ASSOCIATION_DISTANCE
-UNSTABLE_FRAMES = 20  # that an unstable surfel lives without being measured
+UNSTABLE_FRAMES = 20  # frames that an unstable surfel is kept without being measured
 REMOVED_SHARE = 4  # compact the map when one in so many places is empty
 
 # The layout of `kernels/frame.h`.
@@ -52,7 +52,7 @@ FRAME = np.dtype(
 
 
 def shares(camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """How much a measurement in each column and in each row counts; a pixel's confidence is their product.
+    """The weight of a measurement by its column and by its row; a pixel's confidence is their product.
 
     exp(-rho^2 / 0.72), rho being the distance from the principal point in half diagonals of the image
     (Keller et al. 2013, section 4.1: sigma = 0.6).
@@ -75,7 +75,7 @@ class Fusion:
         session: Session,
         surfels: Surfels,
         index_map: IndexMap,
-        live: Live,
+        input_frame: InputFrame,
         confidence_threshold: float,
     ) -> None:
         self._session = session
@@ -83,7 +83,7 @@ class Fusion:
         self._compaction = Compaction(session, surfels)
         self._removed = 0
         self._settled = 0  # unstable surfels last seen up to this tick were removed
-        image = live.image
+        image = input_frame.image
         camera, colour = image.camera, image.colour
         width, height = camera.width, camera.height
         self._size = (width, height)
@@ -95,44 +95,45 @@ class Fusion:
         self._gone = session.buffer(4, "a count")
         session.upload(self._gone, np.zeros(1, np.int32))
         share_x, share_y = (self._uploaded(share) for share in shares(camera))
-        map_arrays = (surfels.place, surfels.face, surfels.colour)
-        depths = (image.depth, live.filtered, *image.normals)
+        map_arrays = (surfels.position_confidence, surfels.normal_radius, surfels.colour)
+        depths = (image.depth, input_frame.filtered, *image.normals)
         self._all_new = session.image_kernel(
             SOURCE, "all_new", width, height, image.depth, *image.normals, width, height, matches
         )
         self._associate = [
             session.image_kernel(
                 SOURCE, "associate", *self._cells, image.depth, *image.normals, width, height,
-                intrinsics(camera), index_map.ids, surfels.place, surfels.face, self._frame,
-                ASSOCIATION_DISTANCE, ASSOCIATION_NORMAL, SLANTED, matches,
+                intrinsics(camera), index_map.ids, surfels.position_confidence, surfels.normal_radius,
+                self._frame, ASSOCIATION_DISTANCE, ASSOCIATION_NORMAL, SLANTED, matches,
             ),
             session.image_kernel(
                 SOURCE, "update", *self._cells, *depths, colour, width, height, intrinsics(camera),
                 share_x, share_y, index_map.ids, self._frame, MOST_COARSENING, matches, *map_arrays,
-                surfels.seen,
+                surfels.last_seen,
             ),
         ]  # fmt: skip
         self._count_new = session.kernel(SOURCE, "count_new", (1,), matches, width, row_new)
         self._scan_rows = session.kernel(SOURCE, "scan_rows", (1,), row_new, height, self._new)
         self._append = session.kernel(
             SOURCE, "append", (1,), *depths, colour, width, intrinsics(camera), share_x, share_y,
-            self._frame, matches, row_new, index_map.ids, *map_arrays, surfels.born, surfels.seen,
+            self._frame, matches, row_new, index_map.ids, *map_arrays, surfels.first_seen, surfels.last_seen,
         )  # fmt: skip
-        condemned = session.buffer(width * height, "an image")
+        marked = session.buffer(width * height, "an image")
         self._clean = [
             session.image_kernel(
-                CLEANING, "judge", width, height, image.depth, width, height, index_map.ids, surfels.place,
-                surfels.face, surfels.born, surfels.seen, self._frame, float(confidence_threshold),
-                DOUBLE_DISTANCE, DOUBLE_REACH, DOUBLES, ASSOCIATION_DISTANCE, SEEN_THROUGH, condemned,
+                CLEANING, "mark_for_removal", width, height, image.depth, width, height, index_map.ids,
+                surfels.position_confidence, surfels.normal_radius, surfels.first_seen, surfels.last_seen,
+                self._frame, float(confidence_threshold), DOUBLE_DISTANCE, DOUBLE_REACH, DOUBLES,
+                ASSOCIATION_DISTANCE, SEEN_THROUGH, marked,
             ),
             session.image_kernel(
-                CLEANING, "remove_condemned", width, height, width, height, index_map.ids, condemned,
-                surfels.place, self._gone,
+                CLEANING, "remove_marked", width, height, width, height, index_map.ids, marked,
+                surfels.position_confidence, self._gone,
             ),
         ]  # fmt: skip
         self._remove_unstable = surfels.kernel(
-            CLEANING, "remove_unstable", surfels.seen, 0, 0, float(confidence_threshold), surfels.place,
-            self._gone,
+            CLEANING, "remove_unstable", surfels.last_seen, 0, 0, float(confidence_threshold),
+            surfels.position_confidence, self._gone,
         )  # fmt: skip
 
     def initialise(self, pose: NDArray[np.float64], tick: int) -> int:
@@ -158,7 +159,7 @@ class Fusion:
     def clean(self, pose: NDArray[np.float64], tick: int) -> None:
         """Remove doubles and what was seen through from `pose`, and unstable surfels not seen for long.
 
-        Of the unstable ones outside of the view, each is judged once: when its last sight lies
+        Of the unstable ones outside of the view, each is checked once: when its last sight lies
         UNSTABLE_FRAMES back. What is stable and out of sight stays.
         """
         self._upload(pose, tick, 0.0, step=2, phase=tick % 2)

@@ -40,8 +40,8 @@ class IndexMap:
         if session.layout.pixels:
             self._kernels += [
                 surfels.kernel(
-                    SOURCE, "index_surfels", surfels.place, surfels.face, surfels.seen, view, *size, choosing,
-                    depths, self.ids,
+                    SOURCE, "index_surfels", surfels.position_confidence, surfels.normal_radius,
+                    surfels.last_seen, view, *size, choosing, depths, self.ids,
                 )
                 for choosing in (0, 1)
             ]  # fmt: skip
@@ -50,8 +50,8 @@ class IndexMap:
             self._kernels += [
                 visible.culling(self._view, discs=False),
                 session.kernel(
-                    SOURCE, "index_surfels", (visible.bands,), surfels.place, surfels.face, view, *size,
-                    visible.starts, visible.sorted, depths, self.ids,
+                    SOURCE, "index_surfels", (visible.bands,), surfels.position_confidence,
+                    surfels.normal_radius, view, *size, visible.starts, visible.sorted, depths, self.ids,
                 ),
             ]  # fmt: skip
 

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
-from slam.devices.opencl import Session
+from slam.devices.opencl import Session, defined
 from slam.elasticfusion.images import RgbdImage
 from slam.elasticfusion.mapping.surfels import Surfels
 from slam.elasticfusion.mapping.view import View
 from slam.elasticfusion.mapping.visible import Visible
 
 SOURCE = Path(__file__).parents[1] / "kernels" / "splatting.cl"
-LANES = 8  # places by which a row of working images is longer; `splatting.cl` has the same
+LANES = defined(SOURCE, "LANES")  # places by which a row of working images is longer
 
 
 class Prediction:
-    """`image`: what was rendered last; `born` (int32) and `confidence` (float32) of the surfel at each pixel.
+    """`image`: the last rendering; `first_seen` (int32) and `confidence` (float32) of each pixel's surfel.
 
     A pixel shows the nearest disc that its ray meets within the disc's radius, at the depth where it does;
     of discs that overlap, the one whose middle is nearest to the ray. All maps are 0 where there is none.
@@ -37,7 +37,7 @@ class Prediction:
         width, height = camera.width, camera.height
         pixels, stride = width * height, width + LANES
         self.image = RgbdImage.allocate(session, camera)
-        self.born = session.buffer(4 * pixels, "an image")
+        self.first_seen = session.buffer(4 * pixels, "an image")
         self.confidence = session.buffer(4 * pixels, "an image")
         self._rows = session.buffer(4 * height, "a column")
         self._view = View(session)
@@ -51,8 +51,8 @@ class Prediction:
         if session.layout.pixels:
             self._kernels += [
                 surfels.kernel(
-                    SOURCE, "splat", surfels.place, surfels.face, surfels.seen, view, *size, choosing,
-                    nearness, ids,
+                    SOURCE, "splat", surfels.position_confidence, surfels.normal_radius, surfels.last_seen,
+                    view, *size, choosing, nearness, ids,
                 )
                 for choosing in (0, 1)
             ]  # fmt: skip
@@ -65,15 +65,15 @@ class Prediction:
                 if bins:
                     self._kernels.append(
                         session.kernel(
-                            SOURCE, "splat", (bins,), surfels.place, surfels.face, view, *size,
-                            visible.starts, visible.sorted, first, step, nearness, ids,
+                            SOURCE, "splat", (bins,), surfels.position_confidence, surfels.normal_radius,
+                            view, *size, visible.starts, visible.sorted, first, step, nearness, ids,
                         )
                     )  # fmt: skip
         self._kernels += [
             session.image_kernel(
                 SOURCE, "resolve", width, height, ids, stride, width, height, intrinsics(camera),
-                surfels.place, surfels.face, surfels.colour, surfels.born, view, self.image.depth,
-                *self.image.normals, self.image.colour, self.born, self.confidence,
+                surfels.position_confidence, surfels.normal_radius, surfels.colour, surfels.first_seen, view,
+                self.image.depth, *self.image.normals, self.image.colour, self.first_seen, self.confidence,
             )
         ]  # fmt: skip
         self._count = session.kernel(
@@ -89,7 +89,7 @@ class Prediction:
             kernel()
 
     def covered(self) -> int:
-        """How many pixels see a surfel; waits for the device."""
+        """The number of pixels with a surfel; waits for the device."""
         self._count()
         rows = np.empty(self.camera.height, np.int32)
         self._session.download(self._rows, rows)

@@ -1,4 +1,4 @@
-"""What a camera is to see of the map, as kernels read it."""
+"""The view of a camera on the map, as kernels read it."""
 
 from __future__ import annotations
 
@@ -39,5 +39,5 @@ class View:
         self.buffer = session.buffer(VIEW.itemsize, "a view")
 
     def show(self, pose: NDArray[np.float64], seen: tuple[int, int], confidence: float) -> None:
-        """From now on kernels see this (as `view_of`)."""
+        """Set what kernels see from now on (as `view_of`)."""
         self._session.upload(self.buffer, view_of(pose, seen, confidence))

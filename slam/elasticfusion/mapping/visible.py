@@ -6,12 +6,12 @@ from pathlib import Path
 
 from slam.camera import Camera
 from slam.dense.images import intrinsics
-from slam.devices.opencl import Session
+from slam.devices.opencl import Session, defined
 from slam.elasticfusion.mapping.surfels import RUN, Surfels
 from slam.elasticfusion.mapping.view import View
 
 SOURCE = Path(__file__).parents[1] / "kernels" / "binning.cl"
-BAND = 16  # rows of the image; `binning.cl` has the same
+BAND = defined(SOURCE, "BAND")  # rows of the image
 
 
 def bands_of(height: int) -> int:
@@ -22,9 +22,9 @@ class Visible:
     """`sorted`: the ids of the surfels that `view` sees, bin after bin; bin b begins at `starts[b]`.
 
     Bin b < bands holds what begins in band b of the image and ends in the next one at the latest; the bin
-    after the last holds what reaches farther. In a bin ids ascend. There are two ways to see: whole discs,
-    which face the camera and cover a pixel, or points, whose middle lies in the image. Views may take turns
-    with one Visible, since nothing in it outlives the drawing.
+    after the last holds what reaches farther. In a bin ids ascend. There are two modes: whole discs, which
+    face the camera and cover a pixel, or points, whose middle lies in the image. Several views can share one
+    Visible: its content is only used while drawing.
     """
 
     def __init__(self, session: Session, surfels: Surfels, camera: Camera) -> None:
@@ -49,7 +49,7 @@ class Visible:
         )
 
     def culling(self, view: View, discs: bool) -> Culling:
-        """How `view`'s surfels get into `sorted`, as whole discs or as points."""
+        """The kernels that put `view`'s surfels into `sorted`, as whole discs or as points."""
         return Culling(self, view, discs)
 
     def sort(self) -> None:
@@ -60,15 +60,16 @@ class Visible:
 
 
 class Culling:
-    """Fills a Visible with what one view sees at present."""
+    """Fills a Visible with what one view sees now."""
 
     def __init__(self, visible: Visible, view: View, discs: bool) -> None:
         surfels, camera = visible._surfels, visible.camera
         self._visible = visible
         self._cull = surfels.kernel(
-            SOURCE, "cull_discs" if discs else "cull_points", surfels.place, surfels.face, surfels.seen,
-            view.buffer, camera.width, camera.height, intrinsics(camera), visible.bands, visible._ids,
-            visible._bins, visible._found, visible._bin_counts,
+            SOURCE, "cull_discs" if discs else "cull_points", surfels.position_confidence,
+            surfels.normal_radius, surfels.last_seen, view.buffer, camera.width, camera.height,
+            intrinsics(camera), visible.bands, visible._ids, visible._bins, visible._found,
+            visible._bin_counts,
         )  # fmt: skip
 
     def __call__(self) -> None:

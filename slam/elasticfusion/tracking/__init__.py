@@ -1,1 +1,1 @@
-"""Where the camera is: rotation, ICP and brightness over a pyramid of images."""
+"""Tracking the camera: rotation, ICP and brightness over a pyramid of images."""

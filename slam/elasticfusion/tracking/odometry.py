@@ -20,12 +20,13 @@ ASSOCIATION_NORMAL = float(np.cos(np.deg2rad(20)))  # product of their normals
 DEPTH_DIFFERENCE = 0.07  # metres between pixels whose brightness is compared
 PHOTOMETRIC_FARTHEST = 6.0  # metres
 LEAST_GRADIENTS = (5.0, 3.0, 1.0)  # grey levels per pixel, finest level first
-# Of a difference of brightness beside a distance of 1 m: at w = 10 one as large as its noise counts like
-# 2.5 mm, about the noise of a depth camera.
+# Of a brightness difference relative to a distance of 1 m: at w = 10 a difference as large as its noise
+# counts like 2.5 mm, about the noise of a depth camera.
 RGB_WEIGHT = 0.05
 CONVERGED = 1e-6  # norm of the update, metres and radians
-# Neighbouring pixels err alike: a sensor matches patches, and a model bends as a whole. So many pixels of an
-# image of REFERENCE_PIXELS, a square of 20 x 20, count as one measurement in the deviations of a pose.
+# Errors of neighbouring pixels are correlated: a sensor matches patches, and a model bends as a whole. So
+# many pixels of an image of REFERENCE_PIXELS, a square of 20 x 20, count as one measurement in the deviations
+# of a pose.
 CORRELATED_PIXELS = 400
 LEAST_DEPTH_NOISE = 1e-3  # metres: depth images hold whole millimetres
 
@@ -46,14 +47,15 @@ ESTIMATE = np.dtype(
 
 @dataclass(frozen=True)
 class Registration:
-    """Where the source lies in the target's frame, and how well it fits there.
+    """The source's pose in the target's frame, and the quality of the fit.
 
     pose: float64 (4, 4), source camera to target camera. icp_error: sqrt(sum r^2) / inliers of the
     point-to-plane distances r (metres); infinite without inliers. icp_inliers, rgb_inliers: pixels. All are
     of the finest level's last iteration, and what 640x480 pixels would have given.
 
     position_deviation, rotation_deviation: standard deviation of the camera's position (metres) and of its
-    rotation (radians), each in the direction that is least certain; infinite where nothing holds the camera.
+    rotation (radians), each in the direction that is least certain; infinite where nothing constrains the
+    camera.
     """
 
     pose: NDArray[np.float64]
@@ -64,8 +66,8 @@ class Registration:
     rotation_deviation: float
 
     def is_certain(self, deviation: float) -> bool:
-        """Whether one standard deviation moves neither the camera, nor what it sees at a distance of one
-        metre by turning, by more than `deviation` metres.
+        """Whether one standard deviation moves the camera by at most `deviation` metres, and also, by
+        turning, a point at one metre.
         """
         return self.position_deviation <= deviation and self.rotation_deviation <= deviation
 
@@ -119,7 +121,8 @@ class Odometry:
     def register(self, start: NDArray[np.float64]) -> Registration:
         """Run all of it from `start` (4, 4), source camera to target camera, on what the pyramids hold now.
 
-        What nothing holds stays where it started, as what overflows does, without an inlier then.
+        Unconstrained directions stay at the start. After an overflow the pose stays at the start, without
+        inliers.
         """
         estimate = np.zeros((), ESTIMATE)
         estimate["pose"], estimate["noise"] = start[:3].ravel(), 1
@@ -186,7 +189,7 @@ class Odometry:
 
 
 def _nothing(start: NDArray[np.float64]) -> Registration:
-    """What a registration says that found out nothing."""
+    """The result of a failed registration."""
     return Registration(start.copy(), float("inf"), 0.0, 0.0, float("inf"), float("inf"))
 
 
@@ -195,11 +198,11 @@ def residual_variance(
 ) -> float:
     """The larger mean square of the two kinds of weighted residuals, in the scale of the normal equations.
 
-    0 without inliers. `icp_squared_error` is the sum of squared distances (m^2); less noise than
-    LEAST_DEPTH_NOISE is not believed. A difference of brightness r counts RGB_WEIGHT |r| / (noise + |r|),
-    where noise is the root mean square of r. Its square is concave in r^2, so that the mean is at most
-    (RGB_WEIGHT / 2)^2, which is taken. The larger of the two bounds the covariance where one direction is
-    held by depth and another by brightness.
+    0 without inliers. `icp_squared_error` is the sum of squared distances (m^2); noise below
+    LEAST_DEPTH_NOISE is raised to it. A difference of brightness r counts RGB_WEIGHT |r| / (noise + |r|),
+    where noise is the root mean square of r. Its square is concave in r^2, so its mean is at most (RGB_WEIGHT
+    / 2)^2, which is used. The larger of the two bounds the covariance where depth constrains one direction
+    and brightness another.
     """
     by_depth, by_brightness = 0.0, 0.0
     if icp_inliers:

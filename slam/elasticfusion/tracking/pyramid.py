@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from slam.camera import Camera
 from slam.dense import images
-from slam.dense.images import Planes, cameras_of
+from slam.dense.images import Vector3Image, cameras_of
 from slam.devices.opencl import BoundKernel, Session
 from slam.elasticfusion.configuration import LEVELS
 from slam.elasticfusion.images import RgbdImage
@@ -30,7 +30,7 @@ class PyramidLevel:
 
     camera: Camera
     depth: Buffer
-    normals: Planes
+    normals: Vector3Image
     intensity: Buffer
     gradient_x: Buffer
     gradient_y: Buffer
@@ -90,5 +90,5 @@ def _allocated(session: Session, camera: Camera, image: RgbdImage | None) -> Pyr
     pixels = camera.width * camera.height
     intensity, gradient_x, gradient_y = (session.buffer(4 * pixels, "an image") for _ in range(3))
     depth = image.depth if image else session.buffer(4 * pixels, "an image")
-    normals = image.normals if image else Planes.allocate(session, pixels)
+    normals = image.normals if image else Vector3Image.allocate(session, pixels)
     return PyramidLevel(camera, depth, normals, intensity, gradient_x, gradient_y)

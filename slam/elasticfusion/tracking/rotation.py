@@ -1,4 +1,4 @@
-"""How far the camera has turned since the last frame, before anything is asked of the map."""
+"""The camera's rotation since the last frame, estimated before the map is used."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ ALIGNMENT = np.dtype(
 class RotationAlignment:
     """Gauss-Newton over the three angles between the live image and the one remembered.
 
-    It looks at the coarsest level alone. The turn with the least mean squared difference of brightness wins;
-    the first that is worse ends it.
+    It looks at the coarsest level alone. The rotation with the least mean squared brightness difference wins;
+    it stops at the first worse one.
     """
 
     def __init__(self, session: Session, live: Pyramid) -> None:
@@ -47,13 +47,13 @@ class RotationAlignment:
         records = session.buffer(4 * SUMS * count, "the normal equations")
         self._alignment = session.buffer(ALIGNMENT.itemsize, "the rotation")
         self._equations = session.kernel(
-            SOURCE, "turn_equations", size, *self._live, *self._earlier, camera.width, camera.height,
+            SOURCE, "so3_linearise", size, *self._live, *self._earlier, camera.width, camera.height,
             intrinsics(camera), self._alignment, records, group=group,
         )  # fmt: skip
         self._turn = session.kernel(SOURCE, "turn", (1,), records, count, LEAST_OVERLAP, self._alignment)
 
     def remember(self) -> None:
-        """Keep the live pyramid's brightness as what the next frame is compared with."""
+        """Keep the live pyramid's brightness for the comparison with the next frame."""
         for kept, live in zip(self._earlier, self._live, strict=True):
             self._session.copy(kept, live, self._bytes)
 
@@ -62,7 +62,7 @@ class RotationAlignment:
         alignment = np.zeros((), ALIGNMENT)
         alignment["pose"] = alignment["best"] = np.eye(4)[:3].ravel()
         self._session.upload(self._alignment, alignment)
-        for _ in range(ITERATIONS + 1):  # the last only judges the one before
+        for _ in range(ITERATIONS + 1):  # the last one only evaluates the one before
             self._equations()
             self._turn()
         self._session.download(self._alignment, alignment)

@@ -1,4 +1,4 @@
-"""Where the camera has moved since the last frame: rotation first, then all, and whether that holds."""
+"""The camera's motion since the last frame: rotation first, then the full motion, and whether to trust it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from slam.elasticfusion.tracking.rotation import RotationAlignment
 class Step:
     """The motion (4, 4) of the camera since the last frame: from its new frame to its old one.
 
-    good: whether the registration is certain enough to build on.
+    good: whether the registration is accurate enough to use.
     """
 
     motion: NDArray[np.float64]
@@ -42,13 +42,13 @@ class Tracking:
         )
 
     def begin(self) -> None:
-        """Take the live image as the one that the next is compared with, without tracking."""
+        """Keep the live image for the comparison with the next, without tracking."""
         self._live.build()
         if self._alignment:
             self._alignment.remember()
 
     def track(self) -> Step:
-        """The motion since the last frame; no motion where the registration gives none that can be."""
+        """The motion since the last frame; the identity where the registration gives an impossible one."""
         self._live.build()
         self._model.build()
         start = np.eye(4)

@@ -61,7 +61,7 @@ class Table:
         self.allowed = None if request["allowed"] is None else np.load(request["allowed"])
         self.noise = None if request["factors"] is None else np.log(np.load(request["factors"]))
         self.budget, self.seed, self.method = request["budget"], request["seed"], request["method"]
-        # For searches that must be told when to end: what is refused must not shorten them.
+        # For searches that need to know their end: refused points must not shorten them.
         self.trials = self.budget * (1 if self.allowed is None else PATIENCE)
         self.indices: list[int] = []
         self.refused = 0
@@ -85,7 +85,7 @@ class Table:
         """Look one configuration up. Raises BudgetSpentError when nothing is left.
 
         What a known constraint forbids counts for nothing and looks like a failure: few of these searches can
-        be told such constraints, but all of them can propose again.
+        be given such constraints, but all of them can propose again.
         """
         if len(self.indices) >= self.budget:
             raise BudgetSpentError

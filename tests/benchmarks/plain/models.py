@@ -1,5 +1,5 @@
 """A submission, its sessions and their runs, with all series as JSON."""
-# ruff: noqa: DJ008 - nobody looks at these rows
+# ruff: noqa: DJ008 - these rows are never displayed
 
 from django.db import models
 

@@ -207,7 +207,7 @@ def test_a_device_that_computes_something_else_is_told_so_before_anything_is_tim
     publish_content(narrow)
     page = begin(visitor)
 
-    page.get_by_text("This device computes something else").wait_for()
+    page.get_by_text("This device computes wrong results").wait_for()
     assert page.get_by_text("the band is 1e-9 m").is_visible()
     [counted] = until(lambda: AttemptCount.objects.filter(reason="wrong_results"), 30)
     assert (counted.step, counted.gpu_architecture, counted.browser) == ("failed", "swiftshader", "Chrome")
@@ -280,7 +280,7 @@ def test_two_tabs_do_not_measure_at_once(visitor: Visitor) -> None:
     other.goto(f"{visitor.server}/measure/")
     other.locator("#start").click()
 
-    other.get_by_text("Another tab measures already").wait_for()
+    other.get_by_text("Another tab is already measuring").wait_for()
     page.bring_to_front()
     finished(page)
     assert MeasurementSession.objects.count() == 1

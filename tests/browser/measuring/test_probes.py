@@ -83,9 +83,7 @@ def test_who_presses_the_button_measures_what_is_assigned(visitor: Visitor, aske
     assert_accessible(page)
     button.click()
     first, second = names = assigned()
-    page.get_by_text(
-        f"Thank you: the map of devices now knows {first} and {second} on this device."
-    ).wait_for()
+    page.get_by_text(f"Thank you: predictions now include {first} and {second} on this device.").wait_for()
 
     assert rows == [f"{name}: {TEACHES}" for name in names]
     ordinary, probes = MeasurementSession.objects.order_by("id")
@@ -134,7 +132,7 @@ def test_another_tab_leaves_the_probes_in_progress_alone(visitor: Visitor, asked
     other.locator("#start").wait_for()
     page.bring_to_front()
     page.evaluate("window.goOn()")
-    page.get_by_text("Thank you: the map of devices now knows ").wait_for()
+    page.get_by_text("Thank you: predictions now include ").wait_for()
 
     assert [len(configurations(one)) for one in MeasurementSession.objects.order_by("id")] == [8, 6]
 

@@ -48,7 +48,7 @@ def test_a_payload_that_would_be_taken_is_said_to_be_and_leaves_nothing(
     code = command_line.main(["check", good, "--server", live_server.url])
 
     assert code == 0, capsys.readouterr().err
-    assert capsys.readouterr().out == f"{good}: 4 of 4 runs would be taken\n"
+    assert capsys.readouterr().out == f"{good}: 4 of 4 runs would be accepted\n"
     assert MeasurementSession.objects.count() == Installation.objects.count() == 0
 
 
@@ -64,7 +64,7 @@ def test_what_is_wrong_is_told_run_by_run_and_file_by_file(
 
     lines = capsys.readouterr().out.splitlines()
     assert code == 1
-    assert lines[0] == f"{files[0]}: 3 of 4 runs would be taken"
+    assert lines[0] == f"{files[0]}: 3 of 4 runs would be accepted"
     assert "frame_count at sessions[0].runs[2].frame_us" in lines[1]
     assert lines[2].startswith(f"{files[1]}: refused: device.serial_number could identify a person")
 
@@ -74,7 +74,7 @@ def test_a_file_that_is_none_is_a_usage_error(
 ) -> None:
     (tmp_path / "no.json").write_text("{")
 
-    for file, words in {"no.json": "is no JSON", "absent.json": "cannot be read"}.items():
+    for file, words in {"no.json": "is not JSON", "absent.json": "cannot be read"}.items():
         assert command_line.main(["check", str(tmp_path / file), "--server", live_server.url]) == 2
         assert words in capsys.readouterr().err
 

@@ -50,7 +50,7 @@ def test_without_a_network_the_last_manifest_serves(serve: Serve, home: Home) ->
     again, fresh = manifest.fetch(server, home)
 
     assert (again, fresh) == (kept, False)
-    assert manifest.kept_manifests(home) == {(server.url, "kfusion"): kept}
+    assert manifest.stored_manifests(home) == {(server.url, "kfusion"): kept}
 
 
 def test_each_application_has_a_manifest_of_its_own(serve: Serve, home: Home) -> None:
@@ -64,7 +64,7 @@ def test_each_application_has_a_manifest_of_its_own(serve: Serve, home: Home) ->
     usual, other = manifest.fetch(server, home)[0], manifest.fetch(server, home, "elasticfusion")[0]
 
     assert scripted.paths() == ["GET /api/v1/manifest", "GET /api/v1/manifest?application=elasticfusion"]
-    assert manifest.kept_manifests(home) == {
+    assert manifest.stored_manifests(home) == {
         (server.url, "kfusion"): usual,
         (server.url, "elasticfusion"): other,
     }
@@ -96,7 +96,7 @@ def test_a_first_visit_needs_the_server(home: Home, closed_port: int) -> None:
     ("changes", "message"),
     [
         ({"configurations": []}, "configurations: default"),
-        ({"protocol": protocol(order=["default", "nobody"])}, "nobody"),
+        ({"protocol": protocol(order=["default", "unknown"])}, "unknown"),
         ({"protocol": protocol(first_counted_frame=12)}, "out of range"),
         ({"protocol": protocol(frames="many")}, "many"),
         ({"sequence": {**documents.manifest()["sequence"], "sha256": "../../etc"}}, "hexadecimal"),
@@ -191,9 +191,9 @@ def test_an_old_client_is_told_to_update_and_a_pause_is_obeyed() -> None:
     Manifest.parse(documents.manifest(minimum_app_version="0.1")).require_this_version()
     with pytest.raises(OutdatedError, match=r"0\.10\.0"):
         Manifest.parse(documents.manifest(minimum_app_version="0.10.0")).require_this_version()
-    with pytest.raises(CannotMeasureError, match="no measurements at present: try again another day"):
+    with pytest.raises(CannotMeasureError, match="does not accept measurements now: try again another day"):
         Manifest.parse(documents.manifest(accepting=False)).require_accepting()
-    with pytest.raises(CannotMeasureError, match="at present: back on Monday"):
+    with pytest.raises(CannotMeasureError, match="now: back on Monday"):
         Manifest.parse(documents.manifest(accepting=False, message="back on\nMonday")).require_accepting()
 
 
@@ -261,5 +261,5 @@ def test_what_protocol_2_needs_is_refused_by_name_where_it_is_missing(
 
 
 def test_a_protocol_of_the_future_asks_for_a_newer_client() -> None:
-    with pytest.raises(OutdatedError, match="by protocol 1 and 2, the server by 3: update it"):
+    with pytest.raises(OutdatedError, match="knows protocol 1 and 2, the server uses 3: update the client"):
         Manifest.parse(documents.manifest(protocol=protocol(version=3)))

@@ -30,13 +30,13 @@ def test_each_file_is_fetched_once_and_kept(pack: Pack, serve: Serve, home: Home
     document, files = protocol_2.manifest(pack, far=("best",))
     asked = Manifest.parse(document)
     scripted = serve(lambda request: Reply(200, raw=files[Path(request.path).name]))
-    assert not reference_trajectories.at_hand(asked, home)
+    assert not reference_trajectories.all_present(asked, home)
 
     reference_trajectories.fetch(Server(scripted.url), asked, home)
     scripted.close()
 
     assert sorted(Path(path).name for path in scripted.paths()) == sorted(files)  # two share one
-    assert reference_trajectories.at_hand(asked, home)
+    assert reference_trajectories.all_present(asked, home)
     kept = reference_trajectories.read(asked, home)
     assert [list(position) for position in kept["default"]] == protocol_2.positions()
     assert [list(position) for position in kept["best"]] == protocol_2.positions(0.1)
@@ -50,7 +50,7 @@ def test_a_file_that_was_damaged_on_disk_is_fetched_again(pack: Pack, serve: Ser
     reference_trajectories.fetch(server, asked, home)
     home.trajectory(digest).write_bytes(b"[]")
 
-    assert not reference_trajectories.at_hand(asked, home)
+    assert not reference_trajectories.all_present(asked, home)
     reference_trajectories.fetch(server, asked, home)
 
     assert home.trajectory(digest).read_bytes() == files[digest]
@@ -60,7 +60,7 @@ def test_other_bytes_than_promised_are_never_kept(pack: Pack, serve: Serve, home
     document, files = protocol_2.manifest(pack)
     server = Server(serve(lambda _: Reply(200, raw=b"[[0, 0, 0]]")).url)
 
-    with pytest.raises(CorruptDownloadError, match="other data than the manifest promises"):
+    with pytest.raises(CorruptDownloadError, match="does not match the manifest"):
         reference_trajectories.fetch(server, Manifest.parse(document), home, pause=lambda _: None)
 
     assert not home.trajectory(next(iter(files))).exists()
@@ -95,7 +95,7 @@ def test_what_is_not_a_trajectory_is_refused_by_name(
 def test_protocol_1_has_none(home: Home) -> None:
     asked = Manifest.parse(documents.manifest())
 
-    assert reference_trajectories.at_hand(asked, home)
+    assert reference_trajectories.all_present(asked, home)
     assert reference_trajectories.read(asked, home) == {}
 
 

@@ -206,7 +206,7 @@ def test_a_server_that_forgot_this_installation_gets_a_new_one(
     sending.deliver(spool, home)
 
     assert spool.item(item.id).state == "accepted"
-    assert [known.token for known in enrolment.known(home)] == ["new"]
+    assert [known.token for known in enrolment.all_enrolments(home)] == ["new"]
 
 
 def test_a_request_to_erase_is_kept_until_the_server_has_it(
@@ -226,7 +226,7 @@ def test_a_request_to_erase_is_kept_until_the_server_has_it(
     assert delivered.erased == [back.url]
     assert back.paths() == ["DELETE /api/v1/me"]
     assert back.requests[0].headers["authorization"] == "Bearer secret"
-    assert enrolment.known(home) == []
+    assert enrolment.all_enrolments(home) == []
 
 
 def test_while_another_process_sends_nothing_is_sent_twice(serve: Serve, home: Home, spool: Spool) -> None:
@@ -277,7 +277,7 @@ def test_what_became_of_the_sessions_is_told_in_plain_lines(
     lines: list[Any] = sending.deliver(spool, home).lines()
 
     assert lines[0] == f"Not sent: {url} cannot be reached: Connection refused"
-    assert "kept on this device" in lines[1]
+    assert "stored on this device" in lines[1]
 
 
 def test_what_one_session_was_asked_to_wait_holds_for_its_server(
@@ -399,7 +399,7 @@ def test_a_run_that_is_erased_before_it_is_sent_never_leaves(serve: Serve, home:
 
 def test_a_session_goes_with_its_last_run(home: Home, spool: Spool) -> None:
     payload = documents.payload()
-    spool.put("http://nobody.example", payload)
+    spool.put("http://other.example", payload)
 
     sending.erase_run(spool, home, payload["sessions"][0]["runs"][0]["id"])
 
@@ -433,7 +433,7 @@ def test_a_new_token_is_kept_before_the_old_one_ends(serve: Serve, home: Home, s
     def renewing(request: Request) -> Reply:
         if request.path.endswith("/me/token"):
             return Reply(201, {"token": "another"})
-        assert enrolment.present(home, Server(scripted.url)) == "another"
+        assert enrolment.current_token(home, Server(scripted.url)) == "another"
         assert request.headers["authorization"] == "Bearer another"
         return Reply(200, {"sessions": []})
 
@@ -460,18 +460,18 @@ def test_a_server_that_is_away_keeps_no_other_from_renewing(serve: Serve, home: 
         sending.renew_tokens(home, told.append)
 
     assert sorted(told) == sorted([first.url, last.url])
-    tokens = {url: enrolment.present(home, Server(url)) for url in (first.url, away.url, last.url)}
+    tokens = {url: enrolment.current_token(home, Server(url)) for url in (first.url, away.url, last.url)}
     assert [url for url, token in tokens.items() if token == "another"] == [first.url, last.url]
 
 
 def test_a_run_is_named_by_its_id_or_the_address_of_its_page(home: Home, spool: Spool) -> None:
     payload = documents.payload()
     run = payload["sessions"][0]["runs"][0]["id"]
-    spool.put("http://nobody.example", payload)
+    spool.put("http://other.example", payload)
 
     with pytest.raises(UsageError, match="its page's address"):
         sending.erase_run(spool, home, "my fastest run")
-    sending.erase_run(spool, home, f"http://nobody.example/runs/{run.upper()}/?front=kfusion-1")
+    sending.erase_run(spool, home, f"http://other.example/runs/{run.upper()}/?front=kfusion-1")
 
     assert spool.items() == []
 
@@ -514,7 +514,7 @@ def test_each_device_that_uses_the_folder_has_its_own_installation(
 
     assert [item.state for item in spool.items()] == ["accepted"] * 5
     assert devices.bound == {"token 0": "first", "token 1": "second"}
-    assert [known.token for known in enrolment.known(home)] == ["token 1", "token 0"]
+    assert [known.token for known in enrolment.all_enrolments(home)] == ["token 1", "token 0"]
 
 
 def test_erasing_erases_the_installations_of_all_devices(serve: Serve, home: Home, spool: Spool) -> None:
@@ -528,7 +528,7 @@ def test_erasing_erases_the_installations_of_all_devices(serve: Serve, home: Hom
     sending.deliver(spool, home)
 
     assert devices.bound == {}
-    assert enrolment.known(home) == []
+    assert enrolment.all_enrolments(home) == []
 
 
 def test_a_session_whose_device_no_installation_may_have_is_kept(

@@ -33,7 +33,7 @@ def no_pause(_: float) -> None:
 def test_a_download_is_a_pack_and_happens_once(serve: Serve, home: Home) -> None:
     scripted = serve(whole)
     progress: list[tuple[int, int]] = []
-    assert sequences.at_hand(ASKED, home) is None
+    assert sequences.find_complete(ASKED, home) is None
 
     folder = sequences.fetch(
         Server(scripted.url), ASKED, home, lambda done, total: progress.append((done, total))
@@ -45,7 +45,7 @@ def test_a_download_is_a_pack_and_happens_once(serve: Serve, home: Home) -> None
     assert description["chunks"][0] == {"sha256": documents.digest(CHUNKS[0]), "bytes": len(CHUNKS[0])}
     total = sum(map(len, CHUNKS))
     assert progress == [(10, total), (1310, total), (total, total)]
-    assert sequences.at_hand(ASKED, home) == folder
+    assert sequences.find_complete(ASKED, home) == folder
     sequences.fetch(Server(scripted.url), ASKED, home)
     assert len(scripted.requests) == len(CHUNKS)
 
@@ -57,7 +57,7 @@ def test_an_interrupted_download_goes_on_where_it_stopped(serve: Serve, home: Ho
     )
     with pytest.raises(UnreachableError):
         sequences.fetch(Server(scripted.url), ASKED, home, pause=no_pause)
-    assert sequences.at_hand(ASKED, home) is None
+    assert sequences.find_complete(ASKED, home) is None
 
     scripted.answer, before = whole, len(scripted.requests)
     sequences.fetch(Server(scripted.url), ASKED, home, pause=no_pause)
@@ -71,7 +71,7 @@ def test_a_chunk_that_was_damaged_on_disk_is_fetched_again(serve: Serve, home: H
     damaged = folder / "chunks" / documents.digest(CHUNKS[1])
     damaged.write_bytes(b"frames 0 to 9?" * 100)
 
-    assert sequences.at_hand(ASKED, home) is None
+    assert sequences.find_complete(ASKED, home) is None
     sequences.fetch(Server(scripted.url), ASKED, home)
 
     assert damaged.read_bytes() == CHUNKS[1]
@@ -90,7 +90,7 @@ def test_trouble_on_the_way_is_tried_again_after_growing_pauses(serve: Serve, ho
 def test_other_bytes_than_promised_are_never_kept(serve: Serve, home: Home) -> None:
     scripted = serve(lambda _: Reply(200, raw=b"the hEader"))
 
-    with pytest.raises(CorruptDownloadError, match="other data than the manifest promises"):
+    with pytest.raises(CorruptDownloadError, match="does not match the manifest"):
         sequences.fetch(Server(scripted.url), ASKED, home, pause=no_pause)
 
     assert not (home.sequence(str(ASKED.sequence["sha256"])) / "chunks").exists()
@@ -119,6 +119,6 @@ def test_colour_that_is_told_of_lies_beside_the_depth(serve: Serve, home: Home, 
     assert sequences.size(asked) == sum(chunk["bytes"] for chunk in (*told["chunks"], *beside["chunks"]))
     fetched = Pack(folder)
     assert (fetched.colour(3) == original.colour(3)).all()
-    assert sequences.at_hand(asked, home) == folder
+    assert sequences.find_complete(asked, home) == folder
     (colour_folder(folder) / "chunks" / asked.colour[0].sha256).unlink()
-    assert sequences.at_hand(asked, home) is None
+    assert sequences.find_complete(asked, home) is None

@@ -75,7 +75,7 @@ def test_a_redirect_is_named_and_the_token_stays_here(serve: Serve) -> None:
     elsewhere = serve(lambda _: Reply(200, {}))
     scripted = serve(lambda _: Reply(302, {}, (("Location", f"{elsewhere.url}/api/v1/me"),)))
 
-    with pytest.raises(NotFrontrunnerError, match=f"points to {elsewhere.url}"):
+    with pytest.raises(NotFrontrunnerError, match=f"redirects to {elsewhere.url}"):
         Server(scripted.url).erase("secret")
 
     assert elsewhere.requests == []

@@ -1,4 +1,4 @@
-"""What stands against measuring now: each concern in words that say what to do."""
+"""Obstacles to measuring now, each with a remedy."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,10 +1,10 @@
-"""What an application needs beyond the base installation is told before anything is downloaded."""
+"""Missing packages of an application are reported before anything is downloaded."""
 
 import pytest
 
 from client_kit.device import requirements
 from client_kit.errors import CannotMeasureError, OutdatedError
-from slam.systems import SYSTEMS
+from slam.registry import SYSTEMS
 
 
 def test_every_system_can_be_asked_for() -> None:

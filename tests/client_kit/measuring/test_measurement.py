@@ -31,7 +31,7 @@ def asked(pack: Pack) -> Manifest:
 
 
 class Watched:
-    """A session that was really measured, with all that was told meanwhile."""
+    """A session that was really measured, with all progress calls."""
 
     def __init__(self, folder: Path, asked: Manifest) -> None:
         self.runs: list[Run] = []

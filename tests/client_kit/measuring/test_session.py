@@ -107,23 +107,23 @@ def test_drift_compares_the_later_runs_with_the_earlier_frame_by_frame() -> None
 def test_a_tight_interval_ends_the_session_and_a_wide_one_goes_on_as_abba() -> None:
     tight, wide = pairs((40, 10), (40, 10.01)), pairs((40, 10), (44, 10))
 
-    assert repeats.further(tight, PATIENT, 20, 1) == []
-    assert repeats.further(wide, PATIENT, 20, 1) == ["default", "best", "best", "default"]
+    assert repeats.next_runs(tight, PATIENT, 20, 1) == []
+    assert repeats.next_runs(wide, PATIENT, 20, 1) == ["default", "best", "best", "default"]
 
 
 def test_a_round_that_would_not_end_in_time_is_not_begun() -> None:
     wide = pairs((40, 10), (44, 10))
 
-    assert repeats.further(wide, PATIENT, 116.1, 1) == []
-    assert repeats.further(wide, PATIENT, 116.0, 1) != []
+    assert repeats.next_runs(wide, PATIENT, 116.1, 1) == []
+    assert repeats.next_runs(wide, PATIENT, 116.0, 1) != []
 
 
 def test_repeats_and_runs_have_their_limits() -> None:
     wide = pairs(*[(40, 10), (44, 10)] * 3)
 
-    assert repeats.further(wide, PATIENT, 20, 1) == []
+    assert repeats.next_runs(wide, PATIENT, 20, 1) == []
     front = [run for number in range(12) for run in pairs((40, 10), (44, 10), name=f"point-{number}")]
-    assert repeats.further(front, PATIENT, 0, 1) == []
+    assert repeats.next_runs(front, PATIENT, 0, 1) == []
 
 
 def test_only_configurations_whose_speed_counts_and_is_uncertain_go_on() -> None:
@@ -135,9 +135,9 @@ def test_only_configurations_whose_speed_counts_and_is_uncertain_go_on() -> None
         replace(run_of("broken", 1, []), status="failed"),
     ]
 
-    assert repeats.further(runs, PATIENT, 20, 1) == ["default", "best", "best", "default"]
+    assert repeats.next_runs(runs, PATIENT, 20, 1) == ["default", "best", "best", "default"]
     broken = replace(run_of("default", 2, []), status="failed")
-    assert repeats.further([*runs, broken], PATIENT, 20, 1) == []
+    assert repeats.next_runs([*runs, broken], PATIENT, 20, 1) == []
 
 
 def test_the_time_left_counts_what_each_configuration_took() -> None:
@@ -218,7 +218,7 @@ def test_a_run_that_leaves_its_band_makes_no_speedup() -> None:
 def test_a_session_of_protocol_2_ends_with_its_plan() -> None:
     fixed = replace(PATIENT, version=2, adaptive=None)
 
-    assert repeats.further(pairs((40, 10), (44, 10)), fixed, 20, 1) == []
+    assert repeats.next_runs(pairs((40, 10), (44, 10)), fixed, 20, 1) == []
 
 
 def test_a_long_session_sends_as_many_samples_as_a_server_takes() -> None:

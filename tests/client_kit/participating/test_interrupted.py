@@ -43,7 +43,7 @@ def test_ctrl_c_keeps_what_is_finished_for_the_next_send(
 
     assert code == 130
     assert "Stopped: the 3 finished runs are kept." in out
-    assert "go with the next `send`" in error
+    assert "sent by the next `send`" in error
     assert client("send")[0] == 0
     [session] = counting.sessions.values()
     assert [run["configuration"] for run in session["runs"]] == ["default", "best", "best"]
@@ -86,7 +86,7 @@ def test_the_place_and_the_page_are_told_after_sending(
     assert "Mean time a frame, by stage" in out
     assert "Place 1 of 2 devices by speedup" in out
     assert f"Among the others: {server.url}/devices/a-phone/" in out
-    assert f"whoever has the link may read it): {server.url}/mine/signed/" in out
+    assert f"anyone with the link can read it): {server.url}/mine/signed/" in out
 
 
 def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(
@@ -98,7 +98,7 @@ def test_a_crowd_that_cannot_be_asked_for_spoils_nothing(
     code, out, _ = client("run", "--yes", "--server", serve(shy).url)
 
     assert code == 0
-    assert "The place in the crowd could not be asked for" in out
+    assert "The rank among other devices could not be requested" in out
     assert "Among the others: " in out
 
 
@@ -163,7 +163,7 @@ def test_erased_while_it_sends_what_arrived_is_erased_there_too(
     assert "your agreement was withdrawn meanwhile" in error
     assert erased == [True]
     assert server.paths()[-1] == "DELETE /api/v1/me"
-    assert (counting.sessions, enrolment.known(home), Spool(home.spool).items()) == ({}, [], [])
+    assert (counting.sessions, enrolment.all_enrolments(home), Spool(home.spool).items()) == ({}, [], [])
 
 
 def test_a_new_consent_text_is_asked_for_and_what_waits_goes_with_it(
@@ -238,7 +238,7 @@ def test_a_silent_client_never_waits_for_an_answer(
 ) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
 
-    with pytest.raises(UsageError, match="nobody is here to agree"):
+    with pytest.raises(UsageError, match="no terminal to ask for agreement"):
         Client(serve(counting).url, home.path).run()
 
 

@@ -51,7 +51,7 @@ def test_what_the_backend_cannot_hold_is_left_out_but_for_the_protocols_own(
 ) -> None:
     said = io.StringIO()
 
-    fitting = participation._that_fit(asked.names(wanted), asked, backend, Console(said))
+    fitting = participation._select_runnable(asked.names(wanted), asked, backend, Console(said))
     [plan] = asked.plans(fitting)
 
     assert tuple(dict.fromkeys(plan)) == measured
@@ -62,4 +62,4 @@ def test_where_nothing_fits_nothing_is_measured(asked: Manifest) -> None:
     with pytest.raises(
         CannotMeasureError, match=r"fine does not fit WebGPU here .*: nothing is left to measure"
     ):
-        participation._that_fit(("fine",), asked, "webgpu", Console(io.StringIO()))
+        participation._select_runnable(("fine",), asked, "webgpu", Console(io.StringIO()))

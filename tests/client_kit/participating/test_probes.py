@@ -88,7 +88,7 @@ def test_who_agrees_at_the_terminal_measures_what_is_assigned(
     assert orders(counting) == [ORDINARY, PROBES]
     assert "fine: few devices have measured it" in out
     assert "Measure 2 more configurations?" in out
-    assert out.splitlines()[-1] == "Thank you: the map of devices now knows fine, rare on this device."
+    assert out.splitlines()[-1] == "Thank you: predictions now include fine, rare on this device."
     [asked] = [request for request in server.requests if "minutes=" in request.path]
     assert asked.path == "/api/v1/manifest?application=kfusion&minutes=2"
     assert asked.headers["authorization"] == "Bearer secret"
@@ -133,7 +133,10 @@ def test_the_option_measures_them_without_a_terminal(
     [
         (None, "Among the others: "),  # an old server, which disregards `minutes`
         (assigning(assigned_message="this device is well known"), "measure: this device is well known"),
-        (assigning("fine", accepting=False, message="back at noon"), "are measured: the server takes no"),
+        (
+            assigning("fine", accepting=False, message="back at noon"),
+            "are measured: the server does not accept",
+        ),
         (assigning("fine", consent_version=3), "are measured: the consent text has changed"),
         (assigning("fine") | {"configurations": []}, "are measured: the server's manifest lacks"),
     ],
@@ -198,7 +201,7 @@ def test_what_takes_longer_than_two_minutes_is_dropped_from_the_end(
 ) -> None:
     asked = Manifest.parse(assigning("fine", "rare"))
 
-    assert probes.that_fit(asked, default) == names
+    assert probes.select_fitting(asked, default) == names
     if names:
         assert probes.seconds(asked.plan(names), asked, default) <= 120
 
@@ -215,12 +218,12 @@ def test_the_predicted_ratio_counts_before_the_predicted_times() -> None:
 def test_what_was_left_out_is_told() -> None:
     asked = Manifest.parse(assigning("fine", "rare"))
 
-    assert probes.lines(asked, ("fine",))[1:] == [
+    assert probes.describe(asked, ("fine",))[1:] == [
         "The server assigns further configurations to this device:",
         "  fine: few devices have measured it",
         "Left out, as 2 minutes are too short: rare",
     ]
-    assert probes.lines(asked, ()) == [
+    assert probes.describe(asked, ()) == [
         "No further configurations are measured: fine, rare would take longer than 2 minutes."
     ]
     assert "Measure 1 more configuration?" in probes.question(("fine",))

@@ -79,13 +79,13 @@ def test_a_session_of_probes_is_taken_whole(
     asked["assigned"] = [{"name": "probe-1", "why": "no other device has measured it"}]
 
     def assigning(request: Request) -> Reply:
-        """The real server's answers, but for the manifest of this device."""
+        """The real server's answers, except the manifest of this device."""
         return Reply(200, asked) if "minutes=" in request.path else passing_on(live_server.url, request)
 
     done = run_client(home, "run", "--server", serve(assigning).url, "--yes", "--probes")
 
     assert done.returncode == 0, done.stderr
-    assert "Thank you: the map of devices now knows probe-1 on this device." in done.stdout
+    assert "Thank you: predictions now include probe-1 on this device." in done.stdout
     assert [item.state for item in Spool(home.spool).items()] == ["accepted"] * 2
     _, session = MeasurementSession.objects.order_by("id")
     runs = session.runs.order_by("order").select_related("configuration")

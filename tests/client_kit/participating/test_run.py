@@ -115,7 +115,7 @@ def test_a_server_that_goes_away_gets_the_session_with_the_next_command(
 
     assert done.returncode == 0, done.stderr
     assert f"Not sent: {scripted.url}" in done.stdout
-    assert "kept on this device" in done.stdout
+    assert "stored on this device" in done.stdout
     assert "Speedup of best over default: " in done.stdout
     assert states(home) == ["queued"]
 
@@ -136,7 +136,7 @@ def test_a_device_without_a_network_measures_what_it_knows(
     done = client(home, "run", "--server", scripted.url)
 
     assert done.returncode == 0, done.stderr
-    assert "measuring what it asked for at the last visit" in done.stdout
+    assert "using its manifest from the last visit" in done.stdout
     assert states(home) == ["accepted", "queued"]
 
 
@@ -304,8 +304,8 @@ def test_protocol_2_is_measured_with_its_references_and_again_without_a_network(
     assert '"deviation": ' in done.stdout  # in the consent text
     assert "so --minutes changes nothing" in done.stdout
     assert "over OpenCL" in done.stdout
-    [line] = [line for line in done.stdout.splitlines() if "computes something else" in line]
-    assert line.endswith("cm from it, 2.00 cm allowed), so the run does not count.")
+    [line] = [line for line in done.stdout.splitlines() if "computes a different result" in line]
+    assert line.endswith("cm from the reference, 2.00 cm allowed), so the run does not count.")
     assert "No speedup for best" in done.stdout
     [session] = counting.sessions.values()
     assert session["protocol_version"] == 2

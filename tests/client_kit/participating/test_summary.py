@@ -73,10 +73,10 @@ def test_the_place_counts_each_other_device_once() -> None:
     crowd = [row("a", 9.0), row("a", 2.0), row("own", 8.0), row("b", 5.0), row("c", 3.0)]
     crowd.append(row("browser", 99.0, "webgpu"))
 
-    line = summary.place(crowd, 6.0, "own", "opencl")
+    line = summary.rank_line(crowd, 6.0, "own", "opencl")
 
     assert line == "Place 2 of 4 devices by speedup; half of the others gain 5.00 or more."
-    assert summary.place([row("own", 8.0)], 6.0, "own", "opencl").startswith("No other device")
+    assert summary.rank_line([row("own", 8.0)], 6.0, "own", "opencl").startswith("No other device")
 
 
 def test_best_is_compared_with_the_crowd_else_the_fastest_that_counts() -> None:
@@ -100,6 +100,6 @@ def test_a_run_outside_its_band_is_said_not_to_count() -> None:
     assert summary.run_lines(near, ASKED.protocol) == summary.run_lines(run, ASKED.protocol)
     _, line = summary.run_lines(far, ASKED.protocol)
     assert line.strip() == (
-        "This device computes something else than the reference (3.20 cm from it, 0.50 cm allowed), "
+        "This device computes a different result (3.20 cm from the reference, 0.50 cm allowed), "
         "so the run does not count."
     )

@@ -97,7 +97,7 @@ def test_a_home_that_cannot_be_written_is_told_with_the_remedy(
 
     assert code == 3
     assert str(home.path) in error
-    assert "set FRONTRUNNER_HOME to a folder that can be written" in error
+    assert "set FRONTRUNNER_HOME to a writable folder" in error
 
 
 def _read_only(**_: Any) -> None:
@@ -128,7 +128,7 @@ def test_without_a_network_there_is_one_line_and_what_was_measured_stays(
     code, out, _ = client("run", "--server", address)
 
     assert code == 0
-    assert "measuring what it asked for at the last visit" in out
+    assert "using its manifest from the last visit" in out
     assert [item.state for item in Spool(home.spool).items()] == ["accepted", "queued"]
     assert client("send")[1].endswith("1 still to send.\n")
 
@@ -138,8 +138,8 @@ def test_without_a_network_there_is_one_line_and_what_was_measured_stays(
     [
         (Reply(200, raw=b"<html>Welcome to our hotel"), "the answer is not JSON"),
         (Reply(200, {"hello": "world"}), "the server's manifest lacks 'configurations'"),
-        (Reply(404, raw=b"<html>no"), "answers 404 Not Found, not as a Frontrunner server does"),
-        (Reply(301, {}, (("Location", "https://other.example/"),)), "points to https://other.example/"),
+        (Reply(404, raw=b"<html>no"), "answers 404 Not Found, unlike a Frontrunner server"),
+        (Reply(301, {}, (("Location", "https://other.example/"),)), "redirects to https://other.example/"),
         (problem(404, "not_found", "no front of kfusion is published"), "no front of kfusion is published"),
     ],
 )
@@ -160,7 +160,7 @@ def test_a_server_that_pauses_takes_nothing_and_says_why(
     code, _, error = client("run", "--yes", "--server", serve(counting).url)
 
     assert code == 3
-    assert "takes no measurements at present: We move house until Monday." in error
+    assert "does not accept measurements now: We move house until Monday." in error
     assert Spool(home.spool).items() == []
 
 

@@ -190,7 +190,7 @@ def test_export_shows_and_erase_removes_what_the_server_keeps(
     assert erased.returncode == 0
     assert MeasurementSession.objects.count() == 0
     assert Spool(home.spool).items() == []
-    assert enrolment.known(home) == []
+    assert enrolment.all_enrolments(home) == []
 
 
 def test_one_run_can_be_erased_and_the_token_be_replaced(
@@ -198,7 +198,7 @@ def test_one_run_can_be_erased_and_the_token_be_replaced(
 ) -> None:
     item = spool.put(server, renamed(measured))
     sending.deliver(spool, home)
-    kit, old = Client(home=home.path), str(enrolment.present(home, Server(server)))
+    kit, old = Client(home=home.path), str(enrolment.current_token(home, Server(server)))
     run = measured_runs(spool)[0]
 
     assert kit.erase_run(run) == [server]
@@ -207,11 +207,11 @@ def test_one_run_can_be_erased_and_the_token_be_replaced(
     assert Run.objects.count() == 3
     assert run not in measured_runs(spool)
     assert spool.item(item.id).state == "accepted"
-    new = str(enrolment.present(home, Server(server)))
+    new = str(enrolment.current_token(home, Server(server)))
     assert len(Server(server).own_data(new)["sessions"][0]["runs"]) == 3
     with pytest.raises(ProblemError, match="token_invalid"):
         Server(server).own_data(old)
-    with pytest.raises(UsageError, match="has such a run"):
+    with pytest.raises(UsageError, match="have this run"):
         kit.erase_run(run)
 
 

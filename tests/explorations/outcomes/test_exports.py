@@ -12,7 +12,7 @@ from crowd.explorations.models import Exploration
 from crowd.explorations.objectives import MEASURED, without_ratios
 from crowd.explorations.outcomes import exports
 from slam import isolated
-from slam.disclosure import public
+from slam.public_text import without_folders
 
 FAILURE = "=2+5: /srv/frontrunner/slam/run.py is gone"
 
@@ -82,4 +82,4 @@ def test_numbers_stay_numbers(exploration: Exploration) -> None:
     ],
 )
 def test_of_an_absolute_path_its_last_part_is_shown(text: str, shown: str) -> None:
-    assert public(text) == shown
+    assert without_folders(text) == shown

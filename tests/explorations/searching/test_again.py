@@ -19,7 +19,7 @@ def test_a_configuration_measured_again_is_told_by_itself_and_counted(exploratio
 
     explorer = search.explorer(exploration, search.rows_of(exploration))
     assert place is not None
-    assert len(explorer.history.told[place]) == 2
+    assert len(explorer.history.results[place]) == 2
     assert place not in explorer.history.pending
     seen = watch(exploration.pk)
     assert seen is not None

@@ -89,7 +89,7 @@ def test_each_round_begins_with_the_default_which_costs_no_budget_and_is_not_tol
     second = services.advance(comparing.pk)
     assert [row.phase for row in second] == ["default", "random", "random"]
     explorer = search.explorer(comparing, search.rows_of(comparing))
-    assert all(len(values) == 1 for values in explorer.history.told.values())
+    assert all(len(values) == 1 for values in explorer.history.results.values())
 
 
 def test_a_default_that_fails_in_a_round_is_replaced_by_the_nearest_one(comparing: Exploration) -> None:

@@ -20,7 +20,7 @@ def test_exploring_a_table_writes_evaluations_front_and_state(toy, capsys):
     evaluations = rows(toy / "out" / "evaluations.csv")
     assert [row["number"] for row in evaluations] == [str(number) for number in range(1, 41)]
     failures = {row["failure"] for row in evaluations if row["x"] in ("7", "20")}
-    assert failures == {"error is 'failed' in the table, no finite number", "not in the table"}
+    assert failures == {"error is 'failed' in the table, not a finite number", "not in the table"}
     front = rows(toy / "out" / "front.csv")
     assert [int(row["x"]) for row in front] == [x for x in range(19, 0, -1) if x != 7]
     assert {row["mode"] for row in front} == {"a,b"}
@@ -54,7 +54,7 @@ def test_a_second_run_goes_on_where_the_first_ended(toy):
 
 def test_a_method_that_has_nothing_more_to_ask_says_so(toy, capsys):
     assert explore(toy, "--budget", "50") == 0
-    assert "stopped after 40 of 50: random has nothing more to ask" in capsys.readouterr().err
+    assert "stopped after 40 of 50: random has nothing more to propose" in capsys.readouterr().err
 
 
 def test_when_nothing_succeeds_the_reason_is_told(toy, capsys):
@@ -172,8 +172,8 @@ def test_what_measures_may_be_mended_until_something_was_measured(toy, monkeypat
     ("objectives", "message"),
     [
         ("x", "objective 'x' has the name of a parameter"),
-        ("error,failure", "'failure' is a column that evaluations.csv has anyway"),
-        ("phase", "'phase' is a column"),
+        ("error,failure", "'failure' is a fixed column of evaluations.csv"),
+        ("phase", "'phase' is a fixed column"),
     ],
 )
 def test_names_that_would_share_a_column_are_refused(toy, capsys, objectives, message):

@@ -150,13 +150,13 @@ def test_nothing_within_the_limits_is_said(explored, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "front of what?"),
+        ([], "give an exploration's folder"),
         (["{toy}/none"], "holds no exploration"),
         (["{toy}"], "holds no exploration"),
         (["{toy}/table.csv"], "name its objectives with --objectives"),
         (["{toy}/table.csv", "--objectives", "power"], "no column 'power'"),
         (["{toy}/table.csv", "--objectives", "error", "--prefer", "power"], "no column 'power'"),
-        (["{toy}/binary", "--objectives", "a"], "no CSV file in UTF-8"),
+        (["{toy}/binary", "--objectives", "a"], "not a CSV file in UTF-8"),
         (["{toy}/out", "--objectives", "error,power"], "did not measure 'power'"),
         (["{toy}/out", "--limits", "power=1"], "limit on 'power'"),
         (["{toy}/out", "--prefer", "power"], "'power' is not in this front"),

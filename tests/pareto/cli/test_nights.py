@@ -254,7 +254,7 @@ def test_an_interrupt_ends_all_programs_and_keeps_what_is_finished(toy, number):
     assert os.read(only_reading, 1) == b""  # both programs are gone
     os.close(only_reading)
     resumed = Folder(toy / "out").resume(Space.from_dict(SPACE))
-    assert len(resumed.history.told) == 3
+    assert len(resumed.history.results) == 3
     assert len(resumed.pending()) == 17
 
 
@@ -294,11 +294,11 @@ def test_a_state_is_rebuilt_with_its_failures_and_a_half_written_row_is_cut(toy)
     fresh = Explorer(Space.from_dict(SPACE), ["error", "seconds"], method="random", seed=1)
     folder = Folder(toy / "out")
     rebuilt = folder.rebuild(fresh, "lost")
-    assert rebuilt.history.told == before.history.told
+    assert rebuilt.history.results == before.history.results
     assert rebuilt.history.phases == before.history.phases
     assert rebuilt.front() == before.front()
     assert evaluations.read_bytes().endswith(b"\n")
-    assert folder.read(Space.from_dict(SPACE)).history.told == before.history.told
+    assert folder.read(Space.from_dict(SPACE)).history.results == before.history.results
 
 
 def test_a_state_is_not_rebuilt_from_other_columns(toy, capsys):

@@ -51,7 +51,7 @@ def test_compare_prints_correlations_and_ranks_of_the_best(devices, capsys):
 def test_compare_says_when_nothing_can_be_said(devices, capsys):
     (devices / "few.csv").write_text('x,mode,error,seconds\n1,c,1,1\n2,"a,b",2,2\n4,"a,b",3,1\n')
     assert compare(devices, "--objectives", "seconds", tables=("other.csv", "few.csv")) == 0
-    assert "2 common configurations: no correlation can be told" in capsys.readouterr().out
+    assert "2 common configurations: too few for a correlation" in capsys.readouterr().out
 
 
 def test_compare_of_three_devices_has_every_pair(devices, capsys):
@@ -125,7 +125,7 @@ def transfer(devices, *more):
     return main(["transfer", *source, "--objectives", "error,seconds", *more])
 
 
-def test_transfer_prints_the_sources_front_in_the_order_of_what_it_promises(devices, capsys):
+def test_transfer_prints_the_sources_front_by_expected_values(devices, capsys):
     (devices / "here.csv").write_text('x,mode,error,seconds\n4,"a,b",0.25,40\n5,"a,b",failed,50\n')
     here = ["--here", str(devices / "here.csv"), "--prefer", "seconds", "--limits", "error=0.2"]
     assert transfer(devices, *here) == 0

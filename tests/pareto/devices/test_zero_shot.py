@@ -1,4 +1,4 @@
-"""Another device's front on this one: its order, what it promises, and what a few measurements change."""
+"""Another device's front on this one: its order and expected values, and the effect of a few measurements."""
 
 import csv
 import os
@@ -9,7 +9,7 @@ import pytest
 
 from pareto import Objective, Space
 from pareto.devices.correlation import correlate
-from pareto.devices.zero_shot import promises
+from pareto.devices.zero_shot import expected_points
 from pareto.errors import ConfigurationError, ObjectiveError
 
 SPACE = Space.from_dict(
@@ -32,23 +32,25 @@ def order(found):
 
 
 def test_without_measurements_here_the_sources_values_decide():
-    found = promises(SPACE, ("error", "seconds"), SOURCE, prefer="seconds")
+    found = expected_points(SPACE, ("error", "seconds"), SOURCE, prefer="seconds")
     assert order(found) == list(range(9, -1, -1))  # 50 is dominated, 60 failed
     assert found[0].expected == found[0].source == {"error": pytest.approx(0.10), "seconds": 0.1}
     assert not any(promise.measured for promise in found)
-    assert order(promises(SPACE, ("error", "seconds"), SOURCE)) == list(range(10))
+    assert order(expected_points(SPACE, ("error", "seconds"), SOURCE)) == list(range(10))
 
 
 def test_what_breaks_a_limit_comes_last():
     limits = {"error": 0.05}
-    found = promises(SPACE, ("error", "seconds"), SOURCE, prefer="seconds", limits=limits)
+    found = expected_points(SPACE, ("error", "seconds"), SOURCE, prefer="seconds", limits=limits)
     assert order(found) == [4, 3, 2, 1, 0, 9, 8, 7, 6, 5]
     assert [promise.within for promise in found] == [True] * 5 + [False] * 5
 
 
 def test_one_measurement_moves_everything_by_its_factor():
     here = pairs([(4, 0.05, 2.0)])  # ten times slower, equally accurate
-    found = promises(SPACE, ("error", "seconds"), SOURCE, here, limits={"seconds": 2.1}, prefer="seconds")
+    found = expected_points(
+        SPACE, ("error", "seconds"), SOURCE, here, limits={"seconds": 2.1}, prefer="seconds"
+    )
     expected = {promise.configuration["x"]: promise.expected for promise in found}
     assert expected[4] == {"error": 0.05, "seconds": 2.0}
     assert expected[9]["seconds"] == pytest.approx(1.0)
@@ -61,7 +63,7 @@ def test_measurements_that_agree_on_another_slope_are_followed():
     here = pairs([(x, 0.01 * x + 0.01, 3.0 * (1 / (x + 1)) ** 0.5) for x in (0, 2, 4, 6, 8)])
     expected = {
         promise.configuration["x"]: promise.expected
-        for promise in promises(SPACE, ("error", "seconds"), SOURCE, here)
+        for promise in expected_points(SPACE, ("error", "seconds"), SOURCE, here)
     }
     assert expected[9]["seconds"] == pytest.approx(3.0 * 0.1**0.5, rel=1e-3)
     assert expected[9]["error"] == pytest.approx(0.1, rel=1e-6)
@@ -71,7 +73,7 @@ def test_measurements_that_agree_on_nothing_are_mostly_ignored():
     noise = np.exp(np.random.default_rng(0).normal(size=40))
     source = pairs([(x, 0.01 * x + 0.01, 1.0 / (x + 1)) for x in range(80)])
     here = pairs([(2 * x, 0.02 * x + 0.01, noise[x] / (2 * x + 1)) for x in range(40)])
-    found = promises(SPACE, ("error", "seconds"), source, here)
+    found = expected_points(SPACE, ("error", "seconds"), source, here)
     factors = {
         promise.expected["seconds"] / promise.source["seconds"] for promise in found if not promise.measured
     }
@@ -79,14 +81,14 @@ def test_measurements_that_agree_on_nothing_are_mostly_ignored():
 
 
 def test_more_than_the_front_is_taken_front_after_front():
-    found = promises(SPACE, ("error", "seconds"), SOURCE, count=11)
+    found = expected_points(SPACE, ("error", "seconds"), SOURCE, count=11)
     assert sorted(order(found)) == [*range(10), 50]
-    assert len(promises(SPACE, ("error", "seconds"), SOURCE, count=3)) == 3
+    assert len(expected_points(SPACE, ("error", "seconds"), SOURCE, count=3)) == 3
 
 
 def test_what_failed_here_is_left_out_and_what_was_measured_stands():
     here = [({"x": 9}, None), *pairs([(3, 0.9, 0.9)])]
-    found = promises(SPACE, ("error", "seconds"), SOURCE, here)
+    found = expected_points(SPACE, ("error", "seconds"), SOURCE, here)
     assert 9 not in order(found)
     [third] = [promise for promise in found if promise.configuration["x"] == 3]
     assert third.expected == {"error": 0.9, "seconds": 0.9}
@@ -96,23 +98,23 @@ def test_what_failed_here_is_left_out_and_what_was_measured_stands():
 def test_maximised_objectives_and_values_without_logarithm():
     objectives = (Objective("gain", maximise=True),)
     source = [({"x": x}, {"gain": float(x - 5)}) for x in range(10)]
-    [best] = promises(SPACE, objectives, source, [({"x": 4}, {"gain": 9.0})])
+    [best] = expected_points(SPACE, objectives, source, [({"x": 4}, {"gain": 9.0})])
     assert best.configuration == {"x": 9}
     assert best.expected == {"gain": 14.0}  # the difference at x = 4 is 10
 
 
 def test_nothing_measured_there_promises_nothing():
-    assert promises(SPACE, ("error",), []) == []
-    assert promises(SPACE, ("error",), [({"x": 1}, None)]) == []
+    assert expected_points(SPACE, ("error",), []) == []
+    assert expected_points(SPACE, ("error",), [({"x": 1}, None)]) == []
 
 
 def test_bad_input_is_named():
     with pytest.raises(ObjectiveError, match="'watts' is not an objective"):
-        promises(SPACE, ("error", "seconds"), SOURCE, prefer="watts")
+        expected_points(SPACE, ("error", "seconds"), SOURCE, prefer="watts")
     with pytest.raises(ObjectiveError, match="'watts'"):
-        promises(SPACE, ("error", "seconds"), SOURCE, limits={"watts": 3})
+        expected_points(SPACE, ("error", "seconds"), SOURCE, limits={"watts": 3})
     with pytest.raises(ConfigurationError, match="100"):
-        promises(SPACE, ("error",), [({"x": 100}, {"error": 1.0})])
+        expected_points(SPACE, ("error",), [({"x": 100}, {"error": 1.0})])
 
 
 def convolution_times(name):
@@ -142,12 +144,12 @@ def test_a_few_measurements_put_the_fastest_of_one_gpu_in_the_order_of_another()
     there = [(dict(zip(columns, key, strict=True)), {"time": time}) for key, time in source.items()]
 
     def agreement(here):
-        found = promises(space, ("time",), there, here, count=200)
+        found = expected_points(space, ("time",), there, here, count=200)
         new = [item for item in found if not item.measured]
         actual = [target[tuple(item.configuration.values())] for item in new]
         return correlate(range(len(new)), actual).spearman.value
 
-    best = [item.configuration for item in promises(space, ("time",), there, count=200)]
+    best = [item.configuration for item in expected_points(space, ("time",), there, count=200)]
     some = np.random.default_rng(0).permutation(200)[:20]
     measured = [(best[i], {"time": target[tuple(best[i].values())]}) for i in some]
     assert agreement([]) < 0.3

@@ -118,10 +118,10 @@ def test_a_value_with_a_line_break_is_not_taken_for_two_rows(tmp_path):
         pending = [[index, phase] for index, phase, _ in state["observations"]]
         (out / "state.json").write_text(json.dumps(state | {"observations": [], "pending": pending}))
         explorer = Folder(out).resume(Space.load(tmp_path / "space.json"))
-        kept = len(explorer.history.told)
+        kept = len(explorer.history.results)
         assert data.startswith((out / "evaluations.csv").read_bytes())
         assert len(Folder(out).rows()) == kept
-        assert list(explorer.history.told) == [index for index, _ in pending[:kept]]
+        assert list(explorer.history.results) == [index for index, _ in pending[:kept]]
 
 
 def test_the_default_method_goes_on_as_if_nothing_had_happened(toy, monkeypatch):
@@ -172,7 +172,7 @@ def test_an_interrupted_run_keeps_what_it_measured_and_ends_what_it_started(toy,
     assert os.read(only_reading, 1) == b""  # the program is gone
     os.close(only_reading)
     resumed = Folder(toy / "out").resume(Space.from_dict(SPACE))
-    assert len(resumed.history.told) == 3
+    assert len(resumed.history.results) == 3
     assert len(resumed.pending()) == 17
     assert len(rows(toy / "out" / "front.csv")) == 3
 
@@ -189,7 +189,7 @@ def test_reading_a_folder_changes_nothing_in_it(toy):
     with (toy / "out" / "evaluations.csv").open("a") as file:
         file.write("6,random,1")  # another process is just writing
     before = {path.name: path.read_bytes() for path in (toy / "out").iterdir()}
-    assert len(Folder(toy / "out").read(Space.from_dict(SPACE)).history.told) == 5
+    assert len(Folder(toy / "out").read(Space.from_dict(SPACE)).history.results) == 5
     assert {path.name: path.read_bytes() for path in (toy / "out").iterdir()} == before
 
 

@@ -58,7 +58,7 @@ def test_a_command_that_fails_is_a_failed_evaluation_with_its_reason(code, reaso
 
 def test_all_that_a_timed_out_command_has_started_ends_with_it(tmp_path):
     script = tmp_path / "parent.sh"
-    # The child holds the pipe open: it reads as ended only once nobody lives who could write to it.
+    # The child holds the pipe open: it reads as ended only when no writer is left.
     script.write_text(
         f"exec 3>{tmp_path / 'pipe'}\n(echo here >&3; while :; do :; done) &\nwhile :; do :; done\n"
     )

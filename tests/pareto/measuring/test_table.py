@@ -23,7 +23,7 @@ def test_a_table_that_does_not_fit_the_space_is_refused(toy):
     with pytest.raises(ScenarioError, match="line 2: parameter 'mode'"):
         from_table(toy / "short.csv", space, OBJECTIVES)
     (toy / "binary.csv").write_bytes(b"x,mode,error,seconds\n\xff\xfe\n")
-    with pytest.raises(ScenarioError, match="no CSV file in UTF-8"):
+    with pytest.raises(ScenarioError, match="not a CSV file in UTF-8"):
         from_table(toy / "binary.csv", space, OBJECTIVES)
     for unreadable in (toy / "none.csv", toy):
         with pytest.raises(ScenarioError, match="cannot read"):
@@ -54,7 +54,7 @@ def test_several_rows_of_a_configuration_are_measurements_of_it(toy):
     evaluate = from_table(toy / "t.csv", Space.from_dict(SPACE), OBJECTIVES)
     assert evaluate({"x": 1, "mode": "c"}) == {"error": 2.0, "seconds": 1.5}
     assert evaluate({"x": 3, "mode": "c"}) == {"error": 0.1, "seconds": 0.3}
-    with pytest.raises(EvaluationError, match="error is 'nan' in the table, no finite number"):
+    with pytest.raises(EvaluationError, match="error is 'nan' in the table, not a finite number"):
         evaluate({"x": 2, "mode": "c"})
 
 

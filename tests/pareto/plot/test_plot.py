@@ -85,7 +85,7 @@ def test_fronts_over_time_are_those_of_their_moments():
     figure = front_over_time(Arrivals.of(explorer))
     assert [trace.name for trace in figure.data] == [f"after {count}" for count in (4, 8, 16, 32, 64)]
     half = Explorer(SPACE, ["cost", "error"], method="random")
-    told = list(explorer.history.told.items())[:16]
+    told = list(explorer.history.results.items())[:16]
     half.tell(
         [SPACE.decode(index) for index, _ in told],
         [values and dict(zip(["cost", "error"], values, strict=True)) for _, (values,) in told],

@@ -17,7 +17,7 @@ SPACE = Space.from_dict({"parameters": [{"name": "x", "type": "integer", "minimu
 
 def explored(values, objectives=("error", "seconds"), limits=None, count=30):
     explorer = Explorer(SPACE, objectives, limits, initial=10, candidates=20)
-    while len(explorer.history.told) < count:
+    while len(explorer.history.results) < count:
         asked = explorer.ask(10)
         explorer.tell(asked, [values(item["x"]) for item in asked])
     return explorer
@@ -40,7 +40,7 @@ def test_what_has_no_answer_is_named_and_explored_on(values, limits, error, mess
 
 
 def test_before_anything_is_told_there_is_no_answer():
-    with pytest.raises(NothingMeasuredError, match="ask for configurations"):
+    with pytest.raises(NothingMeasuredError, match=r"call ask\(\) for configurations"):
         Explorer(SPACE, ("error",)).answer()
 
 

@@ -125,7 +125,7 @@ def test_any_search_asks_for_what_it_may_and_goes_on(program, steps):
                 assert not set(indices) & {*pending}
                 assert space.allowed(indices).all() if indices else True
                 for item in proposals:
-                    times = len(explorer.history.told.get(item.index, []))
+                    times = len(explorer.history.results.get(item.index, []))
                     assert 0 < times < REPEATS if item.phase == "again" else times == 0
                     again += item.phase == "again"
                 assert explorer.finished == (not indices and not pending)
@@ -141,7 +141,7 @@ def test_any_search_asks_for_what_it_may_and_goes_on(program, steps):
                 explorer = other
         assert again <= 1 or not deterministic
         recommended = explorer.recommended()
-    told = explorer.history.told
+    told = explorer.history.results
     for item in recommended:
         measured = [values for values in told[space.encode(item.configuration)] if values is not None]
         assert not any(isinstance(value, Censored) for values in measured for value in values)

@@ -5,7 +5,7 @@ import pytest
 
 from pareto import Space
 from pareto.fronts.objective import Objective
-from pareto.search.candidates import beside, beside_front, likely, pool
+from pareto.search.candidates import front_neighbours, likely_points, neighbours, pool
 from pareto.search.history import History
 from pareto.search.targets import Targets
 from pareto.surrogates.success import Success
@@ -37,14 +37,14 @@ def test_where_the_allowed_part_is_small_all_of_it_is_looked_at():
     found = pool(targets, DIAGONAL, None, 298, history.taken(), np.random.default_rng(0))
     everything = np.flatnonzero(DIAGONAL.allowed_grid)
     assert len(everything) == 298
-    np.testing.assert_array_equal(found, np.setdiff1d(everything, [*history.told]))
+    np.testing.assert_array_equal(found, np.setdiff1d(everything, [*history.results]))
 
 
 def test_otherwise_half_is_drawn_and_half_are_neighbours_of_the_front():
     history, targets = targets_of(GRID)
     taken = history.taken() | {5, 6}
     found = pool(targets, GRID, None, 200, taken, np.random.default_rng(0))
-    around = beside_front(targets, GRID)
+    around = front_neighbours(targets, GRID)
     assert 190 <= len(found) <= 200
     assert (np.diff(found) > 0).all()
     assert not set(found.tolist()) & taken
@@ -67,10 +67,10 @@ def test_an_exhausted_space_leaves_nothing_to_look_at():
 
 def test_neighbours_differ_in_one_parameter():
     index = GRID.encode({"x": 5, "y": 5, "z": 5})
-    found = beside(np.array([index]), GRID)
+    found = neighbours(np.array([index]), GRID)
     assert ((GRID.codes(found) != 5).sum(axis=1) == 1).all()
     assert index not in found
-    assert len(beside(np.empty(0, dtype=np.int64), GRID)) == 0
+    assert len(neighbours(np.empty(0, dtype=np.int64), GRID)) == 0
 
 
 def test_where_nearly_everything_fails_likely_points_are_mostly_those_that_do_not():
@@ -80,10 +80,10 @@ def test_where_nearly_everything_fails_likely_points_are_mostly_those_that_do_no
     success = Success(SPACE, known[works[known]], known[~works[known]], seed=0)
     rng = np.random.default_rng(0)
     taken = set(known.tolist())
-    drawn = [likely(SPACE, success, 1, taken, rng).tolist() for _ in range(100)]
+    drawn = [likely_points(SPACE, success, 1, taken, rng).tolist() for _ in range(100)]
     good = sum(works[index] for [index] in drawn)
     assert 40 <= good < 100  # by chance, 7
     left = len(SPACE) - len(taken)
-    assert len(set(likely(SPACE, success, left, taken, rng).tolist())) == left
-    assert len(likely(SPACE, success, 0, taken, rng)) == 0
-    assert len(likely(SPACE, None, 7, taken, rng)) == 7
+    assert len(set(likely_points(SPACE, success, left, taken, rng).tolist())) == left
+    assert len(likely_points(SPACE, success, 0, taken, rng)) == 0
+    assert len(likely_points(SPACE, None, 7, taken, rng)) == 7

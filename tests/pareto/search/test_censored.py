@@ -51,16 +51,16 @@ def bound(value, index):
 
 
 def plane_search(ended, seed, budget=60):
-    """The indices of a search; `ended` makes what is told of a value beyond LIMIT."""
+    """The indices of a search; `ended` makes the value that is reported beyond LIMIT."""
     explorer = Explorer(
         PLANE, ("error", "time"), {"error": LIMIT}, seed=seed, initial=20, candidates=500, points=200
     )
-    while len(explorer.history.told) < budget and (proposals := explorer.propose(8)):
+    while len(explorer.history.results) < budget and (proposals := explorer.propose(8)):
         for proposal in proposals:
             error, time = plane_values(proposal.index)
             told = error if error <= LIMIT else ended(error, proposal.index)
             explorer.tell([proposal.configuration], [{"error": told, "time": time}])
-    return [*explorer.history.told][:budget]
+    return [*explorer.history.results][:budget]
 
 
 def regret(indices):

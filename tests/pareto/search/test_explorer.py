@@ -31,7 +31,7 @@ def test_one_seed_asks_the_same_and_another_does_not(method):
     assert spend(first, 30) == spend(again, 30)
     spend(other, 30)
     assert first.ask(3) == again.ask(3)
-    assert [*first.history.told] != [*other.history.told]
+    assert [*first.history.results] != [*other.history.results]
 
 
 @every_method
@@ -64,7 +64,7 @@ def test_results_may_come_late_in_any_order_and_in_parts(method):
         assert sorted(map(SPACE.encode, explorer.pending())) == sorted(map(SPACE.encode, waiting))
     explorer.tell(waiting, [measure(item) for item in waiting])
     if method != "algorithm1":
-        assert len(explorer.history.told) == 48 - again
+        assert len(explorer.history.results) == 48 - again
     assert again <= 1
     assert explorer.pending() == []
 
@@ -82,7 +82,7 @@ def test_failures_are_taken_even_when_everything_fails(method):
 def test_constant_objectives_break_nothing(method):
     explorer = explorer_of(method)
     spend(explorer, 40, measure=lambda _: {"error": 0.0, "seconds": 1.0})
-    assert len(explorer.front()) == len(explorer.history.told)
+    assert len(explorer.front()) == len(explorer.history.results)
 
 
 @every_method
@@ -114,7 +114,7 @@ def test_any_number_of_objectives(method, objectives):
         return values and {**values, "size": configuration["size"]}
 
     spend(explorer, 40, measure=with_size)
-    told = [with_size(SPACE.decode(index)) for index in explorer.history.told]
+    told = [with_size(SPACE.decode(index)) for index in explorer.history.results]
     points = np.array([[values[name] for name in objectives] for values in told if values])
     found = np.array([[values[name] for name in objectives] for _, values in explorer.front()])
     np.testing.assert_allclose(np.unique(found, axis=0), np.unique(points[nondominated(points)], axis=0))
@@ -169,7 +169,7 @@ def test_repeats_ask_for_the_front_again_and_average():
     again = explorer.ask(3, repeats=True)
     assert len(again) == 3
     assert all(configuration in front for configuration in again)
-    before = dict(explorer.history.told)
+    before = dict(explorer.history.results)
     explorer.tell(again, [{"error": 9.0, "seconds": 9.0}, None, {"error": 9.0, "seconds": 9.0}])
     index = SPACE.encode(again[0])
     once = before[index][0]
@@ -211,7 +211,7 @@ def test_bad_results_are_refused_and_none_of_the_batch_is_taken():
             explorer.tell([good, bad], [measure(good), values])
     with pytest.raises(ConfigurationError, match="'sise'"):
         explorer.tell([good, {"sise": 1}], [measure(good), None])
-    assert explorer.history.told == {}
+    assert explorer.history.results == {}
 
 
 def test_wrong_objectives_limits_methods_and_options_are_named():

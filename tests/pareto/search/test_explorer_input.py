@@ -32,7 +32,7 @@ def state():
 
 @pytest.mark.parametrize("damaged", ["[]", "3", "null", '"text"'])
 def test_a_state_that_is_no_object_is_refused(damaged):
-    with pytest.raises(StateError, match="no object"):
+    with pytest.raises(StateError, match="not an object"):
         Explorer.restore(SPACE, json.loads(damaged))
 
 
@@ -142,7 +142,7 @@ def test_every_configuration_told_has_one_result():
     explorer = Explorer(SPACE, ("error",))
     with pytest.raises(ObjectiveError, match="1 results for 2 configurations: tell one each"):
         explorer.tell([{"x": 1}, {"x": 2}], [{"error": 1.0}])
-    assert explorer.history.told == {}
+    assert explorer.history.results == {}
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def test_what_is_told_comes_in_lists_of_configurations_and_results(told, message
     explorer = Explorer(SPACE, ("error",))
     with pytest.raises(ConfigurationError, match=message):
         explorer.tell(*told)
-    assert explorer.history.told == {}
+    assert explorer.history.results == {}
 
 
 def test_what_is_forgotten_comes_in_a_list():
@@ -178,8 +178,8 @@ def test_what_is_forgotten_comes_in_a_list():
         ({"objectives": 3}, ObjectiveError, "a list of names, not 3"),
         ({"limits": [1.0]}, ObjectiveError, r"map objectives to numbers, not \[1\.0\]"),
         ({"method": ["random"]}, MethodError, r"no method \['random'\]"),
-        ({"prior": [({"x": 1},)]}, ObjectiveError, "is none"),
-        ({"prior": [3]}, ObjectiveError, "pairs, 3 is none"),
+        ({"prior": [({"x": 1},)]}, ObjectiveError, "pairs, not"),
+        ({"prior": [3]}, ObjectiveError, "pairs, not 3"),
     ],
 )
 def test_what_an_explorer_is_made_of_has_the_right_types(wrong, error, message):
@@ -194,7 +194,7 @@ def test_a_number_too_large_for_a_float_is_refused(size):
         explorer.tell([{"x": 1}], [{"error": 10**size}])
     with pytest.raises(ObjectiveError, match="error is too large"):
         Explorer(SPACE, ("error",), {"error": -(10**size)})
-    assert explorer.history.told == {}
+    assert explorer.history.results == {}
 
 
 def test_an_array_is_a_value_only_if_it_holds_one():

@@ -65,7 +65,7 @@ def test_the_front_and_the_evaluations_are_frames_that_can_be_told_again():
     assert (every["block"].dtype, every["scale"].dtype, every["pad"].dtype) == ("Int64", "float64", "bool")
     again = explorer()
     again.tell_frame(every)
-    assert again.history.told == first.history.told
+    assert again.history.results == first.history.results
     assert again.front() == first.front()
 
 
@@ -89,7 +89,7 @@ def test_a_frame_that_does_not_fit_changes_nothing(frame, error, message):
     found = explorer()
     with pytest.raises(error, match=message):
         found.tell_frame(frame)
-    assert not found.history.told
+    assert not found.history.results
 
 
 def test_pandas_is_loaded_only_for_frames():

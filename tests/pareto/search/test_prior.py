@@ -17,7 +17,7 @@ from tests.pareto.search.made_up_devices import SOURCE, SPACE, TARGET, pairs, so
 def test_a_prior_is_neither_told_nor_on_the_front():
     explorer = Explorer(SPACE, ("seconds",), prior=some_of_the_source())
     assert explorer.front() == []
-    assert explorer.history.told == {}
+    assert explorer.history.results == {}
     assert len(explorer.history.measured()[0]) == 0
     assert explorer.history.taken() == set()
     first = explorer.ask(1)
@@ -159,4 +159,4 @@ def test_a_space_too_large_to_enumerate_is_predicted_where_asked(monkeypatch):
     for _ in range(3):
         asked = explorer.ask(8)
         explorer.tell(asked, [{"far": float(item["x4"] + 1)} for item in asked])
-    assert len(explorer.history.told) == 24
+    assert len(explorer.history.results) == 24

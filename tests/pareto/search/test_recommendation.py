@@ -62,7 +62,7 @@ def test_after_a_search_of_a_deterministic_program_it_is_the_front():
 
 def test_a_lucky_measurement_leaves_the_front():
     explorer = measured(np.random.default_rng(1), 0.1)
-    free = [index for index in range(len(SPACE)) if index not in explorer.history.told]
+    free = [index for index in range(len(SPACE)) if index not in explorer.history.results]
     lucky = min(free, key=lambda index: abs(CODES[index, 0] - 10) + abs(CODES[index, 1] - 4))
     explorer.tell([SPACE.decode(lucky)], [dict(zip("ab", TRUTH[lucky] * 0.7, strict=True))])
     assert SPACE.decode(lucky) in [configuration for configuration, _ in explorer.front()]

@@ -51,7 +51,7 @@ def test_where_repeats_agree_another_gains_nothing():
 def test_as_long_as_nothing_was_repeated_one_repeat_may_gain_until_it_is_pending():
     history = history_of(noise=0.1)
     assert gains(history).max() > 0
-    some = [*history.told][5]
+    some = [*history.results][5]
     assert not gains(history, [some]).any()
     assert gains(history, [199]).max() > 0  # a new configuration that is pending tells nothing of repeats
 
@@ -69,16 +69,16 @@ def test_what_is_pending_is_not_repeated_beside_that():
     history = history_of(noise=0.1, repeated=10)
     gain = gains(history)
     best = int(np.argmax(gain))
-    again = gains(history, [[*history.told][best]])
+    again = gains(history, [[*history.results][best]])
     assert again[best] == 0 < again.max()
 
 
 def test_more_measurements_of_a_point_gain_less_and_none_after_the_last():
     history = history_of(noise=0.1, repeated=10)
     row = int(np.argmax(gains(history)))
-    index = [*history.told][row]
+    index = [*history.results][row]
     rng = np.random.default_rng(3)
-    while len(history.told[index]) < REPEATS:
+    while len(history.results[index]) < REPEATS:
         assert gains(history)[row] > 0 or row not in Targets.of(history).front
         history.record(index, tuple(truth(index) * np.exp(0.1 * rng.standard_normal(2))))
     assert gains(history)[row] == 0.0
@@ -89,9 +89,9 @@ def test_a_failed_repeat_is_not_tried_again_nor_many_others_where_all_repeats_fa
     for tries in range(REPEATS):
         gain = gains(history)
         row = int(np.argmax(gain))
-        index = [*history.told][row]
+        index = [*history.results][row]
         assert gain[row] > 0
-        assert len(history.told[index]) == 1, tries
+        assert len(history.results[index]) == 1, tries
         history.record(index, None)
     assert not gains(history).any()
 
@@ -132,7 +132,7 @@ def test_a_deterministic_program_is_repeated_at_most_once(batch):
     """A measurement is all that it costs: from the repeat on, nothing is measured twice."""
     explorer, phases = explored(0.0, batch=batch)
     assert phases.count("again") <= 1
-    counts = [len(values) for values in explorer.history.told.values()]
+    counts = [len(values) for values in explorer.history.results.values()]
     assert sum(counts) - len(counts) == phases.count("again")
 
 
@@ -141,7 +141,7 @@ def test_a_noisy_program_is_repeated_and_not_too_often(batch):
     explorer, phases = explored(0.1, budget=max(100, 4 * batch), batch=batch)
     assert phases.count("again") >= 5
     assert phases.count("active") > 20
-    assert max(len(values) for values in explorer.history.told.values()) <= REPEATS
+    assert max(len(values) for values in explorer.history.results.values()) <= REPEATS
     state = json.loads(json.dumps(explorer.state()))
     restored = Explorer.restore(SPACE, state)
     assert restored.propose(4) == explorer.propose(4)
@@ -159,12 +159,12 @@ def test_a_program_of_which_every_second_measurement_fails_is_not_repeated_for_e
 
     explorer, phases = explored(0.0, batch=1, measure=once)
     assert phases.count("again") <= REPEATS
-    assert max(len(values) for values in explorer.history.told.values()) <= 2
+    assert max(len(values) for values in explorer.history.results.values()) <= 2
 
 
 def test_a_noisy_program_is_repeated_once_the_space_is_exhausted_until_it_is_finished():
     explorer, _ = explored(0.1, budget=2000, batch=20)
     assert explorer.finished
-    assert len(explorer.history.told) == len(SPACE)
-    counts = [len(values) for values in explorer.history.told.values()]
+    assert len(explorer.history.results) == len(SPACE)
+    counts = [len(values) for values in explorer.history.results.values()]
     assert REPEATS == max(counts) > min(counts) == 1

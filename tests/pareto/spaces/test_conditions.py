@@ -212,7 +212,7 @@ def test_files_have_an_empty_cell_and_json_null_for_what_is_inactive(toy):
     assert {row["failure"] for row in written} == {""}
     assert {row["block"] for row in written if row["algorithm"] == "plain"} == {""}
     explorer = Folder(toy / "out").read(space)
-    assert len(explorer.history.told) == len(written)
+    assert len(explorer.history.results) == len(written)
     objectives = read_objectives(["error", "seconds"])
     read = read_measurements(toy / "out" / "evaluations.csv", space, objectives)
     assert {tuple(point.values()) for point, _ in read} == by_hand(space)

@@ -1,4 +1,4 @@
-"""Which parameter matters, and how well measurements are foretold: against functions with known answers."""
+"""Which parameter matters, and how well measurements are predicted: against functions with known answers."""
 
 import numpy as np
 import pytest
@@ -89,7 +89,7 @@ def test_predictions_of_a_smooth_function_agree_with_its_measurements():
 
 
 def test_nothing_is_foretold_of_noise():
-    # A forest that had seen these rows would foretell them nearly perfectly.
+    # A forest that had seen these rows would predict them nearly perfectly.
     indices, _ = drawn()
     prediction = predictions(SPACE, indices, np.random.default_rng(1).normal(size=1000))
     assert not prediction.log

@@ -78,7 +78,7 @@ def test_run_measures_several_sequences_in_turn(pair, tmp_path, capsys):
 def test_run_stops_after_the_sequences_that_fail(pair, capsys):
     arguments = ["run", *pair, *QUICK, "--set", "compute_size_ratio=4", "--stop-above", "0"]
     assert main(arguments) == 0
-    assert capsys.readouterr().out.splitlines()[1:] == ["1 not run: the largest error is above 0 m"]
+    assert capsys.readouterr().out.splitlines()[1:] == ["1 not run: the largest error is above 0 cm"]
     assert main([*arguments, "--stop-after", "2"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 2
 
@@ -94,7 +94,7 @@ def test_run_perturbs_depth(pair, capsys):
 
 @pytest.mark.parametrize("option", ["--mesh", "--tsv", "--trajectory", "--render"])
 def test_what_belongs_to_one_sequence_is_refused_for_several(option, pair, tmp_path, capsys):
-    assert f"{option} belongs to one sequence: 2 are given" in complaint(
+    assert f"{option} needs exactly one sequence, got 2" in complaint(
         capsys, "run", *pair, option, tmp_path / "room.ply"
     )
     assert not list(tmp_path.iterdir())
@@ -262,10 +262,10 @@ def test_the_shipped_sequence_is_listed(capsys):
         (["compare", "", "mu=-1", "--sequence", LIVING_ROOM], "mu=-1.0"),
         (["compare", "a.json", "b.json", "--html", "no/folder/x.html"], "there is no folder no/folder"),
         (["compare", "nowhere.json"], "nowhere.json"),
-        (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "carries its camera"),
+        (["run", "--sequence", LIVING_ROOM, "--camera", "1,2,3,4"], "contains its camera"),
         (["run", "--sequence", LIVING_ROOM, "--volume-size", "0"], "--volume-size 0: give metres"),
         (["run", "--system", "elasticfusion", "--sequence", LIVING_ROOM, "--volume-size", "-1"], "than 0"),
-        (["compare", "mu=x", "mu=2", "--sequence", LIVING_ROOM], "'x' is no number"),
+        (["compare", "mu=x", "mu=2", "--sequence", LIVING_ROOM], "'x' is not a number"),
         (["evaluate", "--estimate", "none", "--truth", "none"], "none cannot be read"),
         (["datasets", "info", "nowhere"], "nowhere does not exist"),
         (["datasets", "make", "living-room", "--frames", "0", "--out", "x"], "at least one frame"),
@@ -290,7 +290,7 @@ def test_trajectories_of_different_times_are_told_apart(tmp_path, capsys):
 
 def test_a_report_that_is_none_is_refused(tmp_path, capsys):
     (tmp_path / "bad.json").write_text('{"frames": []}')
-    assert "is no report" in complaint(capsys, "compare", tmp_path / "bad.json", tmp_path / "bad.json")
+    assert "is not a report" in complaint(capsys, "compare", tmp_path / "bad.json", tmp_path / "bad.json")
 
 
 @pytest.mark.parametrize(
@@ -308,7 +308,7 @@ def test_a_size_that_pixels_do_not_add_up_to_is_refused_with_those_that_do(capsy
     with pytest.raises(SystemExit) as exit:
         main(["datasets", "make", "living-room", "--out", str(tmp_path / "room"), "--size", size])
     assert exit.value.code == 2
-    assert f"{size!r} is none of 640x480, 320x240, 160x120," in capsys.readouterr().err
+    assert f"{size!r} is not one of 640x480, 320x240, 160x120," in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("size", ["128x96", "4x3"])

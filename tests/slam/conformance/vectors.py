@@ -1,4 +1,4 @@
-"""Golden vectors: what each kernel was given and what came of it, for executors in other languages.
+"""Golden vectors: the input and output of each kernel, for executors in other languages.
 
     FRONTRUNNER_VECTORS=DIR python -m pytest tests/slam/conformance
 

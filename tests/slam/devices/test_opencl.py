@@ -30,6 +30,15 @@ kernel void twice(global const float *in, global float *out, int offset, float f
 """
 
 
+def test_the_host_reads_a_constant_from_the_kernels(tmp_path):
+    source = tmp_path / "shared.cl"
+    source.write_text("#define ROWS 16 // of a band\n#define REACH 0.5f\n")
+
+    assert opencl.defined(source, "ROWS") == 16
+    with pytest.raises(ValueError, match=r"shared\.cl defines no whole number REACH"):
+        opencl.defined(source, "REACH")
+
+
 def test_devices_say_what_they_are():
     devices = list_devices()
     assert devices

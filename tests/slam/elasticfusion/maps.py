@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from slam.camera import Camera
-from slam.dense.images import Planes
+from slam.dense.images import Vector3Image
 from slam.elasticfusion.mapping.fusion import FRAME, Fusion
 from slam.elasticfusion.mapping.surfels import RUN, SURFEL, Surfels
 from tests.slam.reference import fusion as reference
@@ -45,7 +45,7 @@ def first_map() -> np.ndarray:
 
 @functools.cache
 def made_of_the_first_frame() -> np.ndarray:
-    """The map that the reference makes of it."""
+    """The map of the reference."""
     live = scene(0)
     matches = reference.all_new(live.raw, live.normals)
     surfels, _ = reference.append(
@@ -86,11 +86,11 @@ def frame_of(pose: np.ndarray, tick: int, weight: float = 1.0, step: int = 2, co
 def columns_of(surfels: np.ndarray) -> dict[str, np.ndarray]:
     """A map as the device holds it."""
     return {
-        "place": np.column_stack([surfels["position"], surfels["confidence"]]),
-        "face": np.column_stack([surfels["normal"], surfels["radius"]]),
+        "position_confidence": np.column_stack([surfels["position"], surfels["confidence"]]),
+        "normal_radius": np.column_stack([surfels["normal"], surfels["radius"]]),
         "colour": surfels["colour"].copy(),
-        "born": surfels["born"].copy(),
-        "seen": surfels["seen"].copy(),
+        "first_seen": surfels["first_seen"].copy(),
+        "last_seen": surfels["last_seen"].copy(),
     }
 
 
@@ -119,8 +119,8 @@ def many_surfels(count: int = 5 * RUN + 77) -> np.ndarray:
     surfels["normal"] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     surfels["radius"], surfels["colour"] = 0.01, random.integers(0, 1 << 24, count)
     surfels["confidence"] = random.choice([0.0, 1.0, 4.0], count)
-    surfels["born"] = np.sort(random.integers(1, 60, count))
-    surfels["seen"] = surfels["born"] + random.integers(0, 30, count)
+    surfels["first_seen"] = np.sort(random.integers(1, 60, count))
+    surfels["last_seen"] = surfels["first_seen"] + random.integers(0, 30, count)
     return surfels
 
 
@@ -141,7 +141,7 @@ class Bench:
         image = SimpleNamespace(
             camera=CAMERA,
             depth=session.buffer(4 * pixels),
-            normals=Planes.allocate(session, pixels),
+            normals=Vector3Image.allocate(session, pixels),
             colour=session.buffer(4 * pixels),
         )
         self.live = SimpleNamespace(filtered=session.buffer(4 * pixels), image=image)

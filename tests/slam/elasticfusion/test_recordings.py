@@ -1,4 +1,4 @@
-"""ElasticFusion on recordings that nobody here made."""
+"""ElasticFusion on public recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""KinectFusion on recordings that nobody here made, beside what SLAMBench's reference reaches on them."""
+"""KinectFusion on public recordings, beside what SLAMBench's reference reaches on them."""
 
 from __future__ import annotations
 

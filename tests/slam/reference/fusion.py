@@ -124,7 +124,7 @@ def update(
                 surfel["colour"] = sum(mixed)
             elif colour[y, x]:
                 surfel["colour"] = colour[y, x]
-        surfel["confidence"], surfel["seen"] = old + fresh, tick
+        surfel["confidence"], surfel["last_seen"] = old + fresh, tick
         surfels[ids.ravel()[match]] = surfel
     return surfels
 
@@ -165,7 +165,7 @@ def append(
             pose[:3, :3] @ normals[y, x],
         )
         surfel["radius"], surfel["confidence"] = radius, confidence(camera, x, y, weight)
-        surfel["colour"], surfel["born"], surfel["seen"] = colour[y, x], tick, tick
+        surfel["colour"], surfel["first_seen"], surfel["last_seen"] = colour[y, x], tick, tick
         shown = ids[y, x]
         if shown < 0 or (pose[:3, :3].T @ (surfels["position"][shown] - pose[:3, 3]))[2] > point[2]:
             ids[y, x] = len(surfels) + len(fresh)
@@ -173,12 +173,12 @@ def append(
     return np.concatenate([surfels, np.array(fresh, surfels.dtype)]), ids
 
 
-def judge(
+def mark_for_removal(
     raw: Array, ids: NDArray[np.intp], surfels: Map, pose: Array, tick: int, threshold: float
 ) -> NDArray[np.bool_]:
     """Of each pixel whether its surfel is a double, by 4x4 samples around it, or was seen through."""
     height, width = ids.shape
-    condemned = np.zeros(ids.shape, np.bool_)
+    marked = np.zeros(ids.shape, np.bool_)
     for y in range(1, height - 1):
         for x in range(1, width - 1):
             if ids[y, x] < 0:
@@ -190,14 +190,16 @@ def judge(
                 if other < 0 or other == ids[y, x] or surfels["confidence"][other] < threshold:
                     continue
                 offset = pose[:3, :3].T @ (surfels["position"][other] - pose[:3, 3]) - point
-                older = surfels["born"][other] < surfel["born"]
+                older = surfels["first_seen"][other] < surfel["first_seen"]
                 beside = np.hypot(*offset[:2]) < constants.DOUBLE_REACH * surfel["radius"]
                 doubles += bool(0 < offset[2] < constants.DOUBLE_DISTANCE and older and beside)
             around = raw[y - 1 : y + 2, x - 1 : x + 2]
             behind = around[around > 0] > point[2] + constants.ASSOCIATION_DISTANCE
-            seen_through = len(behind) >= constants.SEEN_THROUGH and behind.all() and surfel["seen"] != tick
-            condemned[y, x] = doubles > constants.DOUBLES or seen_through
-    return condemned
+            seen_through = (
+                len(behind) >= constants.SEEN_THROUGH and behind.all() and surfel["last_seen"] != tick
+            )
+            marked[y, x] = doubles > constants.DOUBLES or seen_through
+    return marked
 
 
 def _samples(ids: NDArray[np.intp], x: int, y: int) -> Iterator[int]:
@@ -208,18 +210,18 @@ def _samples(ids: NDArray[np.intp], x: int, y: int) -> Iterator[int]:
             yield int(ids[round(y + dy), round(x + dx)])
 
 
-def remove_condemned(ids: NDArray[np.intp], condemned: NDArray[np.bool_], surfels: Map) -> tuple[Map, int]:
-    """The map without what was condemned, and how many that were."""
+def remove_marked(ids: NDArray[np.intp], marked: NDArray[np.bool_], surfels: Map) -> tuple[Map, int]:
+    """The map without what was marked, and how many that were."""
     surfels = surfels.copy()
-    surfels["confidence"][ids[condemned]] = 0
-    return surfels, int(condemned.sum())
+    surfels["confidence"][ids[marked]] = 0
+    return surfels, int(marked.sum())
 
 
 def remove_unstable(surfels: Map, first: int, last: int, threshold: float) -> tuple[Map, int]:
     """The map without unstable surfels last seen from tick `first` to `last`, and how many they were."""
     surfels = surfels.copy()
     unstable = (surfels["confidence"] > 0) & (surfels["confidence"] < threshold)
-    gone = unstable & (surfels["seen"] >= first) & (surfels["seen"] <= last)
+    gone = unstable & (surfels["last_seen"] >= first) & (surfels["last_seen"] <= last)
     surfels["confidence"][gone] = 0
     return surfels, int(gone.sum())
 
@@ -238,7 +240,9 @@ def deform(surfels: Map, deformation: Deformation) -> Map:
     """The map moved by the graph; normals by the inverse transpose of the mean linear map."""
     surfels = surfels.copy()
     living = surfels["confidence"] > 0
-    moved, linear = deformation.of_points(surfels["position"][living].astype(float), surfels["born"][living])
+    moved, linear = deformation.of_points(
+        surfels["position"][living].astype(float), surfels["first_seen"][living]
+    )
     normals = np.einsum("pji,pj->pi", np.linalg.inv(linear), surfels["normal"][living])
     surfels["position"][living] = moved
     surfels["normal"][living] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
@@ -258,7 +262,7 @@ def reactivate(surfels: Map, depth: Array, camera: Camera, pose: Array, tick: in
             continue
         surface = depth[int(v), int(u)]
         if surface > 0 and point[2] < surface + 0.1:
-            surfel["seen"] = tick
+            surfel["last_seen"] = tick
     return surfels
 
 

@@ -185,7 +185,7 @@ def measure_noise(sums: Sums) -> float:
     return max(float(np.sqrt(sums.rgb_squared_error / sums.rgb_inliers)), 1.0) if sums.rgb_inliers else 1.0
 
 
-def turn_equations(present: Level, earlier: Level, rotation: Array) -> tuple[Array, Array, float, int]:
+def so3_linearise(present: Level, earlier: Level, rotation: Array) -> tuple[Array, Array, float, int]:
     """J^T J (3, 3), J^T e (3), the sum of e^2 and the pixels that took part, over three angles."""
     sums, squared_error, inliers = Sums.empty(), 0.0, 0
     rays = vertex_map(np.ones_like(present.intensity), present.camera) @ rotation.T

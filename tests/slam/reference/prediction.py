@@ -19,7 +19,7 @@ from tests.slam.reference.dense import vertex_map
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-NOBODY = -1
+NO_SURFEL = -1
 BEND = 8.0  # radii that the rim of a disc is bent backwards when depths are compared
 
 
@@ -34,7 +34,7 @@ def wanted(surfels: NDArray[Any], pose: Array, seen: tuple[int, int], confidence
     """Which are alive, confident, in the window, in front of the camera and not too far."""
     depth = discs(surfels, pose)[0][:, 2]
     alive = (surfels["confidence"] > 0) & (surfels["confidence"] >= confidence)
-    in_window = (surfels["seen"] >= seen[0]) & (surfels["seen"] <= seen[1])
+    in_window = (surfels["last_seen"] >= seen[0]) & (surfels["last_seen"] <= seen[1])
     return np.asarray(alive & in_window & (depth > 0) & (depth <= FARTHEST))
 
 
@@ -96,7 +96,7 @@ def scatter(ids: Integers, bins: Integers) -> Integers:
 
 def clear_view(camera: Camera) -> tuple[Array, Integers]:
     """Nearness and ids of a view that sees nothing."""
-    return np.zeros((camera.height, camera.width)), np.full((camera.height, camera.width), NOBODY)
+    return np.zeros((camera.height, camera.width)), np.full((camera.height, camera.width), NO_SURFEL)
 
 
 def splat(
@@ -129,14 +129,14 @@ def resolve(
     ids: Integers, surfels: NDArray[Any], pose: Array, camera: Camera
 ) -> tuple[Array, Array, NDArray[np.uint32], NDArray[np.int32], Array]:
     """Of what each pixel sees: depth, normal in the camera's frame, colour, birth and confidence; else 0."""
-    covered = ids != NOBODY
+    covered = ids != NO_SURFEL
     who = surfels[np.where(covered, ids, 0)]
     middles, normals, _ = (part.reshape(*ids.shape, -1) for part in discs(who.ravel(), pose))
     rays = vertex_map(np.ones(ids.shape), camera)
     slopes = np.where(covered, (normals * rays).sum(axis=-1), 1)
     depth = np.where(covered, (normals * middles).sum(axis=-1) / slopes, 0)
     normals = np.where(covered[..., None], normals, 0)
-    return depth, normals, who["colour"] * covered, who["born"] * covered, who["confidence"] * covered
+    return depth, normals, who["colour"] * covered, who["first_seen"] * covered, who["confidence"] * covered
 
 
 def covered_of_rows(depth: Array) -> Integers:
@@ -146,7 +146,7 @@ def covered_of_rows(depth: Array) -> Integers:
 
 def clear_index(camera: Camera) -> tuple[Array, Integers]:
     """Depths and ids of an index map without surfels."""
-    return np.full((camera.height, camera.width), np.inf), np.full((camera.height, camera.width), NOBODY)
+    return np.full((camera.height, camera.width), np.inf), np.full((camera.height, camera.width), NO_SURFEL)
 
 
 def index_surfels(

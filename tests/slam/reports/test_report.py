@@ -57,7 +57,7 @@ def test_loops_have_a_line_where_a_system_closes_any(report):
     report["loops"] = {"local": 2, "global": 1, "relocalisations": 3}
     text = summary(report)
     assert "loops         closed 2 local, 1 global; relocalisations 3\n" in text
-    assert "loops: local, by fitting" in text
+    assert "loops: local, by registering" in text
 
 
 def test_energy_is_told_with_its_source(report):
@@ -81,7 +81,7 @@ def test_a_report_is_read_back_as_it_was_written(report, tmp_path):
 @pytest.mark.parametrize("text", ["", "[]", "{}", "7", '{"frames": []}', "\x00"])
 def test_what_is_no_report_is_refused_by_name(text, tmp_path):
     (tmp_path / "other.json").write_text(text)
-    with pytest.raises(ReportError, match=r"other\.json is no report"):
+    with pytest.raises(ReportError, match=r"other\.json is not a report"):
         read(tmp_path / "other.json")
 
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from slam.__main__ import main
+from slam.registry import SYSTEMS
 from slam.reports.surface import Grid, SurfaceError, figures, table
-from slam.systems import SYSTEMS
 from tests.slam.shipped import LIVING_ROOM
 
 SPACES = Path(__file__).resolve().parents[3] / "pareto/spaces"
@@ -92,7 +92,7 @@ def test_a_sequence_without_truth_has_no_error_surface(tmp_path, capsys):
 def test_a_file_of_something_else_is_not_overwritten(tmp_path, capsys):
     (tmp_path / "surface.csv").write_text("name,age\nAda,36\n")
     assert main(command(tmp_path)) == 2
-    assert "holds other columns" in capsys.readouterr().err
+    assert "has other columns" in capsys.readouterr().err
     assert (tmp_path / "surface.csv").read_text() == "name,age\nAda,36\n"
 
 

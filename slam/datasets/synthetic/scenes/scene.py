@@ -1,4 +1,4 @@
-"""A synthetic scene is data: what stands where, how the camera moves, and what its sensor makes of depth."""
+"""A synthetic scene as data: its furniture, its camera path, and its depth sensor."""
 
 from __future__ import annotations
 

@@ -141,11 +141,13 @@ def test_what_was_chosen_ahead_is_forgotten_once_as_much_was_told_by_others(monk
     memory = explorer.state()["memory"]
     assert memory["ahead"]
     free = [
-        index for index in range(len(SPACE)) if index not in {*explorer.history.told, *dict(memory["ahead"])}
+        index
+        for index in range(len(SPACE))
+        if index not in {*explorer.history.results, *dict(memory["ahead"])}
     ]
-    others = [SPACE.decode(index) for index in free[: memory["until"] - len(explorer.history.told)]]
+    others = [SPACE.decode(index) for index in free[: memory["until"] - len(explorer.history.results)]]
     explorer.tell(others, [measure(item) for item in others])
-    taken = len(explorer.history.told)
+    taken = len(explorer.history.results)
     spend(explorer, 1, batch=1)
     assert explorer.state()["memory"]["until"] == taken + taken // 2
 
@@ -253,7 +255,7 @@ def test_a_batch_may_be_as_large_as_the_space():
     explorer = explorer_of("bayesian")
     spend(explorer, 20)
     asked = explorer.ask(10**6)
-    known = {*explorer.history.told}
+    known = {*explorer.history.results}
     assert known | {SPACE.encode(item) for item in asked} == set(range(len(SPACE)))
     assert len(asked) - (len(SPACE) - len(known)) <= 1  # one again
 
@@ -267,5 +269,5 @@ def test_a_search_ends_only_after_a_long_look_for_rare_points(monkeypatch):
     for _ in range(6):
         batch = explorer.ask(1)
         explorer.tell(batch, [None] * len(batch))
-    assert len(explorer.history.told) == 6
+    assert len(explorer.history.results) == 6
     assert not explorer.finished

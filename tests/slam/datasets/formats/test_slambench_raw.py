@@ -48,7 +48,7 @@ def test_truth_may_be_given_by_frame_number(tmp_path):
     [
         (b"", "is empty"),
         (struct.pack("<II", 0, 7), "0x7"),
-        (struct.pack("<II", 2, 2) + bytes(17), "no whole number of 2x2 frames"),
+        (struct.pack("<II", 2, 2) + bytes(17), "not a whole number of 2x2 frames"),
     ],
 )
 def test_a_file_that_is_no_raw_says_so(tmp_path, data, message):

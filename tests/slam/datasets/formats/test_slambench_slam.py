@@ -137,8 +137,8 @@ def test_truth_of_a_body_that_is_not_the_camera_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"", "is no .slam file"),
-        (b"KLAM\0" + bytes(8), "is no .slam file"),
+        (b"", "is not a .slam file"),
+        (b"KLAM\0" + bytes(8), "is not a .slam file"),
         (b"SLAM\0" + struct.pack("<II", 2, 0), "has the version 2"),
         (b"SLAM\0" + struct.pack("<II", 1, 1) + b"\xff", "cannot be read"),
         (

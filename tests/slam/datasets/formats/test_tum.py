@@ -91,7 +91,7 @@ def test_truth_is_matched_by_stamp_and_missing_frames_stay_unknown(tmp_path):
 def test_truth_of_another_recording_is_refused(tmp_path):
     path = folder(tmp_path, ["0.png"])
     (path / "groundtruth.txt").write_text("1305031098.67 1 2 3 0 0 0 1\n")
-    with pytest.raises(SequenceError, match="no pose belongs to a frame"):
+    with pytest.raises(SequenceError, match="no pose matches a frame"):
         open_sequence(path)
 
 
@@ -134,7 +134,7 @@ def test_an_empty_folder_and_a_path_to_nothing_say_what_is_expected(tmp_path):
     with pytest.raises(SequenceError, match="does not exist"):
         open_sequence(tmp_path / "nowhere")
     (tmp_path / "notes.md").write_text("hello")
-    with pytest.raises(SequenceError, match="no known sequence"):
+    with pytest.raises(SequenceError, match="not a known sequence"):
         open_sequence(tmp_path / "notes.md")
 
 

@@ -206,5 +206,5 @@ def test_nobody_there_is_a_clear_error(server, target):
 
 @pytest.mark.parametrize("address", ["file:///etc/passwd", "ftp://host/x", "room.tgz"])
 def test_only_http_is_fetched(target, address):
-    with pytest.raises(DownloadError, match="no address that starts with http"):
+    with pytest.raises(DownloadError, match="not an address that starts with http"):
         fetch(address, target)

@@ -29,7 +29,7 @@ CONFIGURATION = Configuration(time_window=40, depth_cutoff=4.0)
 
 
 def registration(motion: np.ndarray, **values: object) -> Registration:
-    """One that nothing speaks against, but for `values`."""
+    """One without any objection, except `values`."""
     good = Registration(motion, 1e-5, 200_000, 100_000, 0.001, 0.001)
     return replace(good, **values)
 
@@ -162,8 +162,8 @@ def test_an_empty_view_is_nowhere():
 def grid_of(tick: int = TICK) -> Grid:
     """The active view at the end of the walk, in front of what the first frames saw."""
     depth = VIEWS[-1].depth
-    born = np.full(depth.shape, tick - 5, np.int32)
-    return Grid.sampled(depth, born, np.full(depth.shape, 3, np.int32), CAMERA)
+    first_seen = np.full(depth.shape, tick - 5, np.int32)
+    return Grid.sampled(depth, first_seen, np.full(depth.shape, 3, np.int32), CAMERA)
 
 
 def test_a_local_closure_draws_the_active_model_onto_the_inactive_one():
@@ -262,10 +262,10 @@ def test_a_global_closure_keeps_local_ones_closed():
 def test_a_grid_holds_what_both_views_cover():
     camera = Camera(64.0, 64.0, 31.5, 23.5, 64, 48)
     depth = np.full((48, 64), 2.0, np.float32)
-    born, old_born = np.full((48, 64), 9, np.int32), np.full((48, 64), 4, np.int32)
-    assert len(Grid.sampled(depth, born, old_born, camera).times) == 32 * 24
-    depth[:, :32], old_born[:24] = 0, 0
-    grid = Grid.sampled(depth, born, old_born, camera)
+    first_seen, old_first_seen = np.full((48, 64), 9, np.int32), np.full((48, 64), 4, np.int32)
+    assert len(Grid.sampled(depth, first_seen, old_first_seen, camera).times) == 32 * 24
+    depth[:, :32], old_first_seen[:24] = 0, 0
+    grid = Grid.sampled(depth, first_seen, old_first_seen, camera)
     assert len(grid.times) == 16 * 12
     assert (grid.points[:, :2] > 0).all()
     np.testing.assert_array_equal(np.unique(grid.points[:, 2]), [2.0])

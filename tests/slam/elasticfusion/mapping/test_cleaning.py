@@ -34,44 +34,47 @@ def layered_map() -> tuple[np.ndarray, np.ndarray]:
     random = np.random.default_rng(8)
     wall = first_map()
     wall["confidence"] = random.choice([0.5, 5.0, 5.0, 5.0], len(wall))
-    wall["seen"] = random.choice([30, 40, 40], len(wall))
+    wall["last_seen"] = random.choice([30, 40, 40], len(wall))
     front = wall[random.random(len(wall)) < 0.25].copy()
     depth = random.choice([0.004, 0.1], len(front))
     towards = START[:3, 3] - front["position"]
     front["position"] += towards * (depth / np.linalg.norm(towards, axis=1))[:, None]
-    front["born"], front["seen"] = random.choice([1, 20], len(front)), random.choice([30, 40], len(front))
+    front["first_seen"], front["last_seen"] = (
+        random.choice([1, 20], len(front)),
+        random.choice([30, 40], len(front)),
+    )
     front["confidence"] = random.choice([0.5, 5.0], len(front))
-    surfels = np.concatenate([wall, front[np.argsort(front["born"], kind="stable")]])
+    surfels = np.concatenate([wall, front[np.argsort(front["first_seen"], kind="stable")]])
     return surfels, index_of(surfels, START)
 
 
 @functools.cache
 def expected_verdict() -> np.ndarray:
     surfels, ids = layered_map()
-    return reference.judge(scene(0).raw, ids, surfels, START, 40, THRESHOLD)
+    return reference.mark_for_removal(scene(0).raw, ids, surfels, START, 40, THRESHOLD)
 
 
-def test_judge_and_remove_condemned(launch):
+def test_mark_for_removal_and_remove_marked(launch):
     surfels, ids = layered_map()
     raw, expected = scene(0).raw, expected_verdict()
     columns, size = columns_of(surfels), (CAMERA.width, CAMERA.height)
-    condemned, removed = np.full(ids.shape, 7, np.uint8), np.zeros(1, np.int32)
+    marked, removed = np.full(ids.shape, 7, np.uint8), np.zeros(1, np.int32)
     launch(
-        CLEANING, "judge", ("image", *size), raw.astype(np.float32), *size, ids.astype(np.int32),
-        columns["place"], columns["face"], columns["born"], columns["seen"], frame_of(START, 40), THRESHOLD,
-        fusion.DOUBLE_DISTANCE, fusion.DOUBLE_REACH, fusion.DOUBLES, fusion.ASSOCIATION_DISTANCE,
-        fusion.SEEN_THROUGH, condemned,
+        CLEANING, "mark_for_removal", ("image", *size), raw.astype(np.float32), *size, ids.astype(np.int32),
+        columns["position_confidence"], columns["normal_radius"], columns["first_seen"],
+        columns["last_seen"], frame_of(START, 40), THRESHOLD, fusion.DOUBLE_DISTANCE, fusion.DOUBLE_REACH,
+        fusion.DOUBLES, fusion.ASSOCIATION_DISTANCE, fusion.SEEN_THROUGH, marked,
     )  # fmt: skip
     gone = surfels[ids[expected]]
-    assert (gone["born"] == 20).sum() > 10
-    assert (gone["born"] == 1).sum() > 10  # seen through, thus never just a double
-    np.testing.assert_array_equal(condemned, expected)
+    assert (gone["first_seen"] == 20).sum() > 10
+    assert (gone["first_seen"] == 1).sum() > 10  # seen through, thus never just a double
+    np.testing.assert_array_equal(marked, expected)
     launch(
-        CLEANING, "remove_condemned", ("image", *size), *size, ids.astype(np.int32), condemned,
-        columns["place"], removed,
+        CLEANING, "remove_marked", ("image", *size), *size, ids.astype(np.int32), marked,
+        columns["position_confidence"], removed,
     )  # fmt: skip
-    left, count = reference.remove_condemned(ids, expected, surfels)
-    np.testing.assert_array_equal(columns["place"], columns_of(left)["place"])
+    left, count = reference.remove_marked(ids, expected, surfels)
+    np.testing.assert_array_equal(columns["position_confidence"], columns_of(left)["position_confidence"])
     assert removed[0] == count
 
 
@@ -79,7 +82,7 @@ def test_remove_unstable(session):
     surfels = many_surfels()
     on_device, removed = written(session, surfels), session.buffer(4)
     session.upload(removed, np.zeros(1, np.int32))
-    arguments = (on_device.seen, 12, 40, THRESHOLD, on_device.place, removed)
+    arguments = (on_device.last_seen, 12, 40, THRESHOLD, on_device.position_confidence, removed)
     on_device.kernel(CLEANING, "remove_unstable", *arguments)()
     expected, count = reference.remove_unstable(surfels, 12, 40, THRESHOLD)
     np.testing.assert_array_equal(on_device.read(removed=True), expected)
@@ -128,7 +131,7 @@ def test_what_was_taken_away_leaves_the_map(session):
 def test_a_crowded_map_gives_up_the_places_of_removed_surfels(session):
     cells = -(-CAMERA.width // 2) * -(-CAMERA.height // 2)
     surfels = many_surfels(2000)
-    surfels["confidence"], surfels["seen"] = 1.0, 30  # unstable, and unseen for 25 frames
+    surfels["confidence"], surfels["last_seen"] = 1.0, 30  # unstable, and unseen for 25 frames
     surfels["confidence"][::20] = 9.0
     bench = Bench(session, capacity=len(surfels) + cells - 1)
     bench.surfels.write(surfels)

@@ -48,9 +48,9 @@ def associate(launch, live, surfels, ids, pose, tick) -> np.ndarray:
     matches, columns = np.full(cells[::-1], 7, np.int32), columns_of(surfels)
     launch(
         SOURCE, "associate", ("image", *cells), live.raw.astype(np.float32), *planes(live.normals),
-        CAMERA.width, CAMERA.height, intrinsics(CAMERA), ids.astype(np.int32), columns["place"],
-        columns["face"], frame_of(pose, tick), fusion.ASSOCIATION_DISTANCE, fusion.ASSOCIATION_NORMAL,
-        fusion.SLANTED, matches,
+        CAMERA.width, CAMERA.height, intrinsics(CAMERA), ids.astype(np.int32), columns["position_confidence"],
+        columns["normal_radius"], frame_of(pose, tick), fusion.ASSOCIATION_DISTANCE,
+        fusion.ASSOCIATION_NORMAL, fusion.SLANTED, matches,
     )  # fmt: skip
     return matches
 
@@ -69,7 +69,7 @@ def test_associate(launch, tick):
     assert (expected >= 0).sum() > 80
     assert (expected == reference.NEW).sum() > 10
     assert (expected == reference.NOTHING).sum() > 20
-    assert (matches != expected).mean() < 0.01  # two may be equally near but for rounding
+    assert (matches != expected).mean() < 0.01  # two may be equally near up to rounding
 
 
 @pytest.mark.parametrize("tick", [2, 3])
@@ -92,10 +92,10 @@ def test_update(launch, tick):
         SOURCE, "update", ("image", *matches.shape[::-1]), live.raw.astype(np.float32),
         live.filtered.astype(np.float32), *planes(live.normals), live.colour, CAMERA.width, CAMERA.height,
         intrinsics(CAMERA), share_x, share_y, ids.astype(np.int32), frame_of(pose, tick, 0.7),
-        fusion.MOST_COARSENING, matches.astype(np.int32), columns["place"], columns["face"],
-        columns["colour"], columns["seen"],
+        fusion.MOST_COARSENING, matches.astype(np.int32), columns["position_confidence"],
+        columns["normal_radius"], columns["colour"], columns["last_seen"],
     )  # fmt: skip
-    confirmed = (expected["seen"] == tick) & (expected["radius"] == surfels["radius"])
+    confirmed = (expected["last_seen"] == tick) & (expected["radius"] == surfels["radius"])
     assert confirmed.sum() > 10
     assert (expected["radius"] != surfels["radius"]).sum() > 40
     assert_same_maps(columns, expected)
@@ -131,8 +131,9 @@ def test_append(launch, step, tick):
     launch(
         SOURCE, "append", (rows,), live.raw.astype(np.float32), live.filtered.astype(np.float32),
         *planes(live.normals), live.colour, CAMERA.width, intrinsics(CAMERA), share_x, share_y,
-        frame_of(pose, tick, 0.6, step, len(surfels)), matches, row_new, got_ids, arrays["place"],
-        arrays["face"], arrays["colour"], arrays["born"], arrays["seen"],
+        frame_of(pose, tick, 0.6, step, len(surfels)), matches, row_new, got_ids,
+        arrays["position_confidence"], arrays["normal_radius"], arrays["colour"], arrays["first_seen"],
+        arrays["last_seen"],
     )  # fmt: skip
     assert_same_maps(arrays, expected)
     np.testing.assert_array_equal(got_ids, expected_ids)
@@ -152,9 +153,9 @@ def test_a_camera_at_rest_makes_the_same_surfels_stable(session):
     surfels = bench.surfels.read()
     assert (surfels["confidence"] >= THRESHOLD).sum() > first / 3
     unstable = surfels[surfels["confidence"] < THRESHOLD]
-    assert (unstable["seen"] >= 25 - fusion.UNSTABLE_FRAMES).all()
+    assert (unstable["last_seen"] >= 25 - fusion.UNSTABLE_FRAMES).all()
     assert len(surfels) < first
-    assert (np.diff(surfels["born"]) >= 0).all()
+    assert (np.diff(surfels["first_seen"]) >= 0).all()
 
 
 def test_what_the_camera_sees_anew_is_appended_and_shown(session):
@@ -169,7 +170,7 @@ def test_what_the_camera_sees_anew_is_appended_and_shown(session):
     shown = shown[shown >= first]
     assert len(shown) > new / 2
     assert len(np.unique(shown)) == len(shown)
-    assert (surfels["born"][shown] == 2).all()
+    assert (surfels["first_seen"][shown] == 2).all()
 
 
 def test_a_map_that_is_full_says_so_and_loses_nothing(session):

@@ -22,7 +22,7 @@ from tests.slam.reference import prediction as reference
 CAMERA = Camera(50.0, 52.0, 23.3, 36.6, 47, 75)
 MIRRORED = Camera(50.0, -52.0, 23.3, 36.6, 47, 75)
 SEEN, CONFIDENCE = (5, 20), 3.0
-SPARE = RUN + 100  # places in which nobody is ever seen, before the others: ids span more than one run
+SPARE = RUN + 100  # places without visible surfels, before the others: ids span more than one run
 
 
 def pose_at(position: tuple[float, float, float], twist: tuple[float, float, float]) -> np.ndarray:
@@ -56,9 +56,9 @@ def cluttered_map(seed: int = 0, size: int = 700) -> np.ndarray:
     visible["position"] = points @ POSE[:3, :3].T + POSE[:3, 3]
     visible["normal"] = normals @ POSE[:3, :3].T
     visible["confidence"] = random.choice([0, 1, 3, 8], size, p=[0.1, 0.1, 0.4, 0.4])
-    surfels["born"] = np.sort(random.integers(1, 9, len(surfels)))
-    surfels["seen"][SPARE:] = random.integers(4, 23, size)
-    visible["confidence"][90:95], visible["seen"][90:95] = CONFIDENCE, SEEN[0]
+    surfels["first_seen"] = np.sort(random.integers(1, 9, len(surfels)))
+    surfels["last_seen"][SPARE:] = random.integers(4, 23, size)
+    visible["confidence"][90:95], visible["last_seen"][90:95] = CONFIDENCE, SEEN[0]
     visible[-40:] = visible[200:240]  # the same once more: the smaller id is seen
     surfels["colour"] = np.arange(len(surfels)) + 1
     return surfels
@@ -89,7 +89,7 @@ def test_a_prediction_shows_the_nearest_disc_at_each_pixel(session, camera):
     prediction = Prediction(session, on_device(session, surfels), camera)
     prediction.render(POSE, SEEN, CONFIDENCE)
     image = thumbnail.read(session, prediction.image)
-    depth, normals, colour, born, confidence = reference.resolve(ids, surfels, POSE, camera)
+    depth, normals, colour, first_seen, confidence = reference.resolve(ids, surfels, POSE, camera)
     assert 0.3 < (colour > 0).mean() < 0.98
     assert len(np.unique(colour)) > 150
     same = image.colour == colour  # which surfel it is
@@ -98,7 +98,9 @@ def test_a_prediction_shows_the_nearest_disc_at_each_pixel(session, camera):
     np.testing.assert_allclose(image.normals[same], normals[same], atol=1e-5)
     assert (np.sum(image.normals * image.vertices, axis=-1)[image.colour > 0] < 0).all()
     shape = colour.shape
-    np.testing.assert_array_equal(fetched(session, prediction.born, shape, np.int32)[same], born[same])
+    np.testing.assert_array_equal(
+        fetched(session, prediction.first_seen, shape, np.int32)[same], first_seen[same]
+    )
     np.testing.assert_array_equal(
         fetched(session, prediction.confidence, shape, np.float32)[same], confidence[same]
     )

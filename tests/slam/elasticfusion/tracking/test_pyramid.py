@@ -1,4 +1,4 @@
-"""Live images and pyramids hold what their references say, on every device present."""
+"""InputFrame images and pyramids hold what their references say, on every device present."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from slam.camera import Camera
 from slam.devices.opencl import Session
 from slam.elasticfusion import preprocessing
-from slam.elasticfusion.preprocessing import Live
+from slam.elasticfusion.preprocessing import InputFrame
 from slam.elasticfusion.tracking import pyramid
 from slam.elasticfusion.tracking.pyramid import Pyramid
 from tests.slam.dense.scenes import planes
@@ -31,7 +31,7 @@ def test_a_live_image_is_filtered_within_the_range_that_is_believed(session):
     depth = random.integers(900, 1000, (31, 41)).astype(np.uint16)
     depth[:3, :5], depth[5, 7], depth[20:, 30:] = 299, 0, 1201
     colour = random.integers(0, 2, (31, 41, 3)).astype(np.uint8)
-    live = Live(session, SMALL, 1.2)
+    live = InputFrame(session, SMALL, 1.2)
     live.take(depth, colour)
     raw = millimetres_to_metres(depth, 1, 300, 1200)
     filtered = bilateral_filter(

@@ -28,10 +28,10 @@ def test_turn_equations_and_the_turn_they_lead_to(launch, session):
     count, size, group = session.layout.sums(40, 30)
     records = np.full((count, SUMS), 5, np.float32)
     launch(
-        SOURCE, "turn_equations", size, *images(present), *images(earlier), 40, 30,
+        SOURCE, "so3_linearise", size, *images(present), *images(earlier), 40, 30,
         intrinsics(present.camera), alignment, records, group=group,
     )  # fmt: skip
-    matrix, right_side, squared_error, inliers = reference.turn_equations(present, earlier, start[:3, :3])
+    matrix, right_side, squared_error, inliers = reference.so3_linearise(present, earlier, start[:3, :3])
     total = records.sum(axis=0, dtype=float)
     assert inliers > 800
     assert abs(total[28] - inliers) <= 1
@@ -47,7 +47,7 @@ def test_turn_equations_and_the_turn_they_lead_to(launch, session):
     assert alignment["error"][0] == pytest.approx(squared_error / inliers, rel=0.01)
     moved_on = alignment["pose"][0].copy()
 
-    # Seen again the same error is no better: it ends, and keeps what was best.
+    # The same error again is not better: it ends, and keeps the best.
     launch(SOURCE, "turn", (1,), records, count, 0.5, alignment)
     assert reference.turn(matrix, right_side, squared_error, inliers, squared_error / inliers, 0) is None
     assert alignment["ended"][0] == 1

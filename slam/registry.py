@@ -25,10 +25,10 @@ from slam.system import Scene, System
 
 @dataclass(frozen=True)
 class Definition:
-    """How a system is made: its whole configuration, the system itself, and what tells its fastest layout.
+    """The definition of a system: its complete configuration, its constructor, and a trial of its layouts.
 
     `backends`: those it runs on. `plan`: a frame as data, None for a system that the host drives. `warm_up`:
-    for a whole configuration, one with which a few frames launch all kernels that it can reach. `colour`:
+    for a complete configuration, one that launches all of its kernels within a few frames. `colour`:
     whether it needs colour images beside depth. `values`: those of its design space, by parameter, ascending,
     with 0 and 1 for a flag.
     """
@@ -52,7 +52,7 @@ def _elasticfusion(values: Mapping[str, Any], scene: Scene, session: Session) ->
 
 
 def _elastic_warm_up(open_loop: bool) -> ElasticConfiguration:
-    """A small map that is left and returned to within a few frames, where every loop is believed."""
+    """A small map that is left and revisited within a few frames, with every loop accepted."""
     return ElasticConfiguration(
         open_loop=open_loop,
         relocalisation=False,
@@ -131,7 +131,7 @@ def needs_colour(name: str) -> bool:
 
 
 def warm_up(name: str, configuration: Mapping[str, Any]) -> dict[str, Any]:
-    """A configuration that launches within a few frames what the whole `configuration` can ever launch.
+    """A configuration that launches within a few frames all kernels that `configuration` can launch.
 
     Raises ValueError for an unknown name.
     """
@@ -148,21 +148,21 @@ def require_backend(name: str, backend: str) -> None:
 
 
 def frame_plan(name: str, configuration: Mapping[str, Any], scene: Scene, layout: Layout) -> Plan:
-    """What the system `name` does with each frame, as data.
+    """The steps of the system `name` in each frame, as data.
 
     Raises ValueError for an unknown name, ConfigurationError for a system without a plan and for a bad
     parameter.
     """
     make = definition(name).plan
     if make is None:
-        raise ConfigurationError(f"system {name}: the host drives it, it has no plan; kfusion has one")
+        raise ConfigurationError(f"system {name}: the host drives it, so it has no plan; kfusion has one")
     return make(configuration, scene, layout)
 
 
 def open_session(name: str, device: Device, progress: Progress | None = None) -> AnySession:
-    """A session on `device`, with kernels laid out as is fastest there for the system `name`.
+    """A session on `device`, with the fastest kernel layout there for the system `name`.
 
-    Where layouts are tried first, `progress` is called with the number of those done and of all. Raises
+    While layouts are tried, `progress` is called with the numbers done and in total. Raises
     ValueError for an unknown name, ConfigurationError where the system does not run on the device's backend.
     """
     require_backend(name, device.backend)
@@ -177,7 +177,7 @@ def create(name: str, configuration: Mapping[str, Any], scene: Scene, session: A
 
 
 def definition(name: str) -> Definition:
-    """What is known of the system `name`. Raises ValueError, naming those there are."""
+    """The definition of the system `name`. Raises ValueError, which lists the known ones."""
     if name not in SYSTEMS:
         raise ValueError(f"unknown system {name!r}: choose one of {', '.join(sorted(SYSTEMS))}")
     return SYSTEMS[name]

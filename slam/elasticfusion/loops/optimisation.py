@@ -1,13 +1,14 @@
 """The deformation that closes a loop: an energy over the graph's nodes, minimised by sparse Gauss-Newton.
 
 Whelan et al. 2015, section 5.2, after Sumner et al. 2007. The unknowns of a node are a 3x3 matrix R and a
-translation t. Where a point comes to lie is linear in them, one coordinate like the other, so all terms but
-that of the rotations share one small sparse matrix, made once for all three coordinates and all iterations.
+translation t. The new position of a point is linear in them, with equal coefficients for each coordinate. All
+terms except that of the rotations therefore share one small sparse matrix, made once for all three
+coordinates and all iterations.
 
-One term is not the paper's: neighbours turn alike. Without it a long chain of nodes bends almost for nothing,
-and closing its ends moved what lies between them farther from the truth than the drift had.
+One term is not in the paper: neighbours rotate alike. Without it a long chain of nodes bends at almost no
+cost, and closing its ends moves the middle farther from the truth than the drift did.
 
-scipy is imported where it is first needed: whoever closes no loops can do without it.
+scipy is imported on first use: runs without loop closure do not need it.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ MOST_ITERATIONS = 3
 SMALL_STEP = 1e-2  # norm over all unknowns
 SMALL_ENERGY = 1e-3
 SMALL_CHANGE = 1e-5  # of the energy, relative
-DAMPING = 1e-6  # keeps what no residual holds, such as a turn about nodes in a line, where it is
+DAMPING = 1e-6  # regularises what no residual constrains, such as a turn about nodes in a line
 UNKNOWNS = 12  # of a node: the columns of R, then t
 COLUMN_PAIRS = ((0, 1), (0, 2), (1, 2), (0, 0), (1, 1), (2, 2))  # whose products make R orthonormal
 
@@ -85,7 +86,7 @@ class Energy:
     """The sum of squared residuals as a function of the unknowns x (4n, 3).
 
     Rows 4i to 4i + 2 of x are the columns of node i's R, row 4i + 3 is its t. `closing` pairs draw their
-    sources to where the targets are now, and pin the targets there; `kept` pairs, of loops that were closed
+    sources to the targets, and pin the targets; `kept` pairs, of loops that were closed
     before, may move but stay together (Whelan et al. 2015, eq. 6 to 10). Nodes outside of `free` (n,) keep to
     the identity.
     """
@@ -116,7 +117,7 @@ class Energy:
 
     @staticmethod
     def identity(nodes: int) -> Array:
-        """The unknowns of nodes that move nothing."""
+        """The unknowns of the identity."""
         return np.tile(np.vstack([np.eye(3), np.zeros(3)]), (nodes, 1))
 
     def residuals(self, x: Array) -> Array:
@@ -167,7 +168,7 @@ class Energy:
 
 @dataclass(frozen=True)
 class Optimised:
-    """A deformation and how well it does: its energy, and the mean distance of the closing pairs after it."""
+    """A deformation, its energy, and the mean distance of the closing pairs after it."""
 
     deformation: Deformation
     energy: float
@@ -237,7 +238,7 @@ def _turning_rows(graph: Graph) -> sparse.csr_matrix:
 
 
 def _point_rows(graph: Graph, points: Array, times: NDArray[np.int64]) -> tuple[sparse.csr_matrix, Array]:
-    """Where points come to lie, as rows over x and offsets."""
+    """The new positions of points, as rows over x and offsets."""
     from scipy import sparse
 
     nodes, weights = graph.influence(points, times)

@@ -1,15 +1,15 @@
-"""Whether the camera knows where it is."""
+"""Watches for lost tracking."""
 
 from __future__ import annotations
 
 from slam.elasticfusion.configuration import LOST_AFTER
 
 
-class Health:
-    """Counts failures of tracking, for a system that is to notice them (`relocalisation`).
+class TrackingMonitor:
+    """Counts failures of tracking, for a system with `relocalisation`.
 
-    More than LOST_AFTER failures in a row and the camera is `lost`, until it is recognised somewhere. It is
-    then `on_probation` for one frame, which shows whether it really is there.
+    After more than LOST_AFTER failures in a row the camera is `lost`, until a keyframe is recognised. It is
+    then `on_probation` for one frame, which confirms or rejects the new pose.
     """
 
     def __init__(self, relocalisation: bool) -> None:
@@ -18,8 +18,8 @@ class Health:
         self.lost = False
         self.on_probation = False
 
-    def judge(self, good: bool) -> None:
-        """Take note of how a frame was tracked."""
+    def record(self, good: bool) -> None:
+        """Record whether a frame was tracked."""
         if not self._watches:
             return
         if self.on_probation:
@@ -30,9 +30,9 @@ class Health:
             self.lost = self._failures > LOST_AFTER
 
     def recognised(self) -> None:
-        """A lost camera saw something that it knows."""
+        """Record that a lost camera recognised a keyframe."""
         self.on_probation = True
 
     def fuses(self, good: bool) -> bool:
-        """Whether a frame that was tracked like that may become part of the map."""
+        """Whether a frame with this result may be fused into the map."""
         return not self.lost and (good or not self._watches)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slam.elasticfusion.loops.deformation import Constraints, Energy, optimise
 from slam.elasticfusion.loops.graph import Graph
+from slam.elasticfusion.loops.optimisation import Constraints, Energy, optimise
 from tests.slam.reference.dense import exponential
 
 
@@ -69,7 +69,7 @@ def test_a_gap_is_closed_and_the_beginning_stays(motion):
 
 
 def test_a_known_deformation_is_recovered():
-    """A corridor bent by a drift that grows evenly: its end is told, and what lies between follows."""
+    """A corridor bent by a drift that grows evenly: its end is given, and the middle follows."""
     straight = corridor()
     drift = [
         exponential(np.array([0.2, 0.05, -0.1, 0, 0, 0]) * share)

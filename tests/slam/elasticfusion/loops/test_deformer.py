@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from slam.elasticfusion.loops.deforming import Deforming
+from slam.elasticfusion.loops.deformer import MapDeformer
 from slam.elasticfusion.loops.graph import Deformation, Graph
 from slam.elasticfusion.mapping.surfels import Surfels
 from tests.slam.elasticfusion.maps import (
@@ -38,23 +38,23 @@ def test_sample_and_deform(session, every):
     surfels = many_surfels()
     surfels["confidence"][90:270] = 0  # no node from here
     on_device = written(session, surfels)
-    deforming = Deforming(session, on_device)
-    nodes, expected_nodes = deforming.sample(every), reference.sample_nodes(surfels, every)
+    deformer = MapDeformer(session, on_device)
+    nodes, expected_nodes = deformer.sample(every), reference.sample_nodes(surfels, every)
     np.testing.assert_array_equal(nodes.positions, expected_nodes["position"])
-    np.testing.assert_array_equal(nodes.times, expected_nodes["born"])
+    np.testing.assert_array_equal(nodes.times, expected_nodes["first_seen"])
     assert nodes.usable
 
     deformation = bent_graph(nodes)
-    deforming.deform(deformation, 60)
+    deformer.deform(deformation, 60)
     expected, got = reference.deform(surfels, deformation), on_device.read(removed=True)
     np.testing.assert_allclose(got["position"], expected["position"], atol=2e-5)
     np.testing.assert_allclose(got["normal"], expected["normal"], atol=2e-5)
-    for name in ("confidence", "radius", "colour", "born", "seen"):
+    for name in ("confidence", "radius", "colour", "first_seen", "last_seen"):
         np.testing.assert_array_equal(got[name], expected[name])
 
 
 def test_an_empty_map_has_no_nodes(session):
-    assert len(Deforming(session, Surfels(session, 10)).sample(5)) == 0
+    assert len(MapDeformer(session, Surfels(session, 10)).sample(5)) == 0
 
 
 def test_reactivate(session):
@@ -65,7 +65,7 @@ def test_reactivate(session):
     surface = scene(0).raw
     on_device, depth = written(session, surfels), uploaded(session, surface.astype(np.float32))
     image = SimpleNamespace(camera=CAMERA, depth=depth)
-    Deforming(session, on_device).reactivate(image, START, 77, THRESHOLD)
+    MapDeformer(session, on_device).reactivate(image, START, 77, THRESHOLD)
     expected = reference.reactivate(surfels, surface, CAMERA, START, 77, THRESHOLD)
-    assert 50 < (expected["seen"] == 77).sum() < (surfels["confidence"] == 5).sum() - 50
-    assert (on_device.read(removed=True)["seen"] != expected["seen"]).mean() < 0.01
+    assert 50 < (expected["last_seen"] == 77).sum() < (surfels["confidence"] == 5).sum() - 50
+    assert (on_device.read(removed=True)["last_seen"] != expected["last_seen"]).mean() < 0.01

@@ -1,0 +1,99 @@
+"""Messages, colours and progress of all commands."""
+
+import io
+import sys
+
+import pytest
+
+from client_kit.__main__ import main as client
+from frontrunner import terminal
+from pareto.cli.commands import main as pareto
+from slam.__main__ import main as slam
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def colour_terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """A terminal with colours as standard error; not a fixture, after which pytest replaces it."""
+    stream = Terminal()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    return stream
+
+
+def test_a_terminal_shows_errors_and_warnings_in_colour(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = colour_terminal(monkeypatch)
+    terminal.fail("no such file")
+    terminal.warn("one value only")
+    terminal.note("done")
+
+    assert screen.getvalue() == (
+        "\x1b[1;31mfrontrunner:\x1b[0m no such file\n"
+        "frontrunner: \x1b[1;33mwarning:\x1b[0m one value only\n"
+        "frontrunner: done\n"
+    )
+
+
+@pytest.mark.parametrize("variable", [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_colours_can_be_switched_off(monkeypatch: pytest.MonkeyPatch, variable: tuple[str, str]) -> None:
+    screen = colour_terminal(monkeypatch)
+    monkeypatch.setenv(*variable)
+    terminal.fail("no such file")
+
+    assert screen.getvalue() == "frontrunner: no such file\n"
+
+
+def test_a_log_has_no_colours_and_no_progress(capsys: pytest.CaptureFixture[str]) -> None:
+    terminal.fail("no such file")
+
+    assert capsys.readouterr().err == "frontrunner: no such file\n"
+    assert terminal.progress_line() is None
+
+
+def test_a_terminal_shows_one_line_of_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = colour_terminal(monkeypatch)
+    monkeypatch.setenv("NO_COLOR", "1")
+    show = terminal.progress_line("mu=0.1: ")
+    assert show is not None
+    for done in (1, 2, 3):
+        show(done, 3)
+
+    text = screen.getvalue()
+    assert text.count("\n") == 1
+    assert [part.split(",")[0] for part in text.split("\r")[1:]] == [
+        "mu=0.1: frame 1/3",
+        "mu=0.1: frame 2/3",
+        "mu=0.1: frame 3/3",
+    ]
+    assert text.endswith("0 s left\x1b[K\n")
+
+
+def test_progress_counts_in_larger_units(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = colour_terminal(monkeypatch)
+    monkeypatch.setenv("NO_COLOR", "1")
+    show = terminal.progress_line(unit="MB", scale=10**6)
+    assert show is not None
+    show(0, 12_000_000)
+    show(12_000_000, 12_000_000)
+
+    first, last = screen.getvalue().split("\r")[1:]
+    assert first.startswith("MB 0/12\x1b[K")
+    assert last.startswith("MB 12/12, ")
+
+
+@pytest.mark.parametrize("program", [client, pareto, slam])
+def test_a_wrong_command_line_is_one_line_with_the_common_prefix(program, capsys) -> None:
+    try:
+        code = program(["nosuch"])
+    except SystemExit as ended:
+        code = ended.code
+
+    error = capsys.readouterr().err
+    assert code == 2
+    assert error.startswith("frontrunner: argument COMMAND: invalid choice: 'nosuch'")
+    assert error.count("\n") == 1
