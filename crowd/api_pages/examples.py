@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from crowd.api_pages.meanings import meaning
+from crowd.api_pages.meanings import meaning, parameter_meaning
 from crowd.api_pages.topics import TOPICS, codes_of, topic_of
 
 FILE = Path(__file__).with_name("examples.json")
@@ -25,7 +25,7 @@ PARAMETERS: dict[str, Any] = {
     "limit": 2,
     "maker": "Samsung",
     "max_ate": 0.05,
-    "max_ms": 40,
+    "max_ms": 200,
     "min_sessions": 1,
     "minutes": 2,
     "model": "Adreno",
@@ -73,6 +73,8 @@ def _exemplify(operation: dict[str, Any], example: dict[str, Any]) -> None:
     others = PARAMETERS | example.get("parameters", {})
     for parameter in operation.get("parameters", ()):
         name = parameter["name"]
+        if text := parameter_meaning(name):
+            parameter.setdefault("description", text)
         parameter["x-in-example"] = name in used
         parameter["example"] = used.get(name, others.get(name, ""))
     if "body" in example:

@@ -164,6 +164,26 @@ _SPECIAL = {
 }
 
 
+_PARAMETERS = {
+    "attempt": "which lease of the evaluation",
+    "backend": "with what it computes",
+    "Content-Encoding": "where the body is compressed",
+    "cursor": "where the page starts: as `next` of the one before says",
+    "Idempotency-Key": "1 to 128 printable characters, new for each body",
+    "key": "its id",
+    "limit": "rows of a page",
+    "min_sessions": "only figures of so many sessions",
+    "simulated": "1 for simulated devices; 0 where absent",
+    "slug": "the name of the device in addresses",
+    "version": "the name of the front",
+}
+
+
+def parameter_meaning(name: str) -> str:
+    """What the parameter NAME means; "" where nothing is said of it."""
+    return _PARAMETERS.get(name, "")
+
+
 def meaning(schema: str, member: str) -> str:
     """What MEMBER of SCHEMA means; "" where nothing is said of it."""
     return _SPECIAL.get(f"{schema}.{member}", _SHARED.get(member, ""))
