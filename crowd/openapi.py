@@ -5,18 +5,15 @@ from functools import cache
 from typing import Any
 
 import msgspec
-from django.http import HttpRequest, HttpResponse
-from django.shortcuts import render
-from django.views.decorators.http import require_safe
+from django.http import HttpResponse
 from drf_spectacular.extensions import OpenApiSerializerExtension
 from drf_spectacular.generators import SchemaGenerator
 from drf_spectacular.utils import extend_schema
 from rest_framework.request import Request
 
-from crowd.access import limits
-from crowd.http import codes
+from crowd.api_pages import examples
 from crowd.http.api import Endpoint, answer
-from crowd.results.intake import allowance, protocol_2, schema
+from crowd.results.intake import protocol_2, schema
 
 TEMPLATE = "#/components/schemas/{name}"
 PROBLEM = {
@@ -91,6 +88,7 @@ def complete(result: dict[str, Any], **_: Any) -> dict[str, Any]:
             for response in operation["responses"].values():
                 response.setdefault("headers", told)
             operation["responses"].setdefault("default", refusal)
+    examples.describe(result)
     return result
 
 
@@ -108,23 +106,3 @@ class OpenApiView(Endpoint):
     @extend_schema(exclude=True)
     def get(self, request: Request) -> HttpResponse:  # noqa: ARG002
         return answer(document())
-
-
-@require_safe
-def docs(request: HttpRequest) -> HttpResponse:
-    """The document for people: a page that needs no script and no other host."""
-    described = document()
-    operations = [
-        {"path": path, "method": method.upper(), **operation}
-        for path, methods in described["paths"].items()
-        for method, operation in methods.items()
-    ]
-    context = {
-        "info": described["info"],
-        "operations": operations,
-        "groups": codes.GROUPS,
-        "limits": limits.in_force(),
-        "daily": allowance.in_force(),
-        "per_address": allowance.PER_ADDRESS,
-    }
-    return render(request, "api/docs.html", context)

@@ -4,6 +4,7 @@ from django.contrib import admin
 from django.urls import include, path, re_path
 
 from crowd import openapi
+from crowd.api_pages import views as api_pages
 from crowd.fronts.views import chunk, plan, shaders, trajectory
 from crowd.guide import guide
 from crowd.http import problems
@@ -29,7 +30,8 @@ urlpatterns = [
     path("api/v1/", include("crowd.predictions.urls")),
     path("api/v1/", include("crowd.explorations.urls")),
     path("api/v1/openapi.json", openapi.OpenApiView.as_view(), name="openapi"),
-    path("api/v1/docs", openapi.docs, name="docs"),
+    path("api/v1/docs", api_pages.index, name="docs"),
+    path("api/v1/docs/<slug:key>", api_pages.call, name="docs-call"),
     path("guide/", guide, {"path": ""}, name="guide"),
     path("guide/<path:path>", guide, name="guide-file"),
     re_path(r"^api/", problems.unknown_address),

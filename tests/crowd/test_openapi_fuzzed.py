@@ -34,6 +34,16 @@ CHECKS = [
     response_headers_conformance,
     response_schema_conformance,
 ]
+
+
+def has_a_documented_code(context: Any, response: Any, case: schemathesis.Case) -> None:
+    """A refusal has one of the codes that its call's page lists."""
+    if "problem+json" in (response.headers.get("content-type") or [""])[0]:
+        code = response.json()["code"]
+        assert code in case.operation.definition.raw["x-codes"], f"{case.operation.label}: {code}"
+
+
+CHECKS.append(has_a_documented_code)
 LIMITS = [limit.setting for limit in (Attempts, Reads, Enrolments, Submissions, OwnRequests)]
 DOCUMENT = schemathesis.openapi.from_dict(document())
 DOCUMENT.app = application

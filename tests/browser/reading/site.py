@@ -54,11 +54,14 @@ UNCONFIRMED = "P40"
 OTHER_STATES = {"compare-nothing": "/compare/", "devices-emptied": "/devices/?vendor=Mali&os=Windows"}
 # Charts for other sites to frame: all of one template.
 EMBEDDED = "-embed"
+# The API for people to read: its index, and the longest page of a call.
+API_PAGES = {"api": "/api/v1/docs", "api-call": "/api/v1/docs/submit"}
 
 
 def page_names() -> list[str]:
     """The names of all pages that stand for themselves, as urls.py has them."""
-    return [name for name in _patterns() if not name.endswith(EMBEDDED)] + list(OTHER_STATES)
+    own = [name for name in _patterns() if not name.endswith(EMBEDDED)]
+    return [*own, *OTHER_STATES, *API_PAGES]
 
 
 def _patterns() -> dict[str, URLPattern]:
@@ -149,7 +152,8 @@ def fill(folder: Path) -> dict[str, str]:
         needed = {argument: arguments[word][argument] for argument in pattern.pattern.converters}
         return reverse(f"dashboard:{name}", kwargs=needed) + queries.get(word, "")
 
-    return {name: address(name, pattern) for name, pattern in _patterns().items()} | OTHER_STATES
+    own = {name: address(name, pattern) for name, pattern in _patterns().items()}
+    return own | OTHER_STATES | API_PAGES
 
 
 def _send(

@@ -1,0 +1,84 @@
+"""An example of every call: a request, and what a test server with simulated devices answered.
+
+`tests/crowd/test_api_examples.py` wrote them to examples.json, and asks a server again whether they hold.
+"""
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from crowd.api_pages.meanings import meaning, parameter_meaning
+from crowd.api_pages.topics import TOPICS, codes_of, topic_of
+
+FILE = Path(__file__).with_name("examples.json")
+# Of parameters that no example of a request needs.
+PARAMETERS: dict[str, Any] = {
+    "application": "kfusion",
+    "backend": "opencl",
+    "configuration": "best",
+    "confirmed": "1",
+    "cursor": "",
+    "device": "Simulated",
+    "front": "kfusion-test",
+    "gpu": "Adreno",
+    "limit": 2,
+    "maker": "Samsung",
+    "max_ate": 0.05,
+    "max_ms": 200,
+    "min_sessions": 1,
+    "minutes": 2,
+    "model": "Adreno",
+    "os": "Android",
+    "search": "galaxy s24",
+    "session": "",
+    "simulated": "1",
+    "since": "2026-01-01",
+    "soc": "Snapdragon",
+    "suspect": "0",
+    "until": "2026-12-31",
+    "valid": "1",
+    "vendor": "Adreno",
+    "Content-Encoding": "gzip",
+}
+
+
+@cache
+def examples() -> dict[str, dict[str, Any]]:
+    """By operation id: `status`, and where there are any `path`, `query`, `headers`, `body`, `answer`; and
+    `parameters`, examples of the parameters that the request does not use.
+    """
+    found: dict[str, dict[str, Any]] = json.loads(FILE.read_text()) if FILE.exists() else {}
+    return found
+
+
+def describe(document: dict[str, Any]) -> None:
+    """Give every call of DOCUMENT its topic, its codes and its example, and members their meanings."""
+    for methods in document["paths"].values():
+        for operation in methods.values():
+            key = operation["operationId"]
+            operation["tags"] = [topic_of(key).title]
+            operation["x-codes"] = list(codes_of(key))
+            if key in examples():
+                _exemplify(operation, examples()[key])
+    for name, schema in document["components"]["schemas"].items():
+        for member, each in schema.get("properties", {}).items():
+            if text := meaning(name, member):
+                each.setdefault("description", text)
+    document["tags"] = [{"name": topic.title, "description": topic.purpose} for topic in TOPICS]
+
+
+def _exemplify(operation: dict[str, Any], example: dict[str, Any]) -> None:
+    used = example.get("path", {}) | example.get("query", {}) | example.get("headers", {})
+    others = PARAMETERS | example.get("parameters", {})
+    for parameter in operation.get("parameters", ()):
+        name = parameter["name"]
+        if text := parameter_meaning(name):
+            parameter.setdefault("description", text)
+        parameter["x-in-example"] = name in used
+        parameter["example"] = used.get(name, others.get(name, ""))
+    if "body" in example:
+        operation["requestBody"]["content"]["application/json"]["example"] = example["body"]
+    if "answer" in example:
+        response = operation["responses"][str(example["status"])]
+        response["content"]["application/json"]["example"] = example["answer"]

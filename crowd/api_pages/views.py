@@ -1,0 +1,48 @@
+"""The API for people to read: an index, and a page for every call. They need no script and no other host."""
+
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.views.decorators.http import require_safe
+
+from crowd.access import limits
+from crowd.api_pages import calls
+from crowd.api_pages.topics import TOPICS
+from crowd.http import codes
+from crowd.http.descriptions import LONGEST_PAGE, PAGE
+from crowd.openapi import document
+from crowd.results.intake import allowance
+
+
+@require_safe
+def index(request: HttpRequest) -> HttpResponse:
+    """Every call by topic, the limits in force, and every code."""
+    known = calls.operations(document())
+    topics = [
+        {
+            "topic": topic,
+            "calls": [
+                {"key": key, "method": method, "path": path, "summary": operation["summary"]}
+                for key, (method, path, operation) in ((key, known[key]) for key in topic.calls)
+            ],
+        }
+        for topic in TOPICS
+    ]
+    context = {
+        "topics": topics,
+        "groups": codes.GROUPS,
+        "limits": limits.in_force(),
+        "daily": allowance.in_force(),
+        "per_address": allowance.PER_ADDRESS,
+        "page": PAGE,
+        "longest_page": LONGEST_PAGE,
+    }
+    return render(request, "api/docs.html", context)
+
+
+@require_safe
+def call(request: HttpRequest, key: str) -> HttpResponse:
+    """One call. Raises Http404 for none."""
+    if key not in calls.operations(document()):
+        raise Http404(f"the API has no call {key}")
+    server = request.build_absolute_uri("/").rstrip("/")
+    return render(request, "api/call.html", {"call": calls.call(document(), key, server)})
