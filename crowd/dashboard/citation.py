@@ -40,13 +40,16 @@ class Version:
 
 @dataclass(frozen=True)
 class Citation:
-    """A page with TITLE at URL, read on DAY. `version` is None before the site's first export."""
+    """A page with TITLE at URL, read on DAY. `version` is None before the site's first export; `front` is the
+    digest of the front that the page is about, if it is about one.
+    """
 
     title: str
     url: str
     day: date
     version: Version | None
     simulated: bool = False
+    front: str = ""
 
     @property
     def key(self) -> str:
@@ -59,9 +62,21 @@ class Citation:
     @property
     def note(self) -> str:
         """What else a reader needs: which data, under which licence, and when it was read."""
-        data = self.version.words if self.version else "no open data exported yet, the page itself is cited"
-        parts = [data[0].upper() + data[1:], f"licence {LICENCE['name']}", f"read on {self.day.isoformat()}"]
-        return ". ".join(["; ".join(parts), *([SIMULATED] if self.simulated else [])])
+        parts = [
+            self._data,
+            f"the front's SHA-256 {self.front[:SHORT]}" if self.front else "",
+            f"licence {LICENCE['name']}",
+            f"accessed {self.day.isoformat()}",
+        ]
+        return "; ".join(filter(None, parts))
+
+    @property
+    def _data(self) -> str:
+        if self.simulated:
+            return f"{SIMULATED}, and in no open data"
+        if self.version is None:
+            return "No open data exported yet, this cites the page itself"
+        return self.version.words[0].upper() + self.version.words[1:]
 
     @property
     def text(self) -> str:
@@ -79,28 +94,32 @@ class Citation:
             "urldate": self.day.isoformat(),
             "note": tex(self.note),
         }
-        if self.version:
+        if self.version and not self.simulated:
             fields |= {"version": self.version.day, "sha256": self.version.digest}
         return _entry(self.key, fields)
 
 
 def newest_version() -> Version | None:
-    """The newest export; None before the first. One query, while its digest is known."""
+    """The newest export, as of a minute ago; None before the first. Pages ask for it without a query."""
+    words = kept("newest export", _newest).decode().split()
+    return Version(*words) if words else None
+
+
+def _newest() -> bytes:
     export = exports.published().first()
     if export is None:
-        return None
-
-    def digest() -> bytes:
-        return hashlib.sha256(descriptions(export)[DATA_PACKAGE]).hexdigest().encode()
-
-    return Version(export.name, kept(("data package", export.pk), digest).decode())
+        return b""
+    digest = hashlib.sha256(descriptions(export)[DATA_PACKAGE]).hexdigest()
+    return f"{export.name} {digest}".encode()
 
 
 def source(url: str, day: date, version: Version | None, simulated: bool, notice: str) -> tuple[str, ...]:
     """What the last line of a saved figure says: where it is from, when it was drawn, from which data."""
+    drawn = f"Drawn on {day.isoformat()} from live data"
+    if simulated:
+        return (url, SIMULATED, drawn, LICENCE["name"], notice)
     exported = f"newest {version.words}" if version else "no open data exported yet"
-    label = (SIMULATED,) if simulated else ()
-    return (url, *label, f"Drawn on {day.isoformat()} from live data; {exported}", LICENCE["name"], notice)
+    return (url, f"{drawn}; {exported}", LICENCE["name"], notice)
 
 
 def tex(text: str) -> str:

@@ -35,7 +35,7 @@ def test_pages_without_charts_do_not_load_the_plot_library(client: Client, front
         assert b"plotly" not in client.get(reverse(f"dashboard:{name}")).content, name
 
 
-@pytest.mark.parametrize(("address", "budget"), [("/", 20), ("/devices/", 18), ("/fronts/", 2)])
+@pytest.mark.parametrize(("address", "budget"), [("/", 21), ("/devices/", 19), ("/fronts/", 3)])
 def test_lists_ask_the_database_as_often_for_one_device_as_for_many(
     client: Client,
     join: Callable[[], Participant],

@@ -112,6 +112,15 @@ def test_the_legend_is_below_the_axis_and_words_above_the_plot_stay_inside(mediu
     assert "<br>" in shown.xaxis.title.text
 
 
+def test_a_column_has_what_a_figure_changes_on_a_phone() -> None:
+    drawn = figure().update_layout(meta={"narrow": {"xaxis.ticktext": ["short"], "yaxis.title.text": "t"}})
+
+    narrow, wide = (picture(medium, drawn).figure.layout for medium in (COLUMN, SLIDE))
+
+    assert (list(narrow.xaxis.ticktext), narrow.yaxis.title.text) == (["short"], "t")
+    assert (wide.xaxis.ticktext, wide.meta, narrow.meta) == (None, None, None)
+
+
 def test_a_saved_figure_is_white_in_fonts_that_every_program_has() -> None:
     shown = picture(COLUMN).figure.layout
 

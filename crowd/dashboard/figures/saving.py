@@ -19,6 +19,7 @@ FONT = "Helvetica, Arial, 'Liberation Sans', sans-serif"
 EDGE = 8  # units between the text and the edge of the picture
 # Vertical pitch of lines of text, in font sizes.
 LINE = 1.3
+NARROW = 560  # units, as in figures.js
 WORDS_ABOVE = 24  # units, for words above an upright line
 AXIS_FONT = 13
 AROUND_ROWS = 90  # units, for what is above and below the rows of a plot
@@ -138,7 +139,9 @@ def _needed(figure: go.Figure, medium: Medium) -> float:
 
 def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.Figure:
     """FIGURE alone at WIDTH x HEIGHT units, its legend at the bottom."""
-    layout = _fitted(figure.layout.to_plotly_json(), medium)
+    layout = figure.layout.to_plotly_json()
+    _adapt_to_width(layout, width)
+    layout = _fitted(layout, medium)
     if medium.names_beside:
         _put_names_beside(layout)
     _wrap_axis_titles(layout, width, height)
@@ -159,6 +162,17 @@ def _body(figure: go.Figure, medium: Medium, width: float, height: float) -> go.
             # Plotly would make a value smaller that has no room beside its bar.
             trace["constraintext"] = "none"
     return go.Figure(traces, layout)
+
+
+def _adapt_to_width(layout: dict[str, Any], width: float) -> None:
+    """Change what figures.js changes where a page is narrow."""
+    changes = (layout.pop("meta", None) or {}).get("narrow", {})
+    for path, value in changes.items() if width < NARROW else ():
+        *parents, last = path.split(".")
+        part = layout
+        for name in parents:
+            part = part.setdefault(name, {})
+        part[last] = value
 
 
 def _put_names_beside(layout: dict[str, Any]) -> None:

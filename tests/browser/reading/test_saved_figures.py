@@ -1,4 +1,4 @@
-"""Figures as people save them for a paper and a slide: nothing is cut, nothing overlaps."""
+"""What people save and cite: figures in which nothing is cut or overlaps, and how a page is cited."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 
 from crowd.dashboard.drawings import DRAWINGS
-from tests.browser.reading.site import EMBEDDED, Site
+from tests.browser.reading.site import EMBEDDED, Site, page_names
 from tests.browser.visitor import Visitor
 
 pytestmark = pytest.mark.django_db
@@ -17,6 +17,8 @@ pytestmark = pytest.mark.django_db
 MEASURE = (Path(__file__).parent / "saved.js").read_text()
 # Fonts in points; those of a slide are smaller where it shows many rows.
 FONTS = {"column": (7.0, 9.05), "slide": (6.0, 30.0)}
+# Pages that show no data of the crowd, of a front or of an exploration, or that belong to one person.
+NOT_CITED = {"about", "compare-nothing", "measure", "mine", "search"}
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -92,3 +94,32 @@ def test_a_png_has_the_pixels_and_the_resolution_of_its_medium(
     assert medium == "paper" or int.from_bytes(picture[20:24], "big") == 1080
     at = picture.index(b"pHYs") + 4
     assert round(int.from_bytes(picture[at : at + 4], "big") * 0.0254) == dpi
+
+
+def test_every_page_that_shows_data_says_how_to_cite_it(site: Site, visitor: Visitor) -> None:
+    for name in page_names():
+        page = visitor.page.request.get(f"{site.url}{site.pages[name]}").text()
+        assert page.count('id="cite"') == (name not in NOT_CITED), name
+
+
+def test_a_citation_is_copied_and_downloaded(chromium: Any, site: Site, tmp_path: Path) -> None:
+    visitor = Visitor(chromium, site.url, permissions=["clipboard-read", "clipboard-write"])
+    cite = visitor.open("/devices/?vendor=Mali").locator("section.cite")
+
+    cite.get_by_role("button", name="Copy the text").click()
+    cite.get_by_text("Copied.").wait_for()
+    text = visitor.page.evaluate("navigator.clipboard.readText()")
+    cite.locator("summary").click()
+    cite.get_by_role("button", name="Copy the BibTeX").click()
+    visitor.page.wait_for_function("async () => (await navigator.clipboard.readText()).startsWith('@misc')")
+    bibtex = visitor.page.evaluate("navigator.clipboard.readText()")
+    with visitor.page.expect_download() as download:
+        cite.get_by_role("link", name="Download .bib").click()
+    download.value.save_as(tmp_path / "file.bib")
+
+    assert f"{site.url}/devices/?vendor=Mali" in text
+    assert f"url = {{{site.url}/devices/?vendor=Mali}}" in bibtex
+    assert (tmp_path / "file.bib").read_text() == bibtex
+    assert re.fullmatch(r"frontrunner-\d{4}-devices-[0-9a-f]{4}\.bib", download.value.suggested_filename)
+    assert visitor.complaints == []
+    visitor.context.close()
