@@ -74,7 +74,7 @@ def configuration_bars(rows: Sequence[Speedup], theme: Theme) -> go.Figure:
     )
     return figure.update_layout(
         xaxis={
-            "title": {"text": "speedup over the default, on this device"},
+            "title": {"text": "speedup over the default"},
             # Room for the value behind the longest bar.
             "range": [0, max((row.high or row.speedup for row in ranked), default=1.0) * 1.18],
             "ticksuffix": formats.TIMES,

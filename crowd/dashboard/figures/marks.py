@@ -57,16 +57,15 @@ def _edges(states: Sequence[str], colours: Sequence[str], edge: float) -> dict[s
 def add_legend(figure: go.Figure, rows: Sequence[Speedup], theme: Theme) -> None:
     """Say in the legend what hollow and striped bars are, where ROWS have some."""
     states = {_state(row) for row in rows} - {""}
-    for state, symbol, name in (
-        (UNCONFIRMED, "square", "\N{WHITE CIRCLE} unconfirmed (hollow)"),
-        (SUSPECT, "square-x", "! suspect (striped)"),
-    ):
+    for state, symbol in ((UNCONFIRMED, "square"), (SUSPECT, "square-x")):
         if state in states:
             figure.add_scatter(
                 x=[None],
                 y=[None],
                 mode="markers",
-                name=name,
+                name=state,
+                # First: plotly cuts a long word in the last column.
+                legendrank=1,
                 marker={
                     "symbol": symbol,
                     "size": 12,

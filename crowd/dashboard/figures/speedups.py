@@ -23,8 +23,8 @@ from crowd.results.reading.rows import Speedup
 NAMED_BARS = 30
 # Above this many, gaps between bars and the middles of whiskers would only blur the picture.
 DENSE = 200
-# Pixels: three families side by side on a phone.
-LEGEND_ENTRY = 58
+# Pixels: two entries side by side on a phone, one of them "unconfirmed".
+LEGEND_ENTRY = 66
 # What bars can be coloured by.
 VENDOR, SOC = "vendor", "soc"
 UNKNOWN = "unknown"
@@ -97,7 +97,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
     reach = max([row.high or row.session_high or row.speedup for row in in_sight], default=1.0)
     top = max(reach * 1.06, 1.5)
     values_axis: dict[str, Any] = {
-        "title": {"text": "speedup over the default, on the same device"},
+        "title": {"text": "speedup over the default"},
         "range": [0, top],
         "ticksuffix": formats.TIMES,
     }
@@ -118,7 +118,7 @@ def speedup_bars(rows: Sequence[Speedup], theme: Theme, by: str = VENDOR) -> go.
         "showticklabels": False,
         "showgrid": False,
         "range": [-0.7, len(ranked) - 0.3],
-        "title": {"text": ", ".join(filter(None, (_order(ranked), left_out)))},
+        "title": {"text": "<br>".join(filter(None, (_order(ranked), left_out)))},
     }
     values_axis["range"] = [0, top * (1 + 3 * LABEL_ROW / PLOT_HEIGHT)]
     values_axis |= {"tick0": 0, "nticks": 8}
@@ -183,7 +183,7 @@ def _name_extremes(
 def _order(rows: Sequence[Speedup]) -> str:
     """In which order ROWS stand."""
     apart = any(not row.counts for row in rows) and any(row.counts for row in rows)
-    return "devices, largest gain first" + (", unconfirmed and suspect ones behind" if apart else "")
+    return "largest gain first, others last" if apart else "devices, largest gain first"
 
 
 def _backend(row: Speedup) -> str:
