@@ -322,7 +322,7 @@ def test_a_large_search_costs_no_more_queries_than_a_small_one(
     measure(search, KNOWN)
     measure(search, [(0.01 * (number % 7 + 1), 0.01 + 0.001 * number) for number in range(30)])
 
-    with django_assert_max_num_queries(9):
+    with django_assert_max_num_queries(10):
         page = read(client, f"/explorations/{search.pk}/")
     with django_assert_max_num_queries(7):
         client.get(f"/explorations/{search.pk}/live/", headers={"If-None-Match": '"other"'})

@@ -95,8 +95,9 @@ def test_every_file_of_the_project_exists(page: Path) -> None:
     if tracked.returncode:
         pytest.skip("not a git checkout")
     roots = {name.split("/")[0] for name in tracked.stdout.splitlines() if "/" in name}
+    built = {"frontrunner/guide"}
     for name in re.findall(r"`([\w.-]+/[\w./-]+)`", page.read_text(encoding="utf-8")):
-        if name.split("/")[0] in roots:
+        if name.split("/")[0] in roots and name not in built:
             assert (pages.ROOT / name).exists(), name
 
 
