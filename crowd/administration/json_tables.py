@@ -3,7 +3,7 @@
 | value | shown as |
 |---|---|
 | object | two columns; its objects and lists inside, to DEEPEST levels |
-| list of objects, object of objects | a row for each, a column for each member |
+| list of objects, object of objects | a row for each, a column for each member, objects inside on demand |
 | list of single values | the values with commas between; sentences a line each |
 | text longer than LONGEST_TEXT | its beginning, and all of it on demand |
 | more than MOST_ROWS rows | the first ones, and the rest on demand |
@@ -84,7 +84,7 @@ def _table(
             format_html_join(
                 "",
                 "<td>{}</td>",
-                ((_cell(row[name], depth + 1) if name in row else NOTHING,) for name in columns),
+                ((_folded(row[name], depth + 1) if name in row else NOTHING,) for name in columns),
             ),
         )
         for key, row in items
@@ -98,6 +98,14 @@ def _table(
         len(body) - MOST_ROWS,
         _rows(head, body[MOST_ROWS:]),
     )
+
+
+def _folded(value: Any, depth: int) -> SafeString:
+    """The cell of a row: an object or list of objects is unfolded on demand, so that rows stay low."""
+    inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    if not inside or (isinstance(value, list) and not any(isinstance(item, dict | list) for item in inside)):
+        return _cell(value, depth)
+    return format_html("<details><summary>{} members</summary>{}</details>", len(value), _cell(value, depth))
 
 
 def _members(value: Mapping[str, Any], depth: int) -> SafeString:

@@ -1,5 +1,6 @@
 """Fronts for administrators: drafts, reviews, publications. Content comes from files and explorations."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -185,7 +186,7 @@ class FrontVersionAdmin(ReadOnlyAdmin):
             "manifest",
             front,
             f"What clients read of {front.slug}",
-            manifest=manifests.indented(manifest),
+            manifest=shown(json.loads(manifest)),
             bytes=len(manifest),
             etag=manifests.etag(manifest),
         )

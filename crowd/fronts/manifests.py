@@ -45,8 +45,3 @@ def content(front: Front, policy: Policy) -> bytes:
 def etag(manifest: bytes) -> str:
     """Its ETag: clients that have this one get 304."""
     return f'"{hashlib.sha256(manifest).hexdigest()[:32]}"'
-
-
-def indented(manifest: bytes) -> str:
-    """The same members for people to read."""
-    return msgspec.json.format(manifest, indent=2).decode()

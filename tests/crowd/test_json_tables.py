@@ -93,6 +93,12 @@ def test_rows_beyond_the_first_can_be_unfolded() -> None:
     assert f"<td>{MOST_ROWS + 6}</td>" in rest
 
 
+def test_what_is_inside_of_a_row_is_unfolded_on_demand() -> None:
+    html = shown([{"name": "mu", "predicted": {"runtime": 0.5, "ate_max": 0.25}}])
+
+    assert "<td>mu</td><td><details><summary>2 members</summary><table>" in html
+
+
 def test_sentences_have_a_line_each() -> None:
     assert "<td>a * b &lt;= 4<br>a, c &gt; 1</td>" in shown({"constraints": ["a * b <= 4", "a, c > 1"]})
 
