@@ -3,14 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-ANY = ("bad_request", "database_unavailable", "internal_error", "method_not_allowed", "too_many_requests")
+ANY = (
+    "bad_request", "database_unavailable", "internal_error", "method_not_allowed", "null_character",
+    "too_many_requests",
+)  # fmt: skip
 TOKEN = ("token_invalid", "token_missing")
 LIST = ("invalid_cursor", "invalid_limit")
 FILTERS = ("invalid_filter", "not_found")
 BODY = (
     "body_incomplete", "body_too_large", "body_too_slow", "damaged_gzip", "inflated_too_large",
-    "invalid_field", "length_required", "malformed_json", "not_finite", "null_character", "server_busy",
-    "text_too_long", "too_many_values", "unsupported_encoding", "unsupported_media_type",
+    "invalid_field", "length_required", "malformed_json", "not_finite", "server_busy", "text_too_long",
+    "too_many_values", "unsupported_encoding", "unsupported_media_type",
 )  # fmt: skip
 CLIENT = ("app_outdated", "consent_outdated", "not_accepting")
 # Of a submission as a whole; of its runs where they all have the same.
@@ -71,7 +74,7 @@ TOPICS = (
         "Sending measurements",
         "For clients. Enrol once, then send sessions with the token.",
         {
-            "enrol": (*BODY, "app_outdated", "consent_outdated", "not_accepting", "simulation_not_permitted"),
+            "enrol": (*BODY, "app_outdated", "consent_outdated", "simulation_not_permitted"),
             "validate": SENDING,
             "submit": (*SENDING, "idempotency_key_missing", "idempotency_key_reused"),
             "submission": (*TOKEN, "not_found"),
@@ -94,7 +97,14 @@ TOPICS = (
         "Reference devices",
         "For machines that measure for explorations, with a token from an administrator.",
         {
-            "lease": (*TOKEN, *BODY, "client_outdated", "not_accepting", "sequence_missing"),
+            "lease": (
+                *TOKEN,
+                *BODY,
+                "another_device",
+                "client_outdated",
+                "not_accepting",
+                "sequence_missing",
+            ),
             "heartbeat": (*TOKEN, "another_device", "lease_gone", "not_found"),
             "result": (*TOKEN, *BODY, "another_device", "lease_gone", "not_found"),
         },
