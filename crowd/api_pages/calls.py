@@ -137,7 +137,7 @@ def _content(part: Json) -> Json:
 def _parameter(one: Json) -> Field:
     return Field(
         name=one["name"],
-        type=_type(one["schema"]),
+        type=type_of(one["schema"]),
         required=one.get("required", False),
         meaning=one.get("description", ""),
         place=one["in"],
@@ -151,18 +151,18 @@ def _schema(name: str, schema: Json) -> Schema:
         name=name,
         meaning=" ".join(schema.get("description", "").split()),
         members=tuple(
-            Field(member, _type(each), member in required, each.get("description", ""))
+            Field(member, type_of(each), member in required, each.get("description", ""))
             for member, each in schema.get("properties", {}).items()
         ),
     )
 
 
-def _type(schema: Json) -> Type:
+def type_of(schema: Json) -> Type:
     """A JSON schema in words, as "array of SessionAnswer" or "integer from 1 to 1000"."""
     if "$ref" in schema:
         return Type("", schema["$ref"].removeprefix(REFERENCE))
     if "anyOf" in schema:
-        kinds = [_type(each) for each in schema["anyOf"]]
+        kinds = [type_of(each) for each in schema["anyOf"]]
         named = next((kind.schema for kind in kinds if kind.schema), "")
         plain = [kind.words for kind in kinds if not kind.schema]
         inner = next((kind.words for kind in kinds if kind.schema), "")
@@ -171,10 +171,10 @@ def _type(schema: Json) -> Type:
         return Type(" or ".join(str(each) for each in schema["enum"]))
     words = str(schema.get("type", "any value"))
     if words == "array":
-        inner_type = _type(schema.get("items", {}))
+        inner_type = type_of(schema.get("items", {}))
         return Type(f"array of {inner_type.words}", inner_type.schema)
     if words == "object" and isinstance(schema.get("additionalProperties"), Mapping):
-        inner_type = _type(schema["additionalProperties"])
+        inner_type = type_of(schema["additionalProperties"])
         return Type(f"object of {inner_type.words}", inner_type.schema)
     return Type(f"{schema.get('format', words)}{_range(schema)}")
 

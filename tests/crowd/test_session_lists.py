@@ -11,6 +11,7 @@ from crowd.devices.models import DeviceModel
 from crowd.devices.services import enrol
 from crowd.results import moderation
 from crowd.results.models import MeasurementSession, Run
+from crowd.results.reading import lists
 from tests.crowd.documents import device_document, run_document, session_document, submission_document
 from tests.crowd.participant import API, Participant
 
@@ -86,8 +87,13 @@ FILTERS: list[tuple[dict[str, str], list[str]]] = [
 ]
 
 
+@pytest.mark.parametrize("many", [0, lists.MANY])
 @pytest.mark.parametrize("path", ["/sessions", "/runs"])
-def test_filters(client: Client, crowd: dict[str, str], path: str) -> None:
+def test_filters_however_many_sessions_they_leave(
+    client: Client, crowd: dict[str, str], path: str, many: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lists, "MANY", many)
+
     for query, expected in FILTERS:
         assert words(client, crowd, path, **query) == expected, query
 
