@@ -60,7 +60,7 @@ def assert_counted(*expected: str) -> None:
 
 def test_from_the_home_page_to_a_figure_on_it(visitor: Visitor, client: Client) -> None:
     page = visitor.open("/")
-    page.get_by_role("link", name="Measure this device", exact=True).click()
+    page.get_by_role("link", name="Measure this device", exact=True).first.click()
     page.locator("#agree").click()
     page.get_by_text("What is sent, with the values of this device").click()
     sample = json.loads(page.locator("#sample").inner_text())
