@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 
 from crowd.dashboard.drawings import DRAWINGS
-from tests.browser.reading.site import EMBEDDED, Site, page_names
+from tests.browser.reading.site import API_PAGES, EMBEDDED, Site, page_names
 from tests.browser.visitor import Visitor
 
 pytestmark = pytest.mark.django_db
@@ -18,7 +18,7 @@ MEASURE = (Path(__file__).parent / "saved.js").read_text()
 # Fonts in points; those of a slide are smaller where it shows many rows.
 FONTS = {"column": (7.0, 9.05), "slide": (6.0, 30.0)}
 # Pages that show no data of the crowd, of a front or of an exploration, or that belong to one person.
-NOT_CITED = {"about", "compare-nothing", "measure", "mine", "search"}
+NOT_CITED = {"about", "compare-nothing", "measure", "mine", "search", *API_PAGES}
 SVG = "{http://www.w3.org/2000/svg}"
 
 
